@@ -46,14 +46,14 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "floor of the criterion": ("laws.search", "_FLOOR_PERCENT", 0.001),
     "rubber": ("laws.structures", "with_part", _without_rubber),
     # Fits.
-    "idle parts": ("identification.procedures", "without_idle_parts", _first),
+    "idle parts": ("identification.procedures", "_without_idle_parts", _first),
     "last step": ("identification.fit_setting", "_last_step", lambda *_: None),
     "start again at a bound": (
         "identification.joint",
-        "_helped",
+        "from_neighbours",
         lambda _, fits, **__: ({one: fit.parameters for one, fit in fits.items()}, 0),
     ),
-    "clip": ("identification.fit_problem", "LawMisfit.stays_beyond", False),
+    "clip": ("identification.fit_problem", "Block.stays_beyond", False),
     "starts in turn": ("identification.starts", "_in_turn", lambda _, ranked: ranked),
     "lost valve": ("identification.starts", "_lost_a_valve", lambda *_: False),
     "detours": ("damper.purdy.parameters", "Damper.detours", lambda *_: ()),

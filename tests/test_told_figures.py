@@ -10,7 +10,7 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.fit_problem import Block, linearise
 from damperfit.recording import Recording
 from damperfit.simulation import (
     SolverOptions,
@@ -55,7 +55,7 @@ def test_what_a_millimetre_of_mid_stroke_costs_on_a_road() -> None:
     log = logged("road", 10, force_noise=0.0, displacement_noise=0.0)
     seen = []
     for centre in (0.0, 1e-3):
-        problem = FitProblem(
+        problem = Block(
             PURDY_DAMPER, (condition(log, ConditionOptions(centre=centre)),),
             ("r_m1", "r_m2", "r_m3", "k_e", "f_f"), SolverOptions(tolerance=1e-3),
         )  # fmt: skip

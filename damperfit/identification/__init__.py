@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "campaign": "Campaign SettingFailure",
-    "fit_problem": "FitProblem",
+    "fit_problem": "Block FitProblem",
     "fit_setting": "Fit",
     "options": "DETECT FitOptions GivenStart check_options check_start shared_names",
     "outcome": "Outcome Status",

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["one_blas_thread"]
-
 _lock = threading.Lock()
 _usual: dict[str, tuple[Any, int]] = {}  # libraries by their files, and threads they had
 _holders: list[object] = []

@@ -1,9 +1,13 @@
-"""What is fitted at one setting: its logs, a model, what is free; residuals, derivatives.
+"""What is fitted: logs of settings, a model, what is free, what settings share; and its minimum.
 
 The variables of a fit are u = ln y for positive quantities and u = y/size for linear ones, so that
 a step is a relative change and no positive quantity changes its sign. Residuals are model minus
 measurement, both behind the same filter, over the logs or over their mean cycles. Bounds are the
 plausible ranges of the model's quantities.
+
+A setting is a `Block` of residuals. A `FitProblem` is blocks with what they share; a setting alone
+is one block that shares nothing. What follows an adjuster is shared by the settings with the same
+click of it, and stands in the border of the Jacobian with what all of them share.
 """
 
 from __future__ import annotations
@@ -11,44 +15,51 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.errors import FitCancelledError, SimulationError
-from damperfit.identification.least_squares import Minimum, Stopping, Transformation, minimise
+from damperfit.identification.least_squares import (
+    BorderedSystem,
+    Minimum,
+    Stopping,
+    Transformation,
+    finite_system,
+    iterate,
+    reduced,
+)
 from damperfit.identification.log_facts import LogFacts
 from damperfit.identification.mean_cycle import SettledLogs, settled
+from damperfit.identification.outcome import SettingError, attempted
+from damperfit.identification.sharing import (
+    GAS_FOLLOWER,
+    GAS_NAMES,
+    Follows,
+    Unknown,
+    unknown_at,
+    unknowns_of,
+)
+from damperfit.problem import Failure
 from damperfit.simulation import motion_of, simulate
 from damperfit.statistics import largest_of
+from damperfit.tested.setting import Setting
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Sequence
-    from typing import Self
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
+    from damperfit.identification.least_squares import LinearSystem
+    from damperfit.identification.sharing import GasLaw
     from damperfit.recording import Trace
     from damperfit.simulation import Response, SolverOptions
+    from damperfit.workers import InTurn, Threads
 
     FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "FitProblem",
-    "LawMisfit",
-    "Point",
-    "common_variables",
-    "edge_of",
-    "is_at_edge",
-    "is_within",
-    "kept_within",
-    "linearise",
-    "n_independent",
-    "values_of",
-    "with_values",
-]
 
 # A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
 _WILD = 1e100
@@ -66,19 +77,23 @@ _POLISH_FACTOR = 0.003
 # many times the cosine that the least promised fall would have.
 _RIGHT_ANGLE = 1e-3
 _AMONG_KINKS = 1.5
+_ALONE = Setting(())
 
 
 class Point(NamedTuple):
-    """What a fit remembers of a point: its values, cavitation, independent residuals."""
+    """What a fit remembers of a point, by setting."""
 
-    values: Values
-    is_cavitating: bool
-    n_independent: float
+    values: Mapping[Setting, Values]
+    mean_squares: Mapping[Setting, float]  # of the residuals, N^2
+    n_independent: Mapping[Setting, float]  # twice their sign changes
+    is_cavitating: bool  # a chamber is empty somewhere in what is compared
+    weights: Mapping[Setting, float]  # of the squares of each setting
+    gas: GasLaw | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FitProblem:
-    """The logs of one setting, a model, and what is free.
+class Block:
+    """The residuals of the logs of one setting.
 
     Attributes
     ----------
@@ -96,7 +111,13 @@ class FitProblem:
         Asked before each evaluation.
     max_evaluations : int
         Limit of simulations of a fit.
-    facts : LogFacts, optional
+    is_candidate : bool
+        Of a structure that is compared with others. What runs beyond its range stays there for
+        good: with bounds the search takes other paths (ablation "clip": of other laws 2 it loses
+        the blow-off in compression, held out 0.019 to 0.059 %). A rig's cell is zeroed anew between
+        the logs of a setting: where the offset is free, each log but the first has its own beside
+        it, which is eliminated.
+    facts : LogFacts
         What is asked of the traces again and again; of other traces others are made.
     """
 
@@ -107,8 +128,8 @@ class FitProblem:
     cycles: SettledLogs | None = None
     cancelled: Callable[[], bool] = lambda: False
     max_evaluations: int = 100
+    is_candidate: bool = False
     facts: LogFacts = field(default=LogFacts(()))
-    stays_beyond: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """See that the facts are those of the traces."""
@@ -116,16 +137,21 @@ class FitProblem:
             object.__setattr__(self, "facts", LogFacts(self.traces))
 
     @property
-    def whole(self) -> Self:
+    def stays_beyond(self) -> bool:
+        """Whether what runs beyond its range stays there."""
+        return self.is_candidate
+
+    @property
+    def whole(self) -> Block:
         """The same of the logs as they are."""
         return self if self.cycles is None else replace(self, cycles=None)
 
-    def on_cycles(self) -> Self:
-        """Return the problem of thinned mean cycles, for comparing, where the logs have them."""
-        tolerance = max(self.solver.tolerance, _COARSE * self.deviation)
+    def on_cycles(self) -> Block:
+        """The block of thinned mean cycles, for comparing, where the logs have them."""
         cycles = settled(self.traces)
         if cycles is None:
             return self
+        tolerance = max(self.solver.tolerance, _COARSE * self.deviation)
         return replace(self, solver=replace(self.solver, tolerance=tolerance), cycles=cycles)
 
     @property
@@ -158,19 +184,32 @@ class FitProblem:
         """The misfit, as an MSE, below which the integrator's error may be what is left."""
         return 100.0 * (_POLISH_BELOW * self.solver.tolerance / self.deviation) ** 2
 
-    def refined(self, mse_percent: float) -> FitProblem:
-        """Return the same with a tighter integrator, for what is left at an MSE."""
+    def refined(self, mse_percent: float) -> Block:
+        """The same with a tighter integrator, for what is left at an MSE."""
         left = self.deviation * math.sqrt(mse_percent / 100.0)
         tolerance = _POLISH_FACTOR * max(self.solver.tolerance, left)
         return replace(self, solver=replace(self.solver, tolerance=tolerance))
 
-    def variables(self, names: Sequence[str]) -> Transformation:
-        """Return logarithms; an offset in units of the force's deviation, others of their size."""
-        quantities = [self.model.quantity(name) for name in names]
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """The plausible ranges of what is free, (k,) each."""
+        ranges = [self.model.quantity(name).plausible for name in self.free]
+        return np.array([one[0] for one in ranges]), np.array([one[1] for one in ranges])
+
+    @property
+    def variables(self) -> Transformation:
+        """Logarithms of what is free; an offset in units of the force's deviation."""
+        quantities = [self.model.quantity(name) for name in self.free]
         return Transformation(
             np.array([one.is_logarithmic for one in quantities], dtype=bool),
             np.array([self.deviation if one.is_offset else one.size for one in quantities]),
         )
+
+    @property
+    def common_variables(self) -> Transformation:
+        """The same with each linear quantity in its size, whatever the setting's forces are."""
+        sizes = np.array([self.model.quantity(name).size for name in self.free])
+        return self.variables._replace(scales=sizes)
 
     def is_at_edge(self, values: Values, name: str) -> bool:
         """Whether a quantity has run to a bound."""
@@ -178,54 +217,25 @@ class FitProblem:
         return not low < getattr(values, name) < high
 
     def cost(self, values: Values) -> float:
-        """Return the scaled sum of squares at a point, without derivatives.
-
-        Raises
-        ------
-        SimulationError
-            The model cannot be simulated there.
-        """
+        """The scaled sum of squares at a point, without derivatives."""
         residuals = self.rows(values, ())[0] * self.scale
         return float(residuals @ residuals)
 
     def minimise(self, start: Values, stopping: Stopping) -> Minimum[Point]:
-        """Minimise the scaled sum of squares within the bounds.
-
-        Raises
-        ------
-        SimulationError
-            The model cannot be simulated at the start.
-        FitCancelledError
-            The caller asked to stop.
-        """
-        free, scale = self.free, self.scale
-        ranges = [self.model.quantity(name).plausible for name in free]
-        low, high = (np.array([one[side] for one in ranges]) for side in (0, 1))
-
-        def residuals(numbers: FloatArray) -> tuple[FloatArray, FloatArray, Point]:
-            within = np.clip(numbers, low, high) if self.stays_beyond else numbers
-            values = with_values(start, free, within)
-            rows, is_cavitating = self.evaluate(values, free)
-            rows *= scale
-            if self.stays_beyond:
-                rows[1:][within != numbers] = 0.0  # beyond the bound nothing changes any more
-            return rows[0], rows[1:].T, Point(values, is_cavitating, n_independent(rows[0]))
-
-        numbers = np.clip(values_of(free, start), low, high)
-        bounds = None if self.stays_beyond else (low, high)
-        return minimise(residuals, numbers, self.variables(free), stopping, bounds)
+        """Minimise the scaled sum of squares of this setting alone."""
+        return FitProblem({_ALONE: self}).minimise({_ALONE: start}, stopping)
 
     def descend(self, start: Values, stopping: Stopping) -> Minimum[Values]:
         """Minimise as `minimise`; of the point found only the values are kept."""
         ended = self.minimise(start, stopping)
-        return replace(ended, extra=ended.extra.values)  # type: ignore[arg-type,return-value]
+        return replace(ended, extra=ended.extra.values[_ALONE])  # type: ignore[arg-type,return-value]
 
     def rows(self, values: Values, names: Sequence[str]) -> FloatArray:
-        """Return residuals and their derivatives by some names, weighted, N: (1 + k, n)."""
+        """Residuals and their derivatives by some names, weighted, N: (1 + k, n)."""
         return self.evaluate(values, names)[0]
 
     def evaluate(self, values: Values, names: Sequence[str]) -> tuple[FloatArray, bool]:
-        """Return `rows`, and whether a chamber is empty where it counts.
+        """The rows, and whether a chamber is empty where it counts.
 
         Raises
         ------
@@ -236,25 +246,27 @@ class FitProblem:
         """
         if self.cancelled():
             raise FitCancelledError("stopped while a fit was running.", code="cancelled")
-        parts = (
-            self._of_logs(values, names)
-            if self.cycles is None
-            else self._of_cycles(self.cycles, values, names)
-        )
-        blocks, empty = zip(*parts, strict=True)
+        offset = self.offset
+        asked = names if offset is None or offset in names else (*names, offset)
+        of = self._of_logs if self.cycles is None else self._of_cycles
+        blocks, empty = zip(*of(values, asked), strict=True)
         rows = blocks[0] if len(blocks) == 1 else np.hstack(blocks)
         if not largest_of(rows) < _WILD:  # "not <" catches NaN too
             raise SimulationError(
                 "simulation failed: the force is beyond anything that could be fitted.",
                 code="force-beyond",
             )
-        return rows, any(empty)
+        if offset is not None:
+            along = rows[1 + list(asked).index(offset)].copy()
+            for first, last in pairwise(np.cumsum(self._lengths()).tolist()):
+                part, unit = rows[:, first:last], along[first:last]
+                part -= np.outer(part @ unit / max(float(unit @ unit), 1e-300), unit)
+        return rows[: 1 + len(names)], any(empty)
 
     def _of_logs(self, values: Values, names: Sequence[str]) -> Iterable[tuple[FloatArray, bool]]:
         for trace, weight in zip(self.traces, self.facts.weights, strict=True):
-            motion = motion_of(trace)
             response = simulate(
-                values, self.model, motion, sensitivities=names, options=self.solver
+                values, self.model, motion_of(trace), sensitivities=names, options=self.solver
             )
             rows = np.stack([response.force, *response.sensitivities.values()])
             rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
@@ -262,55 +274,25 @@ class FitProblem:
             empty = _is_empty(response, trace.compared, weight)
             yield rows if weight is None else rows * weight, empty
 
-    def _of_cycles(
-        self, cycles: SettledLogs, values: Values, names: Sequence[str]
-    ) -> Iterable[tuple[FloatArray, bool]]:
+    def _of_cycles(self, values: Values, names: Sequence[str]) -> Iterable[tuple[FloatArray, bool]]:
         """The mean cycles; what differs between cycles is the last residual."""
-        for one in cycles.cycles:
+        assert self.cycles is not None
+        for one in self.cycles.cycles:
             options = one.solver(self.solver)
             response = simulate(
                 values, self.model, one.motion, sensitivities=names, options=options
             )
             yield one.rows(response), _is_empty(response, slice(-len(one.force), None), one.factor)
         rest = np.zeros((1 + len(names), 1))
-        rest[0] = math.sqrt(cycles.scatter)
+        rest[0] = math.sqrt(self.cycles.scatter)
         yield rest, False
-
-
-class LawMisfit(FitProblem):
-    """The problem of a candidate structure on the logs of one setting, for comparing structures.
-
-    What runs beyond its range stays there for good: with the bounds of every other fit the search
-    takes other paths (ablation "clip": of other laws 2 it loses the blow-off in compression, held
-    out 0.019 to 0.059 %).
-
-    A rig's cell is zeroed anew between the logs of a setting: where the offset is free, each log
-    but the first has its own beside it, which is eliminated.
-    """
-
-    __slots__ = ()
-    stays_beyond: ClassVar[bool] = True
 
     @property
     def offset(self) -> str | None:
-        """The force offset that each log has for itself; None where logs have one in common."""
-        if len(self.traces) < 2:
+        """The force offset that each log of a candidate has for itself; None where none has."""
+        if not self.is_candidate or len(self.traces) < 2:
             return None
         return next((name for name in self.free if self.model.quantity(name).is_offset), None)
-
-    def evaluate(self, values: Values, names: Sequence[str]) -> tuple[FloatArray, bool]:
-        """Return rows of residuals and derivatives, and whether a chamber is empty."""
-        offset = self.offset
-        if offset is None:
-            return super().evaluate(values, names)
-        asked = names if offset in names else (*names, offset)
-        rows, is_empty = super().evaluate(values, asked)
-        along = rows[1 + list(asked).index(offset)].copy()
-        ends = np.cumsum(self._lengths())
-        for first, last in pairwise(ends.tolist()):
-            part, unit = rows[:, first:last], along[first:last]
-            part -= np.outer(part @ unit / max(float(unit @ unit), 1e-300), unit)
-        return rows[: 1 + len(names)], is_empty
 
     def _lengths(self) -> list[int]:
         """How many residuals each log has."""
@@ -320,15 +302,10 @@ class LawMisfit(FitProblem):
         return [sum(next(lengths) for _ in trace.stretches) for trace in self.traces]
 
     def absent_beside(self, known: Collection[str]) -> dict[str, float]:
-        """Return values of what a law has beside some quantities at which it does nothing to them.
+        """Values of what is free beside some quantities at which it does nothing to them.
 
         A bleed that has its laminar share does without an orifice where that is wide, and not where
         it is closed.
-
-        Parameters
-        ----------
-        known : collection of str
-            What there is without it.
         """
         absent = {}
         for name in (name for name in self.free if name not in known):
@@ -336,6 +313,246 @@ class LawMisfit(FitProblem):
             is_beside = one.part == "bleed" and f"{one.stroke}_leak" in known
             absent[name] = one.plausible[0] if is_beside else one.vanishes_at
         return absent
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitProblem:
+    """Settings that are fitted together, and what they share.
+
+    Attributes
+    ----------
+    blocks : mapping of Setting to Block
+        Logs and model of each setting, with the same quantities free.
+    shared : tuple of str
+        Quantities that settings have in common.
+    follows : mapping of str to tuple of str
+        Adjusters that some of them follow; what is not named all settings have in common.
+    held : frozenset of Unknown
+        Unknowns that stay as the starts have them.
+    gas : GasLaw or None
+        Where K_e starts from, if it is to follow a gas content: K_e must then be free. It is no
+        variable; V_r and K_B/C are shared in its place, their columns follow by the chain rule.
+    weights : mapping of Setting to float or None
+        Weights of the settings' squares; None: 1/N^2 by what the start leaves, of one setting
+        alone by what a useless model would leave.
+    jobs : int
+        Threads.
+    """
+
+    blocks: Mapping[Setting, Block]
+    shared: tuple[str, ...] = ()
+    follows: Follows = field(default_factory=dict)
+    held: frozenset[Unknown] = frozenset()
+    gas: GasLaw | None = None
+    weights: Mapping[Setting, float] | None = None
+    jobs: int = 1
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """By rising setting."""
+        return tuple(sorted(self.blocks))
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Values of a setting that move."""
+        return self.blocks[self.settings[0]].free
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """What a setting's columns are by: its parameters, but for K_e those of its law."""
+        if self.gas is None:
+            return self.free
+        return (*(name for name in self.free if name != GAS_FOLLOWER), *GAS_NAMES)
+
+    @property
+    def border(self) -> tuple[Unknown, ...]:
+        """The shared unknowns that move, in the order of the variables."""
+        shared = [name for name in self.variables if name in {*self.shared, *GAS_NAMES}]
+        found = unknowns_of(shared, self.follows, self.settings)
+        return tuple(one for one in found if one not in self.held)
+
+    def minimise(self, starts: Mapping[Setting, Values], stopping: Stopping) -> Minimum[Point]:
+        """Minimise the weighted sum of squares within the bounds.
+
+        Raises
+        ------
+        SimulationError
+            The model cannot be simulated at the start; of several settings a `SettingError`.
+        FitCancelledError
+            The caller asked to stop.
+        """
+        with executor(self.jobs) as pool:
+            stacked = _Stacked(self, starts, pool)
+            try:
+                return iterate(stacked.point_at, stacked.start, stopping, stacked.bounds)
+            except _BugError as bug:
+                raise bug.error from bug
+
+
+class _BugError(Exception):
+    """Passes through the loop, which takes a `SettingError` for a failed trial."""
+
+    def __init__(self, error: SettingError) -> None:
+        self.error = error
+
+
+class _Stacked:
+    """All settings as a function of one vector: own variables by setting, then the shared ones."""
+
+    def __init__(
+        self, problem: FitProblem, starts: Mapping[Setting, Values], pool: InTurn | Threads
+    ) -> None:
+        self.problem, self.starts, self.pool = problem, starts, pool
+        settings, names, border = problem.settings, problem.variables, problem.border
+        first = problem.blocks[settings[0]]
+        self.is_alone = len(settings) == 1 and not border
+        self.stays_beyond = self.is_alone and first.stays_beyond
+        self.weights = dict(problem.weights or {})
+        if self.is_alone and not self.weights:
+            self.weights = {settings[0]: first.scale**2}
+        self.transformation = first.variables if self.is_alone else first.common_variables
+        is_shared = np.array([name in {*problem.shared, *GAS_NAMES} for name in names], dtype=bool)
+        self.own, self.n_border = np.flatnonzero(~is_shared), len(border)
+        places = {one: k for k, one in enumerate(border)}
+        # Of each setting: which of its shared variables move, and where they stand in the border.
+        self.moving: dict[Setting, NDArray[np.intp]] = {}
+        self.places: dict[Setting, NDArray[np.intp]] = {}
+        for setting in settings:
+            mine = [
+                (k, places[one])
+                for k in np.flatnonzero(is_shared).tolist()
+                if (one := unknown_at(names[k], problem.follows, setting)) in places
+            ]
+            columns = np.array(mine, dtype=np.intp).reshape(-1, 2)
+            self.moving[setting], self.places[setting] = columns.T
+        self.ranges = first.bounds
+        numbers = {s: np.clip(values_of(problem.free, starts[s]), *self.ranges) for s in settings}
+        self.packed = self._packed(numbers, problem.gas)
+        self.start = self._stacked(self.packed)
+        low, high = (
+            self._stacked(self._packed(dict.fromkeys(numbers, edges), None))
+            for edges in self.ranges
+        )
+        if problem.gas is not None:  # the law's own two, last, have none
+            low[-len(GAS_NAMES) :], high[-len(GAS_NAMES) :] = -math.inf, math.inf
+        self.bounds = None if self.stays_beyond else (low, high)
+
+    def _packed(
+        self, numbers: Mapping[Setting, FloatArray], gas: GasLaw | None
+    ) -> dict[Setting, FloatArray]:
+        """The variables of each setting."""
+        law = {name: 0.0 if gas is None else math.log(getattr(gas, name)) for name in GAS_NAMES}
+        packed = {}
+        for setting, own in numbers.items():
+            u = self.transformation.pack(own)
+            known = law | dict(zip(self.problem.free, u, strict=True))
+            packed[setting] = np.array([known[name] for name in self.problem.variables])
+        return packed
+
+    def _stacked(self, packed: Mapping[Setting, FloatArray]) -> FloatArray:
+        """Variables of the settings as one vector; the first that has an unknown says its value."""
+        border = np.empty(self.n_border)
+        for setting in reversed(self.problem.settings):
+            border[self.places[setting]] = packed[setting][self.moving[setting]]
+        own = [packed[setting][self.own] for setting in self.problem.settings]
+        return np.concatenate([*own, border])
+
+    def point_at(self, variables: FloatArray) -> tuple[LinearSystem, Point]:
+        """Simulate all settings; the first point gives the weights where there are none."""
+        settings, gas = self.problem.settings, self.problem.gas
+        own, border = np.split(variables, [len(settings) * len(self.own)])
+        if gas is not None:
+            law = np.exp(border[-len(GAS_NAMES) :]).tolist()
+            gas = gas._replace(**dict(zip(GAS_NAMES, law, strict=True)))
+        values: dict[Setting, Values] = {}
+        beyond: NDArray[np.bool_] | None = None
+        for setting, mine in zip(settings, own.reshape(len(settings), -1), strict=True):
+            known = self.packed[setting].copy()
+            known[self.own] = mine
+            known[self.moving[setting]] = border[self.places[setting]]
+            values[setting], beyond = self._values(setting, known, gas)
+
+        def block_of(setting: Setting) -> tuple[LinearSystem | FloatArray, float, float, bool]:
+            rows, is_cavitating = self._rows(setting, values[setting])
+            if beyond is not None:
+                rows[1:][beyond] = 0.0  # beyond the bound nothing changes any more
+            mean_square = float(rows[0] @ rows[0]) / self.problem.blocks[setting].n_samples
+            independent = n_independent(rows[0])
+            weight = self.weights.get(setting, 1.0 / max(mean_square, 1e-300))
+            rows *= math.sqrt(weight)
+            block = self._linear(setting, rows, values[setting], gas)
+            return block, mean_square, independent, is_cavitating
+
+        blocks, squares, independent, empty = zip(*self.pool.map(block_of, settings), strict=True)
+        mean_squares = dict(zip(settings, squares, strict=True))
+        self.weights = self.weights or {s: 1.0 / max(x, 1e-300) for s, x in mean_squares.items()}
+        n = dict(zip(settings, independent, strict=True))
+        point = Point(values, mean_squares, n, any(empty), self.weights, gas)
+        return (blocks[0] if self.is_alone else BorderedSystem(blocks, self.n_border)), point
+
+    def _rows(self, setting: Setting, values: Values) -> tuple[FloatArray, bool]:
+        """Residuals and derivatives of a setting; of several it says whose failure one is."""
+        block = self.problem.blocks[setting]
+        if self.is_alone:
+            return block.evaluate(values, block.free)
+        found = attempted(setting, lambda: block.evaluate(values, block.free))
+        if isinstance(found, Failure):
+            # A trial that cannot be simulated is one step too far; a bug is the end.
+            error = SettingError(found)
+            raise _BugError(error) if found.is_internal else error
+        return found
+
+    def _linear(
+        self, setting: Setting, rows: FloatArray, values: Values, gas: GasLaw | None
+    ) -> LinearSystem | FloatArray:
+        """A setting's residuals and derivatives by u: a system, or a block of the bordered one."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            numbers = values_of(self.problem.free, values)
+            jacobian = rows[1:].T * self.transformation.slopes(numbers)
+        if self.is_alone:
+            return finite_system(rows[0], jacobian)
+        if gas is not None:
+            jacobian = jacobian @ self._by_law(values, gas.share(setting))
+        columns = np.zeros((len(jacobian), len(self.own) + self.n_border))
+        columns[:, : len(self.own)] = jacobian[:, self.own]
+        columns[:, len(self.own) + self.places[setting]] = jacobian[:, self.moving[setting]]
+        return reduced(rows[0], columns)
+
+    def _values(
+        self, setting: Setting, known: FloatArray, gas: GasLaw | None
+    ) -> tuple[Values, NDArray[np.bool_] | None]:
+        """A setting's values from its variables within the ranges, K_e on its law; what is beyond.
+
+        What is beyond is told of a candidate alone, which stays there.
+        """
+        free, variables = self.problem.free, known
+        if gas is not None:
+            by_name = dict(zip(self.problem.variables, known, strict=True))
+            variables = np.array([by_name.get(name, 0.0) for name in free])
+        if self.stays_beyond:
+            numbers = self.transformation.unpack(variables)
+            within = np.clip(numbers, *self.ranges)
+            return with_values(self.starts[setting], free, within), within != numbers
+        numbers = self.transformation.unpack(variables, self.ranges)
+        values = with_values(self.starts[setting], free, numbers)
+        if gas is not None:
+            values = values.replace({GAS_FOLLOWER: gas.modulus(setting)})
+        return kept_within(values, free), None
+
+    def _by_law(self, values: Values, share: float) -> FloatArray:
+        """Derivative of a setting's free parameters by its variables, logarithms both."""
+        of_law = dict(zip(GAS_NAMES, (-share, 1.0 - share), strict=True))
+        if not is_within(values, (GAS_FOLLOWER,)):  # beyond its range nothing changes any more
+            of_law = dict.fromkeys(GAS_NAMES, 0.0)
+        return np.array(
+            [
+                [
+                    of_law.get(by, 0.0) if name == GAS_FOLLOWER else float(name == by)
+                    for by in self.problem.variables
+                ]
+                for name in self.problem.free
+            ]
+        )
 
 
 def _is_empty(
@@ -349,42 +566,25 @@ def _is_empty(
     return bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
 
 
-def linearise(problem: FitProblem, values: Values) -> tuple[FloatArray, FloatArray]:
-    """Return the residuals (n,), model minus measured, N, and their derivative (n, k).
-
-    By ln y, of linear quantities in units of their size: the same variables whatever the setting's
-    forces are.
-
-    Raises
-    ------
-    SimulationError
-        When the model cannot be integrated.
-    FitCancelledError
-        When the caller asked to stop.
-    """
-    rows = problem.rows(values, problem.free)
-    slopes = common_variables(problem).slopes(values_of(problem.free, values))
+def linearise(block: Block, values: Values) -> tuple[FloatArray, FloatArray]:
+    """Residuals (n,), model minus measured, N, and their derivative (n, k) by common variables."""
+    rows = block.rows(values, block.free)
+    slopes = block.common_variables.slopes(values_of(block.free, values))
     return rows[0], rows[1:].T * slopes
 
 
-def common_variables(problem: FitProblem) -> Transformation:
-    """Return the variables of `linearise`, which do not depend on a setting's forces."""
-    sizes = np.array([problem.model.quantity(name).size for name in problem.free])
-    return problem.variables(problem.free)._replace(scales=sizes)
-
-
 def values_of(names: Sequence[str], values: Values) -> FloatArray:
-    """Return the numbers of some names, shape (k,)."""
+    """The numbers of some names, (k,)."""
     return np.array([getattr(values, name) for name in names])
 
 
 def with_values(values: Values, names: Sequence[str], numbers: FloatArray) -> Values:
-    """Return values with other numbers of some names."""
+    """Values with other numbers of some names."""
     return values.replace(dict(zip(names, numbers.tolist(), strict=True)))
 
 
 def n_independent(residuals: FloatArray) -> float:
-    """Return how many independent samples residuals are worth: twice their sign changes."""
+    """How many independent samples residuals are worth: twice their sign changes."""
     signs = np.signbit(residuals)
     return max(2.0 * float(np.count_nonzero(signs[1:] != signs[:-1])), 1.0)
 
@@ -399,16 +599,25 @@ def is_within(values: Values, names: Iterable[str]) -> bool:
     return True
 
 
+def kept_within(values: Values, names: Iterable[str]) -> Values:
+    """Values with the named ones brought to the edge that they are beyond."""
+    brought = {}
+    for name in names:
+        low, high = values.quantity(name).plausible
+        value = getattr(values, name)
+        if not low <= value <= high:
+            brought[name] = low if value < low else high
+    return values.replace(brought) if brought else values
+
+
 def is_at_edge(values: Values, name: str) -> bool:
     """Whether a quantity is at an edge of its range."""
     return getattr(values, name) in values.quantity(name).plausible
 
 
 def edge_of(values: Values, name: str) -> tuple[str, float]:
-    """Return on which side a quantity ran out of its range, "below" or "above", and where.
+    """On which side a quantity ran out of its range, "below" or "above", and where.
 
-    Examples
-    --------
     A friction of 2.65e-261 N that may be 0.001 N at least: ``("below", 0.001)``.
     """
     low, high = values.quantity(name).plausible
@@ -418,12 +627,17 @@ def edge_of(values: Values, name: str) -> tuple[str, float]:
     return "above", min(value, high)
 
 
-def kept_within(values: Values, names: Iterable[str]) -> Values:
-    """Return values with the named ones brought to the edge that they are beyond."""
-    brought = {}
-    for name in names:
-        low, high = values.quantity(name).plausible
-        value = getattr(values, name)
-        if not low <= value <= high:
-            brought[name] = low if value < low else high
-    return values.replace(brought) if brought else values
+def does_nothing(values: Values, name: str) -> bool:
+    """Whether a quantity is at an edge of its range where its part of the model does nothing."""
+    one = values.quantity(name)
+    return one.edge_at(getattr(values, name)) in one.idle_edges
+
+
+def is_nothing(values: Values, name: str) -> bool:
+    """Whether a quantity that ran to an edge is none, rather than what a fit strains for.
+
+    A friction is also where it is nothing beside the noise.
+    """
+    is_low = edge_of(values, name)[0] == "below"
+    is_from_below = values.quantity(name).idle_edges[:1] == ("below",)
+    return does_nothing(values, name) or (is_low and is_from_below)

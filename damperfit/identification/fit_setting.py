@@ -17,7 +17,7 @@ import numpy as np
 from damperfit.conditioning import noise_floor
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import (
-    FitProblem,
+    Block,
     is_at_edge,
     is_within,
     kept_within,
@@ -25,44 +25,30 @@ from damperfit.identification.fit_problem import (
     with_values,
 )
 from damperfit.identification.least_squares import Stopping, inverse_information
-from damperfit.identification.log_facts import inseparable, said_of_speeds
+from damperfit.identification.log_facts import said_of_speeds
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.simulated_log import LogFit, SeenLog, compare, normalised_mse
 from damperfit.problem import Problem, warning
 from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.model import Detour, Values
+    from damperfit.damper.model import Values
     from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "EXCELLENT",
-    "NOT_FIT_TO_SHARE",
-    "NOT_FOUND",
-    "Fit",
-    "FitResult",
-    "describe_fit",
-    "fit_guided",
-    "fit_setting",
-    "is_loose",
-    "lacks_stiffness_alone",
-    "minimised",
-]
 
 # A relative change of the sum of squares below 1e-8 moves no parameter by 1 % of its error; a
 # start for another descent needs no more than a per cent.
 # No step changes a value by more than a factor of ten: beyond lie bounds and plateaus.
 _LONGEST = math.log(10.0)
 _FINE = Stopping(cost_tolerance=1e-8, longest_step=_LONGEST)
-_ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf, longest_step=_LONGEST)
+ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf, longest_step=_LONGEST)
 # On mean cycles a tenth of an error is near enough: the last step is taken on the logs.
 _NEAR = Stopping(
     cost_tolerance=1e-5,
@@ -84,8 +70,6 @@ NOT_FOUND = 0.5
 NOT_FIT_TO_SHARE = 1.0 / 3.0
 # Friction below this share of the force's deviation that the logs do not fix has run to zero.
 _NO_FRICTION = 1e-2
-# A sound minimum is preferred to a cavitating one unless that one is better by this factor.
-_CLEARLY_BETTER = 1.5
 # MSE in per cent that the paper calls excellent; that of a wrong local minimum is about 2 %.
 EXCELLENT = 1.0
 
@@ -121,7 +105,7 @@ class FitResult:
         return self.outcome is Outcome.CONVERGED
 
     def after(self, evaluations: int, failed_trials: int = 0) -> FitResult:
-        """Return the same with the simulations made before it."""
+        """The same with the simulations made before it."""
         return replace(
             self,
             evaluations=self.evaluations + evaluations,
@@ -129,7 +113,7 @@ class FitResult:
         )
 
     def with_status(self, status: Mapping[str, Status]) -> FitResult:
-        """Return the same with what another fit says of some quantities."""
+        """The same with what another fit says of some quantities."""
         return replace(self, status={**self.status, **status})
 
 
@@ -183,97 +167,81 @@ class Fit:
         return self.cavitation.margin
 
 
-def minimised(problem: FitProblem, start: Values, *, spent: int = 0) -> FitResult:
-    """Return the minimum that a start leads to, judged.
-
-    Parameters
-    ----------
-    problem : FitProblem
-        Logs, model and what is free.
-    start : Values
-        Where to start.
-    spent : int
-        Evaluations to add to the count.
-
-    Raises
-    ------
-    SimulationError
-        When the model cannot be integrated at the start.
-    FitCancelledError
-        When the caller asked to stop.
-    """
-    result = _ended(problem, start)
+def minimised(block: Block, start: Values, *, spent: int = 0) -> FitResult:
+    """The minimum that a start leads to, judged; evaluations already spent are added."""
+    result = _ended(block, start)
     variance = result.mse_percent / 100.0 / result.n_independent
     errors = np.sqrt(np.diag(inverse_information(result.jacobian)) * variance)
-    by_name = dict(zip(problem.free, errors.tolist(), strict=True))
-    status = _statuses(problem, result, by_name)
-    outcome = _outcome(result, status, problem.right_angle)
+    by_name = dict(zip(block.free, errors.tolist(), strict=True))
+    status = _statuses(block, result, by_name)
+    outcome = _outcome(result, status, block.right_angle)
     return replace(result, status=status, outcome=outcome, errors=by_name).after(spent)
 
 
-def _ended(problem: FitProblem, start: Values) -> FitResult:
-    if problem.cycles is None or problem.max_evaluations == 1:
-        return _on_logs(problem.whole, start)
+def _ended(block: Block, start: Values) -> FitResult:
+    if block.cycles is None or block.max_evaluations == 1:
+        return _on_logs(block.whole, start)
     try:  # one evaluation is left to the logs
-        near = _on_cycles(replace(problem, max_evaluations=problem.max_evaluations - 1), start)
+        near = _on_cycles(replace(block, max_evaluations=block.max_evaluations - 1), start)
     except SimulationError:
-        return _on_logs(problem.whole, start)
-    left = max(problem.max_evaluations - near.evaluations, 1)
-    logs = replace(problem, cycles=None, max_evaluations=left)
-    if problem.cancelled():
+        return _on_logs(block.whole, start)
+    left = max(block.max_evaluations - near.evaluations, 1)
+    logs = replace(block, cycles=None, max_evaluations=left)
+    if block.cancelled():
         raise FitCancelledError("stopped while a fit was running.", code="cancelled")
     ended = None if near.ending == _LIMIT else _last_step(logs, near.values)
     ended = ended or _on_logs(logs, near.values)
     return ended.after(near.evaluations, near.failed_trials)
 
 
-def _on_cycles(problem: FitProblem, start: Values) -> FitResult:
+def _on_cycles(block: Block, start: Values) -> FitResult:
     """The minimum of the mean cycles, or where a small step from there is left to the logs."""
-    near = _minimise(problem, start, _NEAR._replace(near=_SMALL))
+    near = descended(block, start, _NEAR._replace(near=_SMALL))
     if near.ending == _LIMIT:
         return near
-    stepped = _stepped(problem, near, left=_LEFT_TO_LOGS)
+    stepped = _stepped(block, near, left=_LEFT_TO_LOGS)
     if stepped is not None:
         return stepped
-    stepped = _stepped(problem, near) or near
-    rest = replace(problem, max_evaluations=max(problem.max_evaluations - near.evaluations, 1))
-    return _minimise(rest, stepped.values, _NEAR).after(near.evaluations, near.failed_trials)
+    stepped = _stepped(block, near) or near
+    rest = replace(block, max_evaluations=max(block.max_evaluations - near.evaluations, 1))
+    return descended(rest, stepped.values, _NEAR).after(near.evaluations, near.failed_trials)
 
 
-def _on_logs(problem: FitProblem, start: Values) -> FitResult:
+def _on_logs(block: Block, start: Values) -> FitResult:
     """The minimum of the logs, with a tighter integrator if its error is what is left."""
-    result = _minimise(problem, start, _FINE)
-    if result.mse_percent > problem.solvers_percent:
+    result = descended(block, start, _FINE)
+    if result.mse_percent > block.solvers_percent:
         return result
     try:
-        refined = _minimise(problem.refined(result.mse_percent), result.values, _FINE)
+        refined = descended(block.refined(result.mse_percent), result.values, _FINE)
     except SimulationError:
         # The tighter integrator has failed where the other did not: what it found stands.
         return result.after(1, 1)
     return refined.after(result.evaluations, result.failed_trials)
 
 
-def _last_step(problem: FitProblem, near: Values) -> FitResult | None:
+def _last_step(block: Block, near: Values) -> FitResult | None:
     """One step on the logs from the minimum of their mean cycles; None where that is too far."""
     try:
-        first = _minimise(replace(problem, max_evaluations=1), near, _FINE)
+        first = descended(replace(block, max_evaluations=1), near, _FINE)
     except SimulationError:
         return None
-    if not first.mse_percent > problem.solvers_percent:
+    if not first.mse_percent > block.solvers_percent:
         return None
-    return _stepped(problem, first, errors=_AN_ERROR)
+    return _stepped(block, first, errors=_AN_ERROR)
 
 
-def _minimise(problem: FitProblem, start: Values, stopping: Stopping) -> FitResult:
+def descended(block: Block, start: Values, stopping: Stopping) -> FitResult:
+    """Where a descent ends, not judged yet."""
     stopping = stopping._replace(
-        max_evaluations=problem.max_evaluations,
-        least_share=max(stopping.least_share, problem.model.kinks),
+        max_evaluations=block.max_evaluations,
+        least_share=max(stopping.least_share, block.model.kinks),
     )
-    ended = problem.minimise(kept_within(start, problem.free), stopping)
-    point = ended.extra
+    ended = block.minimise(kept_within(start, block.free), stopping)
+    ((setting, values),) = ended.extra.values.items()
     return FitResult(
-        free=problem.free,
-        values=point.values,
+        free=block.free,
+        values=values,
         mse_percent=100.0 * ended.cost,
         jacobian=ended.jacobian,
         gradient=ended.system.gradient,
@@ -281,20 +249,20 @@ def _minimise(problem: FitProblem, start: Values, stopping: Stopping) -> FitResu
         failed_trials=ended.failed_trials,
         ending=ended.status,
         gradient_cosine=ended.gradient_cosine,
-        n_independent=point.n_independent,
-        is_cavitating=point.is_cavitating,
+        n_independent=ended.extra.n_independent[setting],
+        is_cavitating=ended.extra.is_cavitating,
     )
 
 
 def _stepped(
-    problem: FitProblem, near: FitResult, *, errors: float = math.inf, left: float = math.inf
+    block: Block, near: FitResult, *, errors: float = math.inf, left: float = math.inf
 ) -> FitResult | None:
     """Where the full step leads that is left at a point, without an evaluation there.
 
     None where it changes a value by more than `_SMALL`, leads out of the ranges, is more than so
     many errors, or leaves more errors, which are the step's times its largest change.
     """
-    free, jacobian = problem.free, near.jacobian
+    free, jacobian = block.free, near.jacobian
     if not free or any(is_at_edge(near.values, name) for name in free):
         return None
     information = jacobian.T @ jacobian
@@ -307,7 +275,7 @@ def _stepped(
     squared = gain * near.n_independent / cost
     if squared > errors**2 or squared * largest**2 > left**2 or not largest <= _SMALL:
         return None
-    variables = problem.variables(free)
+    variables = block.variables
     numbers = variables.unpack(variables.pack(values_of(free, near.values)) + step)
     values = with_values(near.values, free, numbers)
     if not is_within(values, free):
@@ -324,158 +292,35 @@ def _stepped(
     )
 
 
-def fit_setting(problem: FitProblem, start: Values, *, spent: int = 0) -> FitResult:
-    """Fit the free parameters of one setting.
-
-    A fit that ends unsound (cavitating, at a bound, or not identifiable) is tried again from the
-    model's further starts. The paper's lie below the onset of cavitation, and the better sound
-    minimum is kept; where that gives neither a sound minimum nor a good one that cavitates, others
-    lie beyond the onset.
-
-    Parameters
-    ----------
-    problem : FitProblem
-        Logs, model and what is free.
-    start : Values
-        Where to start.
-    spent : int
-        Evaluations already spent on the start, added to the count.
-
-    Raises
-    ------
-    SimulationError
-        When the model cannot be integrated at any start.
-    """
-    best = minimised(problem, start, spent=spent)
-    if names := inseparable(problem.facts, problem.free, problem.model.quantities):
-        return _inseparable(best, names)
-    is_sound = best.is_sound
-    for detour in problem.model.detours(start, problem.traces, problem.free):
-        is_enough = _is_explained(best) or lacks_stiffness_alone(best)
-        if is_sound or (detour.is_last_resort and is_enough):
-            break
-        best = _better(detour, problem, best)
-        is_sound = best.is_sound
-    return best
-
-
-def _better(detour: Detour, problem: FitProblem, best: FitResult) -> FitResult:
-    """The better of a result and of one from another start."""
-    try:
-        start, spent = _approached(problem, detour.start, detour.held)
-        other = minimised(problem, start, spent=spent)
-    except SimulationError:
-        return best
-    if detour.is_last_resort:
-        is_better = other.mse_percent * _CLEARLY_BETTER < best.mse_percent
-    else:
-        is_better = _is_preferred(other, best)
-    evaluations = best.evaluations + other.evaluations
-    return replace(other if is_better else best, evaluations=evaluations)
-
-
-def fit_guided(problem: FitProblem, start: Values, held: frozenset[str]) -> FitResult:
-    """Fit with some held at the start first, then with everything free."""
-    near, spent = _approached(problem, start, (held,))
-    return fit_setting(problem, near, spent=spent)
-
-
-def _approached(
-    problem: FitProblem, start: Values, stages: Sequence[frozenset[str]]
-) -> tuple[Values, int]:
-    """Where rough descents lead that hold some, stage by stage, and the simulations they cost.
-
-    Of several logs the one with the strongest force is taken: it determines the valves best. Mean
-    cycles are few samples: all are.
-    """
-    spent = 0
-    if problem.cycles is None:
-        strongest = max(problem.traces, key=lambda one: float(np.std(one.force[one.compared])))
-        problem = replace(problem, traces=(strongest,))
-    for held in stages:
-        free = tuple(name for name in problem.free if name not in held)
-        rough = _minimise(replace(problem, free=free), start, _ROUGH)
-        start, spent = rough.values, spent + rough.evaluations
-    return start, spent
-
-
-def lacks_stiffness_alone(result: FitResult) -> bool:
-    """Whether a fit that does not cavitate is excellent and lacks nothing but K_e: rigid oil."""
-    is_open = {one.name for one in result.values.quantities if one.is_open}
-    others = all(
-        s in {Status.FITTED, Status.FIXED}
-        for name, s in result.status.items()
-        if name not in is_open
-    )
-    is_lost = any(result.status[name] == Status.NOT_IDENTIFIABLE for name in is_open)
-    return others and is_lost and not result.is_cavitating and result.mse_percent < EXCELLENT
-
-
-def _inseparable(result: FitResult, names: tuple[str, ...]) -> FitResult:
-    """The same, of parameters that these logs cannot separate; at a bound one is by accident."""
-    loose = {Status.FITTED, Status.AT_BOUND}
-    lost = {name: Status.NOT_IDENTIFIABLE for name in names if result.status[name] in loose}
-    outcome = result.outcome
-    if outcome in {Outcome.CONVERGED, Outcome.CAVITATING, Outcome.AT_BOUND}:
-        outcome = Outcome.NOT_IDENTIFIABLE
-    return replace(result.with_status(lost), outcome=outcome)
-
-
-def _is_explained(result: FitResult) -> bool:
-    """Whether a fit that cavitates is too good for a wrong minimum, which an offset may hide."""
-    has_offset = any(result.values.quantity(name).is_offset for name in result.free)
-    is_excellent = result.mse_percent < EXCELLENT
-    return result.outcome is Outcome.CAVITATING and is_excellent and not has_offset
-
-
-def _is_preferred(second: FitResult, first: FitResult) -> bool:
-    """Whether the second is to be kept: sound, or else better."""
-    if second.is_sound:
-        is_much_worse = first.mse_percent * _CLEARLY_BETTER < second.mse_percent
-        return not (is_much_worse and first.outcome is Outcome.CAVITATING)
-    return first.mse_percent > second.mse_percent
-
-
 def is_loose(quantity: Quantity, value: float, error: float, share: float) -> bool:
-    """Whether a standard error is too large for a number to be called found.
+    """Whether a standard error is larger than a share of a value, too large to be called found.
 
-    Parameters
-    ----------
-    quantity : Quantity
-        Which.
-    value : float
-        What was found, in its unit.
-    error : float
-        Of its logarithm, or in its `size`: what is of either sign may be nothing, and then has no
-        relative error. An offset stands beside a force that is known; it is never too loose.
-    share : float
-        The largest error, of the value or of what such a quantity is in a damper.
+    The error is of the logarithm, or in the quantity's size: what is of either sign may be nothing,
+    and then has no relative error. An offset stands beside a force that is known; it never is.
     """
     if quantity.is_logarithmic:
         return error > share
     return quantity.is_shared and error > share * max(1.0, abs(value) / quantity.size)
 
 
-def _statuses(
-    problem: FitProblem, result: FitResult, errors: Mapping[str, float]
-) -> dict[str, Status]:
+def _statuses(block: Block, result: FitResult, errors: Mapping[str, float]) -> dict[str, Status]:
     status = dict.fromkeys(result.values.names, Status.FIXED)
     for name, error in errors.items():
         value = getattr(result.values, name)
         status[name] = Status.FITTED
-        one = problem.model.quantity(name)
+        one = block.model.quantity(name)
         low, high = one.plausible
         if one.unit == "N" and one.is_logarithmic and error > NOT_FOUND:
-            low = max(low, _NO_FRICTION * problem.deviation)
+            low = max(low, _NO_FRICTION * block.deviation)
         if one.is_open and value >= high:
             status[name] = Status.NOT_IDENTIFIABLE  # rigid oil is no fault: there is no upper limit
         elif not low < value < high:
             status[name] = Status.AT_BOUND
         elif is_loose(one, value, error, NOT_FOUND):
             status[name] = Status.NOT_IDENTIFIABLE
-    for first, *others in problem.model.determined_together:
+    for first, *others in block.model.determined_together:
         if status.get(first) is Status.NOT_IDENTIFIABLE:
-            status |= {name: status[first] for name in others if name in problem.free}
+            status |= {name: status[first] for name in others if name in block.free}
     return status
 
 
@@ -494,13 +339,13 @@ def _outcome(result: FitResult, status: Mapping[str, Status], right_angle: float
     return Outcome.CONVERGED
 
 
-def describe_fit(setting: Setting, result: FitResult, problem: FitProblem) -> Fit:
-    """Return the `Fit` of a result: figures per log, cavitation."""
+def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:
+    """The `Fit` of a result: figures of each log, cavitation."""
     values = result.values
     logs, seen, misses, floors = [], [], [], []
-    cycles = iter(problem.cycles.cycles if problem.cycles is not None else ())
-    for trace in problem.traces:
-        comparison = compare(values, trace, problem.model, solver=problem.solver)
+    cycles = iter(block.cycles.cycles if block.cycles is not None else ())
+    for trace in block.traces:
+        comparison = compare(values, trace, block.model, solver=block.solver)
         part = trace.compared
         measured, simulated = trace.force[part], comparison.force[part]
         mse = normalised_mse(measured, simulated)
@@ -509,8 +354,8 @@ def describe_fit(setting: Setting, result: FitResult, problem: FitProblem) -> Fi
         kept = SeenLog(
             values,
             trace,
-            problem.model,
-            problem.solver,
+            block.model,
+            block.solver,
             comparison.force.copy(),  # not a view that keeps more
             comparison.response.pressures.astype(np.float32),
             tuple(islice(cycles, len(trace.stretches))),
@@ -519,8 +364,14 @@ def describe_fit(setting: Setting, result: FitResult, problem: FitProblem) -> Fi
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
+    warnings = list(said_of_speeds(block.facts, block.free, block.model.quantities))
+    if result.failed_trials:
+        positive = [one for one in values.quantities if one.is_logarithmic]
+        where = ", ".join(f"{one.symbol} {getattr(values, one.name):.3g}" for one in positive)
+        text = f"{result.failed_trials} trial points could not be simulated, near {where}."
+        warnings.insert(0, warning("failed-trials", text))
     all_misses = np.concatenate(misses)
-    total = problem.deviation**2 * len(all_misses)
+    total = block.deviation**2 * len(all_misses)
     return Fit(
         setting=setting,
         parameters=values,
@@ -529,24 +380,9 @@ def describe_fit(setting: Setting, result: FitResult, problem: FitProblem) -> Fi
         mse_percent=float(100.0 * np.sum(all_misses**2) / total),
         noise_floor_percent=float(100.0 * np.sum(floors) / total),
         n_samples=len(all_misses),
-        n_cycles=sum(trace.n_cycles for trace in problem.traces),
+        n_cycles=sum(trace.n_cycles for trace in block.traces),
         evaluations=result.evaluations,
-        cavitation=problem.model.examine(values, seen, solver=problem.solver),
+        cavitation=block.model.examine(values, seen, solver=block.solver),
         logs=tuple(logs),
-        warnings=(
-            *_warnings(result),
-            *said_of_speeds(problem.facts, problem.free, problem.model.quantities),
-        ),
+        warnings=tuple(warnings),
     )
-
-
-def _warnings(result: FitResult) -> tuple[Problem, ...]:
-    if not result.failed_trials:
-        return ()
-    where = ", ".join(
-        f"{one.symbol} {getattr(result.values, one.name):.3g}"
-        for one in result.values.quantities
-        if one.is_logarithmic
-    )
-    text = f"{result.failed_trials} trial points could not be simulated, near {where}."
-    return (warning("failed-trials", text),)

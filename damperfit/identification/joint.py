@@ -1,40 +1,80 @@
-"""The joint fit of a campaign: who takes part, from where, and what came out for each setting."""
+r"""One fit of a campaign: who takes part, what settings share, from where, and what came out.
+
+Which quantities follow which adjuster is declared, or the logs tell it. With the settings fitted
+apart, residuals r_s and their derivatives J_s make the problem of any way of sharing a linear least
+squares in its unknowns theta (A_s picks those of a setting)::
+
+    X(way) = min over theta of  sum_s w_s |r_s + J_s (A_s theta - u_s)|^2  +  n_theta ln n_eff
+
+Each w_s, one for each stroke, makes the term n_eff of the setting where that is fitted apart; but
+a problem of less than `ENOUGH_PERCENT` of what the stroke's force is counts as that, for what it
+could tell nobody would use. Of all ways that differ in what one quantity follows the best is taken
+until none is better, from everything shared and from nothing shared. A joint fit with that way is
+then the point from which the sum is drawn up anew, for a straight line between settings that were
+fitted apart does not reach far; it ends when the way stays as it is.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from itertools import combinations
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from damperfit.identification.campaign import (
-    ProcedureInput,
-    SettingError,
-    SettingFailure,
-    attempted,
+from damperfit.damper.quantity import DAMPER, LOG, RIG, SETTING
+from damperfit.identification.fit_problem import FitProblem, kept_within, linearise
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
+from damperfit.identification.least_squares import (
+    NO_LENGTH,
+    BorderedSystem,
+    Stopping,
+    inverse_information,
+    reduced,
 )
-from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose, minimised
-from damperfit.identification.following import Way, detected_way
-from damperfit.identification.gas_content import GAS_FOLLOWER, first_law, working_pressure
-from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.sharing import Sharing, Unknown, unknown_at, unknowns_of
-from damperfit.identification.tied_problem import JointSolution, TiedProblem, fit_jointly
-from damperfit.problem import Problem, warning
+from damperfit.identification.log_facts import effective_samples
+from damperfit.identification.outcome import Outcome, SettingError, Status, attempted
+from damperfit.identification.sharing import (
+    GAS_FOLLOWER,
+    Follows,
+    GasLaw,
+    Sharing,
+    Unknown,
+    unknown_at,
+    unknowns_of,
+)
+from damperfit.identification.simulated_log import compare
+from damperfit.identification.starts import from_neighbours
+from damperfit.problem import Failure, Problem, warning
 from damperfit.statistics import chi_squared_quantile
-from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.damper.model import Values
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Model, Values
     from damperfit.damper.purdy.parameters import Damper
-    from damperfit.identification.fit_problem import FitProblem
+    from damperfit.identification.campaign import ProcedureInput
+    from damperfit.identification.fit_problem import Block
     from damperfit.identification.fit_setting import Fit
     from damperfit.tested.setting import Setting
 
-__all__ = ["JointResult", "fit_from_one_model", "fit_settings_jointly"]
+    FloatArray = NDArray[np.float64]
 
+# A step that promises less than this share of the cost moves no parameter by 1 % of its error.
+_COST_TOLERANCE = 1e-8
+_MAX_EVALUATIONS = 40
+# Below this relative size a step is not tried again shorter: the integrator's own error is left.
+# Values are changed by a factor of two at most in one step.
+_STEP_TOLERANCE, _LONGEST_STEP = 1e-7, 0.7
+# Of the endings of the loop, those at a minimum: not its limits.
+_AT_MINIMUM = (1, 2, 4)
+# Weighted squares are about 1: a step that promises less moves nothing by a tenth of its error.
+# The integrator's own error may end the loop before it promises as little as is asked for.
+_NOTHING = 0.01
 _NO_MINIMUM = warning(
     "no-minimum", "the joint fit stopped before its minimum: the shared values are the best found."
 )
@@ -46,12 +86,357 @@ _SAME_PRESSURE = 1e-4
 _MAX_ROUNDS = 5
 # Weights of settings beside each other that are this near those of the end move nothing.
 _SAME_WEIGHT = 1.5
-# Neighbours from which a setting at a bound starts again: one along each of two adjusters.
-_NEIGHBOURS = 2
-# Two unknowns of the law; a third setting is the first that can contradict it.
-_LAW_UNKNOWNS = 2
+# Two unknowns of the gas law; a third setting is the first that can contradict it. Neither share of
+# the compliance starts at less than this: a logarithm must leave its end.
+_LAW_UNKNOWNS, _LEAST_SHARE = 2, 0.05
 # A misfit that chance makes so large once in a thousand sets; the noise is known roughly only.
 _CHANCE = 0.001
+
+# An rms of 1.4 % of the force's deviation: what is found below changes nothing that anyone uses.
+ENOUGH_PERCENT = 0.02
+_MAX_DETECTIONS = 6
+# What no log tells stays within a factor of e^2 of where the settings apart have it.
+_NOT_DETERMINED = 0.5
+# A setting that a joint fit meets this much better was in a wrong local minimum alone.
+_CLEARLY_BETTER = 0.8
+_NO_GAIN = 1e-9  # rounding
+# Adjusters of which every combination is looked at; of more only each one, and all of them.
+_FEW_ADJUSTERS = 4
+
+
+# The fit of several settings.
+
+
+class JointSolution(NamedTuple):
+    """Where a fit of several settings ended; mappings are by setting, `errors` by label."""
+
+    parameters: Mapping[Setting, Values]  # the shared ones are equal where they are one unknown
+    evaluations: int  # simulations of each setting
+    is_converged: bool  # no further step promised anything
+    cost: float  # sum of squares, each setting's times its weight
+    weights: Mapping[Setting, float]  # one over the mean square at the start, 1/N^2
+    mean_squares: Mapping[Setting, float]  # of the residuals at the end, N^2
+    n_independent: Mapping[Setting, float]  # twice their sign changes
+    errors: Mapping[str, float]  # rough relative standard errors of the shared unknowns
+    gas: GasLaw | None = None  # the law that K_e follows, where one was given
+
+
+def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> JointSolution:
+    """Minimise the misfit of all settings together, from starts at which what is shared is equal.
+
+    Where the logs of all settings repeat, first on their mean cycles and from there on the logs.
+
+    Raises
+    ------
+    SettingError
+        When the model cannot be integrated at a setting's start, or a setting meets a bug.
+    FitCancelledError
+        When the caller asked to stop.
+    """
+    if any(one.cycles is None for one in problem.blocks.values()):
+        return _minimised(problem, starts)
+    logs = replace(problem, blocks={s: one.whole for s, one in problem.blocks.items()})
+    spent = 0
+    if problem.weights is None:
+        # Weights are of the logs at the start, whichever way the descent takes.
+        weights = _minimised(logs, starts, max_evaluations=1).weights
+        problem, logs, spent = replace(problem, weights=weights), replace(logs, weights=weights), 1
+    try:
+        near = _minimised(problem, starts)
+    except SettingError:
+        return _minimised(logs, starts)
+    ended = _minimised(replace(logs, gas=near.gas), near.parameters)
+    return ended._replace(evaluations=ended.evaluations + near.evaluations + spent)
+
+
+def _minimised(
+    problem: FitProblem,
+    starts: Mapping[Setting, Values],
+    *,
+    max_evaluations: int = _MAX_EVALUATIONS,
+) -> JointSolution:
+    """The minimum of what the blocks have, their mean cycles or their logs."""
+    n_samples = {setting: one.n_samples for setting, one in problem.blocks.items()}
+    stopping = Stopping(
+        step_tolerance=_STEP_TOLERANCE,
+        max_evaluations=max_evaluations,
+        # Weighted squares are about 1 each.
+        least_gain=_COST_TOLERANCE * sum(n_samples.values()),
+        longest_step=_LONGEST_STEP,
+    )
+    ended = problem.minimise(starts, stopping)
+    system, at = ended.system, ended.extra
+    assert isinstance(system, BorderedSystem)
+    variances = np.diag(inverse_information(system.shared_rows)).tolist()
+    inflation = np.mean([n_samples[s] / at.n_independent[s] for s in problem.settings])
+    rest = system.without(ended.is_held)
+    promise = rest.scaled(np.maximum(system.lengths, NO_LENGTH)).step(0.0).effect
+    return JointSolution(
+        parameters=at.values,
+        evaluations=ended.evaluations,
+        is_converged=ended.status in _AT_MINIMUM or promise < _NOTHING,
+        cost=system.cost,
+        weights=at.weights,
+        mean_squares=at.mean_squares,
+        n_independent=at.n_independent,
+        errors={
+            one.label: math.sqrt(variance * inflation)
+            for one, variance in zip(problem.border, variances, strict=True)
+        },
+        gas=at.gas,
+    )
+
+
+# What is shared.
+
+
+class Way(NamedTuple):
+    """A way of sharing: quantities that are each setting's own, and the others."""
+
+    own: tuple[str, ...]
+    shared: tuple[str, ...]
+    follows: Follows  # adjusters that shared quantities follow; what is not named follows none
+    is_detected: bool = False  # the logs showed it
+    is_general: bool = False  # for all that moves, not for some that were named
+
+
+def declared_way(
+    damper: Model, moving: Sequence[str], follows: Follows, adjusters: tuple[str, ...]
+) -> Way:
+    """The way in which what is not declared to follow an adjuster is the damper's.
+
+    Offsets, and what the model says is each log's, stay each setting's own.
+    """
+    whole: dict[str, tuple[str, ...]] = dict.fromkeys(moving, ())
+    for name in moving:
+        one = damper.quantity(name)
+        if name in follows:
+            whole[name] = tuple(a for a in adjusters if a in follows[name])
+        elif one.is_offset or one.scope == LOG:
+            whole[name] = adjusters
+        elif one.scope in adjusters:
+            whole[name] = (one.scope,)
+    return _way(moving, whole, adjusters, is_detected=False)
+
+
+def _way(
+    moving: Sequence[str],
+    whole: Mapping[str, tuple[str, ...]],
+    adjusters: tuple[str, ...],
+    *,
+    is_detected: bool,
+) -> Way:
+    """The way of which the adjusters of every quantity are known; its own has all of them."""
+    own = tuple(name for name in moving if whole[name] == adjusters)
+    shared = tuple(name for name in moving if name not in own)
+    follows = {name: whole[name] for name in shared if whole[name]}
+    return Way(own, shared, follows, is_detected, is_general=True)
+
+
+def _known(
+    damper: Model, moving: Sequence[str], adjusters: tuple[str, ...]
+) -> dict[str, tuple[str, ...]]:
+    """What the model says of itself: nothing is asked of the logs there."""
+    known: dict[str, tuple[str, ...]] = {}
+    for name in moving:
+        one = damper.quantity(name)
+        if one.is_offset or one.scope == LOG:
+            known[name] = adjusters
+        elif one.scope in {DAMPER, RIG}:
+            known[name] = ()
+        elif one.scope != SETTING and one.scope in adjusters:
+            known[name] = (one.scope,)
+    return known
+
+
+class Detected(NamedTuple):
+    """What the logs tell, where its fit starts (what is shared is equal already), simulations."""
+
+    way: Way
+    starts: Mapping[Setting, Values]
+    evaluations: int
+
+
+def detected_way(
+    blocks: Mapping[Setting, Block],
+    apart: Mapping[Setting, Values],
+    declared: Way | None = None,
+    *,
+    jobs: int = 1,
+) -> Detected:
+    """The way of sharing that the logs tell, or one that was declared, with its start.
+
+    Two settings or more, with the same quantities free; `apart` is each fitted by itself. Errors
+    are as of `fit_jointly`.
+    """
+    first = blocks[min(blocks)]
+    adjusters, moving = min(blocks).adjusters, first.free
+    at, spent = dict(apart), 1
+    search = _Search(blocks, at, None)
+    if declared is not None:
+        whole: dict[str, tuple[str, ...]] = dict.fromkeys(moving, ())
+        whole |= {**declared.follows, **dict.fromkeys(declared.own, adjusters)}
+        return Detected(declared, search.starts(whole), spent)
+    known = _known(first.model, moving, adjusters)
+    ends = (dict.fromkeys(moving, ()) | known, dict.fromkeys(moving, adjusters) | known)
+    tried: list[dict[str, tuple[str, ...]]] = []
+    ways: list[tuple[float, Detected]] = []
+    for _ in range(_MAX_DETECTIONS):
+        starts = (*ends, tried[-1]) if tried else ends
+        follows = min((search.improved(way, known, adjusters) for way in starts), key=search.worth)
+        if follows in tried:
+            break
+        tried.append(follows)
+        way = _way(moving, follows, adjusters, is_detected=True)
+        if not way.shared:
+            return Detected(way, dict(apart), spent)
+        problem = FitProblem(blocks, way.shared, way.follows, weights=search.weights, jobs=jobs)
+        solution = fit_jointly(problem, search.starts(follows))
+        at, spent = dict(solution.parameters), spent + solution.evaluations + 1
+        seen = search.mean_squares
+        if any(solution.mean_squares[s] < _CLEARLY_BETTER * seen[s] for s in seen):
+            ways, tried = [], []
+            search = _Search(blocks, at, None)
+        else:
+            search = _Search(blocks, at, search)
+        ways.append((search.cost + search.price(follows), Detected(way, at, spent)))
+    return min(ways, key=lambda one: one[0])[1]._replace(evaluations=spent)
+
+
+class _Search:
+    """The misfit of all settings near a point, and what ways of sharing would make of it.
+
+    The weights and the effective samples are those of the search before, where there was one.
+    """
+
+    def __init__(
+        self,
+        blocks: Mapping[Setting, Block],
+        at: Mapping[Setting, Values],
+        before: _Search | None,
+    ) -> None:
+        self.settings = sorted(blocks)
+        self.at, self.blocks = at, blocks
+        self.names = blocks[self.settings[0]].free
+        self.mean_squares: dict[Setting, float] = {}
+        self.weights: dict[Setting, float] = {}
+        self.rows: dict[Setting, FloatArray] = {}
+        self.n_eff = 0.0
+        self._curvatures, self._slopes, self._costs, self._u = [], [], [], []
+        if before is not None:
+            self.weights, self.rows, self.n_eff = before.weights, before.rows, before.n_eff
+            self.mean_squares = before.mean_squares
+        for setting in self.settings:
+            block = blocks[setting]
+            residuals, jacobian = linearise(block.whole, at[setting])
+            if before is None:
+                self._weigh(setting, block, residuals)
+            rows = self.rows[setting]
+            triangle = reduced(rows * residuals, rows[:, None] * jacobian)
+            rows, right = triangle[:, :-1], triangle[:, -1]
+            self._curvatures.append(rows.T @ rows + _NOT_DETERMINED**2 * np.eye(len(self.names)))
+            self._slopes.append(rows.T @ right)
+            self._costs.append(float(right @ right))
+            numbers = np.array([getattr(at[setting], name) for name in self.names])
+            self._u.append(block.common_variables.pack(numbers))
+        self.cost = sum(self._costs)  # at the point itself
+        self._middle = np.mean(self._u, axis=0)
+        self._worths: dict[tuple[tuple[str, ...], ...], float] = {}
+
+    def _weigh(self, setting: Setting, block: Block, residuals: FloatArray) -> None:
+        n_eff, first = 0.0, 0
+        forces, strokes = [], []
+        for trace in block.traces:
+            for stretch, place in zip(trace.stretches, trace.places, strict=True):
+                rest = residuals[first : first + trace.n_samples][place]
+                n_eff += effective_samples(rest, max(stretch.n_cycles, 1))
+            first += trace.n_samples
+            at_rest = block.model.filled_to(trace.gas_pressure).rest_force(trace.displacement)
+            force = trace.force if at_rest is None else trace.force - at_rest
+            forces.append(force[trace.compared])
+            strokes.append(trace.velocity[trace.compared] > 0.0)
+        force, is_rebound = np.concatenate(forces), np.concatenate(strokes)
+        # Each stroke by what it carries: a weak one is not to be hidden by a strong one.
+        variances = np.empty(len(residuals))
+        for stroke in (is_rebound, ~is_rebound):
+            if np.any(stroke):
+                least = ENOUGH_PERCENT / 100.0 * float(np.mean(force[stroke] ** 2))
+                variances[stroke] = max(float(np.mean(residuals[stroke] ** 2)), least)
+        self.rows[setting] = np.sqrt(n_eff / len(residuals) / variances)
+        self.mean_squares[setting] = float(np.mean(residuals**2))
+        self.weights[setting] = float(np.mean(self.rows[setting] ** 2))
+        self.n_eff += n_eff
+
+    def improved(
+        self,
+        follows: Mapping[str, tuple[str, ...]],
+        known: Mapping[str, tuple[str, ...]],
+        adjusters: tuple[str, ...],
+    ) -> dict[str, tuple[str, ...]]:
+        """Change what one quantity follows until nothing is gained by it."""
+        way = dict(follows)
+        open_ = [name for name in self.names if name not in known]
+        sizes = range(len(adjusters) + 1) if len(adjusters) <= _FEW_ADJUSTERS else (0, 1)
+        some = [few for size in sizes for few in combinations(adjusters, size)]
+        some += [] if adjusters in some else [adjusters]
+        while True:
+            others = [way | {name: few} for name in open_ for few in some if few != way[name]]
+            best = min(others, key=self.worth, default=way)
+            if self.worth(best) >= self.worth(way) - _NO_GAIN:
+                return way
+            way = best
+
+    def price(self, follows: Mapping[str, tuple[str, ...]]) -> float:
+        """What the unknowns of a way cost."""
+        return self._places(follows)[1] * math.log(self.n_eff)
+
+    def worth(self, follows: Mapping[str, tuple[str, ...]]) -> float:
+        """X of a way."""
+        key = tuple(follows[name] for name in self.names)
+        if key not in self._worths:
+            _, cost, n = self._solved(follows)
+            self._worths[key] = cost + n * math.log(self.n_eff)
+        return self._worths[key]
+
+    def starts(self, follows: Mapping[str, tuple[str, ...]]) -> dict[Setting, Values]:
+        """The values of each setting at the minimum of the linear least squares."""
+        variables, _, _ = self._solved(follows)
+        starts = {}
+        for setting, u in zip(self.settings, variables, strict=True):
+            numbers = self.blocks[setting].common_variables.unpack(u).tolist()
+            values = self.at[setting].replace(dict(zip(self.names, numbers, strict=True)))
+            starts[setting] = kept_within(values, self.names)
+        return starts
+
+    def _places(self, follows: Mapping[str, tuple[str, ...]]) -> tuple[NDArray[np.intp], int]:
+        """Which unknown each quantity of each setting is, and how many there are."""
+        numbers: dict[Unknown, int] = {}
+        rows = [
+            [
+                numbers.setdefault(unknown_at(name, follows, setting), len(numbers))
+                for name in self.names
+            ]
+            for setting in self.settings
+        ]
+        return np.array(rows, dtype=np.intp), len(numbers)
+
+    def _solved(self, follows: Mapping[str, tuple[str, ...]]) -> tuple[FloatArray, float, int]:
+        """The variables of each setting, the cost there, the number of unknowns."""
+        places, n = self._places(follows)
+        whole, right, cost = np.zeros((n, n)), np.zeros(n), 0.0
+        for row, curvature, slope, u, own in zip(
+            places, self._curvatures, self._slopes, self._u, self._costs, strict=True
+        ):
+            away = self._middle - u
+            whole[np.ix_(row, row)] += curvature
+            right += np.bincount(row, slope + curvature @ away, n)
+            cost += own + float(away @ (2.0 * slope + curvature @ away))
+        # Every unknown stands for a quantity of one middle.
+        theta = np.linalg.solve(whole, -right)
+        return self._middle + theta[places], cost + float(right @ theta), n
+
+
+# The joint fit of a campaign.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +450,7 @@ class JointResult:
     evaluations: int  # simulations of each setting
     warnings: tuple[Problem, ...]
 
-    def start(self, fit: Fit, problem: FitProblem) -> Values:
+    def start(self, fit: Fit, block: Block) -> Values:
         """Where a setting's own fit starts: the joint result, or its own with what is shared."""
         known = self.solution.parameters.get(fit.setting)
         if known is not None:
@@ -79,7 +464,7 @@ class JointResult:
         parameters = fit.parameters.replace(held)
         if self.solution.gas is None:
             return parameters
-        pressure = working_pressure(problem, parameters)
+        pressure = working_pressure(block, parameters)
         law = self.solution.gas._replace(pressures={fit.setting: pressure})
         return parameters.replace({GAS_FOLLOWER: law.modulus(fit.setting)})
 
@@ -102,7 +487,7 @@ class JointResult:
 
 def fit_settings_jointly(
     given: ProcedureInput, before: Sequence[Fit], way: Way | None, moving: tuple[str, ...]
-) -> tuple[JointResult | None, dict[Setting, SettingFailure]]:
+) -> tuple[JointResult | None, dict[Setting, Failure]]:
     """Fit the settings that have a minimum together; None where there are not two.
 
     Without a way of sharing the logs tell it. Where something follows an adjuster, settings take
@@ -122,8 +507,8 @@ def fit_settings_jointly(
         for fit in before
         if (fit.outcome is Outcome.CONVERGED if is_plain else fit.outcome.is_minimum)
     }
-    broken: dict[Setting, SettingFailure] = {}
-    said: list[Problem] = []
+    broken: dict[Setting, Failure] = {}
+    warnings: list[Problem] = []
     while True:
         try:
             together = _fit_sound(given, sound, way, moving)
@@ -133,10 +518,11 @@ def fit_settings_jointly(
             if failure.is_internal:
                 broken[failure.setting] = failure
             else:
-                said.append(warning("left-out-of-joint", f"left out of the joint fit: {error}"))
+                text = f"left out of the joint fit: {error}"
+                warnings.append(warning("left-out-of-joint", text))
             continue
         if together is not None:
-            together = replace(together, warnings=(*said, *together.warnings))
+            together = replace(together, warnings=(*warnings, *together.warnings))
         return together, broken
 
 
@@ -150,17 +536,17 @@ def _fit_sound(
     if len(sound) < 2 or not (way is None or way.shared or is_gas):
         return None
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
-    problems = {setting: given.problem(setting, free) for setting in sound}
+    blocks = {setting: given.block(setting, free) for setting in sound}
     spent = 0
     if way is None or way.is_general:
-        apart, spent = _helped(problems, sound, jobs=given.jobs)
-        found = detected_way(problems, apart, way, jobs=given.jobs)
-        way, starts, spent = found.way, found.starts, spent + found.evaluations
+        apart, spent = from_neighbours(blocks, sound, jobs=given.jobs)
+        detected = detected_way(blocks, apart, way, jobs=given.jobs)
+        way, starts, spent = detected.way, detected.starts, spent + detected.evaluations
         if not way.shared:
             return None
     else:
         starts = _common_starts(given, sound, way)
-    problem = TiedProblem(problems, way.shared, way.follows, jobs=given.jobs)
+    problem = FitProblem(blocks, way.shared, way.follows, jobs=given.jobs)
     solution = _fairly_weighed(problem, fit_jointly(problem, starts))
     result = _result(solution, way, free, spent)
     if not is_gas:
@@ -171,34 +557,24 @@ def _fit_sound(
         setting: alone.n_independent[setting] * (solution.mean_squares[setting] / least - 1.0)
         for setting, least in alone.mean_squares.items()
     }
-    status = {Unknown(GAS_FOLLOWER): Status.SHARED}
-    warnings = (*(() if solution.is_converged else (_NO_MINIMUM,)), *_judged_law(rises))
     return replace(
         _result(solution, way, free, result.evaluations + more - solution.evaluations),
-        status=status | _statuses(solution, way),
+        status={Unknown(GAS_FOLLOWER): Status.SHARED} | _statuses(solution, way),
         sharing=replace(result.sharing, gas=solution.gas, gas_rises=rises),
-        warnings=warnings,
+        warnings=(*(() if solution.is_converged else (_NO_MINIMUM,)), *_judged_law(rises)),
     )
 
 
 def fit_from_one_model(
     given: ProcedureInput, way: Way, moving: tuple[str, ...], starts: Mapping[Setting, Values]
 ) -> JointResult:
-    """Fit all settings together from where one model of them has ended already.
-
-    Raises
-    ------
-    SimulationError
-        A setting cannot be simulated there.
-    FitCancelledError
-        When the caller asked to stop.
-    """
+    """Fit all settings together from where one model of them has ended already."""
     free = given.ordered(moving)
-    problems = {setting: given.problem(setting, free) for setting in given.settings}
-    left = {s: 100.0 * one.whole.cost(starts[s]) for s, one in problems.items()}
-    if any(percent < problems[s].solvers_percent for s, percent in left.items()):
-        problems = {s: one.refined(left[s]) for s, one in problems.items()}
-    tied = TiedProblem(problems, way.shared, way.follows, jobs=given.jobs)
+    blocks = {setting: given.block(setting, free) for setting in given.settings}
+    left = {s: 100.0 * one.whole.cost(starts[s]) for s, one in blocks.items()}
+    if any(percent < blocks[s].solvers_percent for s, percent in left.items()):
+        blocks = {s: one.refined(left[s]) for s, one in blocks.items()}
+    tied = FitProblem(blocks, way.shared, way.follows, jobs=given.jobs)
     return _result(_fairly_weighed(tied, fit_jointly(tied, starts)), way, free, 0)
 
 
@@ -224,14 +600,14 @@ def _statuses(solution: JointSolution, way: Way) -> dict[Unknown, Status]:
         having = [at for s, at in solution.parameters.items() if unknown.holds_at(s)]
         one, value = having[0].quantity(unknown.name), getattr(having[0], unknown.name)
         low, high = one.plausible
-        found = Status.SHARED if len(having) > 1 else Status.FITTED
-        status[unknown] = found if low < value < high else Status.AT_BOUND
+        fitted = Status.SHARED if len(having) > 1 else Status.FITTED
+        status[unknown] = fitted if low < value < high else Status.AT_BOUND
         if is_loose(one, value, solution.errors[unknown.label], NOT_FIT_TO_SHARE):
             status[unknown] = Status.NOT_IDENTIFIABLE
     return status
 
 
-def _fairly_weighed(problem: TiedProblem, solution: JointSolution) -> JointSolution:
+def _fairly_weighed(problem: FitProblem, solution: JointSolution) -> JointSolution:
     """The joint fit with the weights that its own end gives the settings.
 
     Weights are of the start. Where shared values meet a setting badly there, what they miss is not
@@ -250,69 +626,30 @@ def _is_fairly_weighed(solution: JointSolution) -> bool:
     return max(shifts) <= _SAME_WEIGHT * min(shifts)
 
 
-def _helped(
-    problems: Mapping[Setting, FitProblem], fits: Mapping[Setting, Fit], *, jobs: int
-) -> tuple[dict[Setting, Values], int]:
-    """Each setting's values; one that ended at a bound starts again from its sound neighbours'.
-
-    A weak stroke may be read as a blow-off that is always open where its bleed is all that acts.
-    """
-    sound = [setting for setting, fit in fits.items() if fit.outcome is Outcome.CONVERGED]
-    spent = dict.fromkeys(fits, 0)
-
-    def helped(setting: Setting) -> Values:
-        best, least = fits[setting].parameters, fits[setting].mse_percent
-        nearest = sorted(sound, key=lambda other: (_steps(setting, other), other))
-        is_lost = fits[setting].outcome is Outcome.AT_BOUND
-        for other in nearest[:_NEIGHBOURS] if is_lost else ():
-            start = best.replace(
-                {n: getattr(fits[other].parameters, n) for n in problems[other].free}
-            )
-            found = attempted(setting, partial(minimised, problems[setting], start))
-            if isinstance(found, SettingFailure):
-                continue
-            spent[setting] += found.evaluations
-            if found.mse_percent < least:
-                best, least = found.values, found.mse_percent
-        return best
-
-    with executor(jobs) as pool:
-        found = dict(zip(fits, pool.map(helped, fits), strict=True))
-    return found, max(spent.values())
-
-
-def _steps(one: Setting, other: Setting) -> int:
-    """How many adjusters stand elsewhere."""
-    return sum(one.place(adjuster) != other.place(adjuster) for adjuster in one.adjusters)
-
-
 def _common_starts(
     given: ProcedureInput, sound: Mapping[Setting, Fit], way: Way
 ) -> dict[Setting, Values]:
-    """Each setting's own values, with what is shared equal already."""
+    """Each setting's own values, with what is shared equal already.
+
+    It is the mean, or what is known where it was not determined. From a value without effect a
+    logarithm would not come back; what may vanish is small there.
+    """
     starts = {setting: fit.parameters for setting, fit in sound.items()}
-    for one in unknowns_of(way.shared, way.follows, sorted(sound)):
-        having = [setting for setting in sound if one.holds_at(setting)]
-        value = _common(one.name, given, [sound[setting] for setting in having])
-        for setting in having:
-            starts[setting] = starts[setting].replace({one.name: value})
+    for unknown in unknowns_of(way.shared, way.follows, sorted(sound)):
+        name, one = unknown.name, given.damper.quantity(unknown.name)
+        having = [fit for setting, fit in sound.items() if unknown.holds_at(setting)]
+        value = None if one.may_vanish else given.options.fallback(one)
+        if value is None or all(f.status[name] != Status.NOT_IDENTIFIABLE for f in having):
+            value = float(np.mean([getattr(fit.parameters, name) for fit in having]))
+        starts |= {fit.setting: starts[fit.setting].replace({name: value}) for fit in having}
     return starts
 
 
-def _common(name: str, given: ProcedureInput, fits: Sequence[Fit]) -> float:
-    """Where a shared parameter starts: the mean, or its fallback where it was not determined.
-
-    From a value without effect a logarithm would not come back; what may vanish is small there.
-    """
-    one = given.damper.quantity(name)
-    known = None if one.may_vanish else given.options.fallback(one)
-    if known is not None and any(f.status[name] == Status.NOT_IDENTIFIABLE for f in fits):
-        return known
-    return float(np.mean([getattr(fit.parameters, name) for fit in fits]))
+# One gas content for all settings.
 
 
 def _with_gas(
-    given: ProcedureInput, problem: TiedProblem, starts: Mapping[Setting, Values]
+    given: ProcedureInput, problem: FitProblem, starts: Mapping[Setting, Values]
 ) -> tuple[JointSolution, int]:
     """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
     moduli = {setting: getattr(start, GAS_FOLLOWER) for setting, start in starts.items()}
@@ -333,15 +670,51 @@ def _with_gas(
     return solution, spent
 
 
-def _pressures(problem: TiedProblem, at: Mapping[Setting, Values]) -> dict[Setting, float]:
-    found = {}
+def _pressures(problem: FitProblem, at: Mapping[Setting, Values]) -> dict[Setting, float]:
+    pressures = {}
     for setting in problem.settings:
-        one = problem.problems[setting]
-        pressure = attempted(setting, partial(working_pressure, one, at[setting]))
-        if isinstance(pressure, SettingFailure):
+        of_setting = partial(working_pressure, problem.blocks[setting], at[setting])
+        pressure = attempted(setting, of_setting)
+        if isinstance(pressure, Failure):
             raise SettingError(pressure)
-        found[setting] = pressure
-    return found
+        pressures[setting] = pressure
+    return pressures
+
+
+def working_pressure(block: Block, parameters: Values) -> float:
+    """The mean absolute pressure in chambers 1 and 2, which K_e is of, weighted by volume, Pa."""
+    damper = cast("Damper", block.model)
+    work, volume = 0.0, 0.0
+    for trace in block.traces:
+        seen = compare(parameters, trace, damper, solver=block.solver).response
+        x = trace.displacement[trace.compared]
+        volumes = np.stack(
+            [
+                damper.chamber_1_volume - x * damper.annulus_area,
+                damper.chamber_2_volume + x * damper.piston_area,
+            ]
+        )
+        work += float(np.sum(seen.pressures[:2, trace.compared] * volumes))
+        volume += float(np.sum(volumes))
+    return work / volume
+
+
+def first_law(
+    moduli: Mapping[Setting, float], pressures: Mapping[Setting, float], gas_exponent: float
+) -> GasLaw:
+    """The law that is nearest to known K_e: a straight line of 1/K_e over 1/(gamma P).
+
+    Relative errors count: each equation is multiplied by its K_e.
+    """
+    settings = sorted(moduli)
+    k_e = np.array([moduli[setting] for setting in settings])
+    softness = 1.0 / (gas_exponent * np.array([pressures[setting] for setting in settings]))
+    columns = np.column_stack([softness * k_e, k_e])
+    scale = np.sqrt(np.mean(columns * columns, axis=0))
+    gas, oil = np.linalg.lstsq(columns / scale, np.ones(len(k_e)), rcond=None)[0] / scale
+    least = _LEAST_SHARE / np.mean(columns, axis=0)
+    gas, oil = max(float(gas), float(least[0])), max(float(oil), float(least[1]))
+    return GasLaw(gas, 1.0 / oil, gas_exponent, dict(pressures))
 
 
 def _judged_law(rises: Mapping[Setting, float]) -> list[Problem]:
@@ -355,11 +728,11 @@ def _judged_law(rises: Mapping[Setting, float]) -> list[Problem]:
     if sum(rises.values()) <= chi_squared_quantile(spare, 1.0 - _CHANCE):
         return []
     of_one = chi_squared_quantile(1, 1.0 - _CHANCE)
-    worse = {setting: rise for setting, rise in rises.items() if rise > of_one}
+    n_worse = sum(rise > of_one for rise in rises.values())
     worst = max(rises, key=lambda setting: rises[setting])
-    said = (
+    text = (
         "K_e does not follow Appendix 1 with one gas content: a K_e for each setting fits better "
-        f"than noise explains at {len(worse)} of {len(rises)} settings, most at setting {worst}; "
+        f"than noise explains at {n_worse} of {len(rises)} settings, most at setting {worst}; "
         "take the gas content as a rough mean, its interval does not hold."
     )
-    return [warning("gas-content", said)]
+    return [warning("gas-content", text)]

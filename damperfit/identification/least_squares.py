@@ -37,20 +37,6 @@ if TYPE_CHECKING:
     LinearSystem: TypeAlias = "DenseSystem | BorderedSystem"
     _Model = Callable[[FloatArray], tuple[FloatArray, FloatArray, "Extra"]]
 
-__all__ = [
-    "NO_LENGTH",
-    "BorderedSystem",
-    "DenseSystem",
-    "Minimum",
-    "Step",
-    "Stopping",
-    "Transformation",
-    "inverse_information",
-    "iterate",
-    "minimise",
-    "reduced",
-]
-
 Extra = TypeVar("Extra")
 
 # A column shorter than this has a variance beyond the largest number: as good as zeros.
@@ -69,17 +55,7 @@ class Step(NamedTuple):
 
 
 class DenseSystem:
-    """One block of residuals.
-
-    Parameters
-    ----------
-    residuals : numpy.ndarray
-        Shape (n,).
-    jacobian : numpy.ndarray
-        Shape (n, k).
-    held : numpy.ndarray, optional
-        Shape (k,), of bool: variables that are left where they are.
-    """
+    """One block of residuals (n,), their Jacobian (n, k); `held` variables stay where they are."""
 
     def __init__(
         self,
@@ -100,11 +76,11 @@ class DenseSystem:
         return self._rows[: self._rows.shape[1]]
 
     def scaled(self, scale: FloatArray) -> _DenseSteps:
-        """Return the solver for D; one singular value decomposition serves every lambda."""
+        """The solver for D; one singular value decomposition serves every lambda."""
         return _DenseSteps(self._rows, self._right, scale, self._moving)
 
     def without(self, held: NDArray[np.bool_]) -> DenseSystem:
-        """Return the system in which some variables do nothing."""
+        """The system in which some variables do nothing."""
         return DenseSystem(self._right, np.where(held, 0.0, self._rows), held)
 
     def effect(self, change: FloatArray) -> float:
@@ -160,15 +136,8 @@ class _DenseSteps:
 class BorderedSystem:
     """Blocks of residuals with variables of their own, all of one number, and some in common.
 
-    The variables are those of the first block, of the second and so on, then the shared ones.
-
-    Parameters
-    ----------
-    blocks : sequence of numpy.ndarray
-        What `reduced` makes of each block's residuals and Jacobian, the columns of its own
-        variables first.
-    n_shared : int
-        Shared variables.
+    The variables are those of the first block, of the second and so on, then the shared ones. Of
+    each block it takes what `reduced` makes of residuals and Jacobian, its own columns first.
     """
 
     def __init__(self, blocks: Sequence[FloatArray], n_shared: int) -> None:
@@ -187,7 +156,7 @@ class BorderedSystem:
         self.gradient = np.concatenate([own.ravel(), shared.sum(axis=0)])
 
     def scaled(self, scale: FloatArray) -> _BorderedSteps:
-        """Return the solver for D."""
+        """The solver for D."""
         return _BorderedSteps(self._triangles, scale, self._n_own)
 
     def without(self, held: NDArray[np.bool_]) -> BorderedSystem:
@@ -267,18 +236,7 @@ class _BorderedSteps:
 
 
 def reduced(residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
-    """Return few rows in place of many, (J, r) in a triangle: the same J^T J, J^T r and |r|^2.
-
-    Parameters
-    ----------
-    residuals, jacobian : numpy.ndarray
-        Shape (n,) and (n, k).
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (k + 1, k + 1), of fewer rows where n is less.
-    """
+    """(J, r) as a triangle (k + 1, k + 1), of fewer rows where n is less: the same products."""
     n, k = jacobian.shape
     columns = np.empty((k + 1, n))
     columns[:k] = jacobian.T
@@ -334,68 +292,31 @@ _LIMIT, _MET_GRADIENT, _MET_COST, _MET_STEP, _MET_BOTH = 0, 1, 2, 3, 4
 
 
 class Stopping(NamedTuple):
-    """When a descent ends, and how far it may go at once.
+    """When a descent ends, and how far it may go at once."""
 
-    Attributes
-    ----------
-    cost_tolerance : float
-        Relative fall of the sum of squares, found and foreseen, below which it has.
-    step_tolerance : float
-        Likewise for the relative size of the steps.
-    max_evaluations : int
-        Limit of evaluations.
-    rest : float
-        Relative length of the full step that may be left when the cost has ceased to fall: where
-        the steps become shorter slowly, the descent goes on; infinity asks for nothing. A damper's
-        descents end below 2e-9 by themselves (61 of the sample runs).
-    least_gain : float
-        Fall of the sum of squares that a full step must promise to be tried at all.
-    least_share : float
-        The same as a share of the sum of squares.
-    longest_step : float
-        Largest change of a variable in one step.
-    near : float
-        Largest change of a variable in a full step that is left to the caller to take unseen.
-    """
-
-    cost_tolerance: float = 1e-8
-    step_tolerance: float = 1e-9
+    cost_tolerance: float = 1e-8  # relative fall of the cost, met and foreseen, at which it ends
+    step_tolerance: float = 1e-9  # likewise for the relative size of the steps
     max_evaluations: int = 100
+    # Relative length of the full step that may be left when the cost has ceased to fall: where the
+    # steps become shorter slowly, the descent goes on. Those of the sample runs end below 2e-9.
     rest: float = 1e-8
-    least_gain: float = 0.0
-    least_share: float = 0.0
-    longest_step: float = math.inf
-    near: float = 0.0
+    least_gain: float = 0.0  # fall of the cost that a full step must promise to be tried at all
+    least_share: float = 0.0  # the same as a share of the cost
+    longest_step: float = math.inf  # largest change of a variable in one step
+    near: float = 0.0  # largest change in a full step that the caller takes unseen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Minimum(Generic[Extra]):
-    """Where a descent ended.
+    """Where a descent ended; `status` is as `scipy.optimize.least_squares` has it, 0 is a limit."""
 
-    Attributes
-    ----------
-    variables : numpy.ndarray
-        Shape (k,), u of the best point found.
-    system : LinearSystem
-        Residuals and Jacobian there.
-    extra : object
-        What the model remembered of it.
-    evaluations, failed_trials : int
-        Evaluations of the model, and those that it refused.
-    status : int
-        As `scipy.optimize.least_squares` has it: 0 is the limit of evaluations, 1 to 4 are tests
-        met.
-    is_held : numpy.ndarray
-        Shape (k,), of bool: at a bound, beyond which alone the cost falls.
-    """
-
-    variables: FloatArray
-    system: LinearSystem
-    extra: Extra
+    variables: FloatArray  # u of the best point found, (k,)
+    system: LinearSystem  # residuals and Jacobian there
+    extra: Extra  # what the model remembered of it
     evaluations: int
     failed_trials: int
     status: int
-    is_held: NDArray[np.bool_]
+    is_held: NDArray[np.bool_]  # at a bound, beyond which alone the cost falls
 
     @property
     def cost(self) -> float:
@@ -414,170 +335,111 @@ class Minimum(Generic[Extra]):
         return _cosine(self.system, self.is_held)
 
 
-def iterate(
+def iterate(  # noqa: C901, PLR0912, PLR0915 - MINPACK's lmder, which reads best whole
     point_at: Callable[[FloatArray], tuple[LinearSystem, Extra]],
     start: FloatArray,
     stopping: Stopping,
     bounds: tuple[FloatArray, FloatArray] | None = None,
 ) -> Minimum[Extra]:
-    """Minimise a sum of squares in the variables u themselves; the loop behind every fit.
+    """Minimise a sum of squares in the variables u, (k,); the loop behind every fit.
 
-    Parameters
-    ----------
-    point_at : callable
-        From u, shape (k,), to residuals with Jacobian as a `LinearSystem`, and anything to be
-        remembered. It raises `SimulationError` where the model cannot be evaluated.
-    start : numpy.ndarray
-        Shape (k,), u.
-    stopping : Stopping
-        When to end.
-    bounds : tuple of numpy.ndarray, optional
-        Least and largest u, shape (k,) each.
-
-    Raises
-    ------
-    SimulationError
-        When the model cannot be evaluated at the start.
+    `point_at` gives residuals with Jacobian as a `LinearSystem` and anything to be remembered; it
+    raises `SimulationError` where the model cannot be evaluated. At the start that is passed on.
     """
-    descent = _Descent(point_at, start, stopping, bounds or (-math.inf, math.inf))
-    if not len(start):
-        return descent.ended(_MET_GRADIENT)
-    while True:
-        status = descent.linearised()
-        if status is None:
-            status = descent.advanced()
-        if status is not None:
-            return descent.ended(status)
-
-
-class _Descent(Generic[Extra]):
-    """Where a descent is: MINPACK's lmder, with the steps of a system in place of its QR."""
-
-    def __init__(
-        self,
-        point_at: Callable[[FloatArray], tuple[LinearSystem, Extra]],
-        start: FloatArray,
-        stopping: Stopping,
-        bounds: tuple[FloatArray | float, FloatArray | float],
-    ) -> None:
-        self.point_at = point_at
-        self.stopping = stopping
-        self.low, self.high = bounds
-        self.evaluations, self.failed_trials = 1, 0
-        self.variables = np.minimum(np.maximum(start, self.low), self.high)
-        self.system, self.extra = point_at(self.variables)
-        # The least sum of squares seen, also where the fall was too small for a step.
-        self.best = (self.system, self.extra, self.variables)
-        self.scale = np.where(self.system.lengths > NO_LENGTH, self.system.lengths, 1.0)
-        self.radius = self.damping = 0.0
-        self.is_first = True
-        self.is_ending = False
-
-    def ended(self, status: int) -> Minimum[Extra]:
-        system, extra, variables = self.best
-        held = self.is_held(variables, system)
-        return Minimum(variables, system, extra, self.evaluations, self.failed_trials, status, held)
-
-    def is_held(self, variables: FloatArray, system: LinearSystem) -> NDArray[np.bool_]:
-        """Which variables are at a bound beyond which alone the cost falls."""
-        is_low = (variables <= self.low) & (system.gradient >= 0.0)
-        return is_low | ((variables >= self.high) & (system.gradient <= 0.0))
-
-    @property
-    def size(self) -> float:
-        """Length of u in the units of the trust region."""
-        return _length(self.scale * self.variables)
-
-    def linearised(self) -> int | None:
-        """Find the steps from a new point; returns a status where it is the last."""
-        stopping = self.stopping
-        self.scale = np.maximum(self.scale, self.system.lengths)
-        held = self.is_held(self.variables, self.system)
-        self.rest = self.system.without(held) if held.any() else self.system
-        if _cosine(self.system, held) <= _RIGHT_ANGLE:
-            return _MET_GRADIENT
-        self.steps = self.rest.scaled(self.scale)
-        if self.is_first:
-            self.radius = _FIRST_RADIUS * self.size or _FIRST_RADIUS
-        least = max(stopping.least_gain, stopping.least_share * self.system.cost)
-        if least > 0.0 or stopping.near > 0.0 or self.is_ending:
-            full = self.steps.step(0.0)
-            if full.effect < least or largest_of(full.change) < stopping.near:
-                return _MET_COST
-            if self.is_ending and full.length <= stopping.rest * self.size:
-                return _MET_COST
-        return None
-
-    def advanced(self) -> int | None:
-        """Try steps until one is taken; returns a status where the descent ends."""
-        stopping, cost = self.stopping, self.system.cost
-        while self.evaluations < stopping.max_evaluations:
-            gradient = self.rest.gradient
-            self.damping, step = _damped(
-                self.steps, _length(gradient / self.scale), self.radius, self.damping
-            )
+    low, high = bounds or (-math.inf, math.inf)
+    variables = np.minimum(np.maximum(start, low), high)
+    system, extra = point_at(variables)
+    best = system, extra, variables  # the least sum seen, also where the fall was no step's worth
+    scale = np.where(system.lengths > NO_LENGTH, system.lengths, 1.0)
+    evaluations, failed_trials = 1, 0
+    radius = damping = 0.0
+    is_first, is_ending = True, False
+    status = None if len(start) else _MET_GRADIENT
+    while status is None:
+        scale = np.maximum(scale, system.lengths)
+        held = _held(variables, system, low, high)
+        rest = system.without(held) if held.any() else system
+        if _cosine(system, held) <= _RIGHT_ANGLE:
+            status = _MET_GRADIENT
+            break
+        steps, size = rest.scaled(scale), _length(scale * variables)
+        if is_first:
+            radius = _FIRST_RADIUS * size or _FIRST_RADIUS
+        least = max(stopping.least_gain, stopping.least_share * system.cost)
+        if least > 0.0 or stopping.near > 0.0 or is_ending:
+            full = steps.step(0.0)
+            is_near = full.effect < least or largest_of(full.change) < stopping.near
+            if is_near or (is_ending and full.length <= stopping.rest * size):
+                status = _MET_COST
+                break
+        is_taken, gradient, cost = False, rest.gradient, system.cost
+        while status is None and not is_taken:
+            if evaluations >= stopping.max_evaluations:
+                status = _LIMIT
+                break
+            damping, step = _damped(steps, _length(gradient / scale), radius, damping)
             share = min(1.0, stopping.longest_step / max(largest_of(step.change), 1e-300))
-            aim = self.variables + share * step.change
-            trial = np.minimum(np.maximum(aim, self.low), self.high)
-            slope, effect = step.effect + self.damping * step.length**2, share**2 * step.effect
+            aim = variables + share * step.change
+            trial = np.minimum(np.maximum(aim, low), high)
+            slope, effect = step.effect + damping * step.length**2, share**2 * step.effect
             slope, length = share * slope, share * step.length
             if (trial != aim).any():
-                change = trial - self.variables
-                slope, effect = -float(gradient @ change), self.rest.effect(change)
-                length = _length(self.scale * change)
-            if self.is_first:
-                self.radius = min(self.radius, length)
-            found = self.tried(trial)
+                change = trial - variables
+                slope, effect = -float(gradient @ change), rest.effect(change)
+                length = _length(scale * change)
+            if is_first:
+                radius = min(radius, length)
+            evaluations += 1
+            tried = None
+            try:
+                tried = point_at(trial)
+            except SimulationError:
+                failed_trials += 1
+            if tried is not None and tried[0].cost < best[0].cost:
+                best = (*tried, trial)
             # Where there is no model, a wall of finite height: the region shrinks by a rule.
-            is_far = found is None or found[0].cost >= _TOO_HIGH * cost
-            fall = -1.0 if found is None or is_far else 1.0 - found[0].cost / cost
+            is_far = tried is None or tried[0].cost >= _TOO_HIGH * cost
+            fall = -1.0 if tried is None or is_far else 1.0 - tried[0].cost / cost
             foreseen = (2.0 * slope - effect) / cost
             ratio = fall / foreseen if foreseen > 0.0 else 0.0
-            self.adapt(ratio, 0.1 if is_far else _shrunk(fall, slope / cost), length)
-            is_taken = found is not None and ratio >= _LEAST_RATIO
-            if is_taken and found is not None:
-                self.system, self.extra = found
-                self.variables, self.is_first = trial, False
-            status = self.met(fall, foreseen, ratio)
+            if ratio <= 0.25:
+                shrunk = 0.1 if is_far else _shrunk(fall, slope / cost)
+                radius, damping = shrunk * min(radius, length / 0.1), damping / shrunk
+            elif damping == 0.0 or ratio >= 0.75:
+                radius, damping = 2.0 * length, 0.5 * damping
+            if tried is not None and ratio >= _LEAST_RATIO:
+                is_taken, is_first = True, False
+                (system, extra), variables = tried, trial
+            status = _met(stopping, fall, foreseen, ratio, radius, _length(scale * variables))
             if status == _MET_COST and stopping.rest < math.inf and is_taken:
-                self.is_ending, status = True, None
-            elif self.is_ending and not is_taken:
+                is_ending, status = True, None
+            elif is_ending and not is_taken:
                 status = _MET_COST
-            if status is not None or is_taken:
-                return status
-        return _LIMIT
+    system, extra, variables = best
+    held = _held(variables, system, low, high)
+    return Minimum(variables, system, extra, evaluations, failed_trials, status, held)
 
-    def tried(self, variables: FloatArray) -> tuple[LinearSystem, Extra] | None:
-        """Evaluate a trial; None where the model cannot be."""
-        self.evaluations += 1
-        try:
-            system, extra = self.point_at(variables)
-        except SimulationError:
-            self.failed_trials += 1
-            return None
-        if system.cost < self.best[0].cost:
-            self.best = (system, extra, variables)
-        return system, extra
 
-    def adapt(self, ratio: float, factor: float, length: float) -> None:
-        """Make the trust region smaller or larger, as the trial has met what was foreseen."""
-        if ratio <= 0.25:
-            self.radius = factor * min(self.radius, length / 0.1)
-            self.damping /= factor
-        elif self.damping == 0.0 or ratio >= 0.75:
-            self.radius = 2.0 * length
-            self.damping *= 0.5
+def _held(
+    variables: FloatArray, system: LinearSystem, low: FloatArray | float, high: FloatArray | float
+) -> NDArray[np.bool_]:
+    """Which variables are at a bound beyond which alone the cost falls."""
+    is_low = (variables <= low) & (system.gradient >= 0.0)
+    return np.asarray(is_low | ((variables >= high) & (system.gradient <= 0.0)))
 
-    def met(self, fall: float, foreseen: float, ratio: float) -> int | None:
-        """Which of MINPACK's tests are met."""
-        tolerance = self.stopping.cost_tolerance
-        is_flat = abs(fall) <= tolerance and foreseen <= tolerance and ratio <= 2.0
-        is_short = self.radius <= self.stopping.step_tolerance * self.size
-        if is_flat or is_short:
-            return _MET_BOTH if is_flat and is_short else _MET_COST if is_flat else _MET_STEP
-        if abs(fall) <= _LAST_BIT and foreseen <= _LAST_BIT and ratio <= 2.0:
-            return _MET_COST
-        return _MET_STEP if self.radius <= _LAST_BIT * self.size else None
+
+def _met(
+    stopping: Stopping, fall: float, foreseen: float, ratio: float, radius: float, size: float
+) -> int | None:
+    """Which of MINPACK's tests are met."""
+    tolerance = stopping.cost_tolerance
+    is_flat = abs(fall) <= tolerance and foreseen <= tolerance and ratio <= 2.0
+    is_short = radius <= stopping.step_tolerance * size
+    if is_flat or is_short:
+        return _MET_BOTH if is_flat and is_short else _MET_COST if is_flat else _MET_STEP
+    if abs(fall) <= _LAST_BIT and foreseen <= _LAST_BIT and ratio <= 2.0:
+        return _MET_COST
+    return _MET_STEP if radius <= _LAST_BIT * size else None
 
 
 def _length(vector: FloatArray) -> float:
@@ -631,23 +493,13 @@ _LAST_DIGIT = 1e-14
 
 
 class Transformation(NamedTuple):
-    """In which variables the steps are taken: u = ln y, or u = y/scale.
+    """In which variables the steps are taken: u = ln y, a relative change, or u = y/scale."""
 
-    With u = ln y a step is a relative change and y cannot change sign.
-
-    Attributes
-    ----------
-    is_logarithmic : numpy.ndarray
-        Shape (k,), of bool.
-    scales : numpy.ndarray
-        Shape (k,), size of each linear parameter; not used where the logarithm is.
-    """
-
-    is_logarithmic: NDArray[np.bool_]
-    scales: FloatArray
+    is_logarithmic: NDArray[np.bool_]  # (k,)
+    scales: FloatArray  # (k,), size of each linear parameter
 
     def pack(self, values: FloatArray) -> FloatArray:
-        """Return u."""
+        """The variables of y."""
         logarithms = np.log(np.where(self.is_logarithmic, values, 1.0))
         return np.where(self.is_logarithmic, logarithms, values / self.scales)
 
@@ -667,7 +519,7 @@ class Transformation(NamedTuple):
         return np.where(variables >= self.pack(high), high, values)
 
     def slopes(self, values: FloatArray) -> FloatArray:
-        """Return dy/du."""
+        """dy/du."""
         return np.where(self.is_logarithmic, values, self.scales)
 
 
@@ -678,58 +530,39 @@ def minimise(
     stopping: Stopping = Stopping(),
     bounds: tuple[FloatArray, FloatArray] | None = None,
 ) -> Minimum[Extra]:
-    """Minimise a sum of squares from a start.
+    """Minimise a sum of squares in y, (k,), from a start.
 
-    Parameters
-    ----------
-    model : callable
-        From y, shape (k,), to residuals (n,), their derivative by y (n, k), and anything to be
-        remembered. It raises `SimulationError` where it cannot be evaluated; numbers that are not
-        finite count as that.
-    start : numpy.ndarray
-        Shape (k,), y.
-    transformation : Transformation
-        In which variables to step.
-    stopping : Stopping
-        When to end.
-    bounds : tuple of numpy.ndarray, optional
-        Least and largest y, shape (k,) each.
-
-    Raises
-    ------
-    SimulationError
-        When the model cannot be evaluated at the start.
+    The model gives residuals (n,), their derivative by y (n, k) and anything to be remembered. It
+    raises `SimulationError` where it cannot be evaluated; what is not finite counts as that.
     """
 
     def point_at(variables: FloatArray) -> tuple[LinearSystem, Extra]:
         values = transformation.unpack(variables, bounds)
         residuals, slopes, extra = model(values)
         with np.errstate(over="ignore", invalid="ignore"):
-            cost = float(residuals @ residuals)
             jacobian = slopes * transformation.slopes(values)
-            system = DenseSystem(residuals, jacobian)
-            # A number that is none is in every sum after it.
-            if not math.isfinite(cost + float(np.add.reduce(system.triangle, axis=None))):
-                raise SimulationError(
-                    f"no finite residuals or derivatives at {values}.", code="not-finite"
-                )
-        return system, extra
+        return finite_system(residuals, jacobian), extra
 
     low_high = bounds and (transformation.pack(bounds[0]), transformation.pack(bounds[1]))
     return iterate(point_at, transformation.pack(start), stopping, low_high)
 
 
+def finite_system(residuals: FloatArray, jacobian: FloatArray) -> DenseSystem:
+    """One block of residuals, all numbers of which are finite; else a failed simulation."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        system = DenseSystem(residuals, jacobian)
+        # A number that is none is in every sum after it.
+        is_finite = math.isfinite(system.cost + float(np.add.reduce(system.triangle, axis=None)))
+    if not is_finite:
+        raise SimulationError("no finite residuals or derivatives.", code="not-finite")
+    return system
+
+
 def inverse_information(jacobian: FloatArray) -> FloatArray:
-    """Return (J^T J)^-1, shape (k, k), without forming J^T J, which would halve the digits.
+    """(J^T J)^-1, (k, k), without forming J^T J: times the variance it is the covariance of u.
 
-    Times the variance of independent residuals it is the covariance of u. Directions that the
-    data do not see to the last digit get a variance that says so; a column of zeros gives
-    infinity on the diagonal.
-
-    Parameters
-    ----------
-    jacobian : numpy.ndarray
-        Shape (n, k).
+    Directions that the data do not see to the last digit get a variance that says so; a column of
+    zeros gives infinity on the diagonal.
     """
     lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0))
     is_seen = lengths > NO_LENGTH

@@ -23,30 +23,12 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
     from damperfit.recording import Trace
 
-__all__ = [
-    "FEWEST_SAMPLES",
-    "LogFacts",
-    "effective_samples",
-    "inseparable",
-    "said_of_speeds",
-    "weights",
-]
-
 FEWEST_SAMPLES = 20.0  # effective ones, of a stretch
 
 
 def effective_samples(residuals: FloatArray, n_cycles: int) -> float:
-    """Return the effective number of samples of one stretch.
+    """The effective number of samples of one stretch, (n,) over whole cycles.
 
-    Parameters
-    ----------
-    residuals : numpy.ndarray
-        Shape (n,), over whole cycles.
-    n_cycles : int
-        How many; 1 where nothing repeats.
-
-    Examples
-    --------
     A residual of one harmonic alone counts as few samples as a stretch may have.
 
     >>> effective_samples(np.sin(np.linspace(0.0, 40.0 * np.pi, 2000)), 20)
@@ -85,21 +67,11 @@ _MOST = 1.0 / 3.0
 
 
 def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
-    """Return what the residuals of each log are multiplied by, over its compared samples.
+    """What the residuals of each log of a setting are multiplied by, over its compared samples.
 
     One over the noise of each stretch, nothing beside a jump of the speed; the mean square over all
     samples is 1, so that a sum of squares keeps its scale. A stretch whose noise is not known
-    counts as the middle one.
-
-    Parameters
-    ----------
-    traces : sequence of Trace
-        The logs of a setting.
-
-    Returns
-    -------
-    tuple of numpy.ndarray or None
-        None for all where nothing is to be told apart.
+    counts as the middle one. None for all where nothing is to be told apart.
     """
     by_noise = _by_noise(traces)
     counted = [_counted(trace) for trace in traces]
@@ -133,7 +105,7 @@ def _counted(trace: Trace) -> NDArray[np.bool_] | None:
 
 @lru_cache(maxsize=64)
 def _width(sections: bytes, is_zero_phase: bool) -> float:  # noqa: FBT001
-    """Return how long a filter's answer to an impulse lasts, in samples: 1 over its power."""
+    """How long a filter's answer to an impulse lasts, in samples: 1 over its power."""
     design = FilterDesign(np.frombuffer(sections).reshape(-1, 6).copy(), is_zero_phase, "")
     impulse = np.zeros(_IMPULSE)
     impulse[_IMPULSE // 2] = 1.0
@@ -188,13 +160,7 @@ _SHARE = 0.9
 
 
 class LogFacts:
-    """What a fit asks of the logs of one setting again and again, found where first asked for.
-
-    Parameters
-    ----------
-    traces : tuple of Trace
-        The logs.
-    """
+    """What a fit asks of the logs of one setting again and again, found where first asked for."""
 
     def __init__(self, traces: tuple[Trace, ...]) -> None:
         self.traces = traces
@@ -245,16 +211,9 @@ def _speed_held(speed: FloatArray) -> float | None:
 def inseparable(
     facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[str, ...]:
-    """Return the free parameters that logs of one speed cannot separate; none where they can.
+    """The free parameters that logs of one speed cannot separate; none where they can.
 
-    Parameters
-    ----------
-    facts : LogFacts
-        Of the logs of a setting.
-    free : sequence of str
-        What is fitted.
-    quantities : sequence of Quantity
-        Of the model. The stiffness of the oil shows in the corners.
+    The stiffness of the oil shows in the corners.
     """
     unknown = [one for one in quantities if one.name in free and one.role != STIFFNESS]
     return tuple(free) if len(unknown) > _LEVELS and facts.holds_one_speed else ()
@@ -263,7 +222,7 @@ def inseparable(
 def said_of_speeds(
     facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[Problem, ...]:
-    """Return what is to be said of logs that hold one speed, or too few for what is fitted.
+    """What is to be said of logs that hold one speed, or too few for what is fitted.
 
     As `inseparable`; stiffness, gas and mounting show in the corners and along the stroke.
     """

@@ -39,15 +39,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "SettledCycle",
-    "SettledLogs",
-    "between_samples",
-    "fast_length",
-    "settled",
-]
-
-
 # s; the slowest of a damper's pressures, at 80 1/s, has settled by then to 1e-8.
 _SETTLING = 0.25
 # Samples of a cycle: at least these, and so many for each harmonic that the filter passes by half.
@@ -64,56 +55,39 @@ _MARGIN = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SettledCycle:
-    """One steady stretch as half a cycle that is only simulated and one that is compared.
+    """One steady stretch as half a cycle that is only simulated and one that is compared."""
 
-    Attributes
-    ----------
-    motion : Motion
-        Both, from a turn of the motion on.
-    force : numpy.ndarray
-        Shape (n,), mean of the measured cycles, N.
-    gain : numpy.ndarray
-        What the compared filter makes of each harmonic, one for each line of the real transform.
-    factor : numpy.ndarray
-        Shape (n,): what residuals are multiplied by, so that their sum of squares is the stretch's.
-    dead_band : float
-        Half width of the friction's dead band that a sample's length is, m/s; 0: the solver's own.
-    n_cycles : int
-        Cycles that it is the mean of.
-    starts : numpy.ndarray
-        Shape (n_cycles + 1,), where in the trace the cycles begin and the last one ends, samples.
-    turn : int
-        Sample that a cycle's beginning is of ``force``.
-    """
-
-    motion: Motion
-    force: FloatArray
-    gain: NDArray[np.complex128]
+    motion: Motion  # both, from a turn of the motion on
+    force: FloatArray  # (n,), mean of the measured cycles, N
+    gain: NDArray[np.complex128]  # of the compared filter at each line of the real transform
+    # (n,): what residuals are multiplied by, so that their sum of squares is the stretch's.
     factor: FloatArray
+    # Half width of the friction's dead band that a sample's length is, m/s; 0: the solver's own.
     dead_band: float = 0.0
-    n_cycles: int = 1
+    n_cycles: int = 1  # that it is the mean of
+    # (n_cycles + 1,), where in the trace the cycles begin and the last one ends, samples.
     starts: FloatArray = field(default_factory=lambda: np.empty(0))
-    turn: int = 0
+    turn: int = 0  # sample that a cycle's beginning is of `force`
 
     def solver(self, options: SolverOptions) -> SolverOptions:
-        """Return how to integrate it: with the friction's dead band that its samples have."""
+        """How to integrate it: with the friction's dead band that its samples have."""
         if options.dead_band >= self.dead_band:
             return options
         return replace(options, dead_band=self.dead_band)
 
     def rows(self, response: Response) -> FloatArray:
-        """Return residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
+        """Residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
         rows = self._filtered([response.force, *response.sensitivities.values()])
         rows[0] -= self.force
         rows *= self.factor
         return rows
 
     def taken_by_filter(self, signal: FloatArray) -> FloatArray:
-        """Return what the filter takes off a signal of a response in the compared cycle, (n,)."""
+        """What the filter takes off a signal of a response in the compared cycle, (n,)."""
         return np.asarray(signal[-len(self.force) :] - self._filtered([signal])[0])
 
     def over(self, stretch: Stretch, signals: Sequence[FloatArray]) -> FloatArray:
-        """Return signals of a response, behind the filter, at the samples of the stretch: (k, n).
+        """Signals of a response, behind the filter, at the samples of the stretch: (k, n).
 
         Each cycle has those of the mean one.
         """
@@ -129,36 +103,23 @@ class SettledCycle:
         return between_samples(around, at[None])[:, 0]
 
     def _filtered(self, signals: Sequence[FloatArray]) -> FloatArray:
-        """Return the compared cycle of signals behind the filter."""
+        """The compared cycle of signals behind the filter."""
         n = len(self.force)
         lines = np.fft.rfft(np.stack([signal[-n:] for signal in signals])) * self.gain
         return np.asarray(np.fft.irfft(lines, n))
 
 
 class SettledLogs(NamedTuple):
-    """The logs of a setting as settled cycles.
+    """The logs of a setting as settled cycles."""
 
-    Attributes
-    ----------
-    cycles : tuple of SettledCycle
-        One for each stretch of each log.
-    scatter : float
-        Sum of squares that the cycles' differences from their mean add, N^2.
-    """
-
-    cycles: tuple[SettledCycle, ...]
-    scatter: float
+    cycles: tuple[SettledCycle, ...]  # one for each stretch of each log
+    scatter: float  # sum of squares that the cycles' differences from their mean add, N^2
 
 
 def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs | None:
-    """Return the settled cycles of logs; None where motions do not repeat, or little is saved.
+    """The settled cycles of the logs of a setting; None where none repeats, or little is saved.
 
-    Parameters
-    ----------
-    traces : sequence of Trace
-        Logs of one setting.
-    is_thinned : bool
-        Whether cycles have no more samples than the filter lets through; else the log's own.
+    Thinned, cycles have no more samples than the filter lets through; else the log's own.
     """
     if any(not one.n_cycles for trace in traces for one in trace.stretches):
         return None
@@ -255,7 +216,7 @@ def _laid_out(
 
 
 def between_samples(channels: FloatArray, positions: FloatArray) -> FloatArray:
-    """Return channels (c, n) at fractional samples, through the eight samples around each.
+    """Channels (c, n) at fractional samples, through the eight samples around each.
 
     At a tenth of the sample rate a polynomial through so many errs by 2e-5.
     """
@@ -294,7 +255,7 @@ def _gain(trace: Trace, period: float, n: int) -> NDArray[np.complex128]:
 
 @lru_cache(maxsize=1024)
 def fast_length(n: int) -> int:
-    """Return the least length from n on with no prime factor but 2, 3 and 5."""
+    """The least length from n on with no prime factor but 2, 3 and 5."""
     best = 1 << max(n - 1, 0).bit_length()
     fives = 1
     while fives < best:

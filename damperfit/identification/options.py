@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
-from damperfit.identification.gas_content import GAS_FOLLOWER
+from damperfit.identification.sharing import GAS_FOLLOWER
 from damperfit.problem import Key, Option
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import nearest_setting
@@ -17,18 +17,6 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
-
-__all__ = [
-    "BULK_MODULUS_NAMES",
-    "DETECT",
-    "PROCEDURE_NAMES",
-    "FitOptions",
-    "GivenStart",
-    "check_options",
-    "check_start",
-    "shared_names",
-]
-
 
 # Where a user says that a fit starts: numbers by name, or the parameters of an earlier run.
 
@@ -58,13 +46,7 @@ class GivenStart:
 
 
 def check_start(quantity: Quantity, value: float, *, is_fixed: bool, is_held: bool) -> None:
-    """Refuse a start that cannot act or that no fit may reach.
-
-    Raises
-    ------
-    ConfigurationError
-        The quantity is fixed or held, or the value is beyond its plausible range.
-    """
+    """Refuse a start of what is fixed or held, or beyond the plausible range."""
     name = quantity.name
     if is_fixed:
         raise ConfigurationError(
@@ -89,7 +71,6 @@ def check_start(quantity: Quantity, value: float, *, is_fixed: bool, is_held: bo
 
 PROCEDURE_NAMES = ("paper", "joint", "plain")
 BULK_MODULUS_NAMES = ("free", "appendix1")
-_PROCEDURE = Key(("identification", "procedure"))
 DETECT = "detect"  # in place of names: share what no adjuster moves
 
 
@@ -160,26 +141,13 @@ class FitOptions:
 
 
 def check_options(options: FitOptions, damper: Model) -> None:
-    """Refuse options that cannot be for a model, before any log is read.
-
-    Raises
-    ------
-    ConfigurationError
-        An unknown procedure or parameter, one both free and fixed, or a value out of range.
-    """
-    if options.procedure not in PROCEDURE_NAMES:
-        hint = did_you_mean(options.procedure, PROCEDURE_NAMES)
-        known = ", ".join(PROCEDURE_NAMES)
-        raise ConfigurationError(
-            f"no procedure {options.procedure!r}; there are {known}.{hint}",
-            where=_PROCEDURE,
-            code="unknown-procedure",
-        )
+    """Refuse options that cannot be for a model, before any log is read."""
+    _check_name("procedure", options.procedure, PROCEDURE_NAMES)
     if options.procedure not in damper.procedures:
         raise ConfigurationError(
             f"procedure {options.procedure} cannot fit the model {damper.name!r}; expected one "
             f"of {', '.join(damper.procedures)}.",
-            where=_PROCEDURE,
+            where=Key(("identification", "procedure")),
             code="other-procedure",
         )
     share = shared_names(options, damper)
@@ -237,7 +205,7 @@ def _check_sharing(options: FitOptions, share: tuple[str, ...]) -> None:
 
 
 def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
-    """Return the parameters that a joint fit of a model has in common for all settings.
+    """The parameters that a joint fit of a model has in common for all settings.
 
     Where it is to detect them, those that no adjuster could move.
     """
@@ -248,34 +216,28 @@ def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
 
 
 def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:
-    if options.bulk_modulus not in BULK_MODULUS_NAMES:
-        hint = did_you_mean(options.bulk_modulus, BULK_MODULUS_NAMES)
-        known = ", ".join(BULK_MODULUS_NAMES)
-        raise ConfigurationError(
-            f"no bulk modulus {options.bulk_modulus!r}; there are {known}.{hint}",
-            where=Key(("identification", "bulk_modulus")),
-            code="unknown-bulk-modulus",
-        )
+    _check_name("bulk modulus", options.bulk_modulus, BULK_MODULUS_NAMES)
     if options.bulk_modulus == "free":
         return
     if options.bulk_modulus not in damper.bulk_moduli:
-        raise ConfigurationError(
-            f"{options.bulk_modulus}: the model {damper.name!r} has no gas content "
-            "that K_e could follow; expected free.",
-            where=Key(("bulk_modulus",)),
-            code="no-gas-content",
+        text = f"the model {damper.name!r} has no gas content that K_e could follow; expected free."
+    elif options.procedure != "joint":
+        text = (
+            "one gas content for all settings needs one fit of all settings; expected procedure "
+            f"joint, found {options.procedure}."
         )
-    if options.procedure != "joint":
+    elif GAS_FOLLOWER in {*options.fixed, *(options.free or ()), *shared_names(options, damper)}:
+        text = "K_e follows from the gas content; it cannot be free, fixed or shared too."
+    else:
+        return
+    where = Key(("bulk_modulus",))
+    raise ConfigurationError(f"{options.bulk_modulus}: {text}", where=where, code="no-gas-content")
+
+
+def _check_name(what: str, name: str, names: tuple[str, ...]) -> None:
+    if name not in names:
         raise ConfigurationError(
-            f"{options.bulk_modulus}: one gas content for all settings needs one fit "
-            f"of all settings; expected procedure joint, found {options.procedure}.",
-            where=Key(("bulk_modulus",)),
-            code="no-gas-content",
-        )
-    if GAS_FOLLOWER in {*options.fixed, *(options.free or ()), *shared_names(options, damper)}:
-        raise ConfigurationError(
-            f"{options.bulk_modulus}: K_e follows from the gas content; it cannot be "
-            "free, fixed or shared too.",
-            where=Key(("bulk_modulus",)),
-            code="no-gas-content",
+            f"no {what} {name!r}; there are {', '.join(names)}.{did_you_mean(name, names)}",
+            where=Key(("identification", what.replace(" ", "_"))),
+            code=f"unknown-{what.replace(' ', '-')}",
         )

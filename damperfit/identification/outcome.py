@@ -1,10 +1,26 @@
-"""How a fit ended, as a named value with a sentence of advice; what it says of each parameter."""
+"""How a fit ended, with a sentence of advice; what it says of each parameter; why there is none."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import Enum, StrEnum
+from typing import TYPE_CHECKING, TypeVar
 
-__all__ = ["Outcome", "Status"]
+from damperfit.errors import (
+    ConfigurationError,
+    FitCancelledError,
+    InstallationError,
+    SimulationError,
+    mishap_of,
+)
+from damperfit.problem import Failure
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from damperfit.tested.setting import Setting
+
+Found = TypeVar("Found")
 
 
 class Status(StrEnum):
@@ -69,3 +85,26 @@ _ADVICE = {
         "found, not a minimum."
     ),
 }
+
+
+class SettingError(SimulationError):
+    """One of the settings that are fitted together has failed."""
+
+    def __init__(self, failure: Failure) -> None:
+        super().__init__(failure.message, subject=f"setting {failure.setting}")
+        self.failure = failure
+
+
+def attempted(setting: Setting | None, fit: Callable[[], Found]) -> Found | Failure:
+    """What a fit of one setting finds (None: of all together), or why it finds nothing.
+
+    A stop that was asked for, and what is wrong at every setting, is raised.
+    """
+    try:
+        return fit()
+    except (FitCancelledError, ConfigurationError, InstallationError):
+        raise
+    except Exception as error:  # noqa: BLE001 - a bug that one setting meets leaves the others
+        if setting is None:
+            return mishap_of(error, "fitting the settings together")
+        return replace(mishap_of(error, "fitting"), setting=setting)

@@ -12,35 +12,34 @@ What the logs do not tell is taken from the options or the model, with a warning
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from damperfit.damper.purdy.starting import REBOUND, cavitation_limit, starting_values
 from damperfit.errors import DamperfitError, FitCancelledError
-from damperfit.identification.campaign import (
-    Campaign,
-    ProcedureInput,
-    SettingFailure,
-    attempted,
-    fit_every_setting,
-)
-from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.campaign import Campaign, ProcedureInput, fit_every_setting
 from damperfit.identification.fit_setting import (
     EXCELLENT,
     NOT_FIT_TO_SHARE,
     Fit,
     FitResult,
     describe_fit,
-    fit_guided,
-    fit_setting,
-    lacks_stiffness_alone,
     minimised,
 )
-from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.outcome import Outcome, Status, attempted
 from damperfit.identification.sharing import Sharing, of_settings
-from damperfit.identification.starts import Search, fit_from
-from damperfit.problem import Option, Problem, warning
+from damperfit.identification.starts import (
+    Search,
+    fit_from,
+    fit_in_stages,
+    fit_setting,
+    lacks_stiffness_alone,
+    own_start,
+    with_given,
+)
+from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
 from damperfit.workers import apart
 
@@ -48,9 +47,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from damperfit.damper.purdy.parameters import Damper
+    from damperfit.identification.fit_problem import Block
     from damperfit.tested.setting import Setting
-
-__all__ = ["MEAN", "TAKEN", "as_in_the_paper"]
 
 # R_m3 is taken from one setting, f_f is the mean over the settings.
 TAKEN, MEAN = "r_m3", "f_f"
@@ -80,18 +78,15 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
     held = {**{k: v for k, v in fixed.items() if k not in free}, **stages.shared}
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        problem, first = given.problem(setting, given.ordered(free)), stages.judged.get(setting)
-        start = (
-            given.start(setting, problem, held)
-            if first is None or not _is_good(first)
-            else (first.values)
-        )
+        block, first = given.block(setting, free), stages.judged.get(setting)
+        is_good = first is not None and _is_good(first)
+        start = first.values if first and is_good else own_start(given, setting, block, held)
         spent = 0 if first is None else first.evaluations
         result, search = fit_from(
-            setting, problem, start.replace(held), starts=given.options.starts, spent=spent
+            setting, block, start.replace(held), starts=given.options.starts, spent=spent
         )
         named = dict.fromkeys(stages.sharing.found, Status.SHARED) | stages.status
-        return describe_fit(setting, result.with_status(named), problem), search
+        return describe_fit(setting, result.with_status(named), block), search
 
     campaign = fit_every_setting(given, fit, stages.warnings, known=stages.broken)
     searches = (*stages.searches, *campaign.searches)
@@ -115,7 +110,7 @@ class _Stages:
     ) -> None:
         self.given, self.names, self.fixed, self.wanted = given, names, fixed, wanted
         self.judged: dict[Setting, FitResult] = {}
-        self.broken: dict[Setting, SettingFailure] = {}
+        self.broken: dict[Setting, Failure] = {}
         self.searches: tuple[Search, ...] = ()
         self.shared: dict[str, float] = {}
         self.status: dict[str, Status] = {}
@@ -147,21 +142,18 @@ class _Stages:
         assert known is not None
         return known
 
+    def _fit_first(self, setting: Setting) -> tuple[FitResult, Search | None]:
+        block = self.given.block(setting, self.names)
+        start = own_start(self.given, setting, block, self.fixed)
+        return fit_from(setting, block, start, starts=self.given.options.starts)
+
     def _fit_everywhere(self) -> Setting | None:
         """Everything free at the lowest setting that can be fitted so, and from there at others."""
         given = self.given
         lowest = None
         for setting in given.softest_first:
-            problem = given.problem(setting, self.names)
-
-            def first(
-                setting: Setting = setting, problem: FitProblem = problem
-            ) -> tuple[FitResult, Search | None]:
-                start = given.start(setting, problem, self.fixed)
-                return fit_from(setting, problem, start, starts=given.options.starts)
-
-            result = attempted(setting, first)
-            if not isinstance(result, SettingFailure):
+            result = attempted(setting, partial(self._fit_first, setting))
+            if not isinstance(result, Failure):
                 lowest, self.judged[setting] = setting, result[0]
                 self.searches = () if result[1] is None else (result[1],)
                 break
@@ -175,10 +167,10 @@ class _Stages:
         known = {**self.fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
 
         def other(setting: Setting) -> FitResult:
-            problem = given.problem(setting, self.names)
-            damper = cast("Damper", given.damper)
-            start = starting_values(problem.traces, damper, known, anchor.k_e)
-            return fit_guided(problem, given.with_given_start(setting, start, self.fixed), REBOUND)
+            block, damper = given.block(setting, self.names), cast("Damper", given.damper)
+            first = starting_values(block.traces, damper, known, anchor.k_e)
+            start = with_given(given, setting, first, self.fixed)
+            return fit_in_stages(block, start, (REBOUND,), has_detours=True)
 
         others = sorted(set(given.settings) - {lowest, *self.broken})
         results = apart(
@@ -189,13 +181,13 @@ class _Stages:
             cancelled=given.cancelled,
         )
         for setting, result in zip(others, results, strict=True):
-            if not isinstance(result, SettingFailure):
+            if not isinstance(result, Failure):
                 self.judged[setting] = result
             elif result.is_internal:
                 self.broken[setting] = result
         return lowest
 
-    def _share(self, lowest: Setting) -> SettingFailure | None:
+    def _share(self, lowest: Setting) -> Failure | None:
         """R_m3 and f_f from the fits with everything free; a failure of the setting of R_m3."""
         judged, first = self.judged, self.given.softest_first[0]
         self.warnings, self.shared, self.sharing = [], {}, Sharing(self.names)
@@ -291,13 +283,13 @@ class _Stages:
 
     def _take_r_m3(self, setting: Setting, f_f: float | None) -> None:
         """R_m3 from the logs of one setting, and how far they tell it."""
-        problem, first = self.given.problem(setting, self.names), self.judged[setting]
+        block, first = self.given.block(setting, self.names), self.judged[setting]
         fallback, again = self._fallback(TAKEN), first
         # An unsound fit that tells R_m3 all the same is left alone: other friction may upset it.
         if f_f is not None and (
             not _tells_r_m3(first) or (first.is_sound and len(self.judged) > 1)
         ):
-            again = _with_mean_friction(problem, first, f_f, fallback)
+            again = _with_mean_friction(block, first, f_f, fallback)
         is_refined = again is not first
         value, status, words = again.values.r_m3, Status.SHARED, ""
         if not _tells_r_m3(again):
@@ -308,7 +300,7 @@ class _Stages:
             )
             if not again.outcome.is_minimum:
                 status, words = Status.FIXED, ""
-            elif _is_contradicted(problem, again, fallback, f_f if is_refined else None):
+            elif _is_contradicted(block, again, fallback, f_f if is_refined else None):
                 value = max(again.values.r_m3, first.values.quantity(TAKEN).plausible[0])
                 words = "contradicted"
         taken = f"{fallback:.4g} (identification.fallback_r_m3)"
@@ -348,12 +340,12 @@ def _tells_r_m3(judged: FitResult) -> bool:
     return judged.status[TAKEN] == Status.FITTED and judged.errors[TAKEN] < NOT_FIT_TO_SHARE
 
 
-def _is_contradicted(problem: FitProblem, best: FitResult, r_m3: float, f_f: float | None) -> bool:
+def _is_contradicted(block: Block, best: FitResult, r_m3: float, f_f: float | None) -> bool:
     """Whether the misfit with R_m3 held at a value is more than noise above the best."""
     start = best.values.replace(r_m3=r_m3)
-    free = tuple(n for n in problem.free if n != TAKEN and (f_f is None or n != MEAN))
+    free = tuple(n for n in block.free if n != TAKEN and (f_f is None or n != MEAN))
     try:
-        other = minimised(replace(problem, free=free), start)
+        other = minimised(replace(block, free=free), start)
     except FitCancelledError:
         raise
     except DamperfitError:
@@ -362,21 +354,19 @@ def _is_contradicted(problem: FitProblem, best: FitResult, r_m3: float, f_f: flo
     return rise * best.n_independent > CHI_SQUARED_95
 
 
-def _with_mean_friction(
-    problem: FitProblem, judged: FitResult, f_f: float, r_m3: float
-) -> FitResult:
+def _with_mean_friction(block: Block, judged: FitResult, f_f: float, r_m3: float) -> FitResult:
     """The setting of R_m3 once more with the mean friction, which halves the error of its R_m3.
 
     An R_m3 that the setting did not tell starts from a value that can be seen. An unsound result of
     a sound setting changes nothing.
     """
-    free = tuple(name for name in problem.free if name != MEAN)
+    free = tuple(name for name in block.free if name != MEAN)
     start = judged.values.replace(f_f=f_f)
     if not _tells_r_m3(judged):
-        limit = cavitation_limit(problem.traces, cast("Damper", problem.model))
+        limit = cavitation_limit(block.traces, cast("Damper", block.model))
         start = start.replace(r_m3=min(r_m3, limit))
     try:
-        again = fit_setting(replace(problem, free=free), start, spent=judged.evaluations)
+        again = fit_setting(replace(block, free=free), start, spent=judged.evaluations)
     except FitCancelledError:
         raise
     except DamperfitError:

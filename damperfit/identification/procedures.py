@@ -14,36 +14,36 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.network import BLOW_OFF_PARTS
+from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
 from damperfit.damper.warmed import BETA
 from damperfit.errors import ConfigurationError, FitCancelledError, LogError, SimulationError
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identification.campaign import (
-    Campaign,
-    ProcedureInput,
-    SettingFailure,
-    attempted,
-    fit_every_setting,
+from damperfit.identification.campaign import Campaign, ProcedureInput, fit_every_setting
+from damperfit.identification.fit_problem import does_nothing, kept_within
+from damperfit.identification.fit_setting import Fit, describe_fit, minimised
+from damperfit.identification.joint import (
+    JointResult,
+    Way,
+    declared_way,
+    fit_from_one_model,
+    fit_settings_jointly,
 )
-from damperfit.identification.fit_setting import Fit, describe_fit
-from damperfit.identification.following import Way, declared_way
-from damperfit.identification.inactive_parts import without_idle_parts
-from damperfit.identification.joint import JointResult, fit_from_one_model, fit_settings_jointly
 from damperfit.identification.mean_cycle import SettledLogs, settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
+from damperfit.identification.outcome import Status, attempted
 from damperfit.identification.paper import MEAN, TAKEN, as_in_the_paper
-from damperfit.identification.starts import Search, fit_from
+from damperfit.identification.starts import Search, fit_from, own_start, with_given
 from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Trace, natural_order
 from damperfit.tested.setting import Setting
-from damperfit.workers import apart
+from damperfit.workers import apart, executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Model, Values
-    from damperfit.identification.fit_problem import FitProblem
-
-__all__ = ["PROCEDURES", "identify"]
+    from damperfit.identification.fit_problem import Block
 
 _NOT_JOINT = (
     "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
@@ -104,15 +104,15 @@ def identify(
     check_options(options, damper)
     if not traces:
         raise LogError("identify: found no log to fit; give one trace or more", code="no-log")
-    settings = _by_setting(traces)
+    settings, jobs = _by_setting(traces), max(1, jobs)
     given = ProcedureInput(
         settings,
         damper,
         options,
-        max(1, jobs),
+        jobs,
         on_fit or (lambda _fit: None),
         cancelled or (lambda: False),
-        _cycles(settings, damper, jobs=max(1, jobs)),
+        {} if damper.kinks else _cycles(settings, jobs),  # kinks need every sample
     )
     # BLAS threads spin between the small products of a fit and take the core that the next
     # setting's thread needs.
@@ -124,178 +124,6 @@ def identify(
         if one.warning
     )
     return replace(campaign, warnings=(*campaign.warnings, *ambiguous), named=damper.quantities)
-
-
-def _cycles(
-    settings: Mapping[Setting, tuple[Trace, ...]], damper: Model, *, jobs: int
-) -> dict[Setting, SettledLogs | None]:
-    """The mean cycles of each setting whose logs repeat; kinks need every sample."""
-    if damper.kinks:
-        return {}
-
-    def of(setting: Setting) -> SettledLogs | None:
-        found = attempted(setting, lambda: settled(settings[setting], is_thinned=False))
-        return None if isinstance(found, SettingFailure) else found
-
-    return dict(zip(settings, apart(of, settings, jobs=jobs), strict=True))
-
-
-def _plain(given: ProcedureInput) -> Campaign:
-    """Fit at every setting what is free, from the closed form."""
-    options, defaults = given.options, {q.name: q.default for q in given.damper.quantities}
-    free = options.free
-    if free is None:
-        free = tuple(n for n, default in defaults.items() if default is None)
-        free = tuple(name for name in free if name not in options.fixed)
-    held = {n: value for n, value in defaults.items() if value is not None and n not in free}
-    fixed = {**held, **options.fixed}
-    for name in defaults:
-        if name not in free and name not in fixed:
-            raise ConfigurationError(
-                f"procedure plain: {name} is neither free nor fixed; "
-                f"add it to {{free}} or give {{fix}}.",
-                free=Option("free"),
-                fix=Option("fix", "VALUE", name),
-                code="neither-free-nor-fixed",
-            )
-
-    def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        problem = given.problem(setting, given.ordered(free))
-        start = given.start(setting, problem, fixed)
-        result, search = fit_from(setting, problem, start, starts=options.starts)
-        return describe_fit(setting, result, problem), search
-
-    found = fit_every_setting(given, fit)
-    if not options.is_leaving_out:
-        return found
-    return without_idle_parts(
-        found, lambda one: given.problem(one.setting, given.ordered(free)), jobs=given.jobs
-    )
-
-
-def _joint(given: ProcedureInput) -> Campaign:
-    """One fit over the settings, from the model's own procedure; unsound ones follow it."""
-    way, moving = _way_of(given)
-    said = given.options.start
-    is_ended = said.is_of_one_model and all(one in said.by_setting for one in given.settings)
-    if way is not None and way.shared and is_ended:
-        with suppress(SimulationError):
-            return _from_one_model(given, way, moving)
-    name = "paper" if "paper" in given.damper.procedures else "plain"
-    by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()
-    shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
-    free = tuple(one for one in moving if one not in by_paper & shared)
-    options = replace(given.options, free=free, starts=1, is_leaving_out=False)
-    if BETA.name in free and len(given.settings) > 1:
-        options = with_first_beta(given, options, PROCEDURES[name])
-    before = PROCEDURES[name](replace(given, options=options, on_fit=lambda _fit: None))
-    try:
-        found = attempted(None, lambda: fit_settings_jointly(given, before.fits, way, moving))
-    except FitCancelledError:
-        return Campaign("joint", (), is_complete=False)
-    if isinstance(found, Failure):
-        warnings = (*before.warnings, warning("joint-failed", _NOT_FITTED_JOINTLY.format(name)))
-        return replace(before, procedure="joint", warnings=warnings, mishap=found)
-    together, broken = found
-    failed = {one.setting: one for one in before.failures} | broken
-    if not before.is_complete or together is None:
-        # The logs of one setting tell beta by themselves: nothing was to be shared.
-        is_alone = BETA.name in free and len(given.settings) == 1
-        is_told = before.is_complete and not is_alone
-        return replace(
-            before,
-            procedure="joint",
-            fits=tuple(fit for fit in before.fits if fit.setting not in failed),
-            failures=tuple(failed[setting] for setting in sorted(failed)),
-            warnings=(
-                *before.warnings,
-                *((warning("not-joint", _NOT_JOINT.format(name)),) if is_told else ()),
-            ),
-        )
-    fits = {fit.setting: fit for fit in before.fits}
-    campaign = _each_beside(
-        given,
-        together,
-        lambda setting, problem: together.start(fits[setting], problem),
-        {setting: fit.evaluations for setting, fit in fits.items()},
-        warnings=before.warnings,
-        known=failed,
-    )
-    if not any(given.damper.quantity(one).is_friction for one in shared):
-        return campaign
-    spread = before.sharing.spread, before.sharing.is_spread_certain
-    sharing = replace(campaign.sharing, spread=spread[0], is_spread_certain=spread[1])
-    return replace(campaign, sharing=sharing)
-
-
-def _from_one_model(given: ProcedureInput, way: Way, moving: tuple[str, ...]) -> Campaign:
-    """All settings together from where one model of them has ended."""
-    fixed = given.options.fixed
-    first = given.damper.start(next(iter(given.settings.values())), fixed)[0]
-    starts = {s: given.with_given_start(s, first, fixed) for s in given.settings}
-    together = fit_from_one_model(given, way, moving, starts)
-    one = replace(given, options=replace(given.options, starts=1))
-    return _each_beside(one, together, lambda s, _: together.solution.parameters[s], {})
-
-
-def _each_beside(
-    given: ProcedureInput,
-    together: JointResult,
-    start: Callable[[Setting, FitProblem], Values],
-    spent: Mapping[Setting, int],
-    *,
-    warnings: Iterable[Problem] = (),
-    known: Mapping[Setting, Failure] = MappingProxyType({}),
-) -> Campaign:
-    """What is each setting's own, fitted beside what a joint fit has found."""
-
-    def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        problem = given.problem(setting, given.ordered(together.own_at(setting)))
-        result, search = fit_from(
-            setting,
-            problem,
-            start(setting, problem),
-            starts=given.options.starts,
-            spent=spent.get(setting, 0) + together.evaluations,
-        )
-        result = result.with_status(together.status_at(setting))
-        return describe_fit(setting, result, problem), search
-
-    campaign = fit_every_setting(given, fit, (*warnings, *together.warnings), known=known)
-    return replace(campaign, sharing=together.sharing)
-
-
-def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:
-    """Return the way of sharing, None where the logs are to tell it, and what moves."""
-    options, damper = given.options, given.damper
-    wanted = [
-        q.name for q in damper.quantities if q.default is None and q.name not in options.fixed
-    ]
-    if not options.is_detecting and not options.follows:
-        shared = given.ordered(shared_names(options, damper))
-        # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
-        own = given.ordered(options.free or [name for name in wanted if name not in shared])
-        return Way(own, shared, {}), given.ordered({*own, *shared})
-    if options.start.is_of_one_model and options.share and not options.is_detecting:
-        shared = given.ordered(options.share)
-        own = given.ordered(options.free or ())
-        way = Way(own, shared, options.follows, is_detected=bool(options.follows), is_general=True)
-        return way, given.ordered({*own, *shared})
-    moving = given.ordered({*(options.free or wanted), *options.follows})
-    if not options.follows:
-        return None, moving
-    return declared_way(damper, moving, options.follows, min(given.settings).adjusters), moving
-
-
-PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {
-    "paper": as_in_the_paper,
-    "joint": _joint,
-    "plain": _plain,
-}
-
-
-def _by_name(trace: Trace) -> tuple[object, ...]:
-    return natural_order(trace.name), trace.name, trace.start_time
 
 
 def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
@@ -310,7 +138,177 @@ def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
                 code="no-setting",
             )
         groups[Setting.of(trace.setting)].append(trace)
-    return {setting: tuple(sorted(groups[setting], key=_by_name)) for setting in sorted(groups)}
+    for logs in groups.values():
+        logs.sort(key=lambda one: (natural_order(one.name), one.name, one.start_time))
+    return {setting: tuple(groups[setting]) for setting in sorted(groups)}
+
+
+def _cycles(
+    settings: Mapping[Setting, tuple[Trace, ...]], jobs: int
+) -> dict[Setting, SettledLogs | None]:
+    """The mean cycles of each setting whose logs repeat."""
+
+    def of(setting: Setting) -> SettledLogs | None:
+        cycles = attempted(setting, lambda: settled(settings[setting], is_thinned=False))
+        return None if isinstance(cycles, Failure) else cycles
+
+    return dict(zip(settings, apart(of, settings, jobs=jobs), strict=True))
+
+
+def _plain(given: ProcedureInput) -> Campaign:
+    """Fit at every setting what is free, from the closed form."""
+    options, defaults = given.options, {q.name: q.default for q in given.damper.quantities}
+    free = options.free
+    if free is None:
+        free = tuple(n for n, x in defaults.items() if x is None and n not in options.fixed)
+    held = {n: value for n, value in defaults.items() if value is not None and n not in free}
+    fixed = {**held, **options.fixed}
+    for name in defaults:
+        if name not in free and name not in fixed:
+            raise ConfigurationError(
+                f"procedure plain: {name} is neither free nor fixed; "
+                f"add it to {{free}} or give {{fix}}.",
+                free=Option("free"),
+                fix=Option("fix", "VALUE", name),
+                code="neither-free-nor-fixed",
+            )
+
+    def fit(setting: Setting) -> tuple[Fit, Search | None]:
+        block = given.block(setting, free)
+        start = own_start(given, setting, block, fixed)
+        result, search = fit_from(setting, block, start, starts=options.starts)
+        return describe_fit(setting, result, block), search
+
+    campaign = fit_every_setting(given, fit)
+    if not options.is_leaving_out:
+        return campaign
+
+    def lean(fit: Fit) -> Fit:
+        try:
+            return _without_idle_parts(fit, given.block(fit.setting, free))
+        except (SimulationError, FitCancelledError):
+            return fit
+
+    with executor(given.jobs) as pool:
+        return replace(campaign, fits=tuple(pool.map(lean, campaign.fits)))
+
+
+def _joint(given: ProcedureInput) -> Campaign:
+    """One fit over the settings, from the model's own procedure; unsound ones follow it."""
+    way, moving = _way_of(given)
+    said, quiet = given.options.start, replace(given, on_fit=lambda _fit: None)
+    is_ended = said.is_of_one_model and all(one in said.by_setting for one in given.settings)
+    if way is not None and way.shared and is_ended:
+        with suppress(SimulationError):
+            return _from_one_model(given, way, moving)
+    name = "paper" if "paper" in given.damper.procedures else "plain"
+    by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()
+    shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
+    free = tuple(one for one in moving if one not in by_paper & shared)
+    options = replace(given.options, free=free, starts=1, is_leaving_out=False)
+    if BETA.name in free and len(given.settings) > 1:
+        options = _with_first_beta(quiet, options, PROCEDURES[name])
+    before = PROCEDURES[name](replace(quiet, options=options))
+    try:
+        ended = attempted(None, lambda: fit_settings_jointly(given, before.fits, way, moving))
+    except FitCancelledError:
+        return Campaign("joint", (), is_complete=False)
+    if isinstance(ended, Failure):
+        warnings = (*before.warnings, warning("joint-failed", _NOT_FITTED_JOINTLY.format(name)))
+        return replace(before, procedure="joint", warnings=warnings, mishap=ended)
+    together, broken = ended
+    failed = {one.setting: one for one in before.failures} | broken
+    if not before.is_complete or together is None:
+        warnings = before.warnings
+        # The logs of one setting tell beta by themselves: nothing was to be shared.
+        if before.is_complete and not (BETA.name in free and len(given.settings) == 1):
+            warnings = (*warnings, warning("not-joint", _NOT_JOINT.format(name)))
+        return replace(
+            before,
+            procedure="joint",
+            fits=tuple(fit for fit in before.fits if fit.setting not in failed),
+            failures=tuple(failed[setting] for setting in sorted(failed)),
+            warnings=warnings,
+        )
+    fits = {fit.setting: fit for fit in before.fits}
+    campaign = _each_beside(
+        given,
+        together,
+        lambda setting, block: together.start(fits[setting], block),
+        {setting: fit.evaluations for setting, fit in fits.items()},
+        warnings=before.warnings,
+        known=failed,
+    )
+    if not any(given.damper.quantity(one).is_friction for one in shared):
+        return campaign
+    spread, is_certain = before.sharing.spread, before.sharing.is_spread_certain
+    sharing = replace(campaign.sharing, spread=spread, is_spread_certain=is_certain)
+    return replace(campaign, sharing=sharing)
+
+
+def _from_one_model(given: ProcedureInput, way: Way, moving: tuple[str, ...]) -> Campaign:
+    """All settings together from where one model of them has ended."""
+    fixed = given.options.fixed
+    first = given.damper.start(next(iter(given.settings.values())), fixed)[0]
+    starts = {setting: with_given(given, setting, first, fixed) for setting in given.settings}
+    together = fit_from_one_model(given, way, moving, starts)
+    once = replace(given, options=replace(given.options, starts=1))
+    return _each_beside(once, together, lambda s, _: together.solution.parameters[s], {})
+
+
+def _each_beside(
+    given: ProcedureInput,
+    together: JointResult,
+    start: Callable[[Setting, Block], Values],
+    spent: Mapping[Setting, int],
+    *,
+    warnings: Iterable[Problem] = (),
+    known: Mapping[Setting, Failure] = MappingProxyType({}),
+) -> Campaign:
+    """What is each setting's own, fitted beside what a joint fit has found."""
+
+    def fit(setting: Setting) -> tuple[Fit, Search | None]:
+        block = given.block(setting, together.own_at(setting))
+        result, search = fit_from(
+            setting,
+            block,
+            start(setting, block),
+            starts=given.options.starts,
+            spent=spent.get(setting, 0) + together.evaluations,
+        )
+        result = result.with_status(together.status_at(setting))
+        return describe_fit(setting, result, block), search
+
+    campaign = fit_every_setting(given, fit, (*warnings, *together.warnings), known=known)
+    return replace(campaign, sharing=together.sharing)
+
+
+def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:
+    """The way of sharing, None where the logs are to tell it, and what moves."""
+    options, damper = given.options, given.damper
+    wanted = [
+        q.name for q in damper.quantities if q.default is None and q.name not in options.fixed
+    ]
+    is_handed_on = options.start.is_of_one_model and options.share and not options.is_detecting
+    if is_handed_on or not (options.is_detecting or options.follows):
+        shared = given.ordered(shared_names(options, damper))
+        # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
+        rest = () if options.follows else (name for name in wanted if name not in shared)
+        own = given.ordered(options.free or rest)
+        is_tied = bool(options.follows)
+        way = Way(own, shared, options.follows, is_detected=is_tied, is_general=is_tied)
+        return way, given.ordered({*own, *shared})
+    moving = given.ordered({*(options.free or wanted), *options.follows})
+    if not options.follows:
+        return None, moving
+    return declared_way(damper, moving, options.follows, min(given.settings).adjusters), moving
+
+
+PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {
+    "paper": as_in_the_paper,
+    "joint": _joint,
+    "plain": _plain,
+}
 
 
 # Settings whose logs are all equally warm do not determine what temperature does, and one whose
@@ -319,25 +317,10 @@ _ASKED = 3  # settings; their mean only has to be near
 _WIDE = 3.0  # K within a setting that tell it anything
 
 
-def with_first_beta(
+def _with_first_beta(
     given: ProcedureInput, options: FitOptions, fit: Callable[[ProcedureInput], Campaign]
 ) -> FitOptions:
-    """Return the options of a fit of single settings that hold beta at what some of them tell.
-
-    Parameters
-    ----------
-    given : ProcedureInput
-        All settings.
-    options : FitOptions
-        With beta among what is free.
-    fit : callable
-        The procedure that fits settings one by one.
-
-    Raises
-    ------
-    FitCancelledError
-        When the caller asked to stop.
-    """
+    """The options of a fit of single settings that hold beta at what some of them tell."""
     beta = options.start.named.get(BETA.name, 0.0)
     reach = {}
     for setting, traces in given.settings.items():
@@ -346,8 +329,80 @@ def with_first_beta(
     telling = [one for one in sorted(reach, key=lambda s: -reach[s]) if reach[one] >= _WIDE]
     if telling:
         asked = {setting: given.settings[setting] for setting in sorted(telling[:_ASKED])}
-        told = fit(replace(given, settings=asked, options=options, on_fit=lambda _: None))
-        found = [one.parameters.beta for one in told.fits if one.outcome.is_minimum]
-        beta = float(np.median(found)) if found else beta
+        fits = fit(replace(given, settings=asked, options=options)).fits
+        betas = [one.parameters.beta for one in fits if one.outcome.is_minimum]
+        beta = float(np.median(betas)) if betas else beta
     left = tuple(name for name in options.free or () if name != BETA.name)
     return replace(options, free=left, fixed={**options.fixed, BETA.name: beta})
+
+
+# Parts of a law that do nothing at a setting are left out there, and the rest is fitted again. A
+# law that logs have chosen is one for all settings. Where a bleed is closed or a mounting has no
+# play, the number of it runs to the edge of its range; that is the smaller law, not a bound that a
+# fit strains against.
+
+# Friction at rest and the speed at which it has gone: two numbers of one part, but for a speed that
+# is lower than logs tell.
+_AT_REST = ("breakaway", "stribeck_speed")
+# Oil that does not give, and gas whose pressure does not change: what the logs do not show.
+_AS_IF = {
+    STIFFNESS: "the logs do not show the oil give: it is taken as rigid here",
+    GAS_AMOUNT: "the logs do not show the gas pressure change with the stroke: it is taken as "
+    "constant here",
+}
+
+
+def _without_idle_parts(fit: Fit, block: Block) -> Fit:
+    lost: dict[str, None] = {}
+    said: list[Problem] = []
+    first = fit.warnings
+    while idle := [
+        name
+        for name, status in fit.status.items()
+        if status is Status.AT_BOUND and does_nothing(fit.parameters, name)
+    ]:
+        said += [warning("left-out", _sentence(fit.parameters, name)) for name in idle]
+        lost |= dict.fromkeys(one for name in idle for one in _part(fit, name))
+        start = kept_within(fit.parameters, lost)
+        rest = replace(block, free=tuple(one for one in block.free if one not in lost))
+        has_edges = {name: fit.parameters.quantity(name).has_own_edges for name in lost}
+        left = {n: Status.FIXED if has_edges[n] else Status.ABSENT for n in lost}
+        result = minimised(rest, start, spent=fit.evaluations).with_status(left)
+        fit = describe_fit(fit.setting, result, rest)
+    return replace(fit, warnings=(*first, *said)) if said else fit
+
+
+def _part(fit: Fit, name: str) -> list[str]:
+    """A quantity with those that mean nothing without it: a closed blow-off has no slope."""
+    one = fit.parameters.quantity(name)
+    edge = one.edge_at(getattr(fit.parameters, name))
+    if name in _AT_REST:
+        is_speed_alone = name == _AT_REST[1] and edge != "above"
+        return [name] if is_speed_alone else [two for two in _AT_REST if two in fit.status]
+    is_shut = one.group == "blow_off" and one.area_power > 0.0 and edge == "above"
+    if not is_shut or one.stroke == "return":
+        return [name]
+    return [two for two in map(one.beside, BLOW_OFF_PARTS) if two in fit.status]
+
+
+def _sentence(values: Values, name: str) -> str:
+    one, value = values.quantity(name), getattr(values, name)
+    low, high = one.plausible
+    what = f"{one.label} ({one.symbol})"
+    if one.has_own_edges:
+        return (
+            f"{what}: {value:g}, an edge of its range at which the law is a simpler one, fits "
+            "best, and is held here."
+        )
+    if one.role in _AS_IF:
+        return f"{what}: {_AS_IF[one.role]}."
+    if name == _AT_REST[1] and value < high:
+        beyond = f"below {1e3 * low:g} mm/s"
+    elif one.area_power < 0.0 and value >= high:
+        beyond = f"above {high / 10.0**one.power:g} {one.shown_unit}"
+    else:
+        return (
+            f"{what} does nothing here: it ran to the edge of its range, and the law is fitted "
+            "without it."
+        )
+    return f"{what}: the logs do not determine one {beyond}, at which it is held here."

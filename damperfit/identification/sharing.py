@@ -8,55 +8,31 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Values
-    from damperfit.identification.gas_content import GasLaw
     from damperfit.tested.setting import Place
-
-__all__ = [
-    "Follows",
-    "Sharing",
-    "Unknown",
-    "listed_settings",
-    "of_runs",
-    "of_settings",
-    "unknown_at",
-    "unknowns_of",
-    "unlimited_in",
-    "values_from_others",
-]
 
 Follows: TypeAlias = "Mapping[str, tuple[str, ...]]"
 """Adjusters that a quantity follows; one that is not named is the damper's."""
 
 
 class Unknown(NamedTuple):
-    """One number that settings have in common.
-
-    Attributes
-    ----------
-    name : str
-        Quantity.
-    places : tuple of (str, Place)
-        Where the adjusters stand that it follows; empty: it is the damper's.
-
-    Examples
-    --------
-    >>> Unknown("r_m3").label, Unknown("rebound_bleed", (("low_speed", 6),)).label
-    ('r_m3', 'rebound_bleed at low_speed 6')
-    """
+    """One number that settings have in common."""
 
     name: str
-    places: tuple[tuple[str, Place], ...] = ()
+    places: tuple[tuple[str, Place], ...] = ()  # of the adjusters that it follows
 
     @property
     def label(self) -> str:
-        """For people and for mappings by name: of the damper's it is the name."""
+        """For people and for mappings by name: of the damper's it is the name.
+
+        >>> Unknown("r_m3").label, Unknown("rebound_bleed", (("low_speed", 6),)).label
+        ('r_m3', 'rebound_bleed at low_speed 6')
+        """
         where = ", ".join(f"{adjuster} {place}" for adjuster, place in self.places)
         return f"{self.name} at {where}" if where else self.name
 
@@ -66,24 +42,55 @@ class Unknown(NamedTuple):
 
 
 def unknown_at(name: str, follows: Follows, setting: Setting) -> Unknown:
-    """Return the unknown that a quantity is at a setting."""
+    """The unknown that a quantity is at a setting."""
     return Unknown(name, tuple((one, setting.place(one)) for one in follows.get(name, ())))
 
 
 def unknowns_of(
     names: Sequence[str], follows: Follows, settings: Iterable[Setting]
 ) -> tuple[Unknown, ...]:
-    """Return the unknowns that shared quantities are at some settings, quantity by quantity.
-
-    Examples
-    --------
-    >>> from damperfit.tested.setting import Setting
-    >>> at = [Setting((("low", a), ("high", b))) for a in (6, 14) for b in (1, 3)]
-    >>> [one.label for one in unknowns_of(["s", "k_s"], {"s": ("low",)}, at)]
-    ['s at low 6', 's at low 14', 'k_s']
-    """
+    """The unknowns that shared quantities are at some settings, quantity by quantity."""
     at = list(settings)
     return tuple(dict.fromkeys(unknown_at(name, follows, one) for name in names for one in at))
+
+
+# What follows from a gas content, and the two numbers of its law in the order of their columns.
+GAS_FOLLOWER, GAS_NAMES = "k_e", ("volume_ratio", "stiffness")
+
+
+class GasLaw(NamedTuple):
+    """K_e of every setting from one gas content: Appendix 1 of the paper, eq. (28).
+
+    1/K_e = V_r/(gamma P) + C/K_B, with P the mean working pressure of a setting. With the share of
+    the compliance that the gas has, s = K_e V_r/(gamma P)::
+
+        d ln K_e = -s d ln V_r + (1 - s) d ln(K_B/C)
+    """
+
+    volume_ratio: float  # V_r, trapped gas over oil
+    stiffness: float  # K_B/C, bulk modulus of oil and tube without gas, Pa
+    gas_exponent: float  # gamma
+    pressures: Mapping[Setting, float]  # P by setting, absolute, Pa
+
+    def modulus(self, setting: Setting) -> float:
+        """K_e of a setting, Pa."""
+        from damperfit.damper.purdy.appendices import modulus_at_pressure
+
+        # Eq. (28) with K_B/C in place of K_B and V_r/C in place of V_r has C = 1.
+        return float(
+            modulus_at_pressure(
+                self.pressures[setting],
+                volume_ratio=self.volume_ratio,
+                liquid=self.stiffness,
+                compliance=1.0,
+                gas_exponent=self.gas_exponent,
+            )
+        )
+
+    def share(self, setting: Setting) -> float:
+        """Share of a setting's compliance that the gas has, 0 to 1."""
+        gas = self.gas_exponent * self.pressures[setting]
+        return self.modulus(setting) * self.volume_ratio / gas
 
 
 # Frictions further from their middle than this share are not one; noise alone moves those of the
@@ -214,13 +221,7 @@ class Sharing:
         return ("The logs show that " if self.is_detected else "As declared ") + "; ".join(said)
 
     def whose(self, name: str, setting: Setting) -> str:
-        """Return by whom a shared parameter is shared, for people.
-
-        Examples
-        --------
-        >>> Sharing(jointly=("r_m3",)).whose("r_m3", Setting.of(3))
-        'all settings'
-        """
+        """By whom a shared parameter is shared, for people."""
         places = unknown_at(name, self.follows, setting).places
         at = ", ".join(f"{adjuster} {place}" for adjuster, place in places)
         return f"all settings at {at}" if at else "all settings"
@@ -231,10 +232,8 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def listed_settings(settings: Iterable[Setting | Place]) -> str:
-    """Return settings in order: of whole numbers runs of three and more drawn together.
+    """Settings in order: of whole numbers runs of three and more drawn together.
 
-    Examples
-    --------
     >>> listed_settings([1, 2, 5, 6, 7]), listed_settings([Setting.of("soft"), Setting.of(3)])
     ('1, 2, 5-7', '3, soft')
     """
@@ -257,10 +256,8 @@ def of_settings(settings: Iterable[Setting | Place]) -> str:
 
 
 def of_runs(runs: Sequence[tuple[int, int]]) -> str:
-    """Return runs of whole numbers, each given by its first and last, as settings.
+    """Runs of whole numbers, each given by its first and last, as settings.
 
-    Examples
-    --------
     >>> of_runs([(4, 4)]), of_runs([(1, 3)]), of_runs([(4, 4), (7, 7), (10, 900000)])
     ('setting 4', 'settings 1-3', 'settings 4, 7, 10-900000')
     """
@@ -285,22 +282,12 @@ def _listed_runs(runs: Sequence[tuple[int, int]]) -> str:
 
 
 def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Values | None:
-    """Return the values of a setting from those of others; None where they do not tell them.
+    """The values of a setting from those of others, fitted together; None where they tell none.
 
     An offset, which is each test's own, is the mean of theirs.
 
-    Parameters
-    ----------
-    known : mapping of Setting to Values
-        Of one model, as fitted together.
-    setting : Setting
-        One that is not among them.
-
-    Examples
-    --------
     >>> from damperfit.damper.model import values_type
     >>> from damperfit.damper.quantity import Quantity
-    >>> from damperfit.tested.setting import Setting
     >>> s = Quantity("s", "s", "bleed", "bleed", "Pa", (1.0, 9.0))
     >>> p = Quantity("p", "p", "opening", "opening", "Pa", (1.0, 9.0))
     >>> at = lambda low, high: Setting((("low", low), ("high", high)))
@@ -333,19 +320,10 @@ def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Val
 def unlimited_in(
     values: Values, known: Mapping[Setting, Values], unlimited: Mapping[Setting, Collection[str]]
 ) -> tuple[str, ...]:
-    """Return which of the values of a setting that was not fitted rest on logs that set no limit.
+    """Which values of a setting, as `values_from_others` has them, rest on logs that set no limit.
 
     A blow-off that opened in no log of its click has any p_open; another motion, or another click
     of the bleed beside it, may need the true one.
-
-    Parameters
-    ----------
-    values : Values
-        As `values_from_others` has put them together.
-    known : mapping of Setting to Values
-        Of the settings that were fitted.
-    unlimited : mapping of Setting to collection of str
-        Names to which the logs of a setting set no upper limit.
     """
     return tuple(
         name

@@ -22,17 +22,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     from damperfit.identification.mean_cycle import SettledCycle
 
-__all__ = [
-    "LogFit",
-    "SeenLog",
-    "SimulatedLog",
-    "compare",
-    "normalised_mse",
-]
-
-
-# The model beside the measurement: simulate, filter alike, subtract.
-
 
 class SimulatedLog(NamedTuple):
     """A response and its force as compared with the measured one.
@@ -104,26 +93,17 @@ def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:
 class SeenLog(NamedTuple):
     """A log simulated with the values that a fit ended at, kept for those who come after it.
 
-    Attributes
-    ----------
-    parameters, trace, damper, solver
-        What was simulated.
-    force : numpy.ndarray
-        Shape (n,), behind the trace's model filter, N.
-    pressures : numpy.ndarray
-        Shape (3, n), Pa, in single precision: of every log of a run no more is kept than 50 bytes a
-        sample, and 0.03 Pa are less than the integrator's error. An empty chamber stays empty.
-    cycles : tuple of SettledCycle
-        Of each stretch, where the fit has gone down on them.
+    Pressures are in single precision: of every log of a run no more is kept than 50 bytes a sample,
+    and 0.03 Pa are less than the integrator's error. An empty chamber stays empty.
     """
 
     parameters: Values
     trace: Trace
     damper: Model
     solver: SolverOptions
-    force: FloatArray
-    pressures: NDArray[np.float32]
-    cycles: tuple[SettledCycle, ...] = ()
+    force: FloatArray  # (n,), behind the trace's model filter, N
+    pressures: NDArray[np.float32]  # (3, n), Pa
+    cycles: tuple[SettledCycle, ...] = ()  # of each stretch, where the fit has gone down on them
 
     def is_of(self, parameters: Values, trace: Trace, damper: Model, solver: SolverOptions) -> bool:
         """Whether a simulation of this would be that one again."""

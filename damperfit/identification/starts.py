@@ -1,4 +1,4 @@
-"""Where a fit starts: the model's own starts, the best of several, a Latin cube around a result.
+"""Where fits start: the model's own starts, what was given, neighbours, detours, a Latin cube.
 
 The cube lies over the logarithms of the free parameters, a factor of ten to both sides of the first
 result (an offset: 300 N), the same in every run of one setting.
@@ -10,39 +10,37 @@ import math
 from collections import defaultdict
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 from zlib import crc32
 
 import numpy as np
 
 from damperfit.errors import DamperfitError, FitCancelledError, SimulationError
-from damperfit.identification.fit_setting import FitResult, fit_setting
+from damperfit.identification.fit_problem import kept_within
+from damperfit.identification.fit_setting import (
+    EXCELLENT,
+    ROUGH,
+    FitResult,
+    descended,
+    minimised,
+)
 from damperfit.identification.least_squares import Minimum, Stopping
-from damperfit.identification.outcome import Status
+from damperfit.identification.log_facts import inseparable
+from damperfit.identification.outcome import Outcome, Status, attempted
 from damperfit.identification.sharing import of_settings
+from damperfit.problem import Failure
 from damperfit.statistics import CHI_SQUARED_95
 from damperfit.tested.setting import Setting
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Values
-    from damperfit.identification.fit_problem import FitProblem
-
-__all__ = [
-    "COMPARING",
-    "SHORT",
-    "SPREAD",
-    "LocalMinimum",
-    "Search",
-    "best_fitting",
-    "best_of_starts",
-    "describe_searches",
-    "fit_from",
-    "is_as_expected",
-    "search",
-    "spread_starts",
-]
+    from damperfit.identification.campaign import ProcedureInput
+    from damperfit.identification.fit_problem import Block
+    from damperfit.identification.fit_setting import Fit
 
 # Structures are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
 COMPARING = Stopping(
@@ -51,14 +49,17 @@ COMPARING = Stopping(
 # Starts that are followed for a few evaluations before the best is followed to its end: so many, or
 # one beside those that are known.
 _TRIED = 3
-SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
+_SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
 # Of the force's deviation: starts with offsets or frictions that are so far apart are two places.
 _APART = 0.1
 # Times the scatter between cycles: a minimum that is there needs no other start.
 _AS_EXPECTED = 2.0
 _OF_VALVES = ("bleed", "opening", "slope")
-
-# Factor to both sides that the starts are spread over; of a linear quantity, in units of its size.
+# A sound minimum is preferred to a cavitating one unless that one is better by this factor.
+_CLEARLY_BETTER = 1.5
+# Neighbours from which a setting at a bound starts again: one along each of two adjusters.
+_NEIGHBOURS = 2
+# Factor to both sides that the cube spreads over; of a linear quantity, in units of its size.
 SPREAD = 10.0
 _LINEAR_SPREAD = 3.0
 _SEED = 20
@@ -66,6 +67,177 @@ _SHOWN = 4
 # Two ends are one minimum when their parameters are this near, or this many standard errors.
 _SAME = 0.01
 _SAME_ERRORS = 1.0
+
+
+# The model's own start, and what somebody has said.
+
+
+def own_start(
+    given: ProcedureInput, setting: Setting, block: Block, fixed: Mapping[str, float]
+) -> Values:
+    """Where the fit of a setting starts: as somebody has said, else the model's start.
+
+    Of several starts it is the one that fits the first log best. A law with kinks makes a descent
+    long: there it is where the best lead, followed on mean cycles as far as the motions repeat.
+    """
+    starts = block.model.start(block.traces, fixed)
+    starts = tuple({with_given(given, setting, one, fixed): None for one in starts})
+    if len(starts) == 1:
+        return starts[0]
+    try:
+        coarse = replace(block, cycles=None)
+        coarse = coarse.on_cycles() if block.model.kinks else coarse
+        if coarse.cycles is not None:
+            return best_of_starts(coarse, starts, is_thorough=True).extra
+    except SimulationError:
+        return starts[0]
+    ranked = _best_fitting(replace(coarse, traces=block.traces[:1]), starts)
+    return ranked[0] if ranked else starts[0]
+
+
+def with_given(
+    given: ProcedureInput, setting: Setting, start: Values, fixed: Mapping[str, float]
+) -> Values:
+    """A start with what somebody has said that the fit of a setting starts at."""
+    said = given.options.start.of(setting)
+    said = {name: said[name] for name in given.ordered(said) if name not in fixed}
+    return kept_within(start.replace(said), said)
+
+
+# Detours: from a minimum that is not sound.
+
+
+def fit_setting(block: Block, start: Values, *, spent: int = 0) -> FitResult:
+    """Fit the free parameters of one setting.
+
+    A fit that ends unsound (cavitating, at a bound, or not identifiable) is tried again from the
+    model's further starts. The paper's lie below the onset of cavitation, and the better sound
+    minimum is kept; where that gives neither a sound minimum nor a good one that cavitates, others
+    lie beyond the onset.
+
+    Raises
+    ------
+    SimulationError
+        When the model cannot be integrated at any start.
+    """
+    best = minimised(block, start, spent=spent)
+    if names := inseparable(block.facts, block.free, block.model.quantities):
+        return _inseparable(best, names)
+    is_sound = best.is_sound
+    for detour in block.model.detours(start, block.traces, block.free):
+        is_enough = _is_explained(best) or lacks_stiffness_alone(best)
+        if is_sound or (detour.is_last_resort and is_enough):
+            break
+        try:
+            other = fit_in_stages(block, detour.start, detour.held)
+        except SimulationError:
+            continue
+        if detour.is_last_resort:
+            is_better = other.mse_percent * _CLEARLY_BETTER < best.mse_percent
+        else:
+            is_better = _is_preferred(other, best)
+        evaluations = best.evaluations + other.evaluations
+        best = replace(other if is_better else best, evaluations=evaluations)
+        is_sound = best.is_sound
+    return best
+
+
+def fit_in_stages(
+    block: Block,
+    start: Values,
+    stages: Sequence[frozenset[str]],
+    *,
+    has_detours: bool = False,
+) -> FitResult:
+    """Fit after rough descents that hold some at the start, stage by stage.
+
+    Of several logs these take the one with the strongest force: it determines the valves best. Mean
+    cycles are few samples: all are taken.
+    """
+    spent, rough = 0, block
+    if block.cycles is None:
+        strongest = max(block.traces, key=lambda one: float(np.std(one.force[one.compared])))
+        rough = replace(block, traces=(strongest,))
+    for held in stages:
+        free = tuple(name for name in block.free if name not in held)
+        near = descended(replace(rough, free=free), start, ROUGH)
+        start, spent = near.values, spent + near.evaluations
+    return (fit_setting if has_detours else minimised)(block, start, spent=spent)
+
+
+def lacks_stiffness_alone(result: FitResult) -> bool:
+    """Whether a fit that does not cavitate is excellent and lacks nothing but K_e: rigid oil."""
+    is_open = {one.name for one in result.values.quantities if one.is_open}
+    others = all(
+        status in {Status.FITTED, Status.FIXED}
+        for name, status in result.status.items()
+        if name not in is_open
+    )
+    is_lost = any(result.status[name] == Status.NOT_IDENTIFIABLE for name in is_open)
+    return others and is_lost and not result.is_cavitating and result.mse_percent < EXCELLENT
+
+
+def _inseparable(result: FitResult, names: tuple[str, ...]) -> FitResult:
+    """The same, of parameters that these logs cannot separate; at a bound one is by accident."""
+    loose = {Status.FITTED, Status.AT_BOUND}
+    lost = {name: Status.NOT_IDENTIFIABLE for name in names if result.status[name] in loose}
+    outcome = result.outcome
+    if outcome in {Outcome.CONVERGED, Outcome.CAVITATING, Outcome.AT_BOUND}:
+        outcome = Outcome.NOT_IDENTIFIABLE
+    return replace(result.with_status(lost), outcome=outcome)
+
+
+def _is_explained(result: FitResult) -> bool:
+    """Whether a fit that cavitates is too good for a wrong minimum, which an offset may hide."""
+    has_offset = any(result.values.quantity(name).is_offset for name in result.free)
+    is_excellent = result.mse_percent < EXCELLENT
+    return result.outcome is Outcome.CAVITATING and is_excellent and not has_offset
+
+
+def _is_preferred(second: FitResult, first: FitResult) -> bool:
+    """Whether the second is to be kept: sound, or else better."""
+    if second.is_sound:
+        is_much_worse = first.mse_percent * _CLEARLY_BETTER < second.mse_percent
+        return not (is_much_worse and first.outcome is Outcome.CAVITATING)
+    return first.mse_percent > second.mse_percent
+
+
+# Neighbours: from what other settings have ended at.
+
+
+def from_neighbours(
+    blocks: Mapping[Setting, Block], fits: Mapping[Setting, Fit], *, jobs: int
+) -> tuple[dict[Setting, Values], int]:
+    """Each setting's values; one that ended at a bound starts again from its sound neighbours'.
+
+    A weak stroke may be read as a blow-off that is always open where its bleed is all that acts.
+    """
+    sound = [setting for setting, fit in fits.items() if fit.outcome is Outcome.CONVERGED]
+    spent = dict.fromkeys(fits, 0)
+
+    def steps(one: Setting, other: Setting) -> int:
+        return sum(one.place(adjuster) != other.place(adjuster) for adjuster in one.adjusters)
+
+    def helped(setting: Setting) -> Values:
+        best, least = fits[setting].parameters, fits[setting].mse_percent
+        nearest = sorted(sound, key=lambda other: (steps(setting, other), other))
+        is_lost = fits[setting].outcome is Outcome.AT_BOUND
+        for other in nearest[:_NEIGHBOURS] if is_lost else ():
+            lent = {n: getattr(fits[other].parameters, n) for n in blocks[other].free}
+            result = attempted(setting, partial(minimised, blocks[setting], best.replace(lent)))
+            if isinstance(result, Failure):
+                continue
+            spent[setting] += result.evaluations
+            if result.mse_percent < least:
+                best, least = result.values, result.mse_percent
+        return best
+
+    with executor(jobs) as pool:
+        values = dict(zip(fits, pool.map(helped, fits), strict=True))
+    return values, max(spent.values())
+
+
+# A Latin cube around a result.
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,108 +308,73 @@ class Search:
 
 def describe_searches(searches: Iterable[Search]) -> tuple[str, ...]:
     """Return what the starts found, for people: one sentence for each kind of ending."""
-    said: dict[str, list[Setting]] = defaultdict(list)
+    endings: dict[str, list[Setting]] = defaultdict(list)
     for one in searches:
-        said[_ending(one)].append(one.setting)
-    return tuple(f"{of_settings(settings)}, {words}" for words, settings in said.items())
-
-
-def _ending(one: Search) -> str:
-    many = f"{', '.join(one.free)} free, {one.n_starts} starts"
-    if one.n_failed:
-        many += f" of which {one.n_failed} could not be simulated"
-    if len(one.minima) == 1:
-        return f"{many}: all end in one minimum"
-    ends = ", ".join(
-        f"{end.mse_percent:.3g} % ({end.n_starts}, {end.outcome})" for end in one.minima[:_SHOWN]
-    )
-    more = f" and {len(one.minima) - _SHOWN} more" if len(one.minima) > _SHOWN else ""
-    return f"{many}: {len(one.minima)} minima, with MSE {ends}{more}"
+        many = f"{', '.join(one.free)} free, {one.n_starts} starts"
+        if one.n_failed:
+            many += f" of which {one.n_failed} could not be simulated"
+        more = f" and {len(one.minima) - _SHOWN} more" if len(one.minima) > _SHOWN else ""
+        ends = ", ".join(
+            f"{end.mse_percent:.3g} % ({end.n_starts}, {end.outcome})"
+            for end in one.minima[:_SHOWN]
+        )
+        is_one = len(one.minima) == 1
+        ending = (
+            "all end in one minimum" if is_one else f"{len(one.minima)} minima, with MSE {ends}"
+        )
+        endings[f"{many}: {ending}{more}"].append(one.setting)
+    return tuple(f"{of_settings(settings)}, {words}" for words, settings in endings.items())
 
 
 def fit_from(
-    setting: Setting, problem: FitProblem, start: Values, *, starts: int, spent: int = 0
+    setting: Setting, block: Block, start: Values, *, starts: int, spent: int = 0
 ) -> tuple[FitResult, Search | None]:
-    """Fit from a start, and from as many more as the options ask for."""
-    first = fit_setting(problem, start, spent=spent)
-    if starts < 2 or not problem.free:
+    """Fit from a start, and from as many more as the options ask for; the best sound result."""
+    first = fit_setting(block, start, spent=spent)
+    if starts < 2 or not block.free:
         return first, None
-    return search(setting, problem, first, n_starts=starts)
-
-
-def search(
-    setting: Setting, problem: FitProblem, first: FitResult, *, n_starts: int
-) -> tuple[FitResult, Search]:
-    """Fit from further starts; returns the best sound result and what was found.
-
-    Parameters
-    ----------
-    setting : Setting
-        Adjuster setting; it also seeds the starts.
-    problem : FitProblem
-        Logs, damper and what is free.
-    first : FitResult
-        Result from the procedure's own start.
-    n_starts : int
-        Descents in all, the first among them.
-
-    Raises
-    ------
-    FitCancelledError
-        When the caller asked to stop.
-    """
     ends = [first]
-    for start in spread_starts(problem, first.values, setting, n_starts - 1):
+    for other in spread_starts(block, first.values, setting, starts - 1):
         try:
-            ends.append(fit_setting(problem, start))
+            ends.append(fit_setting(block, other))
         except FitCancelledError:
             raise
         except DamperfitError:
             continue
-    groups = _grouped(ends, problem)
-    spent = sum(end.evaluations for end in ends)
+    groups = _grouped(ends, block)
     best = groups[0][0]
     is_improved = first not in groups[0] and not _is_level(best, first)
-    chosen = best if is_improved else first
     sound = [group[0] for group in groups if group[0].is_sound]
-    found = Search(
+    minima = [
+        LocalMinimum(one[0].values, one[0].mse_percent, one[0].outcome.value, len(one))
+        for one in groups
+    ]
+    search = Search(
         setting=setting,
-        free=problem.free,
-        minima=tuple(
-            LocalMinimum(
-                group[0].values,
-                group[0].mse_percent,
-                group[0].outcome.value,
-                len(group),
-            )
-            for group in groups
-        ),
-        n_starts=n_starts,
-        n_failed=n_starts - len(ends),
+        free=block.free,
+        minima=tuple(minima),
+        n_starts=starts,
+        n_failed=starts - len(ends),
         is_improved=is_improved,
         is_ambiguous=len(sound) > 1 and sound[0] is best and _is_level(sound[0], sound[1]),
     )
-    return replace(chosen, evaluations=spent), found
-
-
-def _seed_of(setting: Setting) -> int:
-    """A number of the setting's own, the same in every run; whole clicks are their own."""
-    cell = Setting.of(setting).cell
-    return cell if isinstance(cell, int) and cell >= 0 else crc32(str(cell).encode())
+    spent = sum(end.evaluations for end in ends)
+    return replace(best if is_improved else first, evaluations=spent), search
 
 
 def spread_starts(
-    problem: FitProblem, centre: Values, setting: Setting, number: int
+    block: Block, centre: Values, setting: Setting, number: int
 ) -> tuple[Values, ...]:
-    """Return starts spread over a Latin hypercube around a point; always the same ones."""
+    """Starts spread over a Latin hypercube around a point; always the same ones of a setting."""
     from scipy.stats import qmc  # slow to import: only a search from many starts pays
 
-    random = np.random.default_rng([_SEED, _seed_of(setting)])
-    cube = qmc.LatinHypercube(len(problem.free), rng=random).random(number)
+    cell = Setting.of(setting).cell
+    own_seed = cell if isinstance(cell, int) and cell >= 0 else crc32(str(cell).encode())
+    random = np.random.default_rng([_SEED, own_seed])
+    cube = qmc.LatinHypercube(len(block.free), rng=random).random(number)
     columns = {}
-    for name, away in zip(problem.free, 2.0 * cube.T - 1.0, strict=True):
-        value = getattr(centre, name)
-        one = centre.quantity(name)
+    for name, away in zip(block.free, 2.0 * cube.T - 1.0, strict=True):
+        value, one = getattr(centre, name), centre.quantity(name)
         columns[name] = (
             value * SPREAD**away if one.is_logarithmic else value + _LINEAR_SPREAD * one.size * away
         )
@@ -247,20 +384,19 @@ def spread_starts(
     )
 
 
-def _grouped(ends: Sequence[FitResult], problem: FitProblem) -> list[list[FitResult]]:
+def _grouped(ends: Sequence[FitResult], block: Block) -> list[list[FitResult]]:
     """Ends of one minimum together, best first; sound minima before the others."""
     groups: list[list[FitResult]] = []
     for end in sorted(ends, key=lambda one: one.mse_percent):
-        for group in groups:
-            if _is_same(group[0], end, problem):
-                group.append(end)
-                break
-        else:
+        same = next((group for group in groups if _is_same(group[0], end, block)), None)
+        if same is None:
             groups.append([end])
+        else:
+            same.append(end)
     return sorted(groups, key=lambda group: (not group[0].is_sound, group[0].mse_percent))
 
 
-def _is_same(one: FitResult, other: FitResult, problem: FitProblem) -> bool:
+def _is_same(one: FitResult, other: FitResult, block: Block) -> bool:
     """Whether all parameters that the logs tell agree."""
     for name, error in one.errors.items():
         if one.status[name] != Status.FITTED and other.status[name] == one.status[name]:
@@ -268,7 +404,7 @@ def _is_same(one: FitResult, other: FitResult, problem: FitProblem) -> bool:
         a, b = one.values, other.values
         quantity = a.quantity(name)
         if not quantity.is_logarithmic:
-            unit = problem.deviation if quantity.is_offset else quantity.size
+            unit = block.deviation if quantity.is_offset else quantity.size
             apart = abs(getattr(a, name) - getattr(b, name))
             if apart > max(_SAME * quantity.size, _SAME_ERRORS * error * unit):
                 return False
@@ -288,135 +424,90 @@ def _is_level(best: FitResult, other: FitResult) -> bool:
     return bool(rise * best.n_independent < CHI_SQUARED_95)
 
 
-def is_as_expected(problem: FitProblem, ended: Minimum[Values]) -> bool:
-    """Whether a descent has left about what differs by cycle, and needs no other start.
-
-    Parameters
-    ----------
-    problem : FitProblem
-        What is fitted.
-    ended : Minimum
-        Where it has ended.
-    """
-    return ended.cost <= _AS_EXPECTED * problem.scatter
+# The best of several starts.
 
 
 def best_of_starts(
-    problem: FitProblem,
-    starts: Sequence[Values],
-    *,
-    known: int = 0,
-    hopeless: float = math.inf,
-    is_thorough: bool = False,
+    block: Block, starts: Sequence[Values], *, known: int = 0, is_thorough: bool = False
 ) -> Minimum[Values]:
-    """Return where the best of some starts leads.
+    """Where the best of some starts leads; so many of the first are followed in any case.
 
     Those that fit best, with unlike offsets or frictions, are followed for a few evaluations, the
     best of them to its end; where it loses a bleed or a blow-off there, the next start is followed
-    too.
-
-    Parameters
-    ----------
-    problem : FitProblem
-        What is fitted.
-    starts : sequence of Values
-        Where to start from.
-    known : int
-        So many of the first starts are followed however badly they fit.
-    hopeless : float
-        Where the few evaluations leave more than this, nothing is followed to its end.
-    is_thorough : bool
-        Whether the others are followed to their ends too, until one leaves about what differs by
-        cycle: after a few evaluations a wrong minimum may look better than the right one.
+    too. Thoroughly, the others are followed to their ends until one leaves about what differs by
+    cycle: after a few evaluations a wrong minimum may look better than the right one.
 
     Raises
     ------
     SimulationError
         The law cannot be simulated at any of them.
     """
-    ranked = [*starts[:known], *_in_turn(problem, best_fitting(problem, starts[known:]))]
+    ranked = [*starts[:known], *_in_turn(block, _best_fitting(block, starts[known:]))]
     looks: list[Minimum[Values]] = []
     many = known + 1 if known else _TRIED
     for start in ranked[:many]:
         with suppress(SimulationError):
-            looks.append(problem.descend(start, SHORT))
-            if is_as_expected(problem, looks[-1]):
+            looks.append(block.descend(start, _SHORT))
+            if _is_as_expected(block, looks[-1]):
                 break
     if not looks:
         raise SimulationError(
-            f"{problem.model.name} cannot be simulated from any of its starts.", code="no-start"
+            f"{block.model.name} cannot be simulated from any of its starts.", code="no-start"
         )
     spent = sum(one.evaluations for one in looks)
     best, *others = sorted(looks, key=lambda one: one.cost)
-    if best.cost > hopeless:
-        return replace(best, evaluations=spent)
-    ended = problem.descend(best.extra, COMPARING)
+    ended = block.descend(best.extra, COMPARING)
     spent += ended.evaluations
-    for look in others if is_thorough else ():
-        if is_as_expected(problem, ended):
+    further = [(look.extra, False) for look in others] if is_thorough else []
+    for start, is_next in (*further, *((one, True) for one in ranked[many : many + 1])):
+        # The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
+        if _is_as_expected(block, ended) or (is_next and not _lost_a_valve(block, ended)):
             break
         with suppress(SimulationError):
-            other = problem.descend(look.extra, COMPARING)
+            other = block.descend(start, COMPARING)
             spent += other.evaluations
             ended = min(ended, other, key=lambda one: one.cost)
-    left = ranked[many:]
-    if left and _lost_a_valve(problem, ended):
-        last = _descended(problem, left[0])
-        if last is not None:
-            spent += last.evaluations
-            ended = min(ended, last, key=lambda one: one.cost)
     return replace(ended, evaluations=spent)
 
 
-def _in_turn(problem: FitProblem, ranked: list[Values]) -> list[Values]:
+def _is_as_expected(block: Block, ended: Minimum[Values]) -> bool:
+    """Whether a descent has left about what differs by cycle, and needs no other start."""
+    return ended.cost <= _AS_EXPECTED * block.scatter
+
+
+def _lost_a_valve(block: Block, ended: Minimum[Values]) -> bool:
+    """Whether a bleed or a blow-off ran out of its range."""
+    return any(
+        block.model.quantity(name).part in _OF_VALVES and block.is_at_edge(ended.extra, name)
+        for name in block.free
+    )
+
+
+def _in_turn(block: Block, ranked: list[Values]) -> list[Values]:
     """Starts in the order in which they are followed: the best, then the best that is none of it.
 
     An offset or a friction that hides a preload fits best at the start and leads nowhere else.
     """
-    if len(ranked) < 2:
-        return ranked
-    of = {name: problem.model.quantity(name) for name in problem.free}
+    of = {name: block.model.quantity(name) for name in block.free}
     forces = [name for name, one in of.items() if one.is_offset or one.is_friction]
-    least = _APART * problem.deviation
-
-    def is_apart(one: Values, other: Values) -> bool:
-        return any(abs(getattr(one, name) - getattr(other, name)) > least for name in forces)
-
+    least = _APART * block.deviation
     first: list[Values] = []
     for one in ranked:
-        if all(is_apart(one, other) for other in first):
+        apart = (
+            any(abs(getattr(one, name) - getattr(other, name)) > least for name in forces)
+            for other in first
+        )
+        if all(apart):
             first.append(one)
     return [*first, *(one for one in ranked if one not in first)]
 
 
-def _lost_a_valve(problem: FitProblem, ended: Minimum[Values]) -> bool:
-    """Whether a bleed or a blow-off ran out of its range, and more is left than differs by cycle.
-
-    The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
-    """
-    if is_as_expected(problem, ended):
-        return False
-    return any(
-        problem.model.quantity(name).part in _OF_VALVES and problem.is_at_edge(ended.extra, name)
-        for name in problem.free
-    )
-
-
-def _descended(problem: FitProblem, start: Values) -> Minimum[Values] | None:
-    try:
-        return problem.descend(start, COMPARING)
-    except SimulationError:
-        return None
-
-
-def best_fitting(problem: FitProblem, starts: Sequence[Values]) -> list[Values]:
-    """Return starts by how well they fit, the best first; what cannot be simulated is left out."""
+def _best_fitting(block: Block, starts: Sequence[Values]) -> list[Values]:
+    """Starts by how well they fit, the best first; what cannot be simulated is left out."""
     if len(starts) < 2:
         return list(starts)
-    found = []
+    costs = []
     for place, start in enumerate(starts):
-        try:
-            found.append((problem.cost(start), place, start))
-        except SimulationError:
-            continue
-    return [start for _, _, start in sorted(found, key=lambda one: one[:2])]
+        with suppress(SimulationError):
+            costs.append((block.cost(start), place))
+    return [starts[place] for _, place in sorted(costs)]

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     Pair = tuple[Trace, Trace]
 
-__all__ = ["contradictory_motions"]
-
 _WINDOW = (0.75, 0.95)  # of the slower log's peak speed; nearer to it there is one way only
 # Of what a fit of both misses. Logs one click apart: 0.000 to 0.07; of a damper of real valves
 # under the paper's law: 0.7 and more.
@@ -47,17 +45,9 @@ _FEWEST = 12  # samples of a stroke in the window
 def contradictory_motions(
     traces: Sequence[Trace], damper: Model, options: FitOptions
 ) -> str | None:
-    """Return a sentence on the first two logs that contradict each other; None where none do.
+    """A sentence on the first two logs of a setting that contradict each other; None: none do.
 
-    Parameters
-    ----------
-    traces : sequence of Trace
-        Of one setting; logs of one motion have been compared. Those are that are neighbours by
-        their fastest speed.
-    damper : Model
-        The model.
-    options : FitOptions
-        How it is fitted.
+    Logs of one motion have been compared. Those are that are neighbours by their fastest speed.
     """
     for first, second in itertools.pairwise(sorted(traces, key=_top_speed)):
         is_warmed = isinstance(damper, Warmed)

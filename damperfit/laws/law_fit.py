@@ -11,7 +11,7 @@ import numpy as np
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
-from damperfit.identification.fit_problem import LawMisfit
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.log_facts import FEWEST_SAMPLES
 from damperfit.identification.starts import COMPARING, best_of_starts
 from damperfit.simulation import SolverOptions
@@ -245,7 +245,7 @@ def fit_law(
         if one.default is not None and one.name not in freed
     } | {name: x for name, x in evidence.fixed.items() if name in model.names}
     free = tuple(name for name in model.names if name not in held)
-    misfit = LawMisfit(model, evidence.fitted, free, solver)
+    misfit = Block(model, evidence.fitted, free, solver, is_candidate=True)
     ended = descended(misfit.on_cycles(), held, evidence.more_start, near)
     spent = ended.evaluations
     if is_whole:
@@ -263,7 +263,7 @@ def fit_law(
 
 
 def fit_at(
-    misfit: LawMisfit,
+    misfit: Block,
     evidence: SettingLogs,
     values: Values,
     *,
@@ -274,7 +274,7 @@ def fit_at(
 
     Parameters
     ----------
-    misfit : LawMisfit
+    misfit : Block
         The law, and what was free.
     evidence : SettingLogs
         The logs.
@@ -319,7 +319,7 @@ def fit_at(
 
 
 def descended(
-    misfit: LawMisfit,
+    misfit: Block,
     held: Mapping[str, float],
     more_start: Mapping[str, float],
     near: Values | None = None,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import SimulationError
-from damperfit.identification.fit_problem import LawMisfit, kept_within
+from damperfit.identification.fit_problem import Block, kept_within
 from damperfit.identification.least_squares import Minimum, Stopping, Transformation, minimise
 from damperfit.identification.log_facts import FEWEST_SAMPLES
 from damperfit.identification.sharing import Unknown, unknown_at, unknowns_of
@@ -59,7 +59,7 @@ class OneModel:
 
     Attributes
     ----------
-    misfits : mapping of Setting to LawMisfit
+    misfits : mapping of Setting to Block
         Of one law, with the same quantities free.
     follows : mapping of str to tuple of str
         Adjusters that quantities follow, all of them for what is each setting's own; what is not
@@ -70,7 +70,7 @@ class OneModel:
         Threads.
     """
 
-    misfits: Mapping[Setting, LawMisfit]
+    misfits: Mapping[Setting, Block]
     follows: Follows
     weights: Mapping[Setting, float]
     jobs: int = 1

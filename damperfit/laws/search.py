@@ -42,7 +42,7 @@ from damperfit.damper.valves import read_loops, valve_starts
 from damperfit.errors import SimulationError
 from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identification.fit_problem import LawMisfit
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.least_squares import Stopping
 from damperfit.identification.log_facts import effective_samples
 from damperfit.identification.sharing import unknown_at
@@ -184,7 +184,7 @@ class _Search:
         self.laws: list[JudgedLaw] = []
         self._starts: dict[tuple[Structure, Setting], Values] = {}
         self._readings: dict[tuple[object, ...], list[ValveReading]] = {}
-        self._misfits: dict[Setting, LawMisfit] = {}
+        self._misfits: dict[Setting, Block] = {}
         self._judged: dict[int, tuple[_Fit, Tried]] = {}
 
     # fits
@@ -198,7 +198,7 @@ class _Search:
             fixed = {*logs.fixed}
             free = tuple(n for n in structure.damper.names if n not in held and n not in fixed)
             if setting not in self._misfits:
-                one = LawMisfit(structure.damper, logs.fitted, free, self.solver)
+                one = Block(structure.damper, logs.fitted, free, self.solver, is_candidate=True)
                 self._misfits[setting] = one.on_cycles()
             misfits[setting] = replace(self._misfits[setting], model=structure.damper, free=free)
         free = misfits[settings[0]].free

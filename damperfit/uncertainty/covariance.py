@@ -34,8 +34,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import sparing
-from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.outcome import Status
+from damperfit.identification.sharing import GAS_FOLLOWER, GAS_NAMES
 from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:

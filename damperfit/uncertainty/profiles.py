@@ -30,18 +30,18 @@ import numpy as np
 
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import (
+    Block,
     FitProblem,
-    common_variables,
+    does_nothing,
     is_at_edge,
     linearise,
     values_of,
     with_values,
 )
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE
-from damperfit.identification.inactive_parts import does_nothing
+from damperfit.identification.joint import JointSolution, fit_jointly
 from damperfit.identification.least_squares import NO_LENGTH, DenseSystem, Stopping, iterate
 from damperfit.identification.outcome import Status
-from damperfit.identification.tied_problem import JointSolution, TiedProblem, fit_jointly
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.covariance import own_names, shared_curvature, solved
@@ -229,11 +229,11 @@ class Bench(NamedTuple):
     cancelled: Callable[[], bool] = lambda: False
     jobs: int = 1
 
-    def misfit(self, fit: Fit, free: Sequence[str]) -> FitProblem:
+    def misfit(self, fit: Fit, free: Sequence[str]) -> Block:
         """What a setting's logs say of some parameters."""
         ordered = tuple(name for name in fit.parameters.names if name in free)
         traces = tuple(log.trace for log in fit.logs)
-        return FitProblem(
+        return Block(
             self.damper,
             traces,
             ordered,
@@ -248,7 +248,7 @@ class ProfileLine(NamedTuple):
 
     setting: Setting
     name: str  # parameter; one of the misfit's free ones
-    misfit: FitProblem  # logs, damper, and what is free, the parameter among it
+    misfit: Block  # logs, damper, and what is free, the parameter among it
     start: Values  # the best fit
     scale: float  # L of the module's docstring, 1/N^2
     error: float  # standard error of u as printed; where nothing is known, infinity
@@ -392,7 +392,7 @@ class _Walk(_Walker):
     def __init__(self, line: ProfileLine, budget: int) -> None:
         self.line, self.budget, self.spent = line, budget, 0
         misfit = line.misfit
-        self.variables = common_variables(misfit)
+        self.variables = misfit.common_variables
         ranges = [line.start.quantity(name).plausible for name in misfit.free]
         low, high = (self.variables.pack(np.array([one[k] for one in ranges])) for k in (0, 1))
         self.bounds = low, high
@@ -511,7 +511,7 @@ class _JointWalk(_Walker):
     """The walker over all settings of a joint fit."""
 
     def __init__(
-        self, problem: TiedProblem, unknown: Unknown, best: JointSolution, scale: float
+        self, problem: FitProblem, unknown: Unknown, best: JointSolution, scale: float
     ) -> None:
         self.problem, self.unknown, self.best, self.scale = problem, unknown, best, scale
         having = [at for setting, at in best.parameters.items() if unknown.holds_at(setting)]
@@ -576,7 +576,7 @@ def profile_jointly(
         if one.fit.setting in sharing.settings and one.fit.outcome.is_minimum
     ]
     start = {fit.setting: fit.parameters for fit in fits}
-    whole = TiedProblem(
+    whole = FitProblem(
         {fit.setting: bench.misfit(fit, sharing.free) for fit in fits},
         sharing.jointly,
         sharing.follows,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.warmed import Warmed
+from damperfit.identification.fit_problem import is_nothing
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
-from damperfit.identification.inactive_parts import is_nothing
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.sharing import of_settings, unknown_at
 from damperfit.problem import Problem, warning

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, compare
-from damperfit.identification.fit_problem import FitProblem, n_independent
+from damperfit.identification.fit_problem import Block, n_independent
 from damperfit.identification.fit_setting import minimised
 from damperfit.identification.mean_cycle import settled
 from damperfit.recording import Trace
@@ -32,7 +32,7 @@ def log() -> Trace:
 
 
 def _ours(log: Trace, start: dict[str, float]) -> dict[str, float]:
-    problem = FitProblem(PURDY_DAMPER, (log,), FREE, FitOptions().solver)
+    problem = Block(PURDY_DAMPER, (log,), FREE, FitOptions().solver)
     problem = replace(problem, cycles=settled(problem.traces, is_thinned=False))
     found = minimised(problem, replace(reference_parameters(SETTING), **start)).values
     return {name: getattr(found, name) for name in FREE}
@@ -104,7 +104,7 @@ def test_one_fit_beside_a_peer(log: Trace, peer: str, factor: float) -> None:
 def test_tolerance_of_the_fit_is_enough(log: Trace) -> None:
     """The fit's integrator tolerance moves no parameter by a hundredth of its error."""
     loose = _ours(log, _start(1.2))
-    problem = FitProblem(PURDY_DAMPER, (log,), FREE, SolverOptions(1e-5))
+    problem = Block(PURDY_DAMPER, (log,), FREE, SolverOptions(1e-5))
     start = replace(reference_parameters(SETTING), **_start(1.2))
     tight = minimised(problem, start).values
     assert loose["r_m1"] == pytest.approx(tight.r_m1, rel=1e-5)

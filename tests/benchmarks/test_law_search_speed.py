@@ -16,7 +16,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.fit_problem import LawMisfit
+from damperfit.identification.fit_problem import Block
 from damperfit.laws.law_fit import LawSearch, SettingLogs
 from damperfit.laws.search import search_laws
 from damperfit.recording import Recording, Trace
@@ -105,7 +105,7 @@ def test_settled_cycles_tell_the_law_that_whole_logs_tell(
     begin = time.process_time()
     quick = searched(evidence)
     middle = time.process_time()
-    monkeypatch.setattr(LawMisfit, "on_cycles", lambda self: self)
+    monkeypatch.setattr(Block, "on_cycles", lambda self: self)
     whole = searched(evidence)
     end = time.process_time()
     print(f"\nwhole logs {(end - middle):.1f} s, cycles {(middle - begin):.1f} s: "

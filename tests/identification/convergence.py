@@ -24,8 +24,9 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import DamperfitError
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.fit_problem import FitProblem, kept_within
-from damperfit.identification.fit_setting import fit_setting, minimised
+from damperfit.identification.fit_problem import Block, kept_within
+from damperfit.identification.fit_setting import minimised
+from damperfit.identification.starts import fit_setting
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
 
@@ -117,7 +118,7 @@ def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False) -
     model, truth = made_up(kind, seed, has_play=has_play)
     trace = log_of(model, truth, seed)
     free = tuple(one.name for one in model.quantities if one.default is None)
-    problem = FitProblem(model, (trace,), free, SOLVER)
+    problem = Block(model, (trace,), free, SOLVER)
     (fit,) = identify([trace], model, FitOptions("plain", free=free, solver=SOLVER)).fits
     # With the weights of the stretches that the fits have, not those of the report.
     own = 100.0 * problem.cost(fit.parameters)
@@ -141,7 +142,7 @@ def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False) -
     return Outcome(min(own, *ends), own, tuple(ends[1:]), errors, told)
 
 
-def _ended(problem: FitProblem, start: Values) -> float:
+def _ended(problem: Block, start: Values) -> float:
     """MSE where a fit from a start ends."""
     try:
         return fit_setting(problem, start).mse_percent

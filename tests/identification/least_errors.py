@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.fit_problem import Block, linearise
 from damperfit.identification.log_facts import weights
 from damperfit.recording import Recording
 from damperfit.simulation import SolverOptions
@@ -80,7 +80,7 @@ def _behind_filter(trace, slopes):
 
 
 def _off(trace, damper, truth):
-    misfit = FitProblem(damper, (trace,), NAMES, SolverOptions(tolerance=1e-2))
+    misfit = Block(damper, (trace,), NAMES, SolverOptions(tolerance=1e-2))
     at = truth
     for _ in range(2):
         residuals, slopes = linearise(misfit, at)

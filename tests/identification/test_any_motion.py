@@ -11,7 +11,7 @@ from damperfit.conditioning import ConditionOptions, condition, transients
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
-from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.fit_problem import Block, linearise
 from damperfit.identification.log_facts import weights
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, predict
@@ -100,7 +100,7 @@ def test_corners_bias_nothing(name):
     log = logged(name, 10, force_noise=0.0, displacement_noise=0.0)
     trace = condition(log, ConditionOptions(centre=0.0))
     solver = SolverOptions(tolerance=1e-3)
-    problem = FitProblem(PURDY_DAMPER, (trace,), tuple(WITHIN), solver)
+    problem = Block(PURDY_DAMPER, (trace,), tuple(WITHIN), solver)
     residuals, slopes = linearise(problem, reference_parameters(10))
     step = np.linalg.lstsq(slopes, -residuals, rcond=None)[0]
     assert np.max(np.abs(step)) < 1e-4, step

@@ -11,10 +11,11 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
 from damperfit.identification import Campaign, FitOptions, Outcome, fit_problem, identify
-from damperfit.identification.fit_problem import FitProblem
 from damperfit.identification.mean_cycle import settled
+from damperfit.identification.outcome import attempted
 from damperfit.recording import Trace
 from damperfit.simulation import Motion, simulate
+from damperfit.tested.setting import Setting
 from tests.identification.rig import traces
 
 PROCEDURES = ["paper", "joint", "plain"]
@@ -131,19 +132,22 @@ def test_where_none_can_be_fitted_each_says_why(logs, monkeypatch, procedure: st
         assert said in str(campaign.warnings[0])
 
 
+def break_together(monkeypatch: pytest.MonkeyPatch, bad: int, error: Exception) -> None:
+    """Let a setting fail where it is fitted beside others, and not alone."""
+
+    def broken(setting: Setting, fit: Callable[[], object]) -> object:
+        def fails() -> None:
+            raise error
+
+        return attempted(setting, fails if setting == bad else fit)
+
+    monkeypatch.setattr(fit_problem, "attempted", broken)
+
+
 def test_a_setting_that_fails_in_the_tied_problem_alone_follows_the_others(
     logs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from damperfit.identification import tied_problem
-
-    true_linearise, bad = tied_problem.linearise, logs[2]
-
-    def broken(problem: FitProblem, parameters: Parameters) -> object:
-        if problem.traces[0] is bad:
-            raise SimulationError("simulation failed: no reason.")
-        return true_linearise(problem, parameters)
-
-    monkeypatch.setattr(tied_problem, "linearise", broken)
+    break_together(monkeypatch, logs[2].setting, SimulationError("simulation failed: no reason."))
     campaign = identify(logs, PURDY_DAMPER, FitOptions("joint"))
     assert campaign.failures == ()
     assert [fit.setting for fit in campaign.fits] == [2, 6, 12]
@@ -157,16 +161,7 @@ def test_a_setting_that_fails_in_the_tied_problem_alone_follows_the_others(
 def test_a_bug_in_the_tied_problem_of_two_leaves_the_papers_result(
     logs, monkeypatch: pytest.MonkeyPatch, bulk_modulus: str
 ) -> None:
-    from damperfit.identification import tied_problem
-
-    true_linearise, bad = tied_problem.linearise, logs[1]
-
-    def broken(problem: FitProblem, parameters: Parameters) -> object:
-        if problem.traces[0] is bad:
-            raise ValueError("shapes")
-        return true_linearise(problem, parameters)
-
-    monkeypatch.setattr(tied_problem, "linearise", broken)
+    break_together(monkeypatch, logs[1].setting, ValueError("shapes"))
     options = FitOptions("joint", bulk_modulus=bulk_modulus)
     campaign = identify(logs[:2], PURDY_DAMPER, options)
     assert [fit.setting for fit in campaign.fits] == [2]

@@ -11,8 +11,9 @@ from damperfit.damper.purdy.appendices import modulus_at_pressure
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
-from damperfit.identification.fit_problem import FitProblem
-from damperfit.identification.gas_content import GasLaw, first_law, working_pressure
+from damperfit.identification.fit_problem import Block
+from damperfit.identification.joint import first_law, working_pressure
+from damperfit.identification.sharing import GasLaw
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, linearise_settings, uncertainties
 from damperfit.uncertainty.covariance import shared_covariance
@@ -29,7 +30,7 @@ def gassy(setting: int) -> Parameters:
     truth = reference_parameters(setting)
     for _ in range(4):
         log = trace(setting, truth, duration=4.0)
-        problem = FitProblem(PURDY_DAMPER, (log,), (), SOLVER, max_evaluations=1)
+        problem = Block(PURDY_DAMPER, (log,), (), SOLVER, max_evaluations=1)
         k_e = modulus_at_pressure(
             working_pressure(problem, truth), volume_ratio=VOLUME_RATIO, compliance=1.1
         )

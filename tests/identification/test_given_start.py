@@ -11,6 +11,7 @@ from damperfit.identification import (
     check_options,
 )
 from damperfit.identification.campaign import ProcedureInput
+from damperfit.identification.starts import own_start
 from damperfit.tested.setting import Setting
 from tests.identification.rig import trace
 
@@ -31,8 +32,8 @@ def given(start: GivenStart, settings=(5,)) -> ProcedureInput:
 
 def started(start: GivenStart):
     one = given(start)
-    problem = one.problem(Setting.of(5), ("r_m1", "r_m2", "k_e"))
-    return one.start(Setting.of(5), problem, one.options.fixed)
+    block = one.block(Setting.of(5), ("r_m1", "r_m2", "k_e"))
+    return own_start(one, Setting.of(5), block, one.options.fixed)
 
 
 def test_what_is_told_is_where_a_fit_starts_and_the_rest_is_the_models_start() -> None:

@@ -14,7 +14,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, FitOptions, Outcome, compare, identify
 from damperfit.identification import joint as joint_procedure
-from damperfit.identification.tied_problem import JointSolution, fit_jointly
+from damperfit.identification.joint import JointSolution, fit_jointly
 from damperfit.io import read_log
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, linearise_settings

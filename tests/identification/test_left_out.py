@@ -10,8 +10,8 @@ from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.rivals import BoucWen
 from damperfit.identification import Campaign, Fit, FitOptions, identify
-from damperfit.identification import inactive_parts as left_out
-from damperfit.identification.inactive_parts import does_nothing
+from damperfit.identification import procedures as left_out
+from damperfit.identification.fit_problem import does_nothing
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.recording import Trace
 from damperfit.uncertainty import assess

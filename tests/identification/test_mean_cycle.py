@@ -16,7 +16,7 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions
-from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import minimised
 from damperfit.identification.mean_cycle import settled
 from damperfit.recording import Recording, Trace
@@ -29,11 +29,11 @@ THREE = ("r_m1", "r_m2", "k_e")
 NEAR = 0.1
 
 
-def problem(logs: Sequence[Trace], free: tuple[str, ...] = THREE) -> FitProblem:
-    return FitProblem(PURDY_DAMPER, tuple(logs), free, FitOptions().solver)
+def problem(logs: Sequence[Trace], free: tuple[str, ...] = THREE) -> Block:
+    return Block(PURDY_DAMPER, tuple(logs), free, FitOptions().solver)
 
 
-def on_cycles(whole: FitProblem) -> FitProblem:
+def on_cycles(whole: Block) -> Block:
     cycles = settled(whole.traces, is_thinned=False)
     assert cycles is not None
     return replace(whole, cycles=cycles)
@@ -106,7 +106,7 @@ LOGS: dict[str, Callable[[], Sequence[Trace]]] = {
 }
 
 
-def apart(whole: FitProblem, setting: int = 10) -> tuple[np.ndarray, float, float]:
+def apart(whole: Block, setting: int = 10) -> tuple[np.ndarray, float, float]:
     """How far both ways end apart, in errors; their misfits.
 
     On the logs the descent begins at the setting's truth: from afar it may end elsewhere.

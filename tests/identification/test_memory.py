@@ -14,7 +14,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.fit_problem import Block, linearise
 from damperfit.identification.fit_setting import minimised
 from damperfit.run.identify import written
 from damperfit.synthetic import SampleOptions, make_samples
@@ -82,7 +82,7 @@ def test_what_a_run_returns_holds_no_response(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("way", [on_cycles, lambda whole: whole], ids=["cycles", "logs"])
 def test_a_fit_keeps_a_triangle_that_gives_the_errors_of_the_whole(
-    way: Callable[[FitProblem], FitProblem],
+    way: Callable[[Block], Block],
 ) -> None:
     """A Jacobian as long as the log would stay through the first pass of all settings."""
     whole = problem([trace(10, noise=4.0)])

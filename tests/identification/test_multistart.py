@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain, repeat
 
 import numpy as np
 import pytest
@@ -12,9 +13,15 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
 from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification import starts as multistart
-from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import FitResult
-from damperfit.identification.starts import SPREAD, describe_searches, search, spread_starts
+from damperfit.identification.starts import (
+    SPREAD,
+    describe_searches,
+    fit_from,
+    fit_setting,
+    spread_starts,
+)
 from damperfit.simulation import SolverOptions
 from tests.identification.rig import errors, trace, traces
 
@@ -22,9 +29,9 @@ FREE = ("r_m1", "r_m2", "k_e")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 
-def problem(free: tuple[str, ...] = FREE, setting: int = 9) -> FitProblem:
+def problem(free: tuple[str, ...] = FREE, setting: int = 9) -> Block:
     log = trace(setting, noise=4.0, duration=4.0)
-    return FitProblem(PURDY_DAMPER, (log,), free, SolverOptions(tolerance=1e-2))
+    return Block(PURDY_DAMPER, (log,), free, SolverOptions(tolerance=1e-2))
 
 
 def ended(
@@ -51,7 +58,7 @@ def ended(
 
 def searched(monkeypatch: pytest.MonkeyPatch, first: FitResult, *others: FitResult | None):
     """A search whose further starts end as told; None stands for a start that cannot be."""
-    ends = iter(others)
+    ends = iter((first, *others))
 
     def fit(*_args: object, **_kwargs: object) -> FitResult:
         end = next(ends)
@@ -60,7 +67,7 @@ def searched(monkeypatch: pytest.MonkeyPatch, first: FitResult, *others: FitResu
         return end
 
     monkeypatch.setattr(multistart, "fit_setting", fit)
-    return search(9, problem(), first, n_starts=1 + len(others))
+    return fit_from(9, problem(), first.values, starts=1 + len(others))
 
 
 def test_starts_are_spread_over_the_whole_range_and_always_the_same() -> None:
@@ -94,12 +101,14 @@ def test_a_sound_setting_has_one_minimum(setting: int) -> None:
     )
 
 
-def test_the_way_out_of_the_cavitating_minimum_is_found_and_used() -> None:
+def test_the_way_out_of_the_cavitating_minimum_is_found_and_used(monkeypatch) -> None:
     truth = reference_parameters(18)
     everything = problem(("r_m1", "r_m2", "r_m3", "k_e", "f_f"), 18)
     local = replace(truth, r_m3=4.4e6, f_f=1.0)
     first = ended(local, 1.0, Outcome.CAVITATING, r_m3="fitted", f_f="fitted")
-    best, found = search(18, everything, first, n_starts=6)
+    fits = chain([lambda *_, **__: first], repeat(fit_setting))
+    monkeypatch.setattr(multistart, "fit_setting", lambda *a, **k: next(fits)(*a, **k))  # noqa: PLW0108
+    best, found = fit_from(18, everything, local, starts=6)
     assert found.is_improved
     assert best.outcome is Outcome.CONVERGED
     assert abs(errors(best.values, truth)["r_m3"]) < 0.05

@@ -11,7 +11,7 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
-from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import minimised
 from damperfit.simulation import SolverOptions
 from tests.identification.rig import errors, recording
@@ -23,9 +23,9 @@ EVERYTHING = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 
-def _problem(setting: int) -> FitProblem:
+def _problem(setting: int) -> Block:
     log = trace(setting, duration=4.0)
-    return FitProblem(PURDY_DAMPER, (log,), FREE, SolverOptions(tolerance=1e-2))
+    return Block(PURDY_DAMPER, (log,), FREE, SolverOptions(tolerance=1e-2))
 
 
 @pytest.mark.parametrize("setting", [1, 10, 20])

@@ -14,7 +14,7 @@ from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, Fit, FitOptions, Outcome, compare, identify
-from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import minimised
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import SolverOptions
@@ -105,7 +105,7 @@ def test_friction_is_told_by_logs_of_rigid_oil() -> None:
 def _held_at(fit: Fit, k_e: float, free: tuple[str, ...]) -> float:
     """Least MSE with K_e held, by a descent of the others."""
     log = fit.logs[0].trace
-    problem = FitProblem(PURDY_DAMPER, (log,), free, SOLVER)
+    problem = Block(PURDY_DAMPER, (log,), free, SOLVER)
     return minimised(problem, replace(fit.parameters, k_e=k_e)).mse_percent
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.identification.fit_problem import LawMisfit
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.mean_cycle import settled
 from damperfit.identification.starts import best_of_starts
 from damperfit.recording import Recording, Trace
@@ -38,8 +38,8 @@ def logged(motion: Motion, options: ConditionOptions = ConditionOptions()) -> Tr
     )
 
 
-def misfit(*traces: Trace) -> LawMisfit:
-    return LawMisfit(MODEL, traces, FREE, SolverOptions())
+def misfit(*traces: Trace) -> Block:
+    return Block(MODEL, traces, FREE, SolverOptions(), is_candidate=True)
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,9 @@ from damperfit.identification import (
     identify,
     normalised_mse,
 )
-from damperfit.identification.fit_problem import FitProblem
-from damperfit.identification.fit_setting import describe_fit, fit_setting
+from damperfit.identification.fit_problem import Block
+from damperfit.identification.fit_setting import describe_fit
+from damperfit.identification.starts import fit_setting
 from damperfit.problem import Words
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.uncertainty import assess
@@ -90,7 +91,7 @@ def test_a_fit_that_stops_at_a_wall_of_failed_trials_has_not_converged(
 
     monkeypatch.setattr(fit_problem, "simulate", walled)
     log = trace(9, noise=4.0, duration=4.0)
-    problem = FitProblem(PURDY_DAMPER, (log,), FREE, SolverOptions(tolerance=1e-2))
+    problem = Block(PURDY_DAMPER, (log,), FREE, SolverOptions(tolerance=1e-2))
     start = replace(truth, r_m1=0.6 * truth.r_m1)
     judged = fit_setting(problem, start)
     assert judged.failed_trials > 0

@@ -12,7 +12,7 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import Status
-from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import _statuses
 from damperfit.identification.least_squares import DenseSystem, Minimum
 from damperfit.identification.log_facts import FEWEST_SAMPLES
@@ -124,7 +124,7 @@ def test_a_fit_tells_nothing_of_a_blow_off_whose_opening_it_does_not_tell(
     free = tuple(one.name for one in MODEL.quantities if one.default is None)
     values = MODEL.values({one.name: one.default or 1e5 for one in MODEL.quantities})
     errors = dict.fromkeys(free, 1e-3) | {f"compression_{flat}": math.inf}
-    problem = FitProblem(MODEL, (fakes.trace(1),), free, SolverOptions())
+    problem = Block(MODEL, (fakes.trace(1),), free, SolverOptions())
     found = _statuses(problem, SimpleNamespace(values=values), errors)
     assert found[f"compression_{flat}"] is Status.NOT_IDENTIFIABLE
     assert (found["compression_slope"] is Status.FITTED) is are_told

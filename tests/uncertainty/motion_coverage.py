@@ -30,7 +30,7 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, LogFit, Sharing, identify
-from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.fit_problem import Block, linearise
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.uncertainty import assess, uncertainties
@@ -89,7 +89,7 @@ def quickly_covered(campaigns, *, setting=10, duration=6.0):
             force=force + 4.0 * random.standard_normal(len(x)),
         )
         trace = condition(log, ConditionOptions(centre=0.0))
-        problem = FitProblem(PURDY_DAMPER, (trace,), NAMES, SolverOptions(tolerance=1e-2))
+        problem = Block(PURDY_DAMPER, (trace,), NAMES, SolverOptions(tolerance=1e-2))
         residuals, slopes = linearise(problem, truth)
         step = np.linalg.lstsq(slopes, -residuals, rcond=None)[0]
         found = {n: getattr(truth, n) * np.exp(d) for n, d in zip(NAMES, step, strict=True)}
@@ -108,7 +108,7 @@ def stepped(motion, seed, *, setting=10):
     trace = condition(logged(motion, setting, seed=seed), ConditionOptions(centre=0.0))
     truth = found = reference_parameters(setting)
     solver = SolverOptions(tolerance=1e-2)
-    problem = FitProblem(PURDY_DAMPER, (trace,), NAMES, solver)
+    problem = Block(PURDY_DAMPER, (trace,), NAMES, solver)
     for _ in range(2):
         residuals, slopes = linearise(problem, found)
         step = np.linalg.lstsq(slopes, -residuals, rcond=None)[0]

@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
-from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import minimised
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
@@ -75,7 +75,7 @@ def test_a_point_is_the_minimum_that_a_descent_finds_with_the_parameter_held() -
     options = FitOptions("plain", FREE, KNOWN)
     campaign, judged = profiled([log], "k_e", options=options)
     solver = SolverOptions(tolerance=1e-2)
-    everything = FitProblem(PURDY_DAMPER, (log,), FREE, solver)
+    everything = Block(PURDY_DAMPER, (log,), FREE, solver)
     least = minimised(everything, campaign.fits[0].parameters).mse_percent
     points = judged.profiles[-1].points
     rises, found = [], []
