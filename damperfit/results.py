@@ -1061,6 +1061,7 @@ class Run:
         An OutputError tells that it cannot be written, or is the folder of this run.
         """
         where = _path(folder, "run.save", "the path of a folder")
+        spare_others(where)
         if self.place is None:
             self._write(where)
             return where
@@ -1189,6 +1190,21 @@ def holds_fits(folder: Path) -> bool:
     except (OSError, ValueError):
         return False
     return (folder / "run.json").is_file() and len(rows) > 1
+
+
+def spare_others(folder: Path) -> None:
+    """Refuse a folder in which results would replace what somebody else has put there."""
+    if (folder / "run.json").exists() or not folder.is_dir():
+        return
+    for path in sorted(folder.iterdir()):
+        if _WRITTEN.fullmatch(path.name):
+            raise ConfigurationError(
+                "is there already, without a run.json that tells of a run of damperfit; nothing "
+                "was written. Move it away, or give another {out}",
+                code="not-ours",
+                subject=path,
+                out=Option("out"),
+            )
 
 
 def forget_others(folder: Path, written: Sequence[str]) -> None:

@@ -30,6 +30,7 @@ import warnings
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from itertools import islice
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, InstallationError
@@ -372,15 +373,18 @@ class _Process:
 
         self.pipe, theirs = multiprocessing.Pipe()
         self._process = multiprocessing.get_context("spawn").Process(target=_serve, args=(theirs,))
-        environment = dict(os.environ)
+        environment, main = dict(os.environ), sys.modules["__main__"]
         # Ctrl-C and a terminal that hangs up are its parent's business, from its first line.
         stops = {getattr(signal, name) for name in ("SIGINT", "SIGHUP") if os.name == "posix"}
         before = signal.pthread_sigmask(signal.SIG_BLOCK, stops) if stops else set()
         try:
             os.environ.pop("PYTHONPATH", None)
             os.environ.update(child_environment())
+            # It needs nothing of a user's script, and must not run it once more.
+            sys.modules["__main__"] = ModuleType("__main__")
             self._process.start()
         finally:
+            sys.modules["__main__"] = main
             os.environ.clear()
             os.environ.update(environment)
             if stops:

@@ -214,7 +214,12 @@ def advise(
     run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
 ) -> Advice:
     """Return which sine tells most about a question, at the settings together."""
-    has_errors = (one for one in settings if one.covariance is not None and one.names)
+    has_errors = (
+        one
+        for one in settings
+        if one.covariance is not None and one.names and np.isfinite(one.covariance).all()
+        if all(math.isfinite(getattr(one.parameters, name)) for name in one.parameters.names)
+    )
     known = [one for setting in has_errors if (one := _Known(run, setting, question)).now > 0.0]
     if not known:
         raise ConfigurationError(

@@ -612,7 +612,7 @@ def examine(
     window = _rows(recording, trace, trace.fastest, trace.fastest)
     # The model is driven through what stands between stretches, too.
     driven = _rows(recording, trace, trace.stretches[0], trace.stretches[-1])
-    return (
+    found = (
         *recording.findings,
         *log.findings,
         *_channels(recording, window, driven, period=_period(trace)),
@@ -621,7 +621,20 @@ def examine(
         *examine_repeatability(recording, trace),
         *_temperature(recording, window, trace, options.nominal),
         *_rig_filter(log, trace, options),
+        *_lines_off_harmonics(log, trace, options),
     )
+    names = {one.name for one in found if one.severity == "warning"}
+    beside = set().union(*(_MADE_BY[name] for name in names & _MADE_BY.keys()))
+    return tuple(one for one in found if one.name not in beside)
+
+
+# What else a fault of the record looks like: it is told once, by its cause.
+_MADE_BY = {
+    "values_repeated": {"force_stuck", "displacement_stuck", "force_smoothed"},
+    "force_stuck": {"force_smoothed"},
+    "frozen_rows": {"unsteady_cycles", "force_smoothed"},
+    "another_force": {"cycle_scatter", "force_trend", "force_drift"},
+}
 
 
 def examine_raw(recording: Recording) -> tuple[Finding, ...]:
@@ -807,3 +820,78 @@ def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Ite
             "filter; friction, stiffness and forces at low speed are wrong: log it unfiltered"
         )
         yield Finding("force_smoothed", "warning", text, force)
+
+
+# A line of the spectrum that is no harmonic of the motion: hum of the mains, a pump, a loose
+# fixture. What repeats cancels in the difference of one cycle to the next. The highest of a hundred
+# lines of white noise is 8 times their median; a tone of 1 % of the force, 8 cycles of 300 lines
+# and noise of 0.3 % is 400 times.
+_TONE, _TONE_BESIDE, _TONE_SIZE = 60.0, 3, 0.01
+_FEW_FOR_TONES, _FEWEST_OF_TONES = 4, 20  # cycles; lines
+_TONE_SEEN = 0.35  # of its size, at least, is in that difference
+
+
+def _lines_off_harmonics(
+    log: UniformLog, trace: Trace, options: ConditionOptions
+) -> Iterator[Finding]:
+    steady = [stretch for stretch in trace.stretches if stretch.n_cycles > _FEW_FOR_TONES]
+    if not steady or options.rig_filter != "none":
+        return
+    longest = max(steady, key=lambda stretch: stretch.n_samples)
+    starts = longest.cycle_starts + round((trace.start_time - log.start_time) / log.interval)
+    corner = options.filter_corner if options.filter != "none" else _HARMFUL_BAND[0]
+    for name, unit, factor, signal in (
+        ("displacement", "mm", 1e3, log.displacement),
+        ("force", "N", 1.0, log.force),
+    ):
+        frequency, size = tone(signal, starts, log.interval, corner)
+        half = 0.5 * float(np.ptp(signal[longest.window]))
+        if size > _TONE_SIZE * half:
+            text = (
+                f"the {name} has a line at {frequency:.3g} Hz, {factor * size:.2g} {unit}, which "
+                "is no harmonic of the motion: hum, a pump or a resonance of the rig; find its "
+                "source, for errors of what is fitted count it as noise"
+            )
+            yield Finding(f"{name}_line", "warning", text, frequency, "Hz")
+
+
+def tone(
+    signal: FloatArray, starts: FloatArray, interval: float, corner: float
+) -> tuple[float, float]:
+    """Return frequency (Hz) and amplitude of a line off the harmonics; zeros where there is none.
+
+    Parameters
+    ----------
+    signal : numpy.ndarray
+        Shape (n,), as logged.
+    starts : numpy.ndarray
+        Where its cycles begin, samples.
+    interval, corner : float
+        Of its samples, s; the highest frequency that counts, Hz.
+    """
+    period = float(starts[-1] - starts[0]) / (len(starts) - 1)
+    at = np.arange(math.ceil(starts[0]), math.floor(starts[-1] - period))
+    unlike = np.interp(at + period, np.arange(len(signal)), signal) - signal[at]
+    _without_scatter(unlike, signal[at], round(period / 2.0))
+    window = _window(len(at))
+    spectrum = np.abs(np.fft.rfft((unlike - mean_of(unlike)) * window))
+    lines = _lines(_BEYOND_MOTION / (period * interval), corner, len(at) * interval, len(at))
+    if len(lines) < _FEWEST_OF_TONES:
+        return 0.0, 0.0
+    peak = int(lines[np.argmax(spectrum[lines])])
+    others = lines[np.abs(lines - peak) > _TONE_BESIDE]
+    # Between two lines both have a part of it.
+    place = peak + _between(np.log(np.maximum(spectrum[peak - 1 : peak + 2], 1e-300)))
+    frequency = place / (len(at) * interval)
+    seen = 2.0 * abs(math.sin(math.pi * frequency * period * interval))
+    is_clear = spectrum[peak] ** 2 > _TONE * median(spectrum[others] ** 2)
+    if not is_clear or seen < _TONE_SEEN:
+        return 0.0, 0.0
+    return frequency, 2.0 * float(spectrum[peak]) / float(window.sum()) / seen
+
+
+def _between(near: FloatArray) -> float:
+    """Return by how many places the top of a parabola through three is off the middle one."""
+    below, at, above = near.tolist()
+    bend = below - 2.0 * at + above
+    return min(max(0.5 * (below - above) / bend, -0.5), 0.5) if bend < 0.0 else 0.0

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -202,6 +203,7 @@ _FORCE_DRIFT = 1.0  # % of the peak force
 _STROKE_DRIFT = 5.0  # % of the amplitude
 _SURE = 4.0  # standard errors
 _ENOUGH = 4  # cycles, to tell a trend from scatter
+_JUMP, _STEPS_OVER, _MOST_STEPS = 0.05, 3.0, 20  # of the peak; times what stays level moves
 _CURVED = 8  # cycles, from which on a trend may bend
 _TREND = 12.0  # F, from which on peaks go with the cycle's number; scatter has it once in 300
 _WARMS = 1.0  # K
@@ -213,6 +215,8 @@ def examine_repeatability(recording: Recording, trace: Trace) -> Iterator[Findin
     """Yield how the steady cycles of a log repeat."""
     is_warming = False
     n_cycles = len(clean_cycles(trace.fastest)) - 1 if trace.fastest.n_cycles else 0
+    if n_cycles >= _ENOUGH and (stepped := _stepped(trace)):
+        yield stepped
     if n_cycles >= 2 and math.isfinite(floor := noise_floor(trace)):
         found = list(_scatter_repeatability(trace, _warming(recording, trace)))
         is_warming = any(_WITH_TEMPERATURE in one.sentence for one in found)
@@ -222,6 +226,32 @@ def examine_repeatability(recording: Recording, trace: Trace) -> Iterator[Findin
         if float(np.ptp(trace.force[trace.compared])) > 0.0:
             yield _force_drift(trace, is_warming=is_warming)
         yield _stroke_drift(trace)
+
+
+def _stepped(trace: Trace) -> Finding | None:
+    """Say where the force steps from one steady cycle to the next: another setting begins."""
+    peaks = np.array(_extremes(trace.force, trace))
+    size = float(np.abs(peaks).max())
+    jumps = np.flatnonzero(np.abs(np.diff(peaks)).max(axis=0) > _JUMP * size) + 1
+    groups = np.split(np.arange(peaks.shape[1]), jumps)
+    steady = [group for group in groups if len(group) > 1]  # a cycle by itself is on its way
+    if not 1 < len(steady) <= _MOST_STEPS or len(jumps) >= 2 * len(steady):
+        return None
+    levels = [np.median(peaks[:, group], axis=1) for group in steady]
+    moves = [float(np.abs(b - a).max()) for a, b in pairwise(levels)]
+    inner = [group[1:-1] if len(group) > 3 else group for group in steady]  # a step takes a cycle
+    wander = max(float(np.ptp(peaks[:, group], axis=1).max()) for group in inner)
+    if min(moves) < max(_JUMP * size, _STEPS_OVER * wander):
+        return None
+    starts = clean_cycles(trace.fastest)
+    times = [trace.start_time + trace.interval * starts[group[0]] for group in steady]
+    forces = "; then ".join(f"{up:.4g} and {down:.4g} N" for up, down in levels)
+    text = (
+        f"the force steps at time {', '.join(f'{time:.4g} s' for time in times[1:])} while the "
+        f"motion goes on, peaks of {forces}: {len(steady)} settings in one record are as many "
+        "tests; split the log there and name each setting, or repair what changed"
+    )
+    return Finding("another_force", "warning", text, times[1], "s")
 
 
 def _warming(recording: Recording, trace: Trace) -> tuple[float, float] | None:

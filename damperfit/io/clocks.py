@@ -53,17 +53,18 @@ _MOST_LEVELS = 20  # more is a controlled damper
 _COMMON = 0.5  # of the force that the other channels must have too
 
 
-def on_one_clock(samples: Samples, *, is_wall_clock: bool = False, name: str = "") -> Samples:
+def on_one_clock(samples: Samples, *, wall_clock: float = 0.0, name: str = "") -> Samples:
     """Return samples with counters unrolled, clocks put right and all channels at the same times.
 
-    Time, and every clock of a channel, is in seconds; a wall clock is one that somebody may set.
+    Time, and every clock of a channel, is in one unit; `wall_clock` is that unit in seconds where
+    somebody may set the clock, else 0.
     """
     if len(samples.channels["force"]) < _FEWEST:
         return _together(samples, name) if samples.times else samples
     with np.errstate(over="ignore", invalid="ignore"):  # what is no number is refused later
         samples = _unrolled(samples)
-        if is_wall_clock:
-            samples = _unset(samples)
+        if wall_clock:
+            samples = _unset(samples, wall_clock)
         return _together(_unheld(samples), name)
 
 
@@ -87,11 +88,14 @@ def _unrolled(samples: Samples) -> Samples:
         values = samples.channels[channel]
         if counter := _period(values):
             bits, quantum = counter
-            unrolled = np.unwrap(values, period=quantum * 2.0**bits)
+            period = quantum * 2.0**bits
+            unrolled = np.unwrap(values, period=period)
             at = np.flatnonzero(np.abs(np.diff(values - unrolled)) > quantum)
             steps = np.diff(samples.channels.get("time", np.arange(len(values), dtype=np.float64)))
             if np.max(steps[at]) <= _LATE * median(steps):  # over a gap anything may jump
                 finding = _rolled(f"{channel}: a counter", bits, len(at))
+                if channel == "force":  # where it began is not known; most forces are small
+                    unrolled -= period * round(median(unrolled) / period)
                 samples = _with(samples, finding, **{channel: unrolled})
         if n_rows := _repeats(samples.channels[channel]):
             words = (
@@ -170,7 +174,7 @@ def _repeats(values: FloatArray) -> float:
 # Clocks.
 
 
-def _unset(samples: Samples) -> Samples:
+def _unset(samples: Samples, unit: float) -> Samples:
     """Take out the jumps of a clock that was set while rows and motion ran on."""
     time, x = samples.channels["time"], samples.channels["displacement"]
     steps = np.diff(time)
@@ -182,12 +186,12 @@ def _unset(samples: Samples) -> Samples:
     listed = []
     for i in map(int, jumps):
         way = "on" if steps[i] > 0.0 else "back"
-        listed.append(f"by {abs(steps[i]):.6g} s {way} after {samples.place(i)}")
+        listed.append(f"by {unit * abs(steps[i]):.4g} s {way} after {samples.place(i)}")
         time[i + 1 :] -= steps[i] - usual
     words = (
-        f"the clock was set {', '.join(listed)}, where rows and motion run on every {usual:.6g} s; "
-        f"put right; if that is wrong, split the log there, else declare rig.sample_rate = "
-        f"'{1.0 / usual:.6g}Hz' to say so"
+        f"the clock was set {', '.join(listed)}, where rows and motion run on every "
+        f"{unit * usual:.4g} s; put right; if that is wrong, split the log there, else declare "
+        f"rig.sample_rate = '{1.0 / (unit * usual):.4g}Hz' to say so"
     )
     finding = Finding("clock_set", "warning", words, float(len(jumps)), is_correction=True)
     return _with(samples, finding, time=time)

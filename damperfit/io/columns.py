@@ -21,11 +21,12 @@ from damperfit.units.quantities import QuantityError, Unit, find_unit, is_unit, 
 
 OWN_TIME = "time of "  # and the name of the channel that it is of
 
+_COUNTED = {"millis": "ms", "micros": "us"}  # a microcontroller's clocks, named for their units
 # English, German, French, Italian, Spanish.
 _WORDS = {
     "time": (
         "time", "times", "t", "elapsed", "seconds", "timestamp", "timestamps", "datetime", "zeit",
-        "uhrzeit", "temps", "tempo", "tiempo", "millis", "micros",
+        "uhrzeit", "temps", "tempo", "tiempo", "epoch", "unix", *_COUNTED,
     ),
     "displacement": (
         "displacement", "disp", "position", "pos", "stroke", "travel", "extension", "x",
@@ -254,6 +255,8 @@ def channel_choice(
             raise LogError(text, subject=where, code="unclear-column")
         return ChannelChoice(index, find_unit("s", dimension), f"time: wall clock in column {name}")
     logged = column.unit or split_name(column.name)[1]
+    if channel == "time":
+        logged = logged or _COUNTED.get(column.name.strip("() ").lower())
     if declared := options.units.get(channel):
         unit = find_unit(declared, dimension)
         is_other = _is_unit_of(logged, channel) and find_unit(logged or "", dimension) != unit

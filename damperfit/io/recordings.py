@@ -179,11 +179,12 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
     if not len(samples.channels["displacement"]):
         raise LogError("no data rows", subject=name, code="no-data")
     clock = choices.get("time")
-    is_wall_clock = False
+    wall_clock = 0.0
     if clock is not None and clock.unit is not None and options.sample_rate == 0.0:
         first = float(samples.channels["time"][0]) * clock.unit.factor
-        is_wall_clock = table.columns[clock.column].is_clock or first > _SINCE_1970
-    samples = on_one_clock(samples, is_wall_clock=is_wall_clock, name=name)
+        if table.columns[clock.column].is_clock or first > _SINCE_1970:
+            wall_clock = clock.unit.factor
+    samples = on_one_clock(samples, wall_clock=wall_clock, name=name)
     channels = _si_channels(samples, choices, options, name)
     channels.setdefault("force", samples.channels["force"])
     more_notes = [

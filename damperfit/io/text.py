@@ -508,7 +508,7 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
     takes_full = False
     if is_short:
         hint = (
-            f"line {names_line} has {len(names)} names and every row {n_fields} fields: the last, "
+            f"line {names_line} has {len(names)} names and most rows {n_fields} fields: the last, "
             f"{visible(names.pop())}, was taken to have no values"
         )
         findings.insert(0, Finding("short_rows", "warning", hint))

@@ -141,11 +141,12 @@ def written(configuration: Configuration, logs: Sequence[str], **how: Any) -> It
     OutputError
         The folder cannot be written to, or another run is at work there; nothing was touched.
     """
-    from damperfit.results import forget_others, holds_fits
+    from damperfit.results import forget_others, holds_fits, spare_others
 
     folder = configuration.output.folder
     check_writable(folder)
     with reserved(folder):
+        spare_others(folder)
         for one in identified(configuration, logs, **how):
             check_writable(one.folder)
             if not one.run.settings:
@@ -154,7 +155,7 @@ def written(configuration: Configuration, logs: Sequence[str], **how: Any) -> It
                 try:
                     one.run.save(one.folder)
                     one.run.stand_in(one.folder)
-                except OutputError as error:
+                except (OutputError, ConfigurationError) as error:
                     one.error = error
             if one.run.settings and one.error is None:
                 forget_others(folder, one.beside or ("",))

@@ -193,6 +193,12 @@ def without_copies(batch: LogBatch) -> None:
     batch.held_out = kept
 
 
+# Findings of two settings in one record.
+_LEVELS = "level_steps"
+_TWO = {_LEVELS, "another_force"}
+_MORE = "{}, more than their scatter"
+
+
 def without_contradictions(
     batch: LogBatch, configuration: Configuration, *, is_law_open: bool = False
 ) -> None:
@@ -203,9 +209,14 @@ def without_contradictions(
     """
     damper, sentences = configuration.damper, {}
     for setting, traces in _by_setting(batch).items():
+        parted = [
+            (trace.name, one) for trace in traces for one in trace.findings if one.name in _TWO
+        ]
         worst = contradiction(traces, is_warmed=isinstance(damper, Warmed))
-        if worst and worst.excess > 1.0:
-            sentences[setting] = worst.sentence
+        if parted and (parted[0][1].name != _LEVELS or (worst and worst.excess > 1.0)):
+            sentences[setting] = f"{parted[0][0]}: {parted[0][1].sentence}"
+        elif worst and worst.excess > 1.0:
+            sentences[setting] = _MORE.format(worst.sentence)
         elif worst:
             text = (
                 f"{worst.sentence}; fitted together, as one damper repeats "
@@ -219,7 +230,8 @@ def without_contradictions(
             setting: contradictory_motions(traces, damper, options)
             for setting, traces in _by_setting(batch).items()
         }
-        _leave_out(batch, {k: text for k, text in motions.items() if text}, configuration)
+        told = {setting: _MORE.format(text) for setting, text in motions.items() if text}
+        _leave_out(batch, told, configuration)
 
 
 def _by_setting(batch: LogBatch) -> dict[Setting, list[Trace]]:
@@ -240,8 +252,8 @@ def _leave_out(
         ]
         return
     text = (
-        "{sentence}, more than their scatter; check whether the setting or the damper "
-        "differs, leave one out, or fit them together by {average}"
+        "{sentence}; check whether the setting or the damper differs, leave one out, or fit them "
+        "together by {average}"
     )
     average = Option("rig", "average", "contradictions")
     for setting, sentence in sentences.items():

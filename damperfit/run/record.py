@@ -367,7 +367,9 @@ def log_warnings(traces: Iterable[Trace]) -> Iterator[Problem]:
 
 def corrections(campaign: Campaign) -> Iterator[Problem]:
     """Yield what was put right in the logs that were fitted, one problem for each kind."""
-    yield from _by_kind(_fitted_traces(campaign), lambda finding: finding.is_correction)
+    yield from _by_kind(
+        _fitted_traces(campaign), lambda one: one.is_correction and one.severity == "note"
+    )
 
 
 def _fitted_traces(campaign: Campaign) -> Iterator[Trace]:

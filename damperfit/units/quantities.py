@@ -186,6 +186,8 @@ def _hint(name: str, units: dict[str, Unit]) -> str:
     """Return " Did you mean 'X'?" where nothing but a slip makes the name another than X."""
     if any(name == prefix + unit for prefix in _PREFIXES for unit in units):
         return ""
+    if name.lower() == "kg" and "kgf" in units:
+        return " A kilogram is a mass: a load in kilograms is 'kgf', 9.80665 N each"
     near = [unit for unit in units if unit.lower() == name.lower()]
     # Whoever writes a capital M means mega.
     near = [unit for unit in near if (name[0], unit[0]) != ("M", "m")]

@@ -272,3 +272,18 @@ def test_a_trend_of_the_peaks_is_told_from_their_scatter(size, warm, names):
         sine(2.0, 0.01, 60), lambda _, v: size * v / np.abs(v).max(), noise=(2e-6, 0.3), warm=warm
     )
     assert set(told(log)) == names
+
+
+@pytest.mark.parametrize(
+    ("frequency", "size", "is_told"),
+    [(17.3, 25.0, True), (9.1, 20.0, True), (18.0, 60.0, False), (17.3, 2.0, False)],
+)
+def test_a_line_off_the_harmonics_is_told(frequency, size, is_told):
+    x = sine(1.5, 0.03, 14)
+    hum = size * np.sin(2.0 * np.pi * frequency * np.arange(len(x)) / RATE)
+    log = logged(x, lambda _, v: static_force(v) + hum, noise=(2e-6, 3.0))
+    warned = told(log)
+    assert ("force_line" in warned) is is_told
+    if is_told:
+        (line,) = (one for one in condition(log).findings if one.name == "force_line")
+        assert line.value == pytest.approx(frequency, abs=0.03)

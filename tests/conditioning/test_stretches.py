@@ -278,3 +278,20 @@ def test_a_motion_that_comes_back_with_another_force_is_another_setting(times, b
     log = replace(log, force=np.where(behind, times, 1.0) * log.force)
     told = [one for one in condition(log).findings if one.name == "another_force"]
     assert [one.severity for one in told] == ["warning"] * is_told
+
+
+@pytest.mark.parametrize(
+    ("times", "is_told"),
+    [
+        (lambda t: np.where(t > 5.0, 1.12, 1.0), True),
+        (lambda t: 1.0 + 0.1 * (t > 3.0) - 0.3 * (t > 6.0), True),
+        (lambda t: 1.0 - 0.03 * t, False),  # warms up
+        (lambda t: 1.0 + 0.5 * ((t > 4.0) & (t < 4.4)), False),  # one cycle
+    ],
+)
+def test_a_force_that_steps_while_the_motion_goes_on_is_another_setting(times, is_told):
+    log = moved((1.5, 0.02, 14))
+    log = replace(log, force=times(log.time - log.time[0]) * log.force)
+    told = {one.name for one in condition(log).findings if one.severity == "warning"}
+    assert ("another_force" in told) is is_told
+    assert not is_told or not told & {"cycle_scatter", "force_trend"}

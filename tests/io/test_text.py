@@ -209,11 +209,11 @@ READ = {
     ),
     "one field short but for one row": (
         f"Time (s),Displacement (mm),Force (N),Marker (V)\n{ROWS}0.4,5,6,9\n0.5,6,7\n", {},
-        (None, [1, 2, 3, 4, 5, 6], [2, 3, 4, 5, 6, 7]), "every row 3 fields",
+        (None, [1, 2, 3, 4, 5, 6], [2, 3, 4, 5, 6, 7]), "most rows 3 fields",
     ),
     "one field short, with units": (
         f"Time,Displacement,Force,Valve\ns,mm,N\n{ROWS}", {}, (None, None, [2, 3, 4, 5]),
-        "4 names and every row 3",
+        "4 names and most rows 3",
     ),
     "[Data] is no JSON": (f"[Data]\n{NAMES}\n{ROWS}", {}, (None, None, [2, 3, 4, 5]), ""),
     "a profile's word goes first": (
@@ -425,7 +425,7 @@ REFUSED = {
     ),
     "the missing field is needed": (
         f"Sample,Time (s),Displacement (mm),Force (N)\n{ROWS}", {},
-        "no column for force (line 1 has 4 names and every row 3 fields: the last, 'Force (N)', ",
+        "no column for force (line 1 has 4 names and most rows 3 fields: the last, 'Force (N)', ",
     ),
 }  # fmt: skip
 
