@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
+    from damperfit.damper.stepping import SteppedDamper
     from damperfit.recording import Recording
     from damperfit.reporting.sheet import Sheet
     from damperfit.simulation import Motion, SolverOptions
@@ -208,6 +209,14 @@ class SettingResult(Stage):
                     code="wrong-call",
                 )
         return damperfit.simulate(self.label, parameters=self.run, wave=wave, **motion)
+
+    def stepped(self, x: float = 0.0, *, with_rig: bool = False) -> SteppedDamper:
+        """Return the damper at this setting for a program that steps it: ``step(x, v, dt)``."""
+        from damperfit.damper.stepping import SteppedDamper
+
+        assert self.run is not None
+        damper, solver = self.run.damper, self.run.solver
+        return SteppedDamper(damper, self.values, x=x, options=solver, with_rig=with_rig)
 
     def sensitivity(self, motion: Motion) -> pd.DataFrame:
         """Return the force along a motion, N, and what it changes by each value in error, SI.

@@ -64,6 +64,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
+from damperfit.damper.stepping import Step
 from damperfit.errors import ConfigurationError, SimulationError, did_you_mean
 from damperfit.simulation import Response, SolverOptions, Work, describe_ending
 
@@ -547,10 +548,11 @@ def simulate_network(
             damper.rod_area * network.ambient_pressure,
         ],
     )
+    state = motion.state if isinstance(motion, Step) else b""
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
         body, numbers, passages, x, v, jumps, which, pressures, masses, force, rows,
-        motion.interval, options.rounding, network.has_floating_piston, options.tolerance,
-        options.dead_band, options.max_steps_per_sample,
+        state or bytearray(), motion.interval, options.rounding, network.has_floating_piston,
+        options.tolerance, options.dead_band, options.max_steps_per_sample,
     )  # fmt: skip
     if code:
         raise SimulationError(describe_ending(code, sample, motion, options), code="not-integrated")

@@ -4,7 +4,7 @@
 
 #include <Python.h>
 
-enum { DF_MOST_BUFFERS = 9 };
+enum { DF_MOST_BUFFERS = 12 };
 
 typedef struct {
     Py_buffer view[DF_MOST_BUFFERS];

@@ -3,19 +3,31 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
+#include "buffers.h"
 #include "hysteresis.h"
 #include "network.h"
 #include "signals_module.h"
 
 enum { BODY, NUMBERS, PASSAGES, NET_X, NET_V, NET_JUMPS, NET_WHICH, NET_PRESSURES, NET_MASSES, NET_FORCE,
-       NET_SENSITIVITIES, N_NETWORK_BUFFERS };
+       NET_SENSITIVITIES, NET_STATE, N_NETWORK_BUFFERS };
 
 static const char *const NETWORK_NAMES[N_NETWORK_BUFFERS] = {
     "body", "numbers", "passages", "displacement", "velocity", "jumps", "which",
-    "pressures", "masses", "force", "sensitivities"};
+    "pressures", "masses", "force", "sensitivities", "state"};
 
 /* Rows of eight integers: from, to, p_open, R, S, width, lift, two_way. */
 #define PASSAGE_ROW 8
+
+static int sizes_are(const Py_buffer *b, const char *const *names, const Py_ssize_t *expected, int n)
+{
+    for (int k = 0; k < n; k++) {
+        if (b[k].len != expected[k]) {
+            PyErr_Format(PyExc_ValueError, "%s: %zd bytes, expected %zd", names[k], b[k].len, expected[k]);
+            return 0;
+        }
+    }
+    return 1;
+}
 
 static int network_sizes_fit(const Py_buffer *b)
 {
@@ -24,14 +36,9 @@ static int network_sizes_fit(const Py_buffer *b)
     const Py_ssize_t expected[N_NETWORK_BUFFERS] = {
         6 * d, b[NUMBERS].len, b[PASSAGES].len, row - row % d, row,
         b[NET_JUMPS].len - b[NET_JUMPS].len % (Py_ssize_t)sizeof(df_jump), n_which * (Py_ssize_t)sizeof(int),
-        3 * row, 2 * row, row, n_which * row};
-    for (int k = 0; k < N_NETWORK_BUFFERS; k++) {
-        if (b[k].len != expected[k]) {
-            PyErr_Format(PyExc_ValueError, "%s: %zd bytes, expected %zd", NETWORK_NAMES[k], b[k].len,
-                         expected[k]);
-            return 0;
-        }
-    }
+        3 * row, 2 * row, row, n_which * row, b[NET_STATE].len < (Py_ssize_t)sizeof(df_network_state) ? 0 : b[NET_STATE].len};
+    if (!sizes_are(b, NETWORK_NAMES, expected, N_NETWORK_BUFFERS))
+        return 0;
     if (b[NUMBERS].len % d == 0 && b[NUMBERS].len <= DF_MOST_NUMBERS * d &&
         b[PASSAGES].len % (Py_ssize_t)(PASSAGE_ROW * sizeof(int)) == 0 &&
         b[PASSAGES].len <= (Py_ssize_t)(DF_MOST_PASSAGES * PASSAGE_ROW * sizeof(int)))
@@ -39,6 +46,22 @@ static int network_sizes_fit(const Py_buffer *b)
     PyErr_Format(PyExc_ValueError, "a network has at most %d passages and %d numbers", DF_MOST_PASSAGES,
                  DF_MOST_NUMBERS);
     return 0;
+}
+
+/* The last sample of a state that goes on from where it is; a motion of one sample begins it. */
+static int step_network(df_network *q, const df_options *o, const df_motion *m, const df_result *r,
+                        df_network_state *now, df_work *work)
+{
+    const size_t i = m->n - 1;
+    int code = i ? df_plan_network(q) : df_begin_network(q, o, m->x[0], m->v[0], NULL, 0, now);
+    if (code == DF_OK && i)
+        code = df_advance_network(q, o, m->x[i], m->v[i], m->interval, now, work);
+    if (code != DF_OK)
+        return code;
+    r->force[i] = df_force_network(q, o, now, NULL);
+    for (size_t k = 0; k < 3; k++)
+        r->pressures[k * m->n + i] = now->b.P[k];
+    return DF_OK;
 }
 
 static PyObject *run_network(const Py_buffer *b, double interval, double rounding, int floating,
@@ -60,10 +83,11 @@ static PyObject *run_network(const Py_buffer *b, double interval, double roundin
     const df_result result = {b[NET_PRESSURES].buf, b[NET_MASSES].buf, b[NET_FORCE].buf,
                               b[NET_SENSITIVITIES].buf, b[NET_WHICH].buf,
                               (int)(b[NET_WHICH].len / (Py_ssize_t)sizeof(int))};
-    df_work work;
+    df_work work = {0};
     int code;
     Py_BEGIN_ALLOW_THREADS
-    code = df_simulate_network(&q, options, &motion, &result, &work);
+    code = b[NET_STATE].len ? step_network(&q, options, &motion, &result, b[NET_STATE].buf, &work)
+                            : df_simulate_network(&q, options, &motion, &result, &work);
     Py_END_ALLOW_THREADS
     return Py_BuildValue("(illln)", code, work.steps, work.rejected, work.newton,
                          (Py_ssize_t)work.failed_sample);
@@ -76,23 +100,16 @@ static PyObject *simulate_network(PyObject *self, PyObject *args)
     double interval, rounding;
     int floating;
     df_options options;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOddpddl:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
-                          &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &interval, &rounding, &floating,
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOddpddl:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
+                          &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &o[11], &interval, &rounding, &floating,
                           &options.tolerance, &options.dead_band, &options.max_steps_per_sample))
         return NULL;
-    Py_buffer buffers[N_NETWORK_BUFFERS];
-    PyObject *answer = NULL;
-    int got = 0;
-    for (; got < N_NETWORK_BUFFERS; got++) {
-        const int flags =
-            got >= NET_PRESSURES ? PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE : PyBUF_C_CONTIGUOUS;
-        if (PyObject_GetBuffer(o[got], &buffers[got], flags))
-            break;
-    }
-    if (got == N_NETWORK_BUFFERS && network_sizes_fit(buffers))
-        answer = run_network(buffers, interval, rounding, floating, &options);
-    while (got-- > 0)
-        PyBuffer_Release(&buffers[got]);
+    df_buffers b;
+    if (!df_borrow(&b, o, N_NETWORK_BUFFERS, NET_PRESSURES))
+        return NULL;
+    PyObject *answer =
+        network_sizes_fit(b.view) ? run_network(b.view, interval, rounding, floating, &options) : NULL;
+    df_release(&b);
     return answer;
 }
 
@@ -111,13 +128,8 @@ static int state_sizes_fit(const Py_buffer *b)
     const Py_ssize_t width = b[STATE_NUMBERS].len / d;
     const Py_ssize_t expected[N_STATE_BUFFERS] = {
         width * d, b[LAYOUT].len, row - row % d, row, row, width * row};
-    for (int k = 0; k < N_STATE_BUFFERS; k++) {
-        if (b[k].len != expected[k]) {
-            PyErr_Format(PyExc_ValueError, "%s: %zd bytes, expected %zd", STATE_NAMES[k], b[k].len,
-                         expected[k]);
-            return 0;
-        }
-    }
+    if (!sizes_are(b, STATE_NAMES, expected, N_STATE_BUFFERS))
+        return 0;
     const Py_ssize_t n = b[LAYOUT].len / (Py_ssize_t)sizeof(int) - LAYOUT_HEAD;
     if (n == -LAYOUT_HEAD ? width == DF_N_BOUC_WEN
                           : n >= 0 && n % PATH_ROW == 0 && n / PATH_ROW <= DF_MOST_PATHS &&
@@ -181,27 +193,21 @@ static PyObject *follow(PyObject *self, PyObject *args)
     if (!PyArg_ParseTuple(args, "OOOOOOdd:follow", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5],
                           &interval, &rounding))
         return NULL;
-    Py_buffer buffers[N_STATE_BUFFERS];
-    PyObject *answer = NULL;
-    int got = 0;
-    for (; got < N_STATE_BUFFERS; got++) {
-        const int flags = got >= STATE ? PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE : PyBUF_C_CONTIGUOUS;
-        if (PyObject_GetBuffer(o[got], &buffers[got], flags))
-            break;
-    }
-    if (got == N_STATE_BUFFERS && state_sizes_fit(buffers))
-        answer = run_state(buffers, interval, rounding);
-    while (got-- > 0)
-        PyBuffer_Release(&buffers[got]);
+    df_buffers b;
+    if (!df_borrow(&b, o, N_STATE_BUFFERS, STATE))
+        return NULL;
+    PyObject *answer = state_sizes_fit(b.view) ? run_state(b.view, interval, rounding) : NULL;
+    df_release(&b);
     return answer;
 }
 
 static PyMethodDef METHODS[] = {
     {"simulate_network", simulate_network, METH_VARARGS,
      "simulate_network(body, numbers, passages, displacement, velocity, jumps, which, pressures,\n"
-     "                 masses, force, sensitivities, interval, rounding, floating_piston,\n"
+     "                 masses, force, sensitivities, state, interval, rounding, floating_piston,\n"
      "                 tolerance, dead_band, max_steps_per_sample)\n"
-     "-> (code, steps, rejected, newton, sample). Fills the last four buffers."},
+     "-> (code, steps, rejected, newton, sample). Fills the last five buffers; with a state the last\n"
+     "sample alone, from where it is, or begins it where there is one sample."},
     {"follow", follow, METH_VARARGS,
      "follow(numbers, layout, displacement, velocity, force, slopes, interval, rounding)\n"
      "-> (code, sample). Fills force and its slopes, a row of numbers for each sample."},

@@ -1,0 +1,102 @@
+"""A damper that another program steps, in the core's own numerics."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.load_cell import OF_LOAD_CELL
+from damperfit.damper.quantity import RIG
+from damperfit.errors import ConfigurationError
+from damperfit.simulation import Motion, SolverOptions
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Model, Values
+
+_ROOM = 1 << 14  # bytes; of the core's state, which it refuses if it is less than that
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step(Motion):
+    """One step of a motion that goes on from `state`, two samples; of one sample its beginning."""
+
+    state: bytearray = field(default_factory=lambda: bytearray(_ROOM))
+
+
+class SteppedDamper:
+    """One setting, stepped by a program of the user's, as by the solver of a car.
+
+    It begins at rest, all chambers at one pressure. Steps may be of any length: the core divides
+    them as its tolerance asks. `copy` keeps a state to go back to, as after a rejected step.
+
+    Parameters
+    ----------
+    damper, values : Model, Values
+        Of the paper's damper or one of valves.
+    x : float
+        Displacement from mid-stroke at the beginning, m.
+    with_rig : bool
+        With the mounting and the tare; by default the damper alone. Lag and mass of a load cell
+        are never in it.
+
+    Raises
+    ------
+    ConfigurationError
+        The model has no chambers that could be stepped.
+    SimulationError
+        The core cannot go there: `step`.
+    """
+
+    def __init__(
+        self,
+        damper: Model,
+        values: Values,
+        *,
+        x: float = 0.0,
+        options: SolverOptions = SolverOptions(),
+        with_rig: bool = False,
+    ) -> None:
+        if not damper.signals:
+            raise ConfigurationError(
+                f"the model {damper.name} has no chambers that could be stepped; simulate it",
+                code="other-model",
+            )
+        out = set(OF_LOAD_CELL)
+        if not with_rig:
+            out |= {one.name for one in values.quantities if one.scope == RIG or one.is_offset}
+        known = {name: 0.0 if name in out else number for name, number in dict(values).items()}
+        values = type(values)(**known)
+        self._how = (damper, values, options)
+        self.force = 0.0
+        self._at = (x, 0.0)
+        self._state = bytearray(_ROOM)
+        self.force, self.pressures = self._run(Step(1.0, [x], [0.0], state=self._state))
+
+    def step(self, x: float, v: float, dt: float) -> float:
+        """Go on to x, m, and v, m/s, a time dt, s, later; return the force, N.
+
+        Between them x is the cubic piece through both (x, v). `pressures` are then those there.
+        """
+        (x_0, v_0) = self._at
+        motion = Step(dt, [x_0, x], [v_0, v], state=self._state)
+        self.force, self.pressures = self._run(motion)
+        self._at = (x, v)
+        return self.force
+
+    def copy(self) -> Self:
+        """Return the same damper in the same state, apart from this one."""
+        other = copy(self)
+        other._state = bytearray(self._state)  # noqa: SLF001 - its own kind
+        return other
+
+    def _run(self, motion: Step) -> tuple[float, NDArray[np.float64]]:
+        damper, values, options = self._how
+        seen = damper.simulate(values, motion, sensitivities=(), options=options)
+        return float(seen.force[-1]), np.array(seen.pressures[:, -1])
