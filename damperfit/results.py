@@ -984,20 +984,22 @@ class Run:
         return pd.DataFrame(self.record.get("checks", []))
 
     def frame(self, name: str = "parameters") -> pd.DataFrame:
-        """Return a table, as "parameters", "mse" or "adjustment", as a data frame."""
+        """Return a table, as "parameters", "mse" or "adjustment"; ``attrs["units"]`` by column."""
         import pandas as pd
 
         name = str(name)
         table = self.tables.get(name)
         if name == "responses" and self.place is None and self.signals:
             table = responses_table(self.signals, **self._of_responses())
+        if table is None and name in TABLES and self._is_folder:
+            with suppress(OSError, ValueError):  # missing or damaged: its CSV, if there is one
+                table = read_arrow(self.folder / f"{name}.parquet")
         if table is not None:
             frame: pd.DataFrame = table.to_pandas()
+            told = ((one.name, (one.metadata or {}).get(b"unit", b"")) for one in table.schema)
+            frame.attrs["units"] = {column: unit.decode() for column, unit in told if unit}
             return frame
-        path = self.folder / f"{name}.parquet"
-        if name in TABLES and self._is_folder and path.exists():
-            return pd.read_parquet(path)
-        if name in TABLES and (rows := self._rows.get(name)):
+        if name in {*TABLES} - {"responses"} and (rows := self.rows(name)):
             return pd.DataFrame([{**row, "setting": row["setting"].cell} for row in rows])
         there = [one for one in TABLES if one in self.tables or has_table(self.folder, {}, one)]
         raise ConfigurationError(
@@ -1009,6 +1011,12 @@ class Run:
     def to_frame(self) -> pd.DataFrame:
         """Return the parameters as a data frame."""
         return self.parameters
+
+    def simulate(
+        self, setting: Setting | str | float, wave: str | None = None, **motion: Any
+    ) -> Any:
+        """Simulate a setting; keywords as of `damperfit.simulate`."""
+        return self.setting(setting).simulate(wave, **motion)
 
     def sensitivity(self, setting: Setting | str | float, motion: Motion) -> pd.DataFrame:
         """Return the force of a setting along a motion and its slopes, as `SettingResult` does."""
@@ -1151,31 +1159,34 @@ class Run:
 
         return parameter_sheet(self.rows("parameters"), self.quantities)
 
-    def __repr__(self) -> str:
+    @property
+    def _headline(self) -> str:
         rows = self.rows("parameters")
         misfits = [row["mse_percent"] for row in rows if row.get("mse_percent") is not None]
         whose = f"damper {self._title}, " if self._title != "damperfit" else ""
         spread = f", MSE {min(misfits):.2g} to {max(misfits):.2g} %" if misfits else ""
         failed = f", {len(self.failures)} failed" if self.failures else ""
         n = f"{len(rows)} setting{'' if len(rows) == 1 else 's'}"
-        return f"<Run: {whose}{n}{spread}{failed}>"
+        return f"Run: {whose}{n}{spread}{failed}"
 
-    def __str__(self) -> str:
+    @property
+    def _unmet(self) -> tuple[str, ...]:
+        """What failed, and checks that did not pass, a line each."""
+        checks = (one for one in entries_in(self.record, "checks") if one.get("passed") is False)
+        failed = (f"FAILED {one.get('name')}: {one.get('reason')}" for one in checks)
+        return (*self.failures[:_SHOWN_FAILURES], *failed)
+
+    def __repr__(self) -> str:
         from damperfit.reporting.sheet import text_table
 
-        return text_table(self._sheet(), NOTEBOOK_COLUMNS)
+        table = text_table(self._sheet(), NOTEBOOK_COLUMNS)
+        return "\n".join((self._headline, table, *self._unmet))
 
     def _repr_html_(self) -> str:
         from damperfit.reporting.sheet import html_table
 
-        failed = (
-            f"FAILED {one.get('name')}: {one.get('reason')}"
-            for one in entries_in(self.record, "checks")
-            if one.get("passed") is False
-        )
-        lines = (*self.failures[:_SHOWN_FAILURES], *failed)
-        shown = "".join(f"<p>{escape(line)}</p>" for line in lines)
-        return html_table(self._sheet(), caption=repr(self)[1:-1]) + shown
+        shown = "".join(f"<p>{escape(line)}</p>" for line in self._unmet)
+        return html_table(self._sheet(), caption=self._headline) + shown
 
 
 # Folders of results: what an earlier run left there and a new one must not keep, or not lose.

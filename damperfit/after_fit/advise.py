@@ -12,6 +12,11 @@ taken from a test as the rig would record it, with its rate and the noise of bot
 the displacement drives the model, so that the residual is neither white nor independent of J.
 
 C includes lack of fit that repeats, which no test of the same kind reduces: that part stays.
+
+Asked for the law, with d what another structure that the logs leave open has more force than the
+chosen one in a test, the evidence is what is left of it once the chosen one is fitted anew::
+
+    2 ln(likelihood ratio) = d'd - b' (C^-1 + G)^-1 b,    b = J'd    (in units of the noise)
 """
 
 from __future__ import annotations
@@ -25,6 +30,7 @@ import numpy as np
 
 from damperfit.conditioning import condition
 from damperfit.conditioning.filters import apply_filter, design_filter
+from damperfit.configuration.damper_section import damper_of_record
 from damperfit.damper.quantity import FRICTION
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConditioningError, ConfigurationError, SimulationError, did_you_mean
@@ -50,7 +56,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Values
+    from damperfit.damper.model import Model, Values
     from damperfit.results import Run, SettingResult
 
     FloatArray = NDArray[np.float64]
@@ -65,6 +71,19 @@ _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
 _USEFUL = 0.8  # of the interval: what a test that helps leaves at most
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
+_MOTION_COLUMNS = (
+    Column("amplitude", "mm", lambda test: f"{1e3 * test.amplitude:.3g}"),
+    Column("frequency", "Hz", lambda test: f"{test.frequency:.3g}"),
+    Column("speed", "m/s", lambda test: f"{test.speed:.3g}"),
+    Column("cycles", "", lambda test: str(test.cycles)),
+    Column("rig", "min", lambda test: f"{test.minutes:.1f}"),
+)
+
+
+LAW = "law"
+# Twice a logarithm of likelihoods from which on the evidence is very strong: Kass and Raftery,
+# J. Am. Stat. Assoc. 90 (1995) 773.
+DECIDES = 10.0
 
 
 class Limits(NamedTuple):
@@ -75,10 +94,11 @@ class Limits(NamedTuple):
     force: float = math.inf
     frequency: float = 10.0
     minutes: float = 2.0
+    heat: float = math.inf  # mean power, W
 
 
 class Question(NamedTuple):
-    """What is to be known better: a quantity, or the force at a speed (negative: compression)."""
+    """What is to be known better: a quantity, the law, or the force at a speed (minus: bump)."""
 
     quantity: str = ""
     speed: float = math.nan
@@ -101,7 +121,7 @@ class Question(NamedTuple):
     def title(self) -> str:
         """As in a sentence."""
         if self.quantity:
-            return self.quantity
+            return self.quantity.replace(LAW, "the law")
         stroke = "rebound" if self.speed >= 0.0 else "compression"
         return f"the {stroke} force at {abs(self.speed):g} m/s"
 
@@ -131,6 +151,87 @@ class NextTest(NamedTuple):
     def speed(self) -> float:
         """Peak speed, m/s."""
         return 2.0 * math.pi * self.frequency * self.amplitude
+
+
+class Rival(NamedTuple):
+    """A structure that the logs leave open beside the chosen one, with its values by setting."""
+
+    title: str
+    damper: Model
+    values: dict[str, Values]
+
+
+class Deciding(NamedTuple):
+    """One candidate test, and its evidence (`DECIDES`) against each structure that remains."""
+
+    amplitude: float  # of a sine, m
+    frequency: float  # Hz
+    cycles: int
+    minutes: float  # of the rig, all settings
+    evidence: dict[str, float]
+
+    @property
+    def speed(self) -> float:
+        """Peak speed, m/s."""
+        return 2.0 * math.pi * self.frequency * self.amplitude
+
+    @property
+    def decided(self) -> list[str]:
+        """Titles of the structures that it tells from the chosen one."""
+        return [title for title, found in self.evidence.items() if found >= DECIDES]
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """Most structures, then most evidence against the nearest of them for its time."""
+        found = [self.evidence[title] for title in self.decided] or [max(self.evidence.values())]
+        return -len(self.decided), -min(found) / self.minutes
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class LawAdvice(Answer):
+    """In which test the structures that remain differ most."""
+
+    chosen: str
+    remaining: tuple[str, ...]
+    tests: tuple[Deciding, ...]  # the best first
+
+    def document(self) -> dict[str, Any]:
+        """Return the answer as JSON values."""
+        names = ("amplitude_m", "frequency_Hz", "cycles", "minutes", "evidence")
+        tests = [dict(zip(names, test, strict=True)) for test in self.tests]
+        known = {"for": LAW, "sentence": self.sentence, "chosen": self.chosen}
+        return known | {"remaining": list(self.remaining), "tests": tests}
+
+    def sheets(self) -> tuple[Sheet]:
+        """Return the candidates as a table."""
+
+        def against(k: int, title: str) -> Column:
+            return Column(f"structure {k}", "2 ln LR", lambda test: f"{test.evidence[title]:.3g}")
+
+        evidence = (against(*pair) for pair in enumerate(self.remaining, 1))
+        note = "evidence against a structure that remains, the chosen one fitted anew; 10 decides"
+        return (laid_out(self.tests, (*_MOTION_COLUMNS, *evidence), note),)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Which structures remain."""
+        return tuple(f"structure {k}: {title}" for k, title in enumerate(self.remaining, 1))
+
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """The advice in a sentence or two."""
+        if not self.remaining:
+            return f"these logs have decided: no other structure comes near {self.chosen}"
+        names = {title: f"structure {k}" for k, title in enumerate(self.remaining, 1)}
+        if not self.tests or not self.tests[0].decided:
+            listed = ", ".join(names.values())
+            return f"no test within these limits tells the chosen structure from {listed}"
+        best = self.tests[0]
+        return (
+            f"test {1e3 * best.amplitude:.3g} mm at {best.frequency:.3g} Hz ({best.cycles} steady "
+            f"cycles, {best.minutes:.1f} min on the rig): it tells the chosen structure from "
+            f"{', '.join(names[title] for title in best.decided)}"
+        )
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -168,11 +269,7 @@ class Advice(Answer):
     def sheets(self) -> tuple[Sheet]:
         """Return the candidates as a table."""
         columns = (
-            Column("amplitude", "mm", lambda test: f"{1e3 * test.amplitude:.3g}"),
-            Column("frequency", "Hz", lambda test: f"{test.frequency:.3g}"),
-            Column("speed", "m/s", lambda test: f"{test.speed:.3g}"),
-            Column("cycles", "", lambda test: str(test.cycles)),
-            Column("rig", "min", lambda test: f"{test.minutes:.1f}"),
+            *_MOTION_COLUMNS,
             Column("interval", "% of now", lambda test: f"{100.0 * test.share:.3g}"),
             Column(
                 "worst setting",
@@ -243,6 +340,46 @@ def advise(
         {one.result.label: one.floor for one in known},
         (remark,) if speed > tested else (),
     )
+
+
+def advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> LawAdvice:
+    """Return in which sine the structures that a run's logs leave open differ most."""
+    rivals = remaining(run)
+    law = Question(LAW)
+    known = [_Known(run, one, law) for one in settings if one.covariance is not None and one.names]
+    tests: list[Deciding] = []
+    if rivals and known:
+        rig = _Rig(run, limits, known)
+        tests = [one for motion in _candidates(limits) if (one := rig.decided(rivals, motion))]
+    return LawAdvice(
+        run.record.get("law_choice", {}).get("chosen", ""),
+        tuple(rival.title for rival in rivals),
+        tuple(sorted(tests, key=lambda test: test.rank)[:_FOLLOWED]),
+    )
+
+
+def remaining(run: Run) -> tuple[Rival, ...]:
+    """Return the structures that the logs of a run have not decided against."""
+    choice = run.record.get("law_choice")
+    if not isinstance(choice, dict) or "remaining" not in choice:
+        raise ConfigurationError(
+            f"{run.name}: its model was not chosen by the logs, so no structures remain to tell "
+            "apart; identify the logs with {model}",
+            model=Option("model", "auto"),
+            code="no-structures",
+        )
+    rivals = []
+    for entry in entries_in(choice, "remaining"):
+        try:
+            damper = damper_of_record(entry["damper"])
+            values = {
+                str(one["setting"]): damper.values(one["values"])
+                for one in entries_in(entry, "settings")
+            }
+            rivals.append(Rival(str(entry["title"]), damper, values))
+        except (KeyError, TypeError, ConfigurationError):  # an edited file
+            continue
+    return tuple(rivals)
 
 
 def half_interval(run: Run, setting: SettingResult, question: Question) -> float:
@@ -320,9 +457,11 @@ def _gradient(run: Run, setting: SettingResult, question: Question) -> FloatArra
         forces = quasi_static(run.damper, setting.parameters, speeds, sensitivities=tuple(names))
         return forces.slopes[:, 0]
     known = [name.lower() for name in run.damper.names]
+    if question.quantity == LAW:
+        return np.zeros(len(names))
     if question.quantity not in known:
         raise ConfigurationError(
-            f"found {question.quantity!r}; expected force@SPEED or one of "
+            f"found {question.quantity!r}; expected law, force@SPEED or one of "
             f"{', '.join(known)}.{did_you_mean(question.quantity, known)}",
             where=Option("for_", question.quantity),
             code="question",
@@ -370,7 +509,8 @@ class _Rig:
         told = np.zeros((len(known.result.names),) * 2)
         for one in known.segments:
             motion = (one["amplitude_m"], one["frequency_Hz"])
-            told += one["n_samples"] * self._steady(known, known.result.parameters, *motion)[0]
+            per_sample = self._steady(known, known.result.parameters, *motion)
+            told += 0.0 if per_sample is None else one["n_samples"] * per_sample
         return told
 
     def screened(
@@ -385,14 +525,47 @@ class _Rig:
         for one in self.known:
             try:
                 values = one.values_at(quantity, end)
-                per_sample, peak = self._steady(one, values, amplitude, frequency)
+                per_sample = self._steady(one, values, amplitude, frequency)
             except SimulationError:
                 return None
-            if peak > self.limits.force:
+            if per_sample is None:
                 return None
             told.append((n * per_sample, n * per_sample * self.worth))
-        minutes = len(self.known) * ((cycles + _RUN_IN) / frequency + _BETWEEN) / 60.0
-        return NextTest(amplitude, frequency, cycles, minutes, self._shares(told))
+        shares = self._shares(told)
+        return NextTest(amplitude, frequency, cycles, self.minutes(frequency, cycles), shares)
+
+    def minutes(self, frequency: float, cycles: int) -> float:
+        """Of the rig for a test at all settings."""
+        return len(self.known) * ((cycles + _RUN_IN) / frequency + _BETWEEN) / 60.0
+
+    def decided(self, rivals: Sequence[Rival], motion: tuple[float, float, int]) -> Deciding | None:
+        """What a test tells of structures that remain; None: it is beyond rig or damper."""
+        amplitude, frequency, cycles = motion
+        evidence = dict.fromkeys([rival.title for rival in rivals], 0.0)
+        n = cycles / frequency * self.rate / self.worth  # samples that count
+        for one in self.known:
+            values, names = one.result.parameters, one.result.names
+            try:
+                own = self.cycle(self.run.damper, values, amplitude, frequency, names)
+                if own is None:
+                    return None
+                jacobian = own[1:].T * _scales(values, names) / one.noise
+                weight = n / len(jacobian)
+                after = weight * jacobian.T @ jacobian + np.linalg.pinv(one.covariance)
+                for rival in rivals:
+                    if one.result.label not in rival.values:
+                        continue
+                    known = rival.values[one.result.label]
+                    seen = self.cycle(rival.damper, known, amplitude, frequency)
+                    if seen is None:
+                        return None
+                    d = (seen[0] - own[0]) / one.noise
+                    b = weight * jacobian.T @ d
+                    evidence[rival.title] += float(weight * d @ d - b @ np.linalg.solve(after, b))
+            except SimulationError:
+                return None
+        minutes = self.minutes(frequency, cycles)
+        return Deciding(amplitude, frequency, cycles, minutes, evidence)
 
     def recorded(self, test: NextTest, quantity: str) -> NextTest:
         """The same test as the rig would record it, the worst over the interval of a quantity."""
@@ -407,19 +580,33 @@ class _Rig:
 
     def _steady(
         self, known: _Known, values: Values, amplitude: float, frequency: float
-    ) -> tuple[FloatArray, float]:
-        """J'J a sample, from one steady cycle, and its largest force, N."""
+    ) -> FloatArray | None:
+        """J'J a sample, from one steady cycle; None: too much force or heat for the rig."""
+        cycle = self.cycle(self.run.damper, values, amplitude, frequency, known.result.names)
+        if cycle is None:
+            return None
+        jacobian = cycle[1:].T * _scales(values, known.result.names)
+        return np.asarray(jacobian.T @ jacobian / (len(jacobian) * known.noise**2))
+
+    def cycle(
+        self,
+        damper: Model,
+        values: Values,
+        amplitude: float,
+        frequency: float,
+        names: Sequence[str] = (),
+    ) -> FloatArray | None:
+        """Force of one steady cycle behind the filter, and its slopes; None: beyond the rig."""
         per_cycle = max(_SAMPLES, math.ceil(4.0 * self.filter[1] / frequency))
-        rate, names = per_cycle * frequency, known.result.names
+        rate = per_cycle * frequency
         motion = sine_motion(amplitude, frequency, cycles=_RUN_IN + 2, sample_rate=rate)
-        response = self.run.damper.simulate(
-            values, motion, sensitivities=names, options=self.run.solver
-        )
+        seen = damper.simulate(values, motion, sensitivities=names, options=self.run.solver)
         steady = slice(_RUN_IN * per_cycle, (_RUN_IN + 1) * per_cycle)
-        slopes = np.stack([response.sensitivities[name] for name in names])
-        jacobian = apply_filter(self._design(rate), slopes)[:, steady].T * _scales(values, names)
-        per_sample = jacobian.T @ jacobian / (per_cycle * known.noise**2)
-        return per_sample, float(np.abs(response.force[steady]).max())
+        heat = float(np.mean(seen.force[steady] * seen.velocity[steady]))
+        if np.abs(seen.force[steady]).max() > self.limits.force or heat > self.limits.heat:
+            return None
+        rows = np.stack([seen.force, *(seen.sensitivities[name] for name in names)])
+        return np.asarray(apply_filter(self._design(rate), rows)[:, steady])
 
     def _record(self, known: _Known, test: NextTest) -> tuple[FloatArray, FloatArray]:
         """J'J and the covariance of the scores, a sample, of a record; none where it is no log."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from threading import Event
 
-    from damperfit.after_fit.advise import Advice
+    from damperfit.after_fit.advise import Advice, LawAdvice
     from damperfit.after_fit.ride import DrivenStroke, Ride
     from damperfit.after_fit.valves import Orifices
     from damperfit.after_fit.watch import Arrival
@@ -37,30 +37,34 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     max_speed: str | float | None = None,
     max_force: str | float | None = None,
     max_frequency: str | float | None = None,
-    minutes: float = 2.0,
+    max_heat: str | float | None = None,
+    minutes: float | None = None,
     config: str | Path | None = None,
-) -> Advice:
-    """Say which further test narrows an interval most.
+) -> Advice | LawAdvice:
+    """Say which further test narrows an interval most, or tells which structures remain.
 
     Parameters
     ----------
     results : Run or path
         With steady cycles among its logs.
     for_ : str
-        A quantity such as k_e, or the force at a speed, as in "force@0.05m/s" (minus: compression).
+        A quantity such as k_e, the force at a speed, as in "force@0.05m/s" (minus: compression), or
+        "law": after ``model="auto"``, in which test the structures that remain differ most.
 
     Returns
     -------
-    Advice
-        Candidates by rank, each with the share of today's interval that is left at each setting.
+    Advice or LawAdvice
+        Candidates by rank, each with the share of today's interval that is left at each setting, or
+        with its evidence against each structure.
     """
-    from damperfit.after_fit.advise import Limits, Question
+    from damperfit.after_fit.advise import LAW, Limits, Question, advise_law
     from damperfit.after_fit.advise import advise as advised
     from damperfit.queries.settings import positive
 
     if for_ is None:
         raise ConfigurationError(
-            "expected {for_}, what is to be known better: a quantity such as k_e, or force@0.05m/s",
+            "expected {for_}, what is to be known better: a quantity such as k_e, force@0.05m/s or "
+            "law",
             for_=Option("for_"),
             code="question",
         )
@@ -80,9 +84,13 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
         speed,
         positive(max_force, "force", "max_force") or rig.max_force or math.inf,
         positive(max_frequency, "frequency", "max_frequency") or rig.max_frequency or _FASTEST,
-        _above_zero("minutes", minutes),
+        rig.minutes if minutes is None else _above_zero("minutes", minutes),
+        positive(max_heat, "power", "max_heat") or rig.max_heat or math.inf,
     )
-    return advised(run, Question.of(for_), limits, _settings(run, setting))
+    question, settings = Question.of(for_), _settings(run, setting)
+    if question.quantity == LAW:
+        return advise_law(run, limits, settings)
+    return advised(run, question, limits, settings)
 
 
 @public

@@ -20,6 +20,7 @@ from damperfit.reporting.sheet import html_table, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import parameter_sheet
 from damperfit.results import entries_in
 from damperfit.store import check_writable, write_text
+from damperfit.tables.files import json_values
 
 if TYPE_CHECKING:
     from typing import Any
@@ -56,12 +57,12 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
         "temperatures_degC": run.tested.temperatures,
         "checks": run.record.get("checks", []),
         "logs": {str(one.get("log")): one.get("sha256") for one in logs},
-        "clicks": json.loads(run.forces.to_json(orient="records")),
+        "clicks": run.forces.to_dict("records"),
     }
     page, record = folder / f"{stem}.html", folder / f"{stem}.json"
     check_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_text(record, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    write_text(record, json.dumps(json_values(document), indent=1, allow_nan=False) + "\n")
     write_text(page, _page(run, title, document["passport"], units))
     return page, record
 

@@ -98,8 +98,8 @@ def arrivals(folder: Path, own: Path | None, stop: Event) -> Iterator[list[Path]
             known = (state.st_size, state.st_mtime_ns)
             if path.is_file() and state.st_size and seen.get(path) != known:
                 seen[path] = known
-                done.append(path)
-        yield sorted(done)
+                done.append((state.st_mtime_ns, path))
+        yield [path for _, path in sorted(done)]
 
 
 def answers(

@@ -221,7 +221,7 @@ def _force(group: Sequence[MeasuredTest], speed: float, stroke: str) -> Reading:
 
 def _pooled(group: Sequence[MeasuredTest], values: Sequence[tuple[float, float]]) -> Reading:
     """Return the mean over tests, with the error that the scatter of their cycles gives it."""
-    error = math.sqrt(sum(e**2 for _, e in values)) / len(group)
+    error = math.hypot(*(e for _, e in values)) / len(group)
     freedom = sum(max(test.n_cycles - 1, 0) for test in group)
     mean = fmean(value for value, _ in values)
     return Reading(mean, error, freedom or math.inf, is_measured=True)

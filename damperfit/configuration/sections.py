@@ -255,6 +255,8 @@ class RigSection(_Declarations):
     max_speed: float = key("0m/s", "0: twice what was tested", "velocity", least=0.0)
     max_force: float = key("0N", "0: no limit", "force", least=0.0)
     max_frequency: float = key("0Hz", "0: 10 Hz", "frequency", least=0.0)
+    max_heat: float = key("0W", "mean power into heat; 0: no limit", "power", least=0.0)
+    minutes: float = key(2.0, "longest test of one setting for advise, min", least=0.01)
     profile: str = key("",
         "name of the profile of the rig for every log; by default the first that fits",
         option="NAME", panel="Logs", keyword="rig_profile")

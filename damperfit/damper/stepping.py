@@ -77,7 +77,7 @@ class SteppedDamper:
         self.force = 0.0
         self._at = (x, 0.0)
         self._state = bytearray(_ROOM)
-        self.force, self.pressures = self._run(Step(1.0, [x], [0.0], state=self._state))
+        self.force, self.pressures = self._run(1.0, [x], [0.0])
 
     def step(self, x: float, v: float, dt: float) -> float:
         """Go on to x, m, and v, m/s, a time dt, s, later; return the force, N.
@@ -85,8 +85,7 @@ class SteppedDamper:
         Between them x is the cubic piece through both (x, v). `pressures` are then those there.
         """
         (x_0, v_0) = self._at
-        motion = Step(dt, [x_0, x], [v_0, v], state=self._state)
-        self.force, self.pressures = self._run(motion)
+        self.force, self.pressures = self._run(dt, [x_0, x], [v_0, v])
         self._at = (x, v)
         return self.force
 
@@ -96,7 +95,8 @@ class SteppedDamper:
         other._state = bytearray(self._state)  # noqa: SLF001 - its own kind
         return other
 
-    def _run(self, motion: Step) -> tuple[float, NDArray[np.float64]]:
+    def _run(self, dt: float, x: list[float], v: list[float]) -> tuple[float, NDArray[np.float64]]:
         damper, values, options = self._how
+        motion = Step(dt, np.array(x), np.array(v), state=self._state)
         seen = damper.simulate(values, motion, sensitivities=(), options=options)
         return float(seen.force[-1]), np.array(seen.pressures[:, -1])

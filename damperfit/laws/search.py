@@ -92,10 +92,10 @@ if TYPE_CHECKING:
     from damperfit.laws.law_fit import SettingLogs
     from damperfit.tested.setting import Setting
 
-__all__ = ["search_laws"]
+__all__ = ["FLOOR_PERCENT", "search_laws"]
 
 # Per cent of the variance: misfits below are not told apart, whatever the number of samples.
-_FLOOR_PERCENT = 0.0003
+FLOOR_PERCENT = 0.0003
 # The same of what was held out, which counts as so many effective samples a setting.
 _HELD_FLOOR_PERCENT, _HELD_SAMPLES = 0.05, 10.0
 # What a part costs, beside its numbers, that a damper or rig may well be without: where it does as
@@ -329,7 +329,7 @@ class _Search:
         for setting, percent in fit.percent.items():
             noise = 100.0 * fit.model.misfits[setting].scatter
             found += self.n_eff[setting] * math.log(
-                (percent + _FLOOR_PERCENT) / (min(noise, percent) + _FLOOR_PERCENT)
+                (percent + FLOOR_PERCENT) / (min(noise, percent) + FLOOR_PERCENT)
             )
         nothing = self.n_held * _HELD_SAMPLES * math.log(_HELD_FLOOR_PERCENT)
         return found + max(self.of_held_out(fit) - nothing, 0.0)
@@ -344,7 +344,7 @@ class _Search:
     def criterion(self, fit: _Fit, *, is_screening: bool = False) -> float:
         """C of the module's text; without what was held out while candidates are screened."""
         percent, n = fit.percent, self.n_eff
-        found = sum(n[s] * math.log(p + _FLOOR_PERCENT) for s, p in percent.items())
+        found = sum(n[s] * math.log(p + FLOOR_PERCENT) for s, p in percent.items())
         found += self.price(fit) + self.unbelieved(fit)
         return found if is_screening else found + self.of_held_out(fit)
 
@@ -518,7 +518,7 @@ class _Search:
         price = self.price(glance) - self.price(fit)
         promised = max(glance.promised, 1e-6 * fit.minimum.cost)
         here = fit.minimum.cost
-        shares = [_FLOOR_PERCENT / max(one, 1e-9) for one in fit.percent.values()]
+        shares = [FLOOR_PERCENT / max(one, 1e-9) for one in fit.percent.values()]
         floor = here * float(np.mean(shares))
         return n * math.log((promised + floor) / (here + floor)) + price
 
@@ -911,7 +911,7 @@ class _Linear:
         price = sum(math.log(sum(n[s] for s in settings if one.holds_at(s))) for one in unknowns)
         here = self.minimum.cost
         floor = here * float(
-            np.mean([_FLOOR_PERCENT / max(x, 1e-9) for x in self.fit.percent.values()])
+            np.mean([FLOOR_PERCENT / max(x, 1e-9) for x in self.fit.percent.values()])
         )
         return sum(n.values()) * math.log((max(cost, 0.0) + floor) / (here + floor)) + price
 

@@ -24,6 +24,7 @@ from damperfit.reporting.records import (
     gaps_in,
     law_in,
     listed_in,
+    number_in,
     predictions_in,
     problems_in,
     sentences_in,
@@ -109,7 +110,7 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     advice = {one.value: one.advice for one in Outcome if one is not Outcome.CONVERGED}
     outcomes = {row.get("outcome") for row in parameters} & set(advice)
     errors = {
-        (str(one.get("setting")), one.get("log"), one.get("start_s")): one.get("mse_percent")
+        (str(one.get("setting")), one["log"], number_in(one, "start_s")): one.get("mse_percent")
         for one in listed_in(record, "stretches")
         if isinstance(one, dict) and isinstance(one.get("log"), str)
     }

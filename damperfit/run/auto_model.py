@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.conditioning.gas_force import YIELDS, held_share
+from damperfit.configuration.damper_section import damper_record
 from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.what_is_tested import followed, unmatched
 from damperfit.damper.purdy.parameters import Damper
@@ -18,7 +19,7 @@ from damperfit.identification import DETECT, GivenStart, shared_names
 from damperfit.laws.description import interchangeable_parts, physics_seen, undecided
 from damperfit.laws.law_fit import SettingLogs
 from damperfit.laws.rivals import rank_rivals, yielding_seen
-from damperfit.laws.search import follows_by_scope, search_laws
+from damperfit.laws.search import FLOOR_PERCENT, follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import Problem, failure_lines, note
 from damperfit.reporting.answer import Answer
@@ -32,6 +33,7 @@ from damperfit.reporting.laws import (
 )
 from damperfit.run.identify import gather
 from damperfit.run.parting import by_damper, prepare
+from damperfit.tables.files import json_values
 from damperfit.workers import available_cores
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ if TYPE_CHECKING:
     from damperfit.identification import FitOptions
     from damperfit.identification.sharing import Follows
     from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, Tried
-    from damperfit.problem import Failure, Problem
+    from damperfit.problem import Failure
     from damperfit.reporting.sheet import Sheet
     from damperfit.run.logs import LogBatch
     from damperfit.tested.setting import Setting
@@ -79,6 +81,10 @@ _OF_RIG = {
     "lag": "the lag of the force",
     "moving_mass": "the moving mass",
 }
+
+# Against a law the evidence is very strong from here on (Kass and Raftery, J. Am. Stat. Assoc. 90
+# (1995) 773); of those that remain so many are told.
+_DECIDED, _MOST_LEFT = 10.0, 3
 
 
 def declared_dimensions(
@@ -340,7 +346,43 @@ class LawChoice(Answer):
             "sentences": list(self.sentences),
             "doubt": self.search.doubt,
             "undecided": list(self.undecided),
+            "remaining": [
+                {
+                    "title": one.title,
+                    "damper": json_values(damper_record(one.fits[0].model)),
+                    "settings": [
+                        {"setting": fit.setting.cell, "values": dict(fit.values)}
+                        for fit in one.fits
+                    ],
+                }
+                for one in remaining(self.search)
+            ],
         }
+
+
+def remaining(search: LawSearch) -> list[Tried]:
+    """Return the laws that the logs have not decided against, the nearest first.
+
+    Those of which n ln((m + m_0)/(m_c + m_0)) + (k - k_c) ln n, with m the geometric mean of the
+    MSE and k the numbers at the settings that both were fitted at, is less than `_DECIDED`.
+    """
+    chosen = {fit.setting: fit for fit in search.chosen.fits}
+    left: dict[str, tuple[float, Tried]] = {}
+    for tried in (law.tried for law in search.laws):
+        pairs = [(fit, chosen[fit.setting]) for fit in tried.fits if fit.setting in chosen]
+        # With a default freed it is the same structure.
+        is_same = tried.fits[0].model == search.chosen.fits[0].model
+        if is_same or not pairs or math.isnan(search.n_eff):
+            continue
+        times = [
+            math.log((a.mse_percent + FLOOR_PERCENT) / (b.mse_percent + FLOOR_PERCENT))
+            for a, b in pairs
+        ]
+        more = sum(len(a.free) - len(b.free) for a, b in pairs)
+        against = search.n_eff * sum(times) / len(times) + more * math.log(search.n_eff)
+        if against < min(_DECIDED, left.get(tried.title, (math.inf,))[0]):
+            left[tried.title] = (against, tried)
+    return [tried for _, tried in sorted(left.values(), key=lambda one: one[0])[:_MOST_LEFT]]
 
 
 def choose_law(  # noqa: PLR0913 - what a user may ask of it

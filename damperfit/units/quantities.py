@@ -103,6 +103,7 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "Paa Pa(a)": 1.0,
     },
     "frequency": {"Hz": 1.0, "kHz": 1e3},
+    "power": {"W": 1.0, "kW": 1e3},
     "temperature": {
         "degC °C ºC ˚C C": 1.0,  # the sign is U+00B0, U+00BA or U+02DA in real files
         "degF °F ºF ˚F F": (5.0 / 9.0, -160.0 / 9.0),

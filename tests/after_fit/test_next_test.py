@@ -51,6 +51,44 @@ def test_the_command_prints_what_the_function_returns(results, capsys) -> None:
     assert document["tests"][0]["share"] == pytest.approx(advice.tests[0].share)
 
 
+def test_which_test_tells_the_structures_that_remain(results, fitted, tmp_path, capsys) -> None:
+    """Another model is told apart; other values of the chosen one are what a new fit would find."""
+    known = {one.label: dict(one.values) for one in fitted.settings}
+    bilinear = {"c_r": 3e3, "c_b": 3e3, "f_0": 0.0}
+
+    def structure(title, damper, values) -> dict:
+        settings = [{"setting": int(n), "values": mine} for n, mine in values.items()]
+        return {"title": title, "damper": damper, "settings": settings}
+
+    moved = {n: mine | {"f_f": 1.002 * mine["f_f"]} for n, mine in known.items()}
+    record = fitted.record | {
+        "law_choice": {
+            "chosen": "the paper's model",
+            "remaining": [
+                structure("bilinear", {"model": "bilinear"}, dict.fromkeys(known, bilinear)),
+                structure("again", dict(fitted.declared_damper), moved),
+                {"title": "edited"},
+            ],
+        }
+    }
+    folder = shutil.copytree(results, tmp_path / "chosen")
+    (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    assert main(["advise", str(folder), "--for", "law", "--setting", "10", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    evidence = document["tests"][0]["evidence"]
+    assert evidence["bilinear"] > 1e3
+    assert evidence["again"] < 10.0
+    assert "tells the chosen structure from structure 1" in document["sentence"]
+    assert main(["advise", str(results), "--for", "law"]) == 2
+    assert "--model auto" in capsys.readouterr().err
+
+
+def test_a_test_that_heats_too_much_is_none(fitted) -> None:
+    free = fitted.advise("k_e", setting=10, max_speed=0.5)
+    cool = fitted.advise("k_e", setting=10, max_speed=0.5, max_heat="20W")
+    assert cool.tests[0].speed < free.tests[0].speed
+
+
 @pytest.mark.parametrize("asked", ["nothing", "force", "force@fast"])
 def test_a_question_that_cannot_be_is_refused(results, capsys, asked) -> None:
     assert main(["advise", str(results), "--for", asked]) == 2

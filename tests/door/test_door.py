@@ -69,11 +69,11 @@ def test_a_result_has_values_intervals_and_verdicts_without_a_second_call(result
 
 
 def test_a_result_prints_itself(result):
-    assert repr(result) == "<Run: 2 settings, MSE 0.00043 to 0.0012 %>"
+    headline, *table = repr(result).splitlines()
+    assert headline == "Run: 2 settings, MSE 0.00043 to 0.0012 %"
     assert repr(result.setting("1")) == "<setting 1: MSE 0.00121 %, excellent>"
-    lines = str(result).splitlines()
-    assert lines[0].split()[:3] == ["set", "R_m1", "R_m2"]
-    assert lines[2].split()[:3] == ["1", "14.01", "±"]
+    assert table[0].split()[:3] == ["set", "R_m1", "R_m2"]
+    assert table[2].split()[:3] == ["1", "14.01", "±"]
     page = result._repr_html_()
     assert page.startswith("<table><caption>Run: 2 settings")
     assert page.count("<tr>") == 4
