@@ -548,11 +548,11 @@ def simulate_network(
             damper.rod_area * network.ambient_pressure,
         ],
     )
-    state = motion.state if isinstance(motion, Step) else b""
+    state = (motion.state,) if isinstance(motion, Step) else ()
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
         body, numbers, passages, x, v, jumps, which, pressures, masses, force, rows,
-        state or bytearray(), motion.interval, options.rounding, network.has_floating_piston,
-        options.tolerance, options.dead_band, options.max_steps_per_sample,
+        motion.interval, options.rounding, network.has_floating_piston, options.tolerance,
+        options.dead_band, options.max_steps_per_sample, *state,
     )  # fmt: skip
     if code:
         raise SimulationError(describe_ending(code, sample, motion, options), code="not-integrated")

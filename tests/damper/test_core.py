@@ -69,7 +69,7 @@ spec = importlib.util.spec_from_file_location("_core", {core!r})
 module = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(module)
 try:
-    module.simulate_network(*[b""] * 12, 1.0, 1.0, False, 1.0, 1.0, 1)
+    module.simulate_network(*[b""] * 11, 1.0, 1.0, False, 1.0, 1.0, 1)
 except (BufferError, ValueError) as error:
     assert "bytes" in str(error) or "writable" in str(error), error
 '''

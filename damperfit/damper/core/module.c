@@ -100,12 +100,14 @@ static PyObject *simulate_network(PyObject *self, PyObject *args)
     double interval, rounding;
     int floating;
     df_options options;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOddpddl:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
-                          &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &o[11], &interval, &rounding, &floating,
-                          &options.tolerance, &options.dead_band, &options.max_steps_per_sample))
+    o[NET_STATE] = NULL;
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOddpddl|O:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
+                          &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &interval, &rounding, &floating,
+                          &options.tolerance, &options.dead_band, &options.max_steps_per_sample, &o[NET_STATE]))
         return NULL;
     df_buffers b;
-    if (!df_borrow(&b, o, N_NETWORK_BUFFERS, NET_PRESSURES))
+    b.view[NET_STATE].len = 0;
+    if (!df_borrow(&b, o, o[NET_STATE] ? N_NETWORK_BUFFERS : NET_STATE, NET_PRESSURES))
         return NULL;
     PyObject *answer =
         network_sizes_fit(b.view) ? run_network(b.view, interval, rounding, floating, &options) : NULL;
@@ -204,8 +206,8 @@ static PyObject *follow(PyObject *self, PyObject *args)
 static PyMethodDef METHODS[] = {
     {"simulate_network", simulate_network, METH_VARARGS,
      "simulate_network(body, numbers, passages, displacement, velocity, jumps, which, pressures,\n"
-     "                 masses, force, sensitivities, state, interval, rounding, floating_piston,\n"
-     "                 tolerance, dead_band, max_steps_per_sample)\n"
+     "                 masses, force, sensitivities, interval, rounding, floating_piston,\n"
+     "                 tolerance, dead_band, max_steps_per_sample[, state])\n"
      "-> (code, steps, rejected, newton, sample). Fills the last five buffers; with a state the last\n"
      "sample alone, from where it is, or begins it where there is one sample."},
     {"follow", follow, METH_VARARGS,
