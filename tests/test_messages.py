@@ -6,7 +6,6 @@ from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
-import pytest
 import typer
 
 import damperfit
@@ -91,18 +90,3 @@ def test_messages_name_what_exists() -> None:
         if (names := unknown_names(text))
     }
     assert wrong == {}
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "give --settings-file N",
-        "see rig.max_bytes",
-        "set [rig] max_log_size = 3",
-        "Name it: rig.columns.forse = 'NAME'",
-        "more than the limit (max_bytes)",
-        "run damperfit identfy LOGS first",
-    ],
-)
-def test_what_does_not_exist_is_found(text) -> None:
-    assert unknown_names(text)

@@ -119,37 +119,6 @@ def test_it_is_quiet_draws_everything_and_asks_for_nothing(browser):
         assert n_shown == n_traces, name
 
 
-def test_no_word_is_torn_for_the_sake_of_a_long_sentence(browser):
-    """Each word of the first column stands in one line, however much the last one says."""
-    n, torn, width = browser.execute_script(
-        """
-        const table = [...document.querySelectorAll('.table')].at(-1), rows = table.outerHTML;
-        table.closest('details').open = true;
-        table.className = 'table checks';
-        const torn = [], firsts = [...table.querySelectorAll('tbody td:first-child')];
-        for (const cell of firsts) {
-          cell.textContent = 'temperature in window';
-          cell.parentElement.lastElementChild.textContent = 'a rather long sentence '.repeat(60);
-        }
-        for (const cell of firsts) {
-          const text = cell.firstChild;
-          for (const word of text.textContent.matchAll(/\\S+/g)) {
-            const range = document.createRange();
-            range.setStart(text, word.index);
-            range.setEnd(text, word.index + word[0].length);
-            if (range.getClientRects().length > 1) torn.push(word[0]);
-          }
-        }
-        const width = document.documentElement.scrollWidth;
-        table.outerHTML = rows;
-        return [firsts.length, torn, width];
-        """
-    )
-    assert n >= 3
-    assert torn == []
-    assert width <= 1400
-
-
 def test_switching_a_setting_off_removes_its_traces(browser):
     _unfold(browser)
     settings = (
@@ -248,28 +217,6 @@ def test_no_column_is_cut_at_1400_pixels(browser):
     )
     assert cut == []
     assert browser.execute_script("return document.body.scrollWidth <= innerWidth")
-
-
-def test_the_tools_of_a_plot_are_not_over_its_heading_however_long_it_is(browser):
-    _unfold(browser)
-    over = browser.execute_script(
-        """
-        const over = [];
-        for (const d of document.querySelectorAll('.plot')) {
-          const heading = d.parentElement.querySelector('h3');
-          const title = heading.textContent, range = document.createRange();
-          heading.textContent = 'Setting 10: force against velocity '.repeat(6);
-          range.selectNodeContents(heading);
-          const bar = d.querySelector('.modebar').getBoundingClientRect();
-          for (const line of range.getClientRects())
-            if (line.right > bar.left && line.bottom > bar.top && line.top < bar.bottom)
-              over.push(d.dataset.name);
-          heading.textContent = title;
-        }
-        return over;
-        """
-    )
-    assert over == []
 
 
 def test_every_setting_has_its_anchor(browser, page):

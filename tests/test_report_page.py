@@ -3,10 +3,7 @@
 import json
 import re
 import shutil
-import tomllib
 from dataclasses import replace
-from fnmatch import fnmatch
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import damperfit
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.drawing import draw_plot
 from damperfit.reporting.figures import thin
@@ -44,11 +40,6 @@ def shown(folder):
 @pytest.fixture(scope="module")
 def page(shown):
     return html_report(shown, title="<b>my run</b>")
-
-
-def document(page):
-    (text,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page)
-    return json.loads(text)
 
 
 def test_every_text_is_escaped(page):
@@ -108,16 +99,6 @@ def test_thinning_keeps_the_extremes_and_the_ends(signal, n_buckets):
     assert kept[0] == 0
     assert kept[-1] == len(signal) - 1
     assert (np.diff(kept) > 0).all()
-
-
-def test_figures_do_not_heed_the_readers_own_style(shown, tmp_path):
-    import matplotlib as mpl
-
-    draw_plot(tmp_path / "a.svg", shown.overall[0], kind="svg")
-    with mpl.rc_context({"font.size": 20.0, "axes.facecolor": "red"}):
-        draw_plot(tmp_path / "b.svg", shown.overall[0], kind="svg")
-        assert mpl.rcParams["font.size"] == 20.0
-    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
 def test_what_the_run_told_is_shown(copy):
@@ -259,16 +240,6 @@ def test_what_is_left_is_shown(copy, names):
         assert f"{name} is missing" in page
 
 
-def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
-    table = pq.read_table(copy / "parameters.parquet")
-    old = table.drop_columns(["grade", "outcome", "k_e_ci_low", "cavitation_fraction"])
-    pq.write_table(old, copy / "parameters.parquet")
-    (copy / "run.json").write_text('{"schema_version": 0, "version": "0.0.1"}', encoding="utf-8")
-    results = Run.load(copy)
-    assert "schema version 0 (damperfit 0.0.1)" in results.remarks[0]
-    assert "parameter_k_e" in html_report(report_plots(results), title="x")
-
-
 @pytest.mark.parametrize("version", [3, 0, "2"])
 def test_any_other_schema_is_named_and_this_one_is_not(copy, version):
     for known in (1, 2):
@@ -340,16 +311,6 @@ def test_a_file_of_another_run_is_named(copy):
     assert Run.load(copy).remarks == (
         "mse.parquet is not the file that the run wrote (see run.json)",
     )
-
-
-def test_what_the_page_is_made_of_is_shipped():
-    root = Path(damperfit.__file__).parents[1]
-    known = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
-    patterns = known["tool"]["setuptools"]["package-data"]["damperfit.reporting"]
-    room = root / "damperfit" / "reporting"
-    parts = {p.relative_to(room).as_posix() for p in room.rglob("*.*") if "py" not in p.suffix}
-    assert {"assets/page.css", "assets/page.js", "assets/page.html"} <= parts
-    assert {p for p in parts if not any(fnmatch(p, pattern) for pattern in patterns)} == set()
 
 
 def test_an_empty_folder_is_one_sentence(tmp_path):

@@ -93,12 +93,6 @@ def test_a_call_of_the_command_line_leaves_garbage_to_its_caller(capsys):
     assert gc.get_threshold() == usual
 
 
-@pytest.mark.parametrize("command", ["identify", "simulate", "samples", "config"])
-def test_every_command_explains_itself(command, capsys):
-    assert main([command, "--help"]) == 0
-    assert f"damperfit {command}" in capsys.readouterr().out
-
-
 def test_the_script_is_installed():
     (script,) = importlib.metadata.entry_points(group="console_scripts", name="damperfit")
     assert callable(script.load())

@@ -9,19 +9,26 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg  # noqa: F401 - it brings a BLAS of its own
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from damperfit import workers
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import MODELS
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.fleets.run import DamperTask, Done, Job
 from damperfit.fleets.sources import FleetLog
+from damperfit.identification import FitOptions, blas_threads, identify
+from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.workers import Died, Processes, apart, executor, told_here
+from tests.fakes import trace
 from tests.fleet.deadly import die_at_three, double, refuse, refuse_with_a_lock, say_pid_and_wait
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
@@ -436,3 +443,61 @@ def test_workers_end_with_their_parent(tmp_path):
         _, said = parent.communicate()  # until the last process that may say something has ended
     assert said == b""
     assert waited_for(lambda: not alive(int(where.read_text())))
+
+
+# BLAS has its threads back when the last of several runs in one process has ended.
+
+
+def threads() -> set[int]:
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+@pytest.fixture
+def three_threads(monkeypatch):
+    """A number that is neither one nor, by chance, the machine's; libraries are looked for anew."""
+    monkeypatch.setattr(blas_threads, "_found", {})
+    with threadpool_limits(3, user_api="blas"):
+        assert threads() == {3}
+        yield
+
+
+def test_the_first_to_end_leaves_it_lowered_and_the_last_puts_it_back(three_threads) -> None:
+    first, second = ExitStack(), ExitStack()
+    first.enter_context(one_blas_thread())
+    assert threads() == {1}
+    second.enter_context(one_blas_thread())
+    first.close()
+    assert threads() == {1}
+    second.close()
+    assert threads() == {3}
+
+
+def test_two_runs_that_overlap_in_threads_leave_it_as_it_was(three_threads) -> None:
+    """The first begins, the second begins, the first ends, the second ends."""
+    options = FitOptions(procedure="plain", fixed={"r_m3": 2.6e6, "f_f": 50.0})
+    both_are_in = threading.Barrier(2, timeout=60.0)
+    first_is_done = threading.Event()
+    during: dict[str, set[int]] = {}
+    met: set[str] = set()
+
+    def run(name: str) -> None:
+        def on_fit(_fit: object) -> None:
+            if name in met:
+                return
+            met.add(name)
+            both_are_in.wait()
+            if name == "second":
+                first_is_done.wait(60.0)
+            during[name] = threads()
+
+        identify([trace(1)], PURDY_DAMPER, options, on_fit=on_fit)
+        if name == "first":
+            first_is_done.set()
+
+    both = [threading.Thread(target=run, args=(name,)) for name in ("first", "second")]
+    for one in both:
+        one.start()
+    for one in both:
+        one.join(120.0)
+    assert during == {"first": {1}, "second": {1}}
+    assert threads() == {3}

@@ -12,7 +12,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.fleets import sources
 from damperfit.fleets import sources as stores
-from damperfit.fleets.parts import collect, parts_in, read_facts_of, renew_facts
+from damperfit.fleets.parts import collect
 from damperfit.fleets.run import State, planned, run_fleet
 from damperfit.fleets.sources import find_sources
 from tests.fleet.conftest import Here
@@ -156,28 +156,6 @@ class TestASecondRun:
         store.watched.asked.clear()
         assert states(fleet(done, tmp_path)) == {"SN1": "known", "SN2": "known"}
         assert store.watched.n("GET") == 0
-
-    def test_fetches_the_same_bytes_put_there_again_once(self, store, done, tmp_path):
-        part = next(path for path in parts_in(tmp_path) if "SN1" in str(path))
-        seen = read_facts_of(part)["seen"]
-        place = next(place for place in seen if "/1/setting_01.csv" in place)
-        older = {**seen, place: [f"{seen[place][0]} before", *seen[place][1:]]}
-        renew_facts(part, seen=older)
-        assert states(fleet(done, tmp_path)) == {"SN1": "known", "SN2": "known"}
-        assert store.watched.n("GET") == 3
-        store.watched.asked.clear()
-        assert states(fleet(done, tmp_path)) == {"SN1": "known", "SN2": "known"}
-        assert store.watched.n("GET") == 0
-        assert read_facts_of(part)["seen"] == seen
-
-    def test_does_a_new_log_of_a_damper_together_with_the_old_ones(
-        self, store, done, texts, tmp_path
-    ):
-        head, rows = texts["setting_10.csv"]
-        store.put(f"{tmp_path.name}/1/setting_11.csv", f"# serial: SN1\n{head}{rows}")
-        found = {one.owner: one for one in fleet(done, tmp_path)}
-        assert (found["SN1"].state, found["SN1"].n_logs) == (State.FITTED, 3)
-        assert found["SN2"].state is State.KNOWN
 
     def test_trusts_nothing_of_a_store_that_tells_no_etag(self, store, done, tmp_path, monkeypatch):
         monkeypatch.setattr(stores, "_stamp", lambda _file: "")

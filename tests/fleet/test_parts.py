@@ -2,6 +2,7 @@
 
 import json
 import os
+from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
@@ -9,7 +10,9 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
 
+from damperfit import __version__
 from damperfit.errors import ConfigurationError, OutputError
+from damperfit.fleets import sources as unchanged
 from damperfit.fleets.parts import (
     collect,
     forget_earlier,
@@ -19,6 +22,7 @@ from damperfit.fleets.parts import (
     tidy,
     write_part,
 )
+from damperfit.fleets.sources import FleetLog, KnownObject
 from damperfit.store import file_set
 
 
@@ -169,3 +173,26 @@ def test_a_part_carries_its_page_checksums(tmp_path):
     path.write_bytes(bytes(data))
     with pytest.raises((OSError, pa.ArrowInvalid)):
         pq.ParquetFile(path, page_checksum_verification=True).read()
+
+
+# What an earlier run found in an object is trusted where the same version found it.
+
+PLACE = "s3://bucket/runs/a.csv"
+
+
+def part(folder: Path, version: str, key: str) -> None:
+    seen = {PLACE: ["etag", "abc", f"told by {version}"]}
+    table = pa.table({"setting": ["1"]})
+    write_part(part_path(folder, "D1", key), table, {"version": version, "seen": seen})
+
+
+@pytest.mark.parametrize("versions", [[], ["0.0.1"], [__version__], [__version__, "0.0.1"]])
+def test_only_this_version_is_believed_whose_a_log_is(
+    versions: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for key, version in zip("ab", versions, strict=False):
+        part(tmp_path, version, key)
+    monkeypatch.setattr(unchanged, "_stamp_of", lambda _place: "etag")
+    (found,) = unchanged.recognised([FleetLog(PLACE, "a.csv")], tmp_path)
+    own = KnownObject("etag", "abc", f"told by {__version__}")
+    assert found.seen == (own if __version__ in versions else None)

@@ -113,28 +113,6 @@ def test_every_damper_is_a_line():
     assert "The worst 3 of 11" in short.notes[0]
 
 
-def test_the_worst_grade_is_told():
-    changed = {("D1", "2"): {"grade": "withheld"}, ("D2", "1"): {"grade": "good"}}
-    grades = [one.grade for one in survey(fleet_table(3, changed=changed)).dampers]
-    assert grades == ["withheld", "good", "excellent"]
-
-
-def test_the_picture_names_who_is_far_off_in_one_colour():
-    changed = {("D3", "2"): {REBOUND: 5000.0, BUMP: -2500.0}, ("D5", "1"): {BUMP: -1e4}}
-    found = survey(fleet_table(20, changed=changed))
-    _, rebound, bump = series_plots(found)
-    named = {
-        plot.name: {line.label: line for line in plot.panels[0].lines if line.style == "triangles"}
-        for plot in (rebound, bump)
-    }
-    assert list(named[rebound.name]) == ["D3, far off"]
-    assert sorted(named[bump.name]) == ["D3, far off", "D5, far off"]
-    three = named[rebound.name]["D3, far off"]
-    assert (three.x.tolist(), three.y.tolist()) == ([2.0], [5000.0])
-    assert len({one["D3, far off"].colour for one in named.values()}) == 1
-    assert len({line.colour for line in named[bump.name].values()}) == 2
-
-
 def test_change_over_the_date_is_beside_the_median_of_the_setting():
     dates = ["2026-03-01"] * 10 + ["2026-03-11"] * 10
     later = {
@@ -298,33 +276,6 @@ def test_the_distribution_around_the_median_has_a_panel_of_its_own():
     assert far.label == "D7, far off"
     assert far.y == pytest.approx([100.0 * (40000.0 / 28000.0 - 1.0)], abs=0.5)
     assert forces.lines[0].high == pytest.approx([9.0, 18.0, 27.0], abs=0.5)
-
-
-@pytest.mark.parametrize(
-    ("value", "unit", "shown"),
-    [(9990.0, "s sqrt(N)/(m kg)", 9990.0), (10010.0, "1e3 s sqrt(N)/(m kg)", 10.01)],
-)
-def test_an_axis_of_long_numbers_has_a_power_in_its_unit(value, unit, shown):
-    changed = {(f"D{k}", s): {"r_m1": value} for k in range(1, 21) for s in ("1", "2", "10")}
-    (panel, _) = series_plots(survey(fleet_table(20, changed=changed)))[0].panels
-    assert (panel.y_label, panel.y_unit) == ("R_m1", unit)
-    (line,) = panel.lines
-    assert line.y == pytest.approx([shown] * 3, rel=1e-6)
-    assert line.low == pytest.approx([shown] * 3, rel=1e-6)
-
-
-def test_a_quantity_has_its_symbol_as_title():
-    dates = [f"2026-03-{1 + k % 5:02d}" for k in range(40)]
-    table = fleet_table(40, dates=dates, changed={("D7", "2"): {"r_m1": 40000.0}})
-    found = survey(table)  # as of an older run, whose columns do not tell their symbols
-    assert "R_m1" in [plot.title for plot in series_plots(found)]
-    assert "R_m1 over the date" in [plot.title for plot in trend_plots(found)]
-    (row,) = outlier_sheet(found).rows
-    assert row[1] == "R_m1"
-    k = table.column_names.index("r_m1")
-    field = table.schema.field(k).with_metadata({b"unit": b"Pa", b"symbol": b"S_r"})
-    found = survey(table.set_column(k, field, table.column(k)))
-    assert "S_r" in [plot.title for plot in series_plots(found)]
 
 
 def test_a_parameter_that_was_fitted_nowhere_is_not_drawn():
