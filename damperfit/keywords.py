@@ -150,6 +150,8 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         "samples.cycles": ("number", "N", "Cycles in a log."),
         "samples.sample_rate": ("text", "RATE", "Samples per second, as in 1000Hz."),
         "settings.velocity": ("text", "SPEED", "At this speed, as in 0.2m/s; minus: compression."),
+        "valves.velocity": ("text", "SPEED", "At this speed, as in 0.2m/s; minus: compression."),
+        "valves.force": ("text", "FORCE", "Which orifice or preload gives it? As in 900N."),
         "compare.velocity": ("texts", "SPEED",
             "Speeds to compare at.  [default: the named test speeds]"),
         "stroke": ("text", "NAME", "rebound or compression, instead of a sign."),

@@ -94,13 +94,16 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
 
 
 @public
-def valves(
+def valves(  # noqa: PLR0913 - one keyword an option of the command line
     results: Run | str | Path = _RESULTS,
     *,
     cd: float = 0.7,
     cd_spread: float = 0.1,
     seat: str | float | None = None,
     reference: Run | str | Path | None = None,
+    force: str | float | None = None,
+    velocity: str | float | None = None,
+    stroke: str | None = None,
     config: str | Path | None = None,
 ) -> Orifices:
     """Show the valves as parts: holes in mm, preloads in bar and N, and where a click jumps.
@@ -109,9 +112,11 @@ def valves(
     ----------
     results, reference : Run or path
         Of any model with orifices or preloaded valves; the reference is an earlier run.
+    force, velocity : number or text, optional
+        What one orifice or preload must be for this force at this speed, as of `settings`.
     """
-    from damperfit.after_fit.valves import read_valves
-    from damperfit.queries.settings import positive
+    from damperfit.after_fit.valves import read_valves, sized
+    from damperfit.queries.settings import parse_question, positive
 
     if not 0.0 <= cd_spread < _above_zero("cd", cd):
         raise ConfigurationError(
@@ -120,13 +125,21 @@ def valves(
             code="cd-spread",
         )
     run = run_of(results, "damperfit.valves", config)
-    return read_valves(
+    texts = (None if one is None else str(one) for one in (force, velocity))
+    asked = parse_question(force=next(texts), velocity=next(texts), stroke=stroke)
+    if asked.speed and asked.force is None:
+        text = "{where} has no effect: at which force? Give {force} too"
+        where, more = Option("velocity", velocity or ""), Option("force")
+        raise ConfigurationError(text, where=where, force=more, code="no-effect")
+    speed = asked.speed and math.copysign(asked.speed, -1.0 if asked.stroke == "bump" else 1.0)
+    found = read_valves(
         run,
         discharge=cd,
         discharge_spread=cd_spread,
         seat=positive(seat, "length", "seat"),
         reference=_reference(reference, "damperfit.valves", run.damper.name),
     )
+    return found if asked.force is None or speed is None else sized(found, run, asked.force, speed)
 
 
 @public

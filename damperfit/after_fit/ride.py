@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.filters import differentiate
+from damperfit.conditioning.filters import apply_filter, design_filter, differentiate
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.io import ReadOptions, read_log
 from damperfit.io.files import read_text
@@ -58,6 +58,8 @@ _LIFTS = 0.33  # rms of the dynamic load over the static one: three deviations l
 _LEAD = 1.0  # s that the damper runs in, before the period
 _EDGES = (0.0, 0.025, 0.05, 0.1, 0.2, 0.5, np.inf)  # m/s, of bands of speed
 _FEWEST = 10  # samples of a stroke
+# Hz, of a stroke: a wheel hops at 10 to 20. Sampled less than so many times faster it is as logged.
+_STROKE_CORNER, _STROKE_RATE = 40.0, 4.0
 _KEYS = {
     "sprung_mass": "mass",
     "unsprung_mass": "mass",
@@ -455,7 +457,10 @@ def drive_along(run: Run, motion: Motion, settings: Sequence[SettingResult]) -> 
 
 
 def read_stroke(path: Path) -> Motion:
-    """Read time and displacement of a log of a car, as in ``time_s,displacement_mm``."""
+    """Read time and displacement of a log of a car, as in ``time_s,displacement_mm``.
+
+    Steps of its converter would be speed: above `_STROKE_CORNER` nothing of them is left.
+    """
     if not path.is_file():
         raise ConfigurationError("no such file", subject=path, code="stroke")
     log = read_log(path, ReadOptions(needs_force=False))
@@ -465,4 +470,7 @@ def read_stroke(path: Path) -> Motion:
     interval = float(np.median(np.diff(log.time)))
     x = np.interp(np.arange(log.time[0], log.time[-1], interval), log.time, log.displacement)
     x -= 0.5 * (x.max() + x.min())
+    if interval < 1.0 / (_STROKE_RATE * _STROKE_CORNER):
+        low_pass = design_filter("zero_phase", _STROKE_CORNER, sample_rate=1.0 / interval, order=4)
+        x = apply_filter(low_pass, x)
     return Motion(interval, x, differentiate(x, interval))

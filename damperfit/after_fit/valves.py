@@ -11,7 +11,8 @@ A blow-off opens at the pressure p on its seat of area A_s, with the preload p A
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -61,6 +62,17 @@ class Preload(NamedTuple):
     change: float | None  # pressure less that of the setting before, Pa
 
 
+class Sized(NamedTuple):
+    """What an orifice (m2) or a preload (Pa) is at one setting, and what it must be for a force."""
+
+    setting: str
+    quantity: str
+    now: float
+    wanted: float
+    diameter: float  # of one hole of the wanted area, m; NaN: it is a preload
+    seat_force: float  # of the wanted preload, N; NaN: a hole, or no seat is declared
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Orifices(Answer):
     """The valves of all settings, and what is odd about them.
@@ -76,17 +88,20 @@ class Orifices(Answer):
     holes: tuple[Hole, ...]
     preloads: tuple[Preload, ...]
     remarks: tuple[str, ...]
+    sized: tuple[Sized, ...] = ()  # for a force that was asked for
+    sentence: str = ""
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
         return {
             "holes": json_values([hole._asdict() for hole in self.holes]),
             "preloads": json_values([preload._asdict() for preload in self.preloads]),
+            "sized": json_values([one._asdict() for one in self.sized]),
             "remarks": list(self.remarks),
         }
 
-    def sheets(self) -> tuple[Sheet, Sheet]:
-        """Return the tables of holes and of preloads."""
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return the tables of holes and of preloads, and of what a wanted force takes."""
 
         def columns(name: str, unit: str, size: float, last: Column) -> list[Column]:
             def change(row: Any) -> str:
@@ -112,9 +127,30 @@ class Orifices(Answer):
 
         hole = Column("one hole", "mm", lambda row: f"{1e3 * row.diameter:.4g}")
         seat = Column("on seat", "N", on_seat)
+        sizes = {True: (1e-5, "bar"), False: (1e6, "mm2")}
+
+        def size(name: str) -> Column:
+            def cell(row: Sized) -> str:
+                factor, unit = sizes[math.isnan(row.diameter)]
+                return f"{factor * getattr(row, name):.4g} {unit}"
+
+            return Column(name, "", cell)
+
+        def as_part(row: Sized) -> str:
+            if not math.isnan(row.diameter):
+                return f"hole of {1e3 * row.diameter:.4g} mm"
+            return "-" if math.isnan(row.seat_force) else f"{row.seat_force:.4g} N on the seat"
+
+        wanted = (
+            Column("set", "", lambda row: row.setting, is_number=False),
+            Column("part", "", lambda row: row.quantity, is_number=False),
+            *(size("now"), size("wanted")),
+            Column("that is", "", as_part),
+        )
         return (
             laid_out(self.holes, columns("orifice", "mm2", 1e6, hole)),
             laid_out(self.preloads, columns("opening", "bar", 1e-5, seat)),
+            laid_out(self.sized, wanted),
         )
 
 
@@ -172,6 +208,31 @@ def read_valves(
             code="no-valves",
         )
     return Orifices(tuple(holes), tuple(preloads), tuple(remarks))
+
+
+def sized(found: Orifices, run: Run, force: float, speed: float) -> Orifices:
+    """Return the valves with what each alone must be for a force at a signed speed."""
+    settings, rows = {one.label: one for one in run.settings}, []
+    parts: list[Hole | Preload] = [*found.holes, *found.preloads]
+    for part in parts:
+        setting = settings[part.setting]
+        with suppress(ConfigurationError):  # no value of it gives that force
+            value = sized_for(run, setting, part.quantity, force, speed)
+            times = value / float(setting.parameters[part.quantity])
+            now, wanted, diameter, seat_force = part[2], value, math.nan, math.nan
+            if isinstance(part, Preload):
+                seat_force = part.force * times
+            else:  # its area goes with 1/S
+                wanted, diameter = part.area / times, part.diameter / math.sqrt(times)
+            rows.append(Sized(part.setting, part.quantity, now, wanted, diameter, seat_force))
+    asked = f"{force:.5g} N at {speed:g} m/s"
+    sentence = f"{asked}: no orifice or preload alone gives it"
+    if rows:
+        n = len({one.setting for one in rows})
+        sentence = (
+            f"{asked}: what one part alone must be for it, at {n} of {len(settings)} settings"
+        )
+    return replace(found, sized=tuple(rows), sentence=sentence)
 
 
 def sized_for(run: Run, setting: SettingResult, quantity: str, force: float, speed: float) -> float:

@@ -3,8 +3,8 @@
 Dampers of valves are drawn by chance (`tests.laws.rates`) and logged at one low speed, which leaves
 structures open. The advised test is made of the true damper and fitted together with that log. It
 has decided where, of the structure that was chosen and those that it was to be told from, no two
-are chosen or remain; none does where the truth was not among them. Of dampers with nothing to decide, or no test that does, that is printed. Two
-minutes of the processor a damper.
+are chosen or remain; none does where the truth was not among them. Where there is nothing to
+decide, or no test that does, that is printed. Two minutes of the processor a damper.
 """
 
 import argparse

@@ -135,6 +135,13 @@ def test_a_part_is_sized_for_a_force(fitted) -> None:
     assert setting.values["r_m1"] < size < following  # 12.4, says `settings`
     with pytest.raises(ConfigurationError, match="no r_m1 gives"):
         sized_for(fitted, setting, "r_m1", force=-900.0, speed=0.2)
+    found = fitted.valves(force="900N", velocity="0.2m/s")
+    (row,) = (one for one in found.sized if one.setting == "12")
+    hole = next(one for one in found.holes if one.setting == "12")
+    assert row.wanted / row.now == pytest.approx(setting.values["r_m1"] / size)
+    assert row.now == hole.area
+    assert row.diameter == pytest.approx(math.sqrt(4.0 * row.wanted / math.pi))
+    assert "at 20 of 20 settings" in repr(found)
 
 
 def test_a_model_without_valves_has_none(sample_results) -> None:
@@ -156,6 +163,8 @@ def test_a_model_without_valves_has_none(sample_results) -> None:
         ("valves {results} --cd nan", 2),
         ("valves {results} --cd-spread 0.8", 2),
         ("valves {results} --seat 0mm", 2),
+        ("valves {results} --force 400N", 2),
+        ("valves {results} --velocity 0.2m/s", 2),
         ("passport {results} --out {log}", 2),
         ("watch {folder} --out {folder}", 2),
         ("ride {results} --stroke nowhere.csv", 2),

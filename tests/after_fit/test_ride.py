@@ -162,3 +162,13 @@ def test_a_stroke_that_cannot_be_read_is_one_line(results, tmp_path, capsys, tex
     assert main(["ride", str(results), "--stroke", str(tmp_path / "lap.csv")]) in {1, 2}
     (line,) = capsys.readouterr().err.splitlines()
     assert word in line
+
+
+def test_steps_of_the_converter_are_no_speed(results, tmp_path) -> None:
+    """0.1 mm at 1 kHz would be 0.1 m/s in one sample of ten."""
+    path = tmp_path / "lap.csv"
+    x = (round(5.0 * math.sin(k / 160) / 0.1) * 0.1 for k in range(8000))
+    rows = (f"{k / 1000:.3f},{value:.1f}\n" for k, value in enumerate(x))
+    path.write_text("time_s,stroke_mm\n" + "".join(rows))
+    motion = ride.read_stroke(path)
+    assert np.abs(motion.velocity[500:-500]).max() < 1.3 * 5e-3 / 0.16
