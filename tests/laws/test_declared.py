@@ -51,7 +51,7 @@ def test_gas_that_nobody_declared_is_told(
         assert layout.gas_volume == pytest.approx(volume, rel=1e-3)
         assert (layout.gas_pressure, layout.gas_exponent) == (pressure, exponent)
     laws = [SimpleNamespace(fits=(a_law_fit(one),)) for one in (PURDY_DAMPER, TwinTube())]
-    said = " ".join((*assumed_gas(configuration, laws), *configuration.notes))
+    said = " ".join(map(str, (*assumed_gas(configuration, laws), *configuration.notes)))
     assert assumed_gas(configuration, laws[:1]) == ()  # no law of valves was tried
     is_reported = "model" not in declared
     assert ("laws of real valves were tried with" in said) is is_reported
