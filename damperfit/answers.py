@@ -238,6 +238,10 @@ class Simulation(Answer):
             "parameters": asdict(test.choice.parameters),
             "characteristics": asdict(test.characteristics),
         }
+        if test.choice.fitted is not None:
+            halves = test.half_intervals or (None, None)
+            document["grade"] = test.choice.fitted.grade
+            document["half_interval_N"] = dict(zip(("rebound", "bump"), halves, strict=True))
         return {key: json_values(value) for key, value in document.items()}
 
     def write(self, out: Path | None, plot: Path | None, *, spares_others: bool = True) -> None:
@@ -294,7 +298,7 @@ class Simulation(Answer):
         figures = self.test.characteristics
         has_pressures = not math.isnan(figures.pressure_ranges[0][0])
         more = (cycle_pressure_sheet(figures),) if has_pressures else ()
-        return (cycle_force_sheet(figures), *more)
+        return (cycle_force_sheet(figures, self.test.trust), *more)
 
 
 class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes

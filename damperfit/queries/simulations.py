@@ -13,6 +13,7 @@ import numpy as np
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import FAMILIES, REFERENCE_SOURCE, reference_parameters
+from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import (
     ConfigurationError,
@@ -38,6 +39,7 @@ from damperfit.simulation import (
     sine_motion,
     triangle_motion,
 )
+from damperfit.statistics import NORMAL_95
 from damperfit.store import settle
 from damperfit.tables.columns import unknown_schema
 from damperfit.tables.reading import is_part, part_in, table_quantities
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
     from damperfit.recording import Trace
+    from damperfit.results import SettingResult
 
 # Whose parameters a test is simulated with, and what is known of them
 
@@ -70,6 +73,7 @@ class ChosenParameters:
     # No log of the setting was fitted: they come from other settings with its clicks.
     is_combined: bool = False
     tested: Tested = Tested()  # what the logs of the run covered
+    fitted: SettingResult | None = None  # as the run judged it; None where values were replaced
 
     def warnings(
         self,
@@ -169,6 +173,7 @@ def _of_run(
 ) -> ChosenParameters:
     run = Run.load(path)
     known = {one.setting: one.parameters for one in run.settings}
+    fitted = next((one for one in run.settings if one.setting == _meant(setting, known)), None)
     unlimited = {one.setting: frozenset(one.unlimited) for one in run.settings}
     chosen = _meant(setting, known)
     source = f"setting {chosen} of {path}"
@@ -186,7 +191,8 @@ def _of_run(
     else:
         together, names = known[chosen], unlimited[chosen]
     left = tuple(name for name in together.names if name in names and name not in replaced)
-    return ChosenParameters(together, chosen, source, path, left, is_combined, run.tested)
+    judged = None if replaced else fitted
+    return ChosenParameters(together, chosen, source, path, left, is_combined, run.tested, judged)
 
 
 def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:
@@ -293,12 +299,51 @@ class SimulatedTest(NamedTuple):
     temperature: float | None = None  # that was asked for, degrees Celsius
 
     @property
+    def half_intervals(self) -> tuple[float, float] | None:
+        """Of the damper's own force at the peak speeds, rebound and compression, 95 %, N."""
+        fitted, figures = self.choice.fitted, self.characteristics
+        if fitted is None or fitted.run is None or fitted.covariance is None or not fitted.names:
+            return None
+        speeds = [figures.peak_speed_rebound, -figures.peak_speed_bump]
+        slopes = quasi_static(
+            fitted.run.damper, fitted.parameters, speeds, sensitivities=tuple(fitted.names)
+        ).slopes
+        variances = np.einsum("ik,ij,jk->k", slopes, fitted.covariance, slopes)
+        rebound, bump = (NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))).tolist()
+        return rebound, bump
+
+    @property
+    def trust(self) -> str:
+        """Grade, interval, and that the motion was tested; empty where no run tells of it."""
+        fitted, halves = self.choice.fitted, self.half_intervals
+        if fitted is None:
+            return ""
+        said = [f"grade of the fit: {fitted.grade}"]
+        if halves is not None:
+            speeds = self.characteristics
+            said.append(
+                f"the damper's own force ±{halves[0]:.2g} N at {speeds.peak_speed_rebound:.3g} m/s "
+                f"in rebound, ±{halves[1]:.2g} N in compression (95 %)"
+            )
+        if not any(self._untested):
+            said.append("amplitude, frequency and speed were tested")
+        return "; ".join(said)
+
+    @property
+    def _motion(self) -> dict[str, float]:
+        amplitude = 0.5 * float(np.ptp(self.response.displacement))
+        return {"amplitude": amplitude, "frequency": self.frequency}
+
+    @property
+    def _untested(self) -> tuple[str, ...]:
+        fastest = float(np.max(np.abs(self.response.velocity)))
+        return tuple(self.choice.tested.outside(speed=fastest, **self._motion))
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What to know before believing the figures, a sentence each."""
         fastest = float(np.max(np.abs(self.response.velocity)))
-        amplitude = 0.5 * float(np.ptp(self.response.displacement))
-        motion = {"amplitude": amplitude, "frequency": self.frequency}
-        warned = list(self.choice.warnings(fastest, self.temperature, **motion))
+        warned = list(self.choice.warnings(fastest, self.temperature, **self._motion))
         interval = float(self.response.time[1] - self.response.time[0])
         samples_a_cycle = 1.0 / (self.frequency * interval)
         if samples_a_cycle < _FEW_SAMPLES:

@@ -34,8 +34,8 @@ _BLUE = "#0072b2"
 # A simulated cycle
 
 
-def cycle_force_sheet(figures: Characteristics) -> Sheet:
-    """Return peak forces, hysteresis and forces at named speeds, rebound beside compression."""
+def cycle_force_sheet(figures: Characteristics, trust: str = "") -> Sheet:
+    """Return peak forces, hysteresis and forces at named speeds; below, how far to trust them."""
     hysteresis = f"hysteresis at {figures.hysteresis_speed:.3g} m/s"
     speeds = [
         (f"force at {one.speed:g} m/s", "N", one.rebound, one.bump) for one in figures.speed_forces
@@ -49,7 +49,13 @@ def cycle_force_sheet(figures: Characteristics) -> Sheet:
     rows = [(name, unit, number(a, digits=4), number(b, digits=4)) for name, unit, a, b in pairs]
     rows.append(("energy per cycle", "J", number(figures.energy, digits=4), ""))
     headings = ("", "", *STROKE_WORDS.values())
-    return Sheet(headings, ("",) * 4, tuple(rows), (False, False, True, True), (_BRANCHES,))
+    return Sheet(
+        headings,
+        ("",) * 4,
+        tuple(rows),
+        (False, False, True, True),
+        (_BRANCHES, *[trust] * bool(trust)),
+    )
 
 
 def cycle_pressure_sheet(figures: Characteristics) -> Sheet:

@@ -131,6 +131,7 @@ _LARGEST: Mapping[str, float] = MappingProxyType(
         "gas_pressure": 100.0,  # %; at -100 % there is no gas
         "gas_exponent": 50.0,  # %; from 1.0 to 1.67 is all there is
         "compressibility": 300.0,  # %; oil with gas in it stiffens by its pressure
+        "force_gain": 50.0,  # %
     }
 )
 # Times as stiff as declared; beyond this it is no gas spring.
@@ -212,6 +213,15 @@ _FLAWS: Mapping[str, _Flaw] = {
             lambda a: (
                 f"a wrong gas pressure ({_rounded(a)} % {'more' if a > 0.0 else 'less'} "
                 "than configured)"
+            ),
+        ),
+        _Flaw(
+            "force_gain",
+            "the force",
+            100.0,
+            lambda a: (
+                f"a force channel whose gain is {_rounded(a)} % too {'high' if a > 0.0 else 'low'} "
+                "in this log beside the others"
             ),
         ),
         _Flaw("gas_exponent", "position", 100.0, _size("a wrong gas exponent (by {})", "%")),
@@ -328,16 +338,19 @@ def seek_flaws(
     for name in (*held, *doubted):
         place = linearised.names.index(name)
         columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in linearised.logs])]
+    is_tied = any(status == Status.SHARED for status in linearised.fit.status.values())
+    if is_tied:  # what the settings share knows the gain of each log
+        columns["force_gain"] = [np.concatenate([seen.force for seen in linearised.logs])]
     power = repeats * len(counts)
     # Values that the other settings hold back absorb nothing of what one setting lacks.
-    own = _absorbed(linearised, alone, counts) if doubted else absorbed
+    own = _absorbed(linearised, alone, counts) if doubted or is_tied else absorbed
     found, pulls = [], {}
     weighed = np.vstack([seen.jacobian * seen.weights[:, None] ** 2 for seen in linearised.logs])
     half_range = 0.5 * float(np.ptp(np.concatenate([seen.force for seen in linearised.logs])))
     friction = _friction(linearised)
     unlikely = _OF_VALVES if has_yielded else frozenset()
     for name, candidates in columns.items():
-        basis = own if name in doubted else absorbed
+        basis = own if name in {*doubted, "force_gain"} else absorbed
         gains = [gain(column * counts, basis, residuals) for column in candidates]
         best = max(range(len(gains)), key=gains.__getitem__)
         share, amount = gains[best]
@@ -348,6 +361,10 @@ def seek_flaws(
         explained = min(share / power, 1.0)
         found.append(Hint(name, flaw.family, explained, size, flaw.words(size)))
     found.sort(key=lambda hint: -hint.share)
+    # Nearly all that is wrong looks a little like a gain: it is named where nothing else is near.
+    rivals = [hint for hint in found if hint.name != "force_gain"]
+    if rivals and (found[0] in rivals or rivals[0].share > _TIE * found[0].share):
+        found = rivals
     if not found or found[0].share < _NAMED:
         return (), {}
     pull_of_best = pulls.get(found[0].name)

@@ -208,6 +208,10 @@ def reconciled(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
         if few:
             kept = None if many < _MOST * few else signs.count(True) > signs.count(False)
             kept_hints = tuple(_without(one, name, kept=kept) for one in kept_hints)
+    # Half of the logs have no gain beside the others.
+    n_gains = sum(h.name == "force_gain" for one in kept_hints for h in one.hints)
+    if 2 * n_gains >= len(kept_hints):
+        kept_hints = tuple(_without(one, "force_gain", kept=None) for one in kept_hints)
     return kept_hints
 
 
