@@ -7,6 +7,7 @@ told where to, but for `export` and `report`, whose job it is.
 
 from __future__ import annotations
 
+import time
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -264,7 +265,7 @@ def identify_each(
     from damperfit.run.identify import Watch, identified, written
     from damperfit.run.log_files import as_files, in_memory
 
-    watch = watch or Watch()
+    started, watch = time.perf_counter(), watch or Watch()
     configuration = _identification(given)
     jobs = workers(given.get("jobs"))
     declared = declared_setting(given.get("setting"), configuration)
@@ -294,6 +295,7 @@ def identify_each(
             work(
                 configuration, paths,
                 jobs=jobs, setting=declared, traces=traces, watch=watch, is_one=is_one,
+                started=started,
             )
         )  # fmt: skip
     page, figures = given.get("report", False), given.get("figures")

@@ -117,20 +117,20 @@ def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> s
     if answer.below == answer.above:
         return f"setting {answer.below}{interval}, which gives {below}"
     said = (
-        f"{adjuster} {answer.position:.2f}{interval}, between {answer.below} with {below} and "
-        f"{answer.above} with {above}"
+        f"{adjuster} {answer.position:.2f}{interval}, between {answer.below} ({below}) and "
+        f"{answer.above} ({above})"
     )
     force = answer.force_below if answer.nearest == answer.below else answer.force_above
     nearest = f"{answer.nearest} ({units.write(force - wanted, 'N', '+.3g')})"
     if not has_gap:
         return f"{said}; nearest is {nearest}"
-    said += ", interpolated over settings without a fit"
+    said += ", none tested between them"
     click = round(answer.position)
     if click in ends:
-        return f"{said}; nearest of those fitted is {nearest}"
+        return f"{said}; nearest tested is {nearest}"
     turned = {adjuster: click}
     label = Setting(tuple((one, turned.get(one, place)) for one, place in answer.below.places))
-    return f"{said}; nearest is {label}, which has no fit, and of those fitted {nearest}"
+    return f"{said}; nearest is {label}, nearest tested {nearest}"
 
 
 def which_setting(

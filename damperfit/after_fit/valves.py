@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,6 +21,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import Column, Sheet, laid_out, number
 from damperfit.tables.files import json_values
+from damperfit.tested.setting import clicks_between
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 _ORIFICE = "s sqrt(N)/(m kg)"  # unit of S
 _OPENING = "opening"
 _JUMP = 2.5  # times the change of the clicks beside it
+_FEWEST = 4  # steps of which one can stand out
 _FACTOR = 1e3  # within which a part is sized
 
 
@@ -47,7 +48,7 @@ class Hole(NamedTuple):
     area_low: float
     area_high: float
     diameter: float  # of one round hole, m
-    change: float | None  # area less that of the setting before, m2
+    change: float | None  # a click, since the setting before on the adjuster's line, m2
 
 
 class Preload(NamedTuple):
@@ -59,7 +60,7 @@ class Preload(NamedTuple):
     low: float
     high: float
     force: float  # on the declared seat, N; NaN: no seat is declared
-    change: float | None  # pressure less that of the setting before, Pa
+    change: float | None  # a click, since the setting before on the adjuster's line, Pa
 
 
 class Sized(NamedTuple):
@@ -119,7 +120,7 @@ class Orifices(Answer):
                 ),
                 Column("95 %", unit, interval),
                 last,
-                Column("click", unit, change),
+                Column("a click", unit, change),
             ]
 
         def on_seat(row: Preload) -> str:
@@ -172,8 +173,8 @@ def read_valves(
         is_opening = quantity.part == _OPENING
         if not is_opening and quantity.unit != _ORIFICE:
             continue
-        sizes: list[tuple[str, float]] = []
-        before: float | None = None
+        steps: list[tuple[str, str, float]] = []  # of one click, between two settings
+        before: tuple[SettingResult, float] | None = None
         for setting in run.settings:
             value, low, high = _read(setting, quantity)
             if is_opening:
@@ -191,16 +192,18 @@ def read_valves(
                     math.hypot(value / low - 1.0, spread),
                 )
                 limits = size * (1.0 - below), size * (1.0 + above)
-            change = None if before is None else size - before
+            clicks = clicks_between(before[0].setting, setting.setting) if before else None
+            change = (size - before[1]) / clicks if before and clicks else None
             place = (setting.label, quantity.name, size, *limits)
             if is_opening:
                 preloads.append(Preload(*place, size * seat_area, change))
             else:
                 holes.append(Hole(*place, math.sqrt(4.0 * size / math.pi), change))
-            sizes.append((setting.label, size))
-            before = size
-        size, unit = (1e-5, "bar") if is_opening else (1e6, "mm2")
-        remarks += _jumps(quantity, [(label, size * one) for label, one in sizes], unit)
+            shown, unit = (1e-5, "bar") if is_opening else (1e6, "mm2")
+            if before and change is not None:
+                steps.append((before[0].label, setting.label, shown * change))
+            before = setting, size
+        remarks += _jumps(quantity, steps, unit) if len(steps) >= _FEWEST else ()
         remarks += () if reference is None else _worn(quantity, run, reference)
     if not holes and not preloads:
         raise ConfigurationError(
@@ -269,15 +272,12 @@ def _read(setting: SettingResult, quantity: Quantity) -> tuple[float, float, flo
     return float(setting.parameters[quantity.name]), low, high
 
 
-def _jumps(quantity: Quantity, sizes: Sequence[tuple[str, float]], unit: str) -> Iterator[str]:
+def _jumps(quantity: Quantity, steps: Sequence[tuple[str, str, float]], unit: str) -> Iterator[str]:
     """Say where a click changes a valve far more than the others, or the other way."""
-    steps = [(first[0], second[0], second[1] - first[1]) for first, second in pairwise(sizes)]
-    if len(steps) < 4:
-        return
     way = math.copysign(1.0, sum(step for *_, step in steps))
     for k, (first, second, step) in enumerate(steps):
         usual = median(abs(near) for *_, near in (*steps[max(k - 2, 0) : k], *steps[k + 1 : k + 3]))
-        place = f"{quantity.symbol}: {step:+.3g} {unit} from setting {first} to {second}"
+        place = f"{quantity.symbol}: {step:+.3g} {unit} a click from setting {first} to {second}"
         if abs(step) > _JUMP * usual:
             times = f"{abs(step) / usual:.2g} times" if usual else "unlike"
             yield (

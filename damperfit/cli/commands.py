@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+import logging
 import math
 import platform
+import re
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, replace
 from itertools import chain
 from pathlib import Path
@@ -23,6 +26,7 @@ from damperfit.cli.console import (
     print_lines,
     print_renderable,
     print_table,
+    record,
     say,
     say_failures,
     say_lines,
@@ -43,6 +47,8 @@ if TYPE_CHECKING:
 
 _MANY = 20  # failures of a fleet that are listed one by one; the parts hold them all
 _ALL_FAILED = 3
+_EVERY = 10  # structures that are tried between two lines that say so
+_NUMBERS = re.compile(r"settings? [\d, -]+|[-+]?\d[\d.e+-]*")
 
 
 def _tell(how: Shown, *, notes: Iterable[object] = (), warnings: Iterable[object] = ()) -> None:
@@ -58,6 +64,18 @@ def _done(how: Shown, *lines: str) -> None:
     """Say what was done, unless they asked for quiet."""
     for line in () if how.quiet else lines:
         say(f"damperfit: {line}")
+
+
+def _counting(how: Shown) -> Callable[[str], None]:
+    """Return what notes each structure that is tried, and says now and then how many."""
+    count = itertools.count(1)
+
+    def note(title: str) -> None:
+        record(logging.DEBUG, f"tried {title}")
+        if (n := next(count)) % _EVERY == 0:
+            _done(how, f"{n} structures tried")
+
+    return note
 
 
 def _tables(*sheets: Any) -> None:
@@ -94,7 +112,7 @@ def identify(how: Shown, **given: Any) -> int:
 
     watch = looking_on(
         is_quiet=how.quiet or how.no_progress,
-        on_law=lambda title: _done(how, f"tried {title}"),
+        on_law=_counting(how),
         on_choice=tell_choice,
     )
     found = api.identify_each(**given, watch=watch)
@@ -126,7 +144,8 @@ def _worst(codes: set[int]) -> int:
 
 def _show_run(one: Identified) -> None:
     from damperfit.reporting.forces import force_sheets
-    from damperfit.reporting.records import checks_in, predictions_in
+    from damperfit.reporting.laws import law_sentences
+    from damperfit.reporting.records import checks_in, law_in, predictions_in
     from damperfit.reporting.sheet import parameters_in_units, rows_in_units, sheet_in_units
     from damperfit.reporting.tables import check_lines, held_out_sheet, parameter_sheet
 
@@ -144,12 +163,14 @@ def _show_run(one: Identified) -> None:
     told = run.record.get("procedure") or [configuration.damper_sentence]  # as it was fitted
     checks = wrapped(*map(one_line, check_lines(checks_in(run.record))))
     print_lines(["", *wrapped(told[0]), ""])
+    if law := law_sentences(law_in(run.record), with_undecided=False):
+        print_lines([*wrapped(" ".join(law)), ""])
     print_lines([*checks, *([""] if one.beside else [])], of_checks=True)
 
 
 def _tell_of_run(one: Identified, how: Shown) -> None:
     from damperfit.problem import listing, short_listing
-    from damperfit.reporting.records import law_in, sentences_in
+    from damperfit.reporting.records import sentences_in
     from damperfit.reporting.report import withheld
 
     record, configuration = one.run.record, one.configuration
@@ -157,13 +178,11 @@ def _tell_of_run(one: Identified, how: Shown) -> None:
         say(f"damperfit: {gate}")
     if how.quiet:
         return
-    if physics := " ".join(law_in(record).get("sentences", ())):
-        say(f"damperfit: {physics}")
     corrected = (sentences_in(record, about) for about in ("tables_of_tests", "corrections"))
     grades = (f"grade withheld: {sentence}" for sentence in short_listing(withheld(one.run)))
     warnings = (*listing(one.run.warned), *grades)
     _tell(how, notes=chain(configuration.notes, *corrected), warnings=warnings)
-    _tell(how, notes=sentences_in(record, "undetermined"))
+    _tell(how, notes=_alike(sentences_in(record, "undetermined")))
     if one.error is not None and not one.is_written:
         return
     n_fits, n_all = len(one.run.settings), len(one.failures)
@@ -179,6 +198,16 @@ def _tell_of_run(one: Identified, how: Shown) -> None:
     else:
         done = f"{'interrupted; ' * one.is_interrupted}{done}{seconds}; results in {one.folder}"
     say(f"damperfit: {done}{', the profiles in profiles.csv' if configuration.profile else ''}")
+
+
+def _alike(sentences: Iterable[str]) -> Iterator[str]:
+    """Yield sentences; of those that differ in their numbers alone the first."""
+    groups: dict[str, list[str]] = {}
+    for sentence in sentences:
+        groups.setdefault(_NUMBERS.sub("", sentence), []).append(sentence)
+    for first, *others in groups.values():
+        more = f" (and {len(others)} alike at other settings: report.md)" if others else ""
+        yield f"{first}{more}"
 
 
 @command(api.inspect)
@@ -213,7 +242,7 @@ def models(how: Shown, **given: Any) -> int:
 
     Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
     """
-    choice = api.models(**given, on_law=lambda title: _done(how, f"tried {title}"))
+    choice = api.models(**given, on_law=_counting(how))
     _tell(how, notes=(*choice.assumed, *choice.remarks))
     say_failures(choice.failures, is_debug=how.debug)
     code = int(bool(choice.failures or choice.lost))
@@ -364,7 +393,7 @@ def _show_pair(comparison: RunComparison, how: Shown) -> None:
     if comparison.repeats:
         names = ", ".join(str(run.place) for run in comparison.repeats)
         lines.append(f"yardstick: the scatter of A and its repeats {names}")
-    lines += [*(f"differs besides: {one}" for one in comparison.differing), *comparison.sentences]
+    lines += [*(f"differs: {one}" for one in comparison.differing), *comparison.sentences]
     lines += [f"note: {one}" for one in comparison.to_know]
     print_lines([*wrapped(*lines, indent="  "), ""])
     for title, sheet in () if how.quiet else comparison_sheets(comparison, is_short=True):

@@ -291,7 +291,12 @@ def _how_different(line: Difference, units: ShownUnits) -> str:
         size = units.write(abs(line.difference), subject.unit, ".3g")
         return f"{size} {'more' if line.difference > 0.0 else 'less'}"
     words = ("harder", "softer") if subject.kind == "force" else ("more", "less")
-    return f"{abs(line.percent):.2g} % {words[0] if line.percent > 0 else words[1]}"
+    return f"{_two_digits(abs(line.percent))} % {words[0] if line.percent > 0 else words[1]}"
+
+
+def _two_digits(value: float) -> str:
+    """Return two digits, without a power of ten."""
+    return f"{float(f'{value:.2g}'):.15g}"
 
 
 # A force held against its band.

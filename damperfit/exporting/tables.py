@@ -499,7 +499,7 @@ def road_line(run: ExportedRun, tables: Sequence[ForceTable]) -> str:
 
     def shares(misses: Sequence[RoadMiss]) -> str:
         return ", ".join(
-            f"{one.percent:.2g} % MSE ({one.rms:.3g} N rms) at {one.speed:.2g} m/s"
+            f"{one.rms:.3g} N rms ({one.percent:.2g} % MSE) at {one.speed:.2g} m/s"
             for one in misses
         )
 
@@ -507,11 +507,11 @@ def road_line(run: ExportedRun, tables: Sequence[ForceTable]) -> str:
     ranked.sort(key=lambda pair: max(one.percent for one in pair[0]))
     (least, _), (most, table) = ranked[0], ranked[-1]
     sentence = (
-        "on a class B road the damper's dynamics (elasticity of the oil) are off the table by "
+        "the table has no elasticity of the oil; on a class B road it misses the model by "
         + shares(most)
     )
     if len(tables) > 1:
-        sentence += f" at setting {table.setting}, by {shares(least)} at the best"
+        sentence += f" at setting {table.setting}, the worst, and by {shares(least)} at the best"
     return sentence
 
 

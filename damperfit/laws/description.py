@@ -123,25 +123,25 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
         return ()
     model: ValveDamper = fits[0].model  # type: ignore[assignment]
     said = []
-    for stroke, people in (("rebound", "rebound"), ("compression", "bump")):
+    for stroke in ("rebound", "compression"):
         valve = getattr(model, stroke)
         if valve.blow_off != "none":
             name = f"{stroke}_opening"
             openings = _determined(fits, name)
             forces = [opening_force(model, stroke, one) for one in openings]
             said.append(
-                f"in {people} a blow-off opens at {_range(forces)} N "
+                f"in {stroke} a blow-off opens at {_range(forces)} N "
                 f"({_range([1e-5 * one for one in openings])} bar"
                 f"{_elsewhere(model, layouts, name, lambda one: 1e-5 * one, openings)})"
                 f"{_where(fits, name)}"
                 if openings
-                else f"in {people} these logs do not determine where a blow-off opens"
+                else f"in {stroke} these logs do not determine where a blow-off opens"
             )
         kind = "laminar" if valve.bleed == "leak" else "part-laminar"
         parts = (
-            ("bleed", _orifice, "a bleed as an orifice of {} mm2 (C_d A)"),
-            ("leak", _laminar, f"a {kind} bleed of {{}} bar at 10 cm3/s, in step with the flow"),
-            ("port", _orifice, "a port behind the blow-off as an orifice of {} mm2 (C_d A)"),
+            ("bleed", _orifice, "the bleed is an orifice of {} mm2 (C_d A)"),
+            ("leak", _laminar, f"the {kind} bleed takes {{}} bar at 10 cm3/s of flow"),
+            ("port", _orifice, "a port behind the blow-off is an orifice of {} mm2 (C_d A)"),
         )  # fmt: skip
         for part, shown, words in parts:
             name = f"{stroke}_{part}"
@@ -150,25 +150,26 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
                 numbers = _range([shown(model, one) for one in values])
                 others = _elsewhere(model, layouts, name, partial(shown, model), values)
                 also = f" ({others.removeprefix('; ')})" if others else ""
-                said.append(f"in {people} {words.format(numbers)}{also}{_where(fits, name)}")
+                said.append(f"in {stroke} {words.format(numbers)}{also}{_where(fits, name)}")
     names = fits[0].values.names
     beside = (
         ("k_s", 1e-3, "{} N/mm of elasticity in series with the damper"),
         ("play", 1e3, "{} mm of play at the joints"),
-        ("rubber", 1.0, "rubber in the mounting holds {} N, whichever way it was bent last"),
-        ("rubber_bend", 1e3, "that rubber turns over {} mm of stretch"),
+        ("rubber", 1.0, "rubber in the mounting holds {} N, with the sign of its last motion"),
+        ("rubber_bend", 1e3, "this force reverses over {} mm of stretch"),
         ("lag", 1e3, "the force is read {} ms late"),
         ("moving_mass", 1.0, "a mass of {} kg moves between load cell and damper"),
         *((one.name, 1.0, "{} N of friction") for one in model.quantities if one.is_friction),
         ("presliding", 1e6, "friction builds up over {} um"),
         ("breakaway", 1.0, "friction at rest is {} N above that of sliding"),
         ("seal_area", 1e6, "friction grows with the pressure, as on {} mm2 of a seal"),
-        ("turning_speed", 1e3, "friction turns within {} mm/s"),
+        ("turning_speed", 1e3, "friction reverses within ±{} mm/s"),
         ("free_gas", 1e2, "{} % of the oil's volume is gas at rest"),
-        ("drag", 1.0, "the seals drag with {} N s/m"),
+        ("drag", 1.0, "viscous drag of the seals is {} N s/m"),
     )
     for name, factor, words in beside:
-        known = [one for one in (_determined(fits, name) if name in names else []) if one != 0.0]
+        least = model.quantity(name).plausible[0] if name in names else 0.0  # held at nothing
+        known = [one for one in (_determined(fits, name) if name in names else []) if one > least]
         if known:
             said.append(words.format(_range([factor * one for one in known])) + _where(fits, name))
     said.extend((*_oil_seen(model, fits), *_gas_seen(model, fits)))
@@ -197,7 +198,7 @@ def _oil_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> Iterator[s
             if known:
                 numbers = _range([1e-9 * value for value in known])
                 where = _where(fits, one.name)
-                yield f"oil and chambers give with a bulk modulus of {numbers} GPa{where}"
+                yield f"the bulk modulus of oil and chambers is {numbers} GPa{where}"
 
 
 def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
@@ -213,8 +214,8 @@ def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
     others.append(f"a rod {times**0.25:.3g} times as thick")
     same = f"{', '.join(others[:-1])} or {others[-1]} would do the same"
     found = f"{_range([1e6 * one for one in known])} cm3 at {1e-5 * model.gas_pressure:.4g} bar"
-    taken = f"{1e6 * model.gas_volume:.3g} cm3 were taken"
-    return [f"the gas is as soft as {found}, where {taken}; {same}: a gauge and callipers decide"]
+    taken = f"[damper] has {1e6 * model.gas_volume:.3g} cm3"
+    return [f"the gas spring is that of {found}; {taken}; {same}: measure with gauge and callipers"]
 
 
 def _of_gases(model: ValveDamper) -> tuple[float, float]:
@@ -255,8 +256,13 @@ def _range(values: Sequence[float]) -> str:
     low, high = float(np.min(values)), float(np.max(values))
     middle = 0.5 * (low + high)
     if high - low <= 0.05 * abs(middle):
-        return f"{middle:.3g}"
-    return f"{low:.3g} to {high:.3g}"
+        return _digits(middle)
+    return f"{_digits(low)} to {_digits(high)}"
+
+
+def _digits(value: float) -> str:
+    """Return three digits, without a power of ten."""
+    return f"{float(f'{value:.3g}'):.15g}"
 
 
 # What the logs cannot decide of the law that was taken, and which test would.
@@ -374,8 +380,8 @@ def _runs_empty(model: Model, names: Sequence[str]) -> str:
         return ""
     force = float(f"{model.gas_pressure * model.annulus_area:.2g}")
     return (
-        f"a test with more than {force:.0f} N of damping in bump, by a higher speed or less gas "
-        "pressure: at the gas pressure times the annulus the rod side of a monotube is empty"
+        f"a test with more than {force:.0f} N of damping in compression, by a higher speed or less "
+        "gas pressure: at the gas pressure times the annulus the rod side of a monotube is empty"
     )
 
 
@@ -394,7 +400,7 @@ def _of_mounting(fit: LawFit, tests: _Tests) -> Iterator[str]:
     fitted = [name for name in ("k_s", "lag") if name in fit.free]
     if fitted and tests.has_one_frequency:
         yield (
-            "Whether the force is late or the mounting gives: at one frequency they look alike. "
+            "Whether the force is late or the mounting elastic: at one frequency they look alike. "
             f"A second speed decides it, at {0.3 * tests.lowest_frequency:.2g} or "
             f"{3.0 * tests.highest_frequency:.3g} Hz beside the {tests.highest_frequency:.3g} Hz."
         )
@@ -445,11 +451,11 @@ def _of_quantities(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
 def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
     """What is not known, and the test."""
     stroke, _, part = name.partition("_")
-    people = {"rebound": "rebound", "compression": "bump"}.get(stroke, "")
-    if people and part in BLOW_OFF_PARTS:
-        return f"where the blow-off opens in {people}, and how it goes on", tests.faster
-    if people:
-        return f"how large the bleed of {people} is", tests.slower
+    is_of_valve = stroke in ("rebound", "compression")
+    if is_of_valve and part in BLOW_OFF_PARTS:
+        return f"where the blow-off opens in {stroke}, and how it goes on", tests.faster
+    if is_of_valve:
+        return f"how large the bleed of {stroke} is", tests.slower
     stroke_mm = 1e3 * min(2.0 * tests.amplitude, _TRAVEL * fit.model.travel)
     bar = "a rigid bar in the damper's place, pushed and pulled,"
     role = fit.model.quantity(name).role
@@ -462,10 +468,10 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
     if role in of_role:
         return of_role[role]
     known = {
-        "k_s": ("how much the mounting gives", bar),
+        "k_s": ("how elastic the mounting is", bar),
         "play": ("how much play there is", bar),
         "rubber": ("what the rubber of the mounting holds", bar),
-        "rubber_bend": ("over which stretch the rubber turns", bar),
+        "rubber_bend": ("over which stretch the force of the rubber reverses", bar),
         "lag": ("how late the force is", tests.faster),
         "moving_mass": ("which mass moves with the load cell", tests.faster),
         "drag": ("the drag of the seals", tests.slower),
@@ -473,7 +479,7 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
         "breakaway": ("how much larger friction is at rest", tests.slower),
         "stribeck_speed": ("at which speed friction is down to that of sliding", tests.slower),
         "seal_area": ("how friction grows with the pressure", "another gas pressure"),
-        "turning_speed": ("within which speed friction turns", tests.slower),
+        "turning_speed": ("within which speed friction reverses", tests.slower),
         "free_gas": ("how much gas the oil holds", "another gas pressure"),
         "gas_volume": ("the gas volume", f"a stroke of {stroke_mm:.2g} mm to both sides"),
         "return_slope": ("what the return checks resist", tests.faster),

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.conditioning import condition
+from damperfit.conditioning.polarity import CONTRADICTED, UNKNOWN
 from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import model_named
-from damperfit.errors import ConfigurationError, DamperfitError, LogError
+from damperfit.errors import ConditioningError, ConfigurationError, DamperfitError, LogError
 from damperfit.io import guess_settings, read_logs, unclear_names
 from damperfit.problem import Option
 from damperfit.statistics import median
@@ -45,6 +46,7 @@ _UNITS = {"time": ("s", "ms"), "displacement": ("mm", "m", "in"), "force": ("N",
 _AMPLITUDES = (5e-4, 0.25)
 _FORCES = (30.0, 5e4)
 _DURATIONS = (0.2, 7200.0)
+_DOUBTED = {"direction", CONTRADICTED}  # findings that ask for the signs
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +58,7 @@ class Guessed:
     why: tuple[str, ...] = ()  # a sentence for each guess
     open: tuple[str, ...] = ()  # what they do not show, a sentence each
     adjusters: tuple[str, ...] = ()  # names of the adjusters, where their names show several
+    asks_signs: bool = False  # somebody must decide them
 
 
 def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) -> Guessed:
@@ -63,13 +66,14 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
     rig: dict[str, Any] = {}
     why: list[str] = []
     unknown: list[str] = []
+    unreadable: list[str] = []
     options = load_configuration().reading
     recordings: list[Recording] = []
     for path in logs[:_FEW]:
         try:
             found, units = _read(path, options)
         except DamperfitError as error:
-            unknown.append(str(error))
+            unreadable.append(str(error))
             continue
         recordings += found
         for channel, unit in units.items():
@@ -94,14 +98,18 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
     conditioning = _load(model, given).conditioning
     signs = [_signs(one, conditioning) for one in recordings]
     for channel in ("displacement", "force"):
-        if signs and all(f"reverse_{channel}" in one for one in signs):
+        if signs and all(channel in reversed_ for reversed_, _ in signs):
             rig[f"reverse_{channel}"] = True
-            why.append(f"the {channel} counts positive in bump: the loops show it")
+            why.append(f"{channel} is positive in compression: the loops show it")
+    if doubt := next((doubt for _, doubt in signs if doubt), ""):
+        seen = doubt.partition("; taken as logged")[0].partition("; declare")[0]
+        unknown.append(f"signs: {seen}; decide reverse_displacement and reverse_force in [rig]")
     identity = common_identity(identity_in(one.metadata) for one in recordings)
     facts = {key: getattr(identity, key) for key in IDENTITY_KEYS}
     test = {key: value for key, value in facts.items() if value and "," not in value}
     adjusters = guess.adjusters if rig.get("setting_pattern") == guess.pattern else ()
-    return Guessed(rig, test, tuple(why), tuple(dict.fromkeys(unknown)), adjusters)
+    unknown += unreadable[:1]  # the others are named alike, and `inspect` names them all
+    return Guessed(rig, test, tuple(why), tuple(dict.fromkeys(unknown)), adjusters, bool(doubt))
 
 
 def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict[str, str]]:
@@ -146,19 +154,17 @@ def _unit_sentence(channel: str, unit: str, recording: Recording) -> str:
     return f"{channel} is read in {unit}: {seen[channel]}"
 
 
-def _signs(recording: Recording, options: ConditionOptions) -> dict[str, bool]:
-    """Return whether channels are reversed, where the loop itself tells."""
+def _signs(recording: Recording, options: ConditionOptions) -> tuple[list[str], str]:
+    """Return which channels the loop shows to be reversed, and why the signs are in doubt."""
     try:
         trace = condition(recording, options)
-    except DamperfitError:
-        return {}
+    except ConditioningError as error:
+        return [], str(error) if error.problem.code == UNKNOWN else ""
     # A note is certain; where it is a warning the direction is not known.
     certain = {one.name for one in trace.findings if one.severity == "note"}
-    return {
-        f"reverse_{channel}": True
-        for channel in ("displacement", "force")
-        if f"{channel}_polarity" in certain
-    }
+    doubts = (one.sentence for one in trace.findings if one.name in _DOUBTED)
+    channels = [one for one in ("displacement", "force") if f"{one}_polarity" in certain]
+    return channels, next(doubts, "")
 
 
 _PASSAGE = """\
@@ -202,6 +208,11 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
     ]
     lines += [f"{key} = {_toml(value)}" for key, value in guessed.rig.items()]
     lines += [f"# open: {' '.join(sentence.split())}" for sentence in guessed.open]
+    if guessed.asks_signs:
+        lines += [
+            "# reverse_displacement = true     # the log counts compression (rod in) as positive",
+            "# reverse_force = true            # remove the #, or declare both false",
+        ]
     lines += [
         "# temperature_tolerance = inf      # ask for no temperature",
         "",

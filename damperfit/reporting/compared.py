@@ -254,7 +254,7 @@ def comparison_markdown(
         outcome = [tolerance_outcome(points)]
         sections.append(Section(f"Tolerance {source}", "", outcome, [tolerance_sheet(points)]))
     for one in comparisons:
-        besides = (f"differs besides: {sentence}" for sentence in one.differing)
+        besides = (f"differs: {sentence}" for sentence in one.differing)
         sentences = [*besides, *one.sentences, *one.to_know, *one.remarks]
         sections.append(Section(f"{one.second.name} beside {one.first.name}", "", sentences))
         sections += [

@@ -21,8 +21,6 @@ _STYLES: dict[str, dict[str, Any]] = {
     "solid": {"linewidth": 1.6},
     "wide": {"linewidth": 2.6, "alpha": 0.7},
     "thin": {"linewidth": 0.7},
-    "pale": {"linewidth": 0.8, "alpha": 0.5},
-    "faint": {"linewidth": 0.4, "alpha": 0.15},
     "dashed": {"linewidth": 1.2, "linestyle": "--"},
     "dotted": {"linewidth": 1.6, "linestyle": ":"},
     "points": {"linestyle": "none", "marker": "o"},
@@ -54,6 +52,7 @@ FIXED_METADATA: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": "damperfit"},
     "pdf": {"CreationDate": None, "Creator": "damperfit", "Producer": None},
 }
+_BEHIND = {"pale", "faint"}  # settings between the bold ones: on a page they can be chosen
 _ABOVE: Any = {
     "loc": "lower left", "bbox_to_anchor": (-0.01, 0.99), "ncols": 3, "fontsize": 7,
     "frameon": False, "borderaxespad": 0.1,
@@ -141,7 +140,8 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
     for begin, end in panel.bands:
         axes.axvspan(begin, end, color="#d55e00", alpha=0.2, linewidth=0.0)
     for line in panel.lines:
-        _draw_line(axes, line)
+        if line.style not in _BEHIND:
+            _draw_line(axes, line)
     for value, word in panel.rules:
         axes.axhline(value, color=_COLOURS["muted"], linewidth=0.8, linestyle=":")
         if word:
@@ -161,9 +161,16 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
 
 
 def _draw_key(axes: Any, plot: Plot) -> None:
-    """Draw what the colours are: the settings, in their order; and what the styles are."""
+    """Draw what the styles are, and the settings in their order where no line is labelled."""
     from matplotlib.lines import Line2D
 
+    styles = [
+        Line2D([], [], color=_COLOURS["ink"], label=word, **_STYLES[style])
+        for word, style in plot.key
+    ]
+    if any(line.tag for panel in plot.panels for line in panel.lines):
+        axes.legend(handles=styles, **_ABOVE)
+        return
     colours = {
         line.setting: line.colour
         for panel in plot.panels
@@ -184,10 +191,6 @@ def _draw_key(axes: Any, plot: Plot) -> None:
     )
     axes.add_artist(key)
     key.set_clip_on(False)  # it stands outside of the axes
-    styles = [
-        Line2D([], [], color=_COLOURS["ink"], label=word, **_STYLES[style])
-        for word, style in plot.key
-    ]
     axes.legend(handles=styles, **_ABOVE)
 
 

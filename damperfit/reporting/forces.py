@@ -132,7 +132,7 @@ def _notes_on_clicks(places: Sequence[Place], wide: Sequence[tuple[Any, Any, flo
     if wide:
         named = ", ".join(f"{a} to {b} ({n:g} clicks)" for a, b, n in wide[:_MOST_STEPS])
         more = f" and {len(wide) - _MOST_STEPS} more" if len(wide) > _MOST_STEPS else ""
-        notes.append(f"the change is over all clicks between two tested settings: {named}{more}")
+        notes.append(f"change: over all clicks from one tested setting to the next: {named}{more}")
     marked = next((one for one in places if _words(one) != str(one[0])), None)
     if marked is not None:
         notes.append(
@@ -164,7 +164,7 @@ def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
         return number(row["measured_N"] - row["difference_N"], digits=4)
 
     def difference(row: Row) -> str:
-        return f"{row['difference_N']:+.1f}"
+        return f"{round(row['difference_N'], 1) + 0.0:+.1f}"
 
     def column(stroke: str, heading: str, text: Callable[[Row], str]) -> Column:
         def cell(place: tuple[Any, float]) -> str:

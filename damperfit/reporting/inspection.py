@@ -5,6 +5,7 @@ The facts are those of `damperfit.run.logs.LogFacts`: JSON values, also of logs 
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from itertools import chain
 from textwrap import wrap
@@ -34,7 +35,7 @@ _WIDTH = 80
 _SHOWN_UNITS = {"m": (1e3, "mm"), "s": (1e3, "ms"), "Pa": (1e-5, "bar")}
 MANY_ROWS = 60  # of a table; two screens
 _ROWS_OF_REFUSED = 5  # where none of many logs can be used
-_EACH = 3  # sentences of one kind of finding that are listed one by one
+_NUMBER = re.compile(r"[-+]?\d[\d.e+-]*")
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 _CURVE_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.52)  # m/s, of the speeds that damper tests name
 _LISTED = "have no row here; --json lists them all"
@@ -191,11 +192,12 @@ def _grouped(logs: Sequence[Facts], severity: str) -> Iterator[str]:
             if severity == "refusal" and log.get("code"):
                 code = Problem(log["code"], one["sentence"], subject=name).likeness
             sentence = f"{one['name']}: {one['sentence']}"
+            code += _NUMBER.sub("", one["sentence"].replace(name, ""))
             by_code.setdefault(code, {}).setdefault(sentence, []).append(name)
     for sentences in list(by_code.values())[:FEW]:
         for sentence, (first, *others) in list(sentences.items()):
             n = len({*others} - {first})
-            if len(sentences) > _EACH:
+            if len(sentences) > 1:
                 names = dict.fromkeys(name for names in sentences.values() for name in names)
                 rest = listed_names([name for name in names if name != first], few=FEW)
                 yield f"{first}: {sentence}. With other numbers in {rest}"

@@ -73,11 +73,12 @@ def rival_sheet(choice: Row) -> Sheet:
     return laid_out(_entries(choice, "rivals"), columns, *notes)
 
 
-def law_sentences(choice: Row) -> list[str]:
+def law_sentences(choice: Row, *, with_undecided: bool = True) -> list[str]:
     """Return which structure was taken, the physics that it sees, and what the logs leave open."""
     if not isinstance(choice.get("chosen"), str):
         return []
-    told = (str(one) for key in ("sentences", "undecided") for one in listed_in(choice, key))
+    keys = ("sentences", "undecided") if with_undecided else ("sentences",)
+    told = (str(one) for key in keys for one in listed_in(choice, key))
     return [f"The logs support {choice['chosen']}.", *told]
 
 

@@ -302,13 +302,13 @@ def _fan(shown: ReportPlots) -> Iterator[Plot]:
                 tag = setting.label if is_model and is_bold and k == 0 else ""
                 lines.append(log.line(v, f, label, colour, looks[is_bold], tag=tag))
     panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
-    few = "Some settings are bold and labelled, the others pale. " * (len(bold) < len(settings))
+    few = "Every fourth setting is bold and labelled. " * (len(bold) < len(settings))
     caption = (
-        "Last cycle of every log; in the setting's colour: simulated, thin and dark: measured. "
+        "Last cycle of every log: the model in the setting's colour, measured thin and dark. "
         f"{few}{_DIRECTIONS.capitalize()}.{_of_means(shown.logs)}"
     )
     key = (("simulated", "wide"), ("measured", "thin"))
-    yield Plot("fan", "Force against velocity, all settings", (panel,), caption, key)
+    yield Plot("fan", "Force against velocity by setting", (panel,), caption, key)
 
 
 def _absolute(shown: ReportPlots) -> Iterator[Plot]:

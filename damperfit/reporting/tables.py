@@ -39,7 +39,7 @@ _MARKS = {
     "not_identifiable": ("?", "not determined by these logs"),
 }
 _BY_CLICK = "shared by all settings, or by those with one click of the adjuster that it follows"
-_OF_MISFIT = "intervals are of noise and of what repeats in the residual; parameters.csv has both"
+_OF_MISFIT = "intervals hold noise and lack of fit; parameters.csv has both"
 _WITHOUT_VALUE = {"absent", "at_bound", "not_identifiable"}
 _GRADES = ("excellent", "good", "poor", "withheld")
 _CHECK_WORDS = {True: "passed", False: "FAILED", None: "not evaluated"}
@@ -71,6 +71,8 @@ class Scale(NamedTuple):
         """Return a shown value, with or without its interval, and its unit."""
         if len(self.unit) <= _SHORT:
             return f"{text} {self.unit}"
+        if "(" in text:
+            return f"{text} times 1e{self.power} {self.unit}"
         return f"{f'({text})' if ' ' in text else text}e{self.power} {self.unit}"
 
 
@@ -120,8 +122,10 @@ def parameter_sheet(
 
 
 def _is_idle(row: Row, one: Quantity) -> bool:
-    is_default = one.default is not None and row[one.name] in (None, one.default)
-    return is_default and row[f"{one.name}_status"] in ("fixed", None)
+    value = row[one.name]
+    is_default = one.default is not None and value in (None, one.default)
+    is_nothing = one.may_vanish and value is not None and value <= one.plausible[0]
+    return (is_default or is_nothing) and row[f"{one.name}_status"] in ("fixed", None)
 
 
 def _may_be_shared(quantity: Quantity, rows: Sequence[Row]) -> bool:
@@ -266,7 +270,7 @@ def _courses(rows: Sequence[Row], shown: Sequence[Quantity], levels: str) -> Ite
         line = sparkline(course, levels=levels)
         yield f"{one.symbol:<4} {line}  {ends} {scale.short_unit}{flat}"
     line = sparkline([math.log10(error) if error else None for error in errors], levels=levels)
-    ends = f"{percent(min(seen))} to {percent(max(seen))} %, on a scale of decades"
+    ends = f"{percent(min(seen))} to {percent(max(seen))} %, logarithmic"
     yield f"{'MSE':<4} {line}  {ends}"
 
 

@@ -540,6 +540,8 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     chosen |= {"damper.friction"}
     if isinstance(best.model, Damper) and "damper.gas_volume" in configuration.declared:
         chosen |= {f"damper.{one}" for one in GAS_LENGTHS}  # made of that volume
+    if isinstance(best.model, ValveDamper) and isinstance(damper := configuration.damper, Damper):
+        chosen |= {f"damper.{one}" for one in declared_dimensions(configuration, damper)}
     return replace(
         made,
         declared=configuration.declared | chosen,

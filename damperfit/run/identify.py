@@ -74,9 +74,9 @@ class Watch:
 class Clock:
     """Seconds spent in each part of a run."""
 
-    def __init__(self) -> None:
+    def __init__(self, started: float | None = None) -> None:
         self._laps: dict[str, float] = {}
-        self._started = time.perf_counter()
+        self._started = time.perf_counter() if started is None else started
 
     @contextmanager
     def lap(self, name: str) -> Iterator[None]:
@@ -171,19 +171,21 @@ def identified(  # noqa: PLR0913 - what is asked of it
     traces: Sequence[Trace] = (),
     watch: Watch = Watch(),
     is_one: bool = False,
+    started: float | None = None,
 ) -> Iterator[Identified]:
     """Identify the dampers in the logs one after the other, and write nothing.
 
     ``logs`` are paths and patterns, ``traces`` logs that are conditioned already, fitted with those
     that are read; ``setting`` is that of logs that do not give one. The results do not depend on
-    ``jobs``. With ``is_one`` logs of several dampers are refused.
+    ``jobs``. With ``is_one`` logs of several dampers are refused. ``started`` is when the work
+    began, on `time.perf_counter`.
 
     Raises
     ------
     ConfigurationError
         A path or pattern names no file, or the logs are of several dampers and may not be.
     """
-    damper, clock, workers = configuration.damper, Clock(), jobs or available_cores()
+    damper, clock, workers = configuration.damper, Clock(started), jobs or available_cores()
     lost = unmatched(configuration.document["adjusters"], damper)
     if lost and configuration.identification.procedure == "joint":
         raise ConfigurationError(

@@ -53,6 +53,9 @@ if TYPE_CHECKING:
     from damperfit.uncertainty.grades import Objection
     from damperfit.uncertainty.linearisation import Linearisation
 
+# Of an MSE in per cent: a misfit of 1 % of the force.
+_MATTERS = 0.01
+
 __all__ = [
     "METHOD",
     "Assessment",
@@ -186,10 +189,13 @@ class Assessment:
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Logs with a motion apart; of each kind of misfit that repeats the settings it is at."""
+        """Logs with a motion apart; of each kind of misfit that repeats the settings it is at.
+
+        A misfit without a cause is one where it is 1 % of the force; the report has smaller ones.
+        """
         groups: dict[str, list[Diagnosis]] = defaultdict(list)
         for one in self.diagnoses:
-            if one.is_structured:
+            if one.is_structured and (one.hints or one.repeating_percent > _MATTERS):
                 groups[one.hints[0].name if one.hints else ""].append(one)
         return (*self.apart, *(group_warning(group) for group in groups.values()))
 

@@ -336,10 +336,15 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[Problem, ...
         if worst.is_same_motion
         else "the parameters hold for the tests that were fitted, not for the damper"
     )
+    which = "{n_failed} of {n} held-out logs are predicted worse than the fitted ones, most {log}: "
+    if all(one.cycles == TRANSIENTS for one in failed):
+        which = (
+            "transients, which are not fitted, are predicted worse than the steady cycles in "
+            "{n_failed} of {n} logs, most in {log}: "
+        )
     found = warning(
         "drifted" if worst.is_same_motion else "not-predicted",
-        "{n_failed} of {n} held-out logs are predicted worse than the fitted ones, most {log}: "
-        "{verdict}; " + what,
+        which + "{verdict}; " + what,
         n_failed=len(failed),
         n=len(predictions),
         log=worst.trace.name,

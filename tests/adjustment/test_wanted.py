@@ -69,7 +69,7 @@ def test_a_gap_widens_the_interval_and_is_named() -> None:
     assert beside.high - beside.low > 3.0 * (near.high - near.low)  # one setting in between
     far = which_setting(forces_by_click(curved, settings=(1, 2, 12)), 250.0)
     assert far.answers[0].high - far.answers[0].low > 10.0 * (near.high - near.low)
-    assert "interpolated over settings without a fit" in far.sentence
+    assert "none tested between them" in far.sentence
 
 
 def test_two_settings_tell_no_curve_between_them() -> None:
@@ -95,9 +95,9 @@ def test_intervals_over_gaps_hold_the_setting_that_was_left_out() -> None:
     ("force", "words"),
     [
         # 13.2 of settings 10 and 14; the force is nearer to that of 14.
-        (180.0, "nearest is 13, which has no fit, and of those fitted 14 (+20 N)"),
-        (190.0, "nearest of those fitted is 14 (+10 N)"),
-        (110.0, "nearest of those fitted is 10 (-10 N)"),
+        (180.0, "nearest is 13, nearest tested 14 (+20 N)"),
+        (190.0, "nearest tested is 14 (+10 N)"),
+        (110.0, "nearest tested is 10 (-10 N)"),
     ],
 )
 def test_the_nearest_click_is_named_also_where_it_was_not_tested(force, words) -> None:
@@ -111,9 +111,7 @@ def test_the_nearest_click_of_several_adjusters_is_a_label() -> None:
     pairs = [Setting((("rebound", r), ("compression", 8))) for r in (10, 14)]
     (line,) = lines_of(pairs)
     wanted = which_setting(forces_by_click([100, 200], settings=pairs), 180.0, line=line)
-    assert wanted.sentence.endswith(
-        "nearest is R13 C8, which has no fit, and of those fitted R14 C8 (+20 N)"
-    )
+    assert wanted.sentence.endswith("nearest is R13 C8, nearest tested R14 C8 (+20 N)")
 
 
 def test_without_errors_there_is_no_interval() -> None:

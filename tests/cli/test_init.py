@@ -97,7 +97,7 @@ def test_signs_that_the_loops_show_are_written(folder, text, capsys, x_sign, f_s
     said = capsys.readouterr().err
     for channel, sign in (("displacement", x_sign), ("force", f_sign)):
         assert written.get(f"reverse_{channel}", False) is (sign < 0.0)
-        assert (f"the {channel} counts positive in bump: the loops show it" in said) is (sign < 0.0)
+        assert (f"{channel} is positive in compression: the loops show it" in said) is (sign < 0.0)
 
 
 def test_a_file_that_is_there_stays_unless_forced(folder, capsys):
