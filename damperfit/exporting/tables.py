@@ -499,7 +499,7 @@ def road_line(run: ExportedRun, tables: Sequence[ForceTable]) -> str:
 
     def shares(misses: Sequence[RoadMiss]) -> str:
         return ", ".join(
-            f"{one.rms:.3g} N rms ({one.percent:.2g} % MSE) at {one.speed:.2g} m/s"
+            f"{one.percent:.2g} % MSE ({one.rms:.3g} N rms) at {one.speed:.2g} m/s"
             for one in misses
         )
 

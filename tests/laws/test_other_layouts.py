@@ -60,8 +60,8 @@ def test_oil_that_the_logs_told_is_said_and_oil_that_was_held_is_not() -> None:
     assert "bulk modulus" not in " ".join(physics_seen([held]))
     freed = replace(held, values=model.values(numbers | {"k_e": 1.31e9, "drag": 12.0}))
     said = " ".join(physics_seen([freed]))
-    assert "Oil and chambers give with a bulk modulus of 1.31 GPa." in said
-    assert "The seals drag with 12 N s/m." in said
+    assert "The bulk modulus of oil and chambers is 1.31 GPa." in said
+    assert "Viscous drag of the seals is 12 N s/m." in said
 
 
 def test_a_mass_between_load_cell_and_damper_is_said() -> None:
@@ -85,8 +85,8 @@ def test_numbers_stand_beside_those_of_layouts_that_are_alike() -> None:
     said = " ".join(physics_seen([one], ["through_flow"]))
     force = 1e5 * model.annulus_area
     assert (
-        f"In bump a blow-off opens at {force:.3g} N (1 bar; {times:.3g} in a through-flow damper)"
-        in said
+        f"In compression a blow-off opens at {force:.3g} N (1 bar; {times:.3g} in a through-flow "
+        "damper)" in said
     )
     assert f"In rebound a blow-off opens at {force:.3g} N (1 bar)." in said
     assert "through-flow" not in " ".join(physics_seen([one]))

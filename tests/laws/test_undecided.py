@@ -109,8 +109,8 @@ def test_an_unopened_blow_off_asks_for_a_faster_test_and_names_its_settings() ->
     fits = [fit(1), fit(2, undetermined=("compression_opening", "compression_slope"))]
     (said,) = told(fits, 1.0, 2.0)
     assert said == (
-        "Where the blow-off opens in bump, and how it goes on at setting 2: a test faster than the "
-        "0.25 m/s of these would decide it."
+        "Where the blow-off opens in compression, and how it goes on at setting 2: a test faster "
+        "than the 0.25 m/s of these would decide it."
     )
 
 
@@ -153,7 +153,7 @@ def test_a_monotube_is_told_by_a_rod_side_without_oil() -> None:
     laws = LawSearch((), Tried("law", (one,)), 60.0, alike=("monotube",))
     (said,) = told(fits, 1.0, 2.0, search=laws)
     # 20 bar on 6.28 cm2.
-    assert "or a test with more than 1300 N of damping in bump, by a higher speed or less" in said
+    assert "or a test with more than 1300 N of damping in compression, by a higher speed" in said
     laws = LawSearch((), Tried("law", (one,)), 60.0, alike=("through_flow",))
     (said,) = told(fits, 1.0, 2.0, search=laws)
     assert said.endswith("or a test faster than the 0.25 m/s of these.")

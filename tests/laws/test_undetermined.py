@@ -111,10 +111,10 @@ def test_a_gas_volume_that_was_found_says_what_else_would_be_as_soft(times, same
     one = found(1, 5e5)
     soft = replace(one, values=one.values.replace({"gas_volume": times * MODEL.gas_volume}))
     assert physics_seen([soft])[-1] == (
-        f"The gas is as soft as {30 * times:.3g} cm3 at 5 bar, where 30 cm3 were taken; {same} "
-        "would do the same: a gauge and callipers decide."
+        f"The gas spring is that of {30 * times:.3g} cm3 at 5 bar; [damper] has 30 cm3; {same} "
+        "would do the same: measure with gauge and callipers."
     )
-    assert "The gas is" not in " ".join(physics_seen([one]))
+    assert "The gas spring" not in " ".join(physics_seen([one]))
 
 
 @pytest.mark.parametrize(("flat", "are_told"), [("opening", False), ("bleed", True)])
