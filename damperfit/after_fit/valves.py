@@ -175,6 +175,7 @@ def read_valves(
             continue
         steps: list[tuple[str, str, float]] = []  # of one click, between two settings
         before: tuple[SettingResult, float] | None = None
+        shown, unit = (1e-5, "bar") if is_opening else (1e6, "mm2")
         for setting in run.settings:
             value, low, high = _read(setting, quantity)
             if is_opening:
@@ -199,7 +200,6 @@ def read_valves(
                 preloads.append(Preload(*place, size * seat_area, change))
             else:
                 holes.append(Hole(*place, math.sqrt(4.0 * size / math.pi), change))
-            shown, unit = (1e-5, "bar") if is_opening else (1e6, "mm2")
             if before and change is not None:
                 steps.append((before[0].label, setting.label, shown * change))
             before = setting, size
