@@ -238,7 +238,9 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         lines = [failure.placed.sentence(words) for failure in one.failures]
         more = f" (and {len(lines) - _FEW} more)" if len(lines) > _FEW else ""
         text = f"no setting could be fitted: {'; '.join(lines[:_FEW])}{more}"
-        raise LogError(text, code="no-setting-fitted")
+        error = LogError(text, code="no-setting-fitted")
+        error.failures = tuple(one.failures)
+        raise error
     return one.run
 
 

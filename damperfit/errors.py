@@ -71,6 +71,8 @@ class DamperfitError(Exception):
 
     exit_code = 1
     code = "failed"
+    failures: tuple[Failure, ...] = ()
+    """What it joins, where all of several logs or settings failed."""
 
     def __init__(
         self,

@@ -134,9 +134,8 @@ def _answered(path: Path, fit: Callable[[Path], Run], reference: Run | None, nam
         run = fit(path)
         why = "; ".join(run.failures) or ("" if run.settings else "no setting was fitted")
     except DamperfitError as error:
-        why = str(error).removeprefix("no setting could be fitted: ")
-        for prefix in (f"{path.name}: ", f"{path.name}, "):
-            why = why.removeprefix(prefix)
+        problems = [one.problem for one in error.failures] or [error.problem]
+        why = "; ".join(one.message() for one in problems)
     if run is None or why:
         return Arrival(path, None, f"{name}: {why}", why)
     findings = (finding for log in run.record["inputs"] for finding in log.get("findings", ()))

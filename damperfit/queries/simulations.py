@@ -248,8 +248,9 @@ def damper_of(
         meant, line = _damper_of_table(choice.table, configuration, config)
     if isinstance(meant.damper, Warmed) and BETA.name not in choice.parameters.names:
         raise ConfigurationError(
-            f"damper.reference_temperature: {choice.source.partition(': ')[2]}, has no beta; leave "
-            "the key out, or take results of identify with {covariate}",
+            f"damper.reference_temperature: setting {choice.setting} of "
+            f"{choice.table or 'the reference set'} has no beta; leave the key out, or take "
+            "results of identify with {covariate}",
             covariate=Option("covariate", "temperature"),
             code="no-temperature",
         )
