@@ -43,7 +43,7 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "yielding": ("laws.search", "_Search.yielding", lambda _, law, *__: law),
     "ties by the logs": ("laws.search", "_Search.with_ties", lambda *_: None),
     "believed defaults": ("laws.search", "_FREED", 1e9),
-    "floor of the criterion": ("laws.search", "_FLOOR_PERCENT", 0.001),
+    "floor of the criterion": ("laws.search", "FLOOR_PERCENT", 0.001),
     "rubber": ("laws.structures", "with_part", _without_rubber),
     # Fits.
     "idle parts": ("identification.procedures", "_without_idle_parts", _first),

@@ -52,6 +52,7 @@ VALUES = {
     "volume": {"m3": 1.0, "l": 1e-3, "cm3": 1e-6},
     "stiffness": {"N/m": 1.0, "N/mm": 1e3, "kN/mm": 1e6},
     "voltage": {"V": 1.0, "mV": 1e-3},
+    "power": {"W": 1.0, "kW": 1e3},
 }
 DEFINITIONS = [(kind, unit, one) for kind, units in VALUES.items() for unit, one in units.items()]
 

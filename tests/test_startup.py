@@ -76,7 +76,7 @@ def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
     assert loaded.isdisjoint({"scipy", "pandas", "pyarrow.compute", "numpy.ma", *DRAWING})
     judging = ("identification.fit_setting", "uncertainty.residuals", "laws.search", "checks")
     reading = ("damper.rivals", "damper.valve_dampers", "io.foreign", "io.groups", "io.binary")
-    others = (*judging, *reading, "identification.sharing", "tables.rows")
+    others = (*judging, *reading, "tables.rows")
     assert loaded.isdisjoint(f"damperfit.{one}" for one in others)
 
 
