@@ -93,43 +93,22 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """The residuals of the logs of one setting.
+    """The residuals of the logs of one setting."""
 
-    Attributes
-    ----------
-    model : Model
-        The damper's model; the ranges of its quantities are the bounds.
-    traces : tuple of Trace
-        Logs of one setting.
-    free : tuple of str
-        Values that may move; the others stay as the start has them.
-    solver : SolverOptions
-        How exactly to integrate.
-    cycles : SettledLogs, optional
-        Mean cycles that stand for the logs; None: the logs themselves.
-    cancelled : callable
-        Asked before each evaluation.
-    max_evaluations : int
-        Limit of simulations of a fit.
-    is_candidate : bool
-        Of a structure that is compared with others. What runs beyond its range stays there for
-        good: with bounds the search takes other paths (ablation "clip": of other laws 2 it loses
-        the blow-off in compression, held out 0.019 to 0.059 %). A rig's cell is zeroed anew between
-        the logs of a setting: where the offset is free, each log but the first has its own beside
-        it, which is eliminated.
-    facts : LogFacts
-        What is asked of the traces again and again; of other traces others are made.
-    """
-
-    model: Model
+    model: Model  # the ranges of its quantities are the bounds
     traces: tuple[Trace, ...]
-    free: tuple[str, ...]
+    free: tuple[str, ...]  # values that may move; the others stay as the start has them
     solver: SolverOptions
-    cycles: SettledLogs | None = None
-    cancelled: Callable[[], bool] = lambda: False
-    max_evaluations: int = 100
+    cycles: SettledLogs | None = None  # mean cycles that stand for the logs
+    cancelled: Callable[[], bool] = lambda: False  # asked before each evaluation
+    max_evaluations: int = 100  # of a fit
+    # Of a structure that is compared with others. What runs beyond its range stays there for good:
+    # with bounds the search takes other paths (ablation "clip": of other laws 2 it loses the
+    # blow-off in compression, held out 0.019 to 0.059 %). A rig's cell is zeroed anew between the
+    # logs of a setting: where the offset is free, each log but the first has its own beside it,
+    # which is eliminated.
     is_candidate: bool = False
-    facts: LogFacts = field(default=LogFacts(()))
+    facts: LogFacts = field(default=LogFacts(()))  # of the traces; of others they are made anew
 
     def __post_init__(self) -> None:
         """See that the facts are those of the traces."""
@@ -210,11 +189,6 @@ class Block:
         """The same with each linear quantity in its size, whatever the setting's forces are."""
         sizes = np.array([self.model.quantity(name).size for name in self.free])
         return self.variables._replace(scales=sizes)
-
-    def is_at_edge(self, values: Values, name: str) -> bool:
-        """Whether a quantity has run to a bound."""
-        low, high = self.model.quantity(name).plausible
-        return not low < getattr(values, name) < high
 
     def cost(self, values: Values) -> float:
         """The scaled sum of squares at a point, without derivatives."""
@@ -319,33 +293,19 @@ class Block:
 class FitProblem:
     """Settings that are fitted together, and what they share.
 
-    Attributes
-    ----------
-    blocks : mapping of Setting to Block
-        Logs and model of each setting, with the same quantities free.
-    shared : tuple of str
-        Quantities that settings have in common.
-    follows : mapping of str to tuple of str
-        Adjusters that some of them follow; what is not named all settings have in common.
-    held : frozenset of Unknown
-        Unknowns that stay as the starts have them.
-    gas : GasLaw or None
-        Where K_e starts from, if it is to follow a gas content: K_e must then be free. It is no
-        variable; V_r and K_B/C are shared in its place, their columns follow by the chain rule.
-    weights : mapping of Setting to float or None
-        Weights of the settings' squares; None: 1/N^2 by what the start leaves, of one setting
-        alone by what a useless model would leave.
-    jobs : int
-        Threads.
+    With a gas content K_e is no variable; V_r and K_B/C are shared in its place, and their columns
+    follow by the chain rule.
     """
 
-    blocks: Mapping[Setting, Block]
-    shared: tuple[str, ...] = ()
-    follows: Follows = field(default_factory=dict)
-    held: frozenset[Unknown] = frozenset()
-    gas: GasLaw | None = None
+    blocks: Mapping[Setting, Block]  # with the same quantities free
+    shared: tuple[str, ...] = ()  # quantities that settings have in common
+    follows: Follows = field(default_factory=dict)  # adjusters that some of them follow
+    held: frozenset[Unknown] = frozenset()  # unknowns that stay as the starts have them
+    gas: GasLaw | None = None  # where K_e, which is free, starts from
+    # Of the settings' squares; None: 1/N^2 by what the start leaves, of one setting alone by what a
+    # useless model would leave.
     weights: Mapping[Setting, float] | None = None
-    jobs: int = 1
+    jobs: int = 1  # threads
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -611,8 +571,9 @@ def kept_within(values: Values, names: Iterable[str]) -> Values:
 
 
 def is_at_edge(values: Values, name: str) -> bool:
-    """Whether a quantity is at an edge of its range."""
-    return getattr(values, name) in values.quantity(name).plausible
+    """Whether a quantity has run to a bound."""
+    low, high = values.quantity(name).plausible
+    return not low < getattr(values, name) < high
 
 
 def edge_of(values: Values, name: str) -> tuple[str, float]:

@@ -58,10 +58,7 @@ class DenseSystem:
     """One block of residuals (n,), their Jacobian (n, k); `held` variables stay where they are."""
 
     def __init__(
-        self,
-        residuals: FloatArray,
-        jacobian: FloatArray,
-        held: NDArray[np.bool_] | None = None,
+        self, residuals: FloatArray, jacobian: FloatArray, held: NDArray[np.bool_] | None = None
     ) -> None:
         self._moving = np.ones(jacobian.shape[1], dtype=bool) if held is None else ~held
         self.cost = float(residuals @ residuals)
@@ -91,31 +88,17 @@ class DenseSystem:
 
 class _DenseSteps:
     def __init__(
-        self,
-        rows: FloatArray,
-        right: FloatArray,
-        scale: FloatArray,
-        seen: NDArray[np.bool_],
+        self, rows: FloatArray, right: FloatArray, scale: FloatArray, seen: NDArray[np.bool_]
     ) -> None:
         columns = rows / scale
         left, self._values, directions = np.linalg.svd(columns[:, seen], full_matrices=False)
         self._directions = np.zeros((len(self._values), len(scale)))
         self._directions[:, seen] = directions
-        self._pull = left.T @ right
-        self._scale = scale
-        self._full: Step | None = None
-        self.is_full_rank = bool(
-            len(self._values) == len(scale) and (not len(scale) or self._values[-1] > NO_LENGTH)
-        )
+        self._pull, self._scale = left.T @ right, scale
+        is_whole = len(self._values) == len(scale)
+        self.is_full_rank = bool(is_whole and np.all(self._values[-1:] > NO_LENGTH))
 
     def step(self, damping: float) -> Step:
-        if damping:
-            return self._step(damping)
-        if self._full is None:  # asked for before and while it is damped
-            self._full = self._step(0.0)
-        return self._full
-
-    def _step(self, damping: float) -> Step:
         values, pull, directions = self._values, self._pull, self._directions
         squares = values * values + damping
         if not self.is_full_rank:  # what is not seen stays where it is
@@ -162,20 +145,14 @@ class BorderedSystem:
     def without(self, held: NDArray[np.bool_]) -> BorderedSystem:
         """Return the system in which some variables do nothing."""
         rest = self._triangles.copy()
-        rest[:, :, :-1] *= ~self._by_block(held)
+        rest[:, :, :-1] *= ~_by_block(held, len(rest), self._n_own)[:, None]
         return BorderedSystem(list(rest), len(held) - len(rest) * self._n_own)
 
     def effect(self, change: FloatArray) -> float:
         """Return |J p|^2."""
-        moved = np.einsum("bij,bj->bi", self._triangles[:, :, :-1], self._by_block(change)[:, 0])
+        by_block = _by_block(change, len(self._triangles), self._n_own)
+        moved = np.einsum("bij,bj->bi", self._triangles[:, :, :-1], by_block)
         return float(np.sum(moved**2))
-
-    def _by_block(self, variables: NDArray[Any]) -> NDArray[Any]:
-        """The variables of each block, its own and the shared ones: (blocks, 1, variables)."""
-        n_blocks = len(self._triangles)
-        own, shared = np.split(variables, [n_blocks * self._n_own])
-        both = np.hstack([own.reshape(n_blocks, self._n_own), np.tile(shared, (n_blocks, 1))])
-        return both[:, None, :]
 
     @property
     def shared_rows(self) -> FloatArray:
@@ -187,12 +164,9 @@ class BorderedSystem:
 class _BorderedSteps:
     def __init__(self, triangles: FloatArray, scale: FloatArray, n_own: int) -> None:
         n_blocks = len(triangles)
-        own, shared = scale[: n_blocks * n_own], scale[n_blocks * n_own :]
-        self._n_own, self._n_shared = n_own, len(shared)
-        self._scale = scale
-        by_block = np.hstack([own.reshape(n_blocks, n_own), np.tile(shared, (n_blocks, 1))])
-        self._scaled = triangles.copy()
-        self._scaled[:, :, :-1] /= by_block[:, None, :]
+        self._n_own, self._n_shared = n_own, len(scale) - n_blocks * n_own
+        self._scale, self._scaled = scale, triangles.copy()
+        self._scaled[:, :, :-1] /= _by_block(scale, n_blocks, n_own)[:, None]
         squares = np.sum(self._scaled[:, :, :-1] ** 2, axis=1)
         self._squares = squares[:, :n_own], np.sum(squares[:, n_own:], axis=0)[None, :]
         self.is_full_rank = self._solved(0.0)[1]
@@ -224,8 +198,7 @@ class _BorderedSteps:
         # w = R^-T z/|z| of the whole triangle R, block by block.
         first = np.einsum("bji,bj->bi", inverse, mine)
         second = back[0].T @ (common - np.einsum("bij,bi->j", coupling, first))
-        by_block = np.hstack([mine, np.tile(common, (n_blocks, 1))])
-        effects = np.einsum("bij,bj->bi", self._scaled[:, :, :-1], by_block)
+        effects = np.einsum("bij,bj->bi", self._scaled[:, :, :-1], _by_block(along, n_blocks, own))
         step = Step(
             change=along / self._scale,
             length=length,
@@ -233,6 +206,12 @@ class _BorderedSteps:
             shrinkage=float(np.sum(first**2) + second @ second) / max(length, 1e-300) ** 2,
         )
         return step, is_seen and is_shared_seen
+
+
+def _by_block(variables: NDArray[Any], n_blocks: int, n_own: int) -> NDArray[Any]:
+    """The variables of each block, its own and the shared ones: (blocks, variables)."""
+    own, shared = np.split(variables, [n_blocks * n_own])
+    return np.hstack([own.reshape(n_blocks, n_own), np.tile(shared, (n_blocks, 1))])
 
 
 def reduced(residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
@@ -566,19 +545,11 @@ def inverse_information(jacobian: FloatArray) -> FloatArray:
     """
     lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0))
     is_seen = lengths > NO_LENGTH
-    if is_seen.all():
-        return _inverse_of_seen(jacobian, lengths)
-    found = np.zeros((len(lengths), len(lengths)))
-    found[~is_seen, ~is_seen] = math.inf
-    found[np.ix_(is_seen, is_seen)] = _inverse_of_seen(jacobian[:, is_seen], lengths[is_seen])
-    return found
-
-
-def _inverse_of_seen(jacobian: FloatArray, lengths: FloatArray) -> FloatArray:
-    """The same of columns that all have a length."""
-    scaled = jacobian / lengths
+    scaled = jacobian[:, is_seen] / lengths[is_seen]
     if len(scaled) > scaled.shape[1]:
-        scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
+        scaled = _triangle(scaled)
     _, values, directions = np.linalg.svd(scaled)
-    roots = directions.T / np.maximum(values, _LAST_DIGIT) / lengths[:, None]
-    return np.asarray(roots @ roots.T)
+    roots = directions.T / np.maximum(values, _LAST_DIGIT) / lengths[is_seen, None]
+    inverse = np.diag(np.where(is_seen, 0.0, math.inf))
+    inverse[np.ix_(is_seen, is_seen)] = roots @ roots.T
+    return inverse

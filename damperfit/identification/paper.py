@@ -60,10 +60,12 @@ _SAME_R_M3 = 0.25
 
 def as_in_the_paper(given: ProcedureInput) -> Campaign:
     """The paper's own procedure, sections 3 and 4 of its identification."""
-    quantities = given.damper.quantities
-    fixed = dict(given.options.fixed)
-    own = (one.name for one in quantities if one.default is None and not one.is_shared)
-    free = given.options.free or tuple(name for name in own if name not in fixed)
+    quantities, fixed = given.damper.quantities, dict(given.options.fixed)
+    free = given.options.free or tuple(
+        one.name
+        for one in quantities
+        if one.default is None and not one.is_shared and one.name not in fixed
+    )
     for one in quantities:
         if one.default is not None and one.name not in free:
             fixed.setdefault(one.name, one.default)
@@ -116,6 +118,9 @@ class _Stages:
         self.status: dict[str, Status] = {}
         self.sharing = Sharing()
         self.warnings: list[Problem] = []
+        # What is taken for a shared parameter that no log tells; its model knows one.
+        known = {name: given.options.fallback(given.damper.quantity(name)) for name in wanted}
+        self.fallbacks = cast("dict[str, float]", known)
 
     def run(self) -> None:
         """Fit everything free everywhere, then find what is shared."""
@@ -129,41 +134,34 @@ class _Stages:
             self.broken[failure.setting] = failure
             del self.judged[failure.setting]
             self.searches = tuple(s for s in self.searches if s.setting != failure.setting)
-        self.shared = {name: self._fallback(name) for name in self.wanted}
+        self.shared, self.sharing = dict(self.fallbacks), Sharing()
         self.status = dict.fromkeys(self.wanted, Status.FIXED)
         known = [f"{n} {v:.4g} (identification.fallback_{n})" for n, v in self.shared.items()]
         text = "with all parameters free no setting can be fitted: these are used"
-        self.sharing = Sharing()
         self.warnings = [warning("assumed", f"{text}: {', '.join(known)}.")]
-
-    def _fallback(self, name: str) -> float:
-        """What is taken for a shared parameter that no log tells; its model knows one."""
-        known = self.given.options.fallback(self.given.damper.quantity(name))
-        assert known is not None
-        return known
-
-    def _fit_first(self, setting: Setting) -> tuple[FitResult, Search | None]:
-        block = self.given.block(setting, self.names)
-        start = own_start(self.given, setting, block, self.fixed)
-        return fit_from(setting, block, start, starts=self.given.options.starts)
 
     def _fit_everywhere(self) -> Setting | None:
         """Everything free at the lowest setting that can be fitted so, and from there at others."""
         given = self.given
-        lowest = None
-        for setting in given.softest_first:
-            result = attempted(setting, partial(self._fit_first, setting))
+
+        def first(setting: Setting) -> tuple[FitResult, Search | None]:
+            block = given.block(setting, self.names)
+            start = own_start(given, setting, block, self.fixed)
+            return fit_from(setting, block, start, starts=given.options.starts)
+
+        for lowest in given.softest_first:
+            result = attempted(lowest, partial(first, lowest))
             if not isinstance(result, Failure):
-                lowest, self.judged[setting] = setting, result[0]
-                self.searches = () if result[1] is None else (result[1],)
+                anchored, search = result
                 break
             if result.is_internal:
-                self.broken[setting] = result
-        if lowest is None:
+                self.broken[lowest] = result
+        else:
             return None
-        anchor = self.judged[lowest].values
-        if TAKEN in self.wanted and not _tells_r_m3(self.judged[lowest]):
-            anchor = anchor.replace(r_m3=self._fallback(TAKEN))
+        self.judged[lowest], self.searches = anchored, () if search is None else (search,)
+        anchor = anchored.values
+        if TAKEN in self.wanted and not _tells_r_m3(anchored):
+            anchor = anchor.replace(r_m3=self.fallbacks[TAKEN])
         known = {**self.fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
 
         def other(setting: Setting) -> FitResult:
@@ -174,39 +172,36 @@ class _Stages:
 
         others = sorted(set(given.settings) - {lowest, *self.broken})
         results = apart(
-            lambda setting: attempted(setting, lambda: other(setting)),
+            lambda setting: attempted(setting, partial(other, setting)),
             others,
             jobs=given.jobs,
             known=given.known,
             cancelled=given.cancelled,
         )
-        for setting, result in zip(others, results, strict=True):
-            if not isinstance(result, Failure):
-                self.judged[setting] = result
-            elif result.is_internal:
-                self.broken[setting] = result
+        for setting, found in zip(others, results, strict=True):
+            if not isinstance(found, Failure):
+                self.judged[setting] = found
+            elif found.is_internal:
+                self.broken[setting] = found
         return lowest
 
     def _share(self, lowest: Setting) -> Failure | None:
         """R_m3 and f_f from the fits with everything free; a failure of the setting of R_m3."""
         judged, first = self.judged, self.given.softest_first[0]
         self.warnings, self.shared, self.sharing = [], {}, Sharing(self.names)
-        if TAKEN in self.wanted and lowest != first:
-            self.warnings.append(
-                warning(
-                    "taken-from-another",
-                    f"setting {first} could not be fitted with all parameters free: R_m3 is taken "
-                    f"from setting {lowest}.",
-                )
+        if TAKEN not in self.wanted:
+            self._take_friction(None)
+            return None
+        if lowest != first:
+            self._warn(
+                "taken-from-another",
+                f"setting {first} could not be fitted with all parameters free: R_m3 is taken "
+                f"from setting {lowest}.",
             )
-        source = None
-        if TAKEN in self.wanted:
-            telling = (s for s, one in judged.items() if one.is_sound and _tells_r_m3(one))
-            source = lowest if _tells_r_m3(judged[lowest]) else min(telling, default=None)
+        telling = (s for s, one in judged.items() if one.is_sound and _tells_r_m3(one))
+        source = lowest if _tells_r_m3(judged[lowest]) else min(telling, default=None)
         if MEAN in self.wanted:
             self._take_friction(None if source is None else judged[source].values.r_m3)
-        if TAKEN not in self.wanted:
-            return None
         # A mean that does not hold there would bend R_m3: it stays as found beside its own
         # friction.
         holds = source is None or not self.sharing.friction_varies
@@ -214,12 +209,10 @@ class _Stages:
         f_f = self.shared.get(MEAN) if holds else None
         failure = attempted(where, lambda: self._take_r_m3(where, f_f))
         if failure is None and where != lowest:
-            self.warnings.append(
-                warning(
-                    "taken-from-another",
-                    f"the logs of setting {lowest} do not determine R_m3: it is taken from setting "
-                    f"{where}.",
-                )
+            self._warn(
+                "taken-from-another",
+                f"the logs of setting {lowest} do not determine R_m3: it is taken from setting "
+                f"{where}.",
             )
         return failure
 
@@ -234,42 +227,35 @@ class _Stages:
             return r_m3 is None or abs(one.values.r_m3 / r_m3 - 1.0) < _SAME_R_M3
 
         def lacks_r_m3_alone(one: FitResult) -> bool:
-            others = (name for name in one.errors if name != TAKEN)
-            is_empty = one.outcome is Outcome.CAVITATING
-            all_told = all(one.status[name] == Status.FITTED for name in others)
-            return one.outcome.is_minimum and not is_empty and all_told
+            is_told = all(one.status[n] == Status.FITTED for n in one.errors if n != TAKEN)
+            return is_told and one.outcome.is_minimum and one.outcome is not Outcome.CAVITATING
 
         def cavitates_rightly(one: FitResult) -> bool:
-            are_told = all(error < NOT_FIT_TO_SHARE for error in one.errors.values())
+            is_told = all(error < NOT_FIT_TO_SHARE for error in one.errors.values())
             is_excellent = one.outcome is Outcome.CAVITATING and one.mse_percent < EXCELLENT
-            return is_excellent and are_told and r_m3 is not None and agrees(one)
+            return is_excellent and is_told and r_m3 is not None and agrees(one)
 
-        def is_usable(one: FitResult) -> bool:
-            return _is_good(one) and agrees(one)
-
-        used: tuple[Setting, ...] = ()
-        for counts in (is_usable, lacks_r_m3_alone, cavitates_rightly):
-            used = used or tuple(sorted(s for s, one in self.judged.items() if counts(one)))
+        rules = (lambda one: _is_good(one) and agrees(one), lacks_r_m3_alone, cavitates_rightly)
+        used: list[Setting] = []
+        for counts in rules:
+            used = used or sorted(s for s, one in self.judged.items() if counts(one))
         if not used:
-            self.shared[MEAN] = self._fallback(MEAN)
-            said = (
+            self.shared[MEAN] = self.fallbacks[MEAN]
+            self._warn_assumed(
                 f"no setting's logs determine the friction: {self.shared[MEAN]:g} N "
-                "(identification.fallback_f_f) is used"
+                "(identification.fallback_f_f) is used",
+                MEAN,
             )
-            self.warnings.append(_assumed(said, MEAN))
             return
-        left_out = sorted(set(self.judged) - set(used))
-        if left_out:
-            self.warnings.append(
-                warning(
-                    "mean-of-some",
-                    f"friction is the mean over {len(used)} of {len(self.judged)} settings: with "
-                    f"all parameters free the fit is not sound at {of_settings(left_out)}.",
-                )
+        if left_out := sorted(set(self.judged) - set(used)):
+            self._warn(
+                "mean-of-some",
+                f"friction is the mean over {len(used)} of {len(self.judged)} settings: with "
+                f"all parameters free the fit is not sound at {of_settings(left_out)}.",
             )
         own = np.array([self.judged[setting].values.f_f for setting in used])
         self.shared[MEAN] = float(np.mean(own))
-        self.sharing = replace(self.sharing, means={MEAN: used})
+        self.sharing = replace(self.sharing, means={MEAN: tuple(used)})
         if len(used) > 1:
             errors = own * np.array([self.judged[setting].errors[MEAN] for setting in used])
             weights = 1.0 / errors**2
@@ -284,35 +270,28 @@ class _Stages:
     def _take_r_m3(self, setting: Setting, f_f: float | None) -> None:
         """R_m3 from the logs of one setting, and how far they tell it."""
         block, first = self.given.block(setting, self.names), self.judged[setting]
-        fallback, again = self._fallback(TAKEN), first
+        fallback, again = self.fallbacks[TAKEN], first
         # An unsound fit that tells R_m3 all the same is left alone: other friction may upset it.
         if f_f is not None and (
             not _tells_r_m3(first) or (first.is_sound and len(self.judged) > 1)
         ):
             again = _with_mean_friction(block, first, f_f, fallback)
         is_refined = again is not first
-        value, status, words = again.values.r_m3, Status.SHARED, ""
-        if not _tells_r_m3(again):
-            status, value, words = (
-                Status.NOT_IDENTIFIABLE,
-                fallback,
-                " fits them as well as any and",
-            )
-            if not again.outcome.is_minimum:
-                status, words = Status.FIXED, ""
-            elif _is_contradicted(block, again, fallback, f_f if is_refined else None):
-                value = max(again.values.r_m3, first.values.quantity(TAKEN).plausible[0])
-                words = "contradicted"
+        value, status, text = again.values.r_m3, Status.SHARED, ""
         taken = f"{fallback:.4g} (identification.fallback_r_m3)"
-        why = f" ({again.outcome.value})" if status is Status.FIXED else ""
-        said = f"the logs of setting {setting} do not determine R_m3{why}: {taken}{words} is used"
-        if words == "contradicted":
-            said = (
-                f"the logs of setting {setting} do not determine R_m3, but {taken} does not fit "
-                f"them: {value:.4g} is used, which does"
-            )
-        if status is not Status.SHARED:
-            self.warnings.append(_assumed(said, TAKEN))
+        if not _tells_r_m3(again):
+            text = f"the logs of setting {setting} do not determine R_m3"
+            if not again.outcome.is_minimum:
+                status, value = Status.FIXED, fallback
+                text += f" ({again.outcome.value}): {taken} is used"
+            elif _is_contradicted(block, again, fallback, f_f if is_refined else None):
+                status = Status.NOT_IDENTIFIABLE
+                value = max(again.values.r_m3, first.values.quantity(TAKEN).plausible[0])
+                text += f", but {taken} does not fit them: {value:.4g} is used, which does"
+            else:
+                status, value = Status.NOT_IDENTIFIABLE, fallback
+                text += f": {taken} fits them as well as any and is used"
+            self._warn_assumed(text, TAKEN)
         is_from_logs = status is not Status.FIXED
         self.judged[setting] = again if is_from_logs else first
         self.shared[TAKEN], self.status = value, {TAKEN: status}
@@ -322,12 +301,13 @@ class _Stages:
             held=(MEAN,) if is_refined and is_from_logs else (),
         )
 
+    def _warn(self, code: str, text: str) -> None:
+        self.warnings.append(warning(code, text))
 
-def _assumed(said: str, name: str) -> Problem:
-    """A warning that a value is used which the logs do not determine."""
-    return warning(
-        "assumed", f"{said}; give {{fix}} if yours is known.", fix=Option("fix", "VALUE", name)
-    )
+    def _warn_assumed(self, text: str, name: str) -> None:
+        """Say that a value is used which the logs do not determine."""
+        fix, advice = Option("fix", "VALUE", name), "give {fix} if yours is known."
+        self.warnings.append(warning("assumed", f"{text}; {advice}", fix=fix))
 
 
 def _is_good(first: FitResult) -> bool:
@@ -371,6 +351,5 @@ def _with_mean_friction(block: Block, judged: FitResult, f_f: float, r_m3: float
         raise
     except DamperfitError:
         return judged
-    if judged.is_sound:
-        return again if again.is_sound else judged
-    return again if again.outcome.is_minimum else judged
+    is_better = again.is_sound if judged.is_sound else again.outcome.is_minimum
+    return again if is_better else judged

@@ -17,7 +17,7 @@ from zlib import crc32
 import numpy as np
 
 from damperfit.errors import DamperfitError, FitCancelledError, SimulationError
-from damperfit.identification.fit_problem import kept_within
+from damperfit.identification.fit_problem import is_at_edge, kept_within
 from damperfit.identification.fit_setting import (
     EXCELLENT,
     ROUGH,
@@ -478,7 +478,7 @@ def _is_as_expected(block: Block, ended: Minimum[Values]) -> bool:
 def _lost_a_valve(block: Block, ended: Minimum[Values]) -> bool:
     """Whether a bleed or a blow-off ran out of its range."""
     return any(
-        block.model.quantity(name).part in _OF_VALVES and block.is_at_edge(ended.extra, name)
+        block.model.quantity(name).part in _OF_VALVES and is_at_edge(ended.extra, name)
         for name in block.free
     )
 

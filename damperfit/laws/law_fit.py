@@ -11,7 +11,7 @@ import numpy as np
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
-from damperfit.identification.fit_problem import Block
+from damperfit.identification.fit_problem import Block, is_at_edge
 from damperfit.identification.log_facts import FEWEST_SAMPLES
 from damperfit.identification.starts import COMPARING, best_of_starts
 from damperfit.simulation import SolverOptions
@@ -303,7 +303,7 @@ def fit_at(
             ).mse_percent  # fmt: skip
     except SimulationError:
         held_out = math.inf
-    at_bound = tuple(name for name in free if misfit.is_at_edge(values, name))
+    at_bound = tuple(name for name in free if is_at_edge(values, name))
     return LawFit(
         setting=evidence.setting,
         model=model,
