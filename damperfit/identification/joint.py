@@ -190,20 +190,10 @@ def _minimised(
 # What is shared.
 
 
-class Way(NamedTuple):
-    """A way of sharing: quantities that are each setting's own, and the others."""
-
-    own: tuple[str, ...]
-    shared: tuple[str, ...]
-    follows: Follows  # adjusters that shared quantities follow; what is not named follows none
-    is_detected: bool = False  # the logs showed it
-    is_general: bool = False  # for all that moves, not for some that were named
-
-
-def declared_way(
-    damper: Model, moving: Sequence[str], follows: Follows, adjusters: tuple[str, ...]
-) -> Way:
-    """The way in which what is not declared to follow an adjuster is the damper's.
+def declared_sharing(
+    damper: Model, moving: tuple[str, ...], follows: Follows, adjusters: tuple[str, ...]
+) -> Sharing:
+    """What does not follow an adjuster as declared is the damper's.
 
     Offsets, and what the model says is each log's, stay each setting's own.
     """
@@ -216,21 +206,15 @@ def declared_way(
             whole[name] = adjusters
         elif one.scope in adjusters:
             whole[name] = (one.scope,)
-    return _way(moving, whole, adjusters, is_detected=False)
+    return _sharing(moving, whole, adjusters)
 
 
-def _way(
-    moving: Sequence[str],
-    whole: Mapping[str, tuple[str, ...]],
-    adjusters: tuple[str, ...],
-    *,
-    is_detected: bool,
-) -> Way:
-    """The way of which the adjusters of every quantity are known; its own has all of them."""
-    own = tuple(name for name in moving if whole[name] == adjusters)
-    shared = tuple(name for name in moving if name not in own)
-    follows = {name: whole[name] for name in shared if whole[name]}
-    return Way(own, shared, follows, is_detected, is_general=True)
+def _sharing(
+    moving: tuple[str, ...], whole: Mapping[str, tuple[str, ...]], adjusters: tuple[str, ...]
+) -> Sharing:
+    """What is shared where the adjusters of every quantity are known; its own has all of them."""
+    jointly = tuple(name for name in moving if whole[name] != adjusters)
+    return Sharing(moving, jointly, {name: whole[name] for name in jointly if whole[name]})
 
 
 def _known(
@@ -249,58 +233,52 @@ def _known(
     return known
 
 
-class Detected(NamedTuple):
-    """What the logs tell, where its fit starts (what is shared is equal already), simulations."""
-
-    way: Way
-    starts: Mapping[Setting, Values]
-    evaluations: int
-
-
-def detected_way(
+def detected_sharing(
     blocks: Mapping[Setting, Block],
     apart: Mapping[Setting, Values],
-    declared: Way | None = None,
+    declared: Sharing | None = None,
     *,
     jobs: int = 1,
-) -> Detected:
-    """The way of sharing that the logs tell, or one that was declared, with its start.
+) -> tuple[Sharing, Mapping[Setting, Values], int]:
+    """What is shared as the logs tell it, or as it was declared; where its fit starts; simulations.
 
     Two settings or more, with the same quantities free; `apart` is each fitted by itself. Errors
     are as of `fit_jointly`.
     """
     first = blocks[min(blocks)]
     adjusters, moving = min(blocks).adjusters, first.free
-    at, spent = dict(apart), 1
-    search = _Search(blocks, at, None)
+    search, spent = _Search(blocks, apart, None), 1
     if declared is not None:
-        whole: dict[str, tuple[str, ...]] = dict.fromkeys(moving, ())
-        whole |= {**declared.follows, **dict.fromkeys(declared.own, adjusters)}
-        return Detected(declared, search.starts(whole), spent)
+        whole: dict[str, tuple[str, ...]] = dict.fromkeys(moving, adjusters)
+        whole |= dict.fromkeys(declared.jointly, ()) | {**declared.follows}
+        return declared, search.starts(whole), spent
     known = _known(first.model, moving, adjusters)
     ends = (dict.fromkeys(moving, ()) | known, dict.fromkeys(moving, adjusters) | known)
     tried: list[dict[str, tuple[str, ...]]] = []
-    ways: list[tuple[float, Detected]] = []
+    found: list[tuple[float, Sharing, Mapping[Setting, Values]]] = []
     for _ in range(_MAX_DETECTIONS):
         starts = (*ends, tried[-1]) if tried else ends
         follows = min((search.improved(way, known, adjusters) for way in starts), key=search.worth)
         if follows in tried:
             break
         tried.append(follows)
-        way = _way(moving, follows, adjusters, is_detected=True)
-        if not way.shared:
-            return Detected(way, dict(apart), spent)
-        problem = FitProblem(blocks, way.shared, way.follows, weights=search.weights, jobs=jobs)
+        sharing = replace(_sharing(moving, follows, adjusters), is_detected=True)
+        if not sharing.jointly:
+            return sharing, apart, spent
+        problem = FitProblem(
+            blocks, sharing.jointly, sharing.follows, weights=search.weights, jobs=jobs
+        )
         solution = fit_jointly(problem, search.starts(follows))
-        at, spent = dict(solution.parameters), spent + solution.evaluations + 1
+        spent += solution.evaluations + 1
         seen = search.mean_squares
         if any(solution.mean_squares[s] < _CLEARLY_BETTER * seen[s] for s in seen):
-            ways, tried = [], []
-            search = _Search(blocks, at, None)
+            found, tried = [], []
+            search = _Search(blocks, solution.parameters, None)
         else:
-            search = _Search(blocks, at, search)
-        ways.append((search.cost + search.price(follows), Detected(way, at, spent)))
-    return min(ways, key=lambda one: one[0])[1]._replace(evaluations=spent)
+            search = _Search(blocks, solution.parameters, search)
+        found.append((search.cost + search.price(follows), sharing, solution.parameters))
+    _, sharing, at = min(found, key=lambda one: one[0])
+    return sharing, at, spent
 
 
 class _Search:
@@ -444,7 +422,6 @@ class JointResult:
     """What a joint fit gave: where it ended, what is shared by whom and how well it is told."""
 
     solution: JointSolution
-    way: Way
     status: Mapping[Unknown, Status]  # of what is shared
     sharing: Sharing  # for its errors
     evaluations: int  # simulations of each setting
@@ -470,9 +447,9 @@ class JointResult:
 
     def own_at(self, setting: Setting) -> tuple[str, ...]:
         """What is left to a setting's own fit: its own, and what follows a click of it alone."""
-        lost = {*self.way.shared} - {*self.sharing.found_at(setting)}
+        lost = {*self.sharing.found_at(setting)}
         gas = set() if self.solution.gas is None else {GAS_FOLLOWER}
-        return tuple(name for name in (*self.way.own, *lost) if name not in gas)
+        return tuple(name for name in self.sharing.free if name not in {*lost, *gas})
 
     def status_at(self, setting: Setting) -> dict[str, Status]:
         """The status of what a setting shares."""
@@ -482,16 +459,16 @@ class JointResult:
         }
 
     def _unknown(self, name: str, setting: Setting) -> Unknown:
-        return unknown_at(name, self.way.follows, setting)
+        return unknown_at(name, self.sharing.follows, setting)
 
 
 def fit_settings_jointly(
-    given: ProcedureInput, before: Sequence[Fit], way: Way | None, moving: tuple[str, ...]
+    given: ProcedureInput, before: Sequence[Fit], sharing: Sharing | None, moving: tuple[str, ...]
 ) -> tuple[JointResult | None, dict[Setting, Failure]]:
     """Fit the settings that have a minimum together; None where there are not two.
 
-    Without a way of sharing the logs tell it. Where something follows an adjuster, settings take
-    part too that do not tell every quantity by themselves: others tell it for them.
+    Where nobody says what is shared the logs tell it. Where something follows an adjuster, settings
+    take part too that do not tell every quantity by themselves: others tell it for them.
 
     A setting that cannot be simulated at the start is left out and follows the others; one that
     meets a bug is left out for good, and the second value returned tells why.
@@ -501,7 +478,7 @@ def fit_settings_jointly(
     FitCancelledError
         When the caller asked to stop.
     """
-    is_plain = way is not None and not way.follows and not way.is_general
+    is_plain = not (given.options.is_detecting or given.options.follows)
     sound = {
         fit.setting: fit
         for fit in before
@@ -511,7 +488,7 @@ def fit_settings_jointly(
     warnings: list[Problem] = []
     while True:
         try:
-            together = _fit_sound(given, sound, way, moving)
+            together = _fit_sound(given, sound, sharing, moving)
         except SettingError as error:
             failure = error.failure
             del sound[failure.setting]
@@ -529,26 +506,26 @@ def fit_settings_jointly(
 def _fit_sound(
     given: ProcedureInput,
     sound: Mapping[Setting, Fit],
-    way: Way | None,
+    sharing: Sharing | None,
     moving: tuple[str, ...],
 ) -> JointResult | None:
     is_gas = given.options.bulk_modulus == "appendix1"
-    if len(sound) < 2 or not (way is None or way.shared or is_gas):
+    if len(sound) < 2 or not (sharing is None or sharing.jointly or is_gas):
         return None
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
     blocks = {setting: given.block(setting, free) for setting in sound}
     spent = 0
-    if way is None or way.is_general:
+    if sharing is None or given.options.is_detecting or given.options.follows:
         apart, spent = from_neighbours(blocks, sound, jobs=given.jobs)
-        detected = detected_way(blocks, apart, way, jobs=given.jobs)
-        way, starts, spent = detected.way, detected.starts, spent + detected.evaluations
-        if not way.shared:
+        sharing, starts, more = detected_sharing(blocks, apart, sharing, jobs=given.jobs)
+        spent += more
+        if not sharing.jointly:
             return None
     else:
-        starts = _common_starts(given, sound, way)
-    problem = FitProblem(blocks, way.shared, way.follows, jobs=given.jobs)
+        starts = _common_starts(given, sound, sharing)
+    problem = FitProblem(blocks, sharing.jointly, sharing.follows, jobs=given.jobs)
     solution = _fairly_weighed(problem, fit_jointly(problem, starts))
-    result = _result(solution, way, free, spent)
+    result = _result(solution, sharing, free, spent)
     if not is_gas:
         return result
     alone = solution
@@ -558,45 +535,40 @@ def _fit_sound(
         for setting, least in alone.mean_squares.items()
     }
     return replace(
-        _result(solution, way, free, result.evaluations + more - solution.evaluations),
-        status={Unknown(GAS_FOLLOWER): Status.SHARED} | _statuses(solution, way),
+        _result(solution, sharing, free, result.evaluations + more - solution.evaluations),
+        status={Unknown(GAS_FOLLOWER): Status.SHARED} | _statuses(solution, sharing),
         sharing=replace(result.sharing, gas=solution.gas, gas_rises=rises),
         warnings=(*(() if solution.is_converged else (_NO_MINIMUM,)), *_judged_law(rises)),
     )
 
 
 def fit_from_one_model(
-    given: ProcedureInput, way: Way, moving: tuple[str, ...], starts: Mapping[Setting, Values]
+    given: ProcedureInput, sharing: Sharing, starts: Mapping[Setting, Values]
 ) -> JointResult:
     """Fit all settings together from where one model of them has ended already."""
-    free = given.ordered(moving)
-    blocks = {setting: given.block(setting, free) for setting in given.settings}
+    blocks = {setting: given.block(setting, sharing.free) for setting in given.settings}
     left = {s: 100.0 * one.whole.cost(starts[s]) for s, one in blocks.items()}
     if any(percent < blocks[s].solvers_percent for s, percent in left.items()):
         blocks = {s: one.refined(left[s]) for s, one in blocks.items()}
-    tied = FitProblem(blocks, way.shared, way.follows, jobs=given.jobs)
-    return _result(_fairly_weighed(tied, fit_jointly(tied, starts)), way, free, 0)
+    tied = FitProblem(blocks, sharing.jointly, sharing.follows, jobs=given.jobs)
+    return _result(_fairly_weighed(tied, fit_jointly(tied, starts)), sharing, sharing.free, 0)
 
 
-def _result(solution: JointSolution, way: Way, free: tuple[str, ...], spent: int) -> JointResult:
+def _result(
+    solution: JointSolution, sharing: Sharing, free: tuple[str, ...], spent: int
+) -> JointResult:
     """What a joint fit has reached, and what it has not."""
-    sharing = Sharing(
-        free,
-        jointly=way.shared,
-        follows=way.follows,
-        is_detected=way.is_detected,
-        settings=tuple(sorted(solution.parameters)),
-    )
     warnings = [] if solution.is_converged else [_NO_MINIMUM]
     if not _is_fairly_weighed(solution):
         warnings.append(_WEIGHTS_MOVE)
-    status, spent = _statuses(solution, way), spent + solution.evaluations
-    return JointResult(solution, way, status, sharing, spent, tuple(warnings))
+    sharing = replace(sharing, free=free, settings=tuple(sorted(solution.parameters)))
+    status, spent = _statuses(solution, sharing), spent + solution.evaluations
+    return JointResult(solution, status, sharing, spent, tuple(warnings))
 
 
-def _statuses(solution: JointSolution, way: Way) -> dict[Unknown, Status]:
+def _statuses(solution: JointSolution, sharing: Sharing) -> dict[Unknown, Status]:
     status = {}
-    for unknown in unknowns_of(way.shared, way.follows, sorted(solution.parameters)):
+    for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(solution.parameters)):
         having = [at for s, at in solution.parameters.items() if unknown.holds_at(s)]
         one, value = having[0].quantity(unknown.name), getattr(having[0], unknown.name)
         low, high = one.plausible
@@ -627,7 +599,7 @@ def _is_fairly_weighed(solution: JointSolution) -> bool:
 
 
 def _common_starts(
-    given: ProcedureInput, sound: Mapping[Setting, Fit], way: Way
+    given: ProcedureInput, sound: Mapping[Setting, Fit], sharing: Sharing
 ) -> dict[Setting, Values]:
     """Each setting's own values, with what is shared equal already.
 
@@ -635,7 +607,7 @@ def _common_starts(
     logarithm would not come back; what may vanish is small there.
     """
     starts = {setting: fit.parameters for setting, fit in sound.items()}
-    for unknown in unknowns_of(way.shared, way.follows, sorted(sound)):
+    for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(sound)):
         name, one = unknown.name, given.damper.quantity(unknown.name)
         having = [fit for setting, fit in sound.items() if unknown.holds_at(setting)]
         value = None if one.may_vanish else given.options.fallback(one)

@@ -24,8 +24,7 @@ from damperfit.identification.fit_problem import does_nothing, kept_within
 from damperfit.identification.fit_setting import Fit, describe_fit, minimised
 from damperfit.identification.joint import (
     JointResult,
-    Way,
-    declared_way,
+    declared_sharing,
     fit_from_one_model,
     fit_settings_jointly,
 )
@@ -33,6 +32,7 @@ from damperfit.identification.mean_cycle import SettledLogs, settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.outcome import Status, attempted
 from damperfit.identification.paper import MEAN, TAKEN, as_in_the_paper
+from damperfit.identification.sharing import Sharing
 from damperfit.identification.starts import Search, fit_from, own_start, with_given
 from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Trace, natural_order
@@ -195,22 +195,23 @@ def _plain(given: ProcedureInput) -> Campaign:
 
 def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
-    way, moving = _way_of(given)
+    sharing, moving = _sharing_of(given)
     said, quiet = given.options.start, replace(given, on_fit=lambda _fit: None)
     is_ended = said.is_of_one_model and all(one in said.by_setting for one in given.settings)
-    if way is not None and way.shared and is_ended:
+    if sharing is not None and sharing.jointly and is_ended:
         with suppress(SimulationError):
-            return _from_one_model(given, way, moving)
+            return _from_one_model(given, sharing)
     name = "paper" if "paper" in given.damper.procedures else "plain"
-    by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()
-    shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
+    by_paper = {TAKEN, MEAN} if name == "paper" and not (sharing and sharing.follows) else set()
+    names = shared_names(given.options, given.damper) if sharing is None else sharing.jointly
+    shared = set(names)
     free = tuple(one for one in moving if one not in by_paper & shared)
     options = replace(given.options, free=free, starts=1, is_leaving_out=False)
     if BETA.name in free and len(given.settings) > 1:
         options = _with_first_beta(quiet, options, PROCEDURES[name])
     before = PROCEDURES[name](replace(quiet, options=options))
     try:
-        ended = attempted(None, lambda: fit_settings_jointly(given, before.fits, way, moving))
+        ended = attempted(None, lambda: fit_settings_jointly(given, before.fits, sharing, moving))
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
     if isinstance(ended, Failure):
@@ -242,16 +243,16 @@ def _joint(given: ProcedureInput) -> Campaign:
     if not any(given.damper.quantity(one).is_friction for one in shared):
         return campaign
     spread, is_certain = before.sharing.spread, before.sharing.is_spread_certain
-    sharing = replace(campaign.sharing, spread=spread, is_spread_certain=is_certain)
-    return replace(campaign, sharing=sharing)
+    with_spread = replace(campaign.sharing, spread=spread, is_spread_certain=is_certain)
+    return replace(campaign, sharing=with_spread)
 
 
-def _from_one_model(given: ProcedureInput, way: Way, moving: tuple[str, ...]) -> Campaign:
+def _from_one_model(given: ProcedureInput, sharing: Sharing) -> Campaign:
     """All settings together from where one model of them has ended."""
     fixed = given.options.fixed
     first = given.damper.start(next(iter(given.settings.values())), fixed)[0]
     starts = {setting: with_given(given, setting, first, fixed) for setting in given.settings}
-    together = fit_from_one_model(given, way, moving, starts)
+    together = fit_from_one_model(given, sharing, starts)
     once = replace(given, options=replace(given.options, starts=1))
     return _each_beside(once, together, lambda s, _: together.solution.parameters[s], {})
 
@@ -283,8 +284,8 @@ def _each_beside(
     return replace(campaign, sharing=together.sharing)
 
 
-def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:
-    """The way of sharing, None where the logs are to tell it, and what moves."""
+def _sharing_of(given: ProcedureInput) -> tuple[Sharing | None, tuple[str, ...]]:
+    """What is shared, None where the logs are to tell it, and what moves."""
     options, damper = given.options, given.damper
     wanted = [
         q.name for q in damper.quantities if q.default is None and q.name not in options.fixed
@@ -294,14 +295,12 @@ def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:
         shared = given.ordered(shared_names(options, damper))
         # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
         rest = () if options.follows else (name for name in wanted if name not in shared)
-        own = given.ordered(options.free or rest)
-        is_tied = bool(options.follows)
-        way = Way(own, shared, options.follows, is_detected=is_tied, is_general=is_tied)
-        return way, given.ordered({*own, *shared})
+        moving = given.ordered({*(options.free or rest), *shared})
+        return Sharing(moving, shared, options.follows, bool(options.follows)), moving
     moving = given.ordered({*(options.free or wanted), *options.follows})
     if not options.follows:
         return None, moving
-    return declared_way(damper, moving, options.follows, min(given.settings).adjusters), moving
+    return declared_sharing(damper, moving, options.follows, min(given.settings).adjusters), moving
 
 
 PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {
