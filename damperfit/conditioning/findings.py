@@ -790,7 +790,7 @@ def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Ite
     if options.rig_filter != "none":
         return
     steady = [stretch for stretch in trace.stretches if stretch.n_cycles]
-    # python -m tests.identification.scatter --in-the-rig causal --declared none
+    # python -m tests.identification.scatter --in-the-rig causal
     text = (
         "both channels look as if the rig had filtered them: if so, set rig.filter = "
         "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"

@@ -42,14 +42,12 @@ def effective_samples(residuals: FloatArray, n_cycles: int) -> float:
     return max(2.0 * whole**2 / float(np.sum(lines**2)), FEWEST_SAMPLES)
 
 
-# How much each sample counts in the fit of a setting: by its stretch's noise, and not at a
-# corner.
+# How much each sample counts in the fit of a setting: by its stretch's noise, and not at a corner.
 #
 # Where the speed jumps, as at the corners of a triangle, the force of some milliseconds follows
 # from the microns and microseconds of the turn, which no sensor tells: noise of a few um there
 # bent R_m3 of two triangles. These samples are simulated, shown and in every MSE, but the fit
-# takes no notice of them, unless the motion is straight on both sides
-# (`damperfit.conditioning.drive`).
+# takes no notice of them, unless the motion is straight on both sides (`conditioning.drive`).
 
 # Noises within this factor of each other are one: a scatter of few cycles is no better known.
 _ALIKE = 1.25
@@ -73,17 +71,31 @@ def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
     samples is 1, so that a sum of squares keeps its scale. A stretch whose noise is not known
     counts as the middle one. None for all where nothing is to be told apart.
     """
-    by_noise = _by_noise(traces)
     counted = [_counted(trace) for trace in traces]
-    if all(one is None for one in counted):
-        return by_noise
-    both = [
-        (np.ones(trace.n_samples) if weight is None else weight)
-        * (1.0 if one is None else one.astype(np.float64))
-        for trace, weight, one in zip(traces, by_noise, counted, strict=True)
-    ]
-    power = sum(float(one @ one) for one in both) / sum(len(one) for one in both)
-    return tuple(one / math.sqrt(power) for one in both)
+    stretches = [stretch for trace in traces for stretch in trace.stretches]
+    known = [stretch.noise for stretch in stretches if math.isfinite(stretch.noise)]
+    factors = np.ones(len(stretches))
+    if len(stretches) > 1 and known:
+        force = np.concatenate([trace.force[trace.compared] for trace in traces])
+        other = _OTHER_ERRORS * float(np.std(force))
+        middle = math.hypot(median(known), other)
+        noises = (one.noise for one in stretches)
+        sizes = [math.hypot(one, other) if math.isfinite(one) else middle for one in noises]
+        if max(sizes) > _ALIKE * min(sizes):
+            factors = np.clip(middle / np.array(sizes), 1.0 / _FARTHEST, _FARTHEST)
+            counts = np.array([one.n_samples for one in stretches])
+            factors /= math.sqrt(float(counts @ factors**2) / float(counts.sum()))
+    if np.all(factors == 1.0) and all(one is None for one in counted):
+        return (None,) * len(traces)
+    rows = iter(np.full(one.n_samples, k) for k, one in zip(factors, stretches, strict=True))
+    both = []
+    for trace, counts_here in zip(traces, counted, strict=True):
+        of_log = np.concatenate([next(rows) for _ in trace.stretches])
+        both.append(of_log if counts_here is None else of_log * counts_here)
+    if any(one is not None for one in counted):
+        power = sum(float(one @ one) for one in both) / sum(len(one) for one in both)
+        both = [one / math.sqrt(power) for one in both]
+    return tuple(both)
 
 
 def _counted(trace: Trace) -> NDArray[np.bool_] | None:
@@ -112,28 +124,6 @@ def _width(sections: bytes, is_zero_phase: bool) -> float:  # noqa: FBT001
     return 1.0 / float(np.sum(apply_filter(design, impulse) ** 2))
 
 
-def _by_noise(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
-    alike: tuple[FloatArray | None, ...] = (None,) * len(traces)
-    stretches = [stretch for trace in traces for stretch in trace.stretches]
-    known = [stretch.noise for stretch in stretches if math.isfinite(stretch.noise)]
-    if len(stretches) < 2 or not known:
-        return alike
-    force = np.concatenate([trace.force[trace.compared] for trace in traces])
-    other = _OTHER_ERRORS * float(np.std(force))
-    middle = math.hypot(median(known), other)
-    sizes = [
-        math.hypot(stretch.noise, other) if math.isfinite(stretch.noise) else middle
-        for stretch in stretches
-    ]
-    if max(sizes) <= _ALIKE * min(sizes):
-        return alike
-    factors = np.clip(middle / np.array(sizes), 1.0 / _FARTHEST, _FARTHEST)
-    counts = np.array([stretch.n_samples for stretch in stretches])
-    factors /= math.sqrt(float(counts @ factors**2) / float(counts.sum()))
-    rows = iter(np.repeat(factor, count) for factor, count in zip(factors, counts, strict=True))
-    return tuple(np.concatenate([next(rows) for _ in trace.stretches]) for trace in traces)
-
-
 # Logs that hold one speed, or a few: what triangle waves cannot tell.
 #
 # At constant speed a stroke shows one level of force, and two levels cannot tell R_m1, R_m2, R_m3
@@ -146,13 +136,11 @@ _ONE_SPEED = (
     "the logs hold one speed, so that the valves and friction cannot be separated: "
     "add a log or a stretch at another speed, or hold one valve and the friction."
 )
-
 _FEW_SPEEDS = (
     "the logs hold {} speeds: their {} levels of force do not determine {} numbers of valves, "
     "friction and offset, and only the corners separate a friction from a preload: add a test at "
     "another speed, below the knee of the force."
 )
-
 _LEVELS = 2  # of a speed, one in rebound, one in bump
 _NEAR = 0.1  # of the speed
 # Of the samples. A triangle has 0.96 and more, a sine 0.29; beside 10 % of another speed 0.9.

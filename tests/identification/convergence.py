@@ -12,12 +12,10 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -27,36 +25,14 @@ from damperfit.identification import FitOptions, identify
 from damperfit.identification.fit_problem import Block, kept_within
 from damperfit.identification.fit_setting import minimised
 from damperfit.identification.starts import fit_setting
-from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Values
-
-__all__ = ["Outcome", "log_of", "made_up", "run_damper"]
+from tests.identification.rig import recorded
 
 KINDS = {"twin_tube": TwinTube, "monotube": Monotube, "through_flow": ThroughFlow}
 PAPER = "purdy"
-NAMED = {"opening": 3.0, "bleed": 2.0, "k_s": 5.0, "play": 10.0}  # the bars, per cent
 SPEEDS, AMPLITUDE, RATE = (0.05, 0.13, 0.26), 0.02, 1000.0
 SOLVER = SolverOptions(tolerance=1e-2)
 REACHED = 1.02
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of one damper: MSE of every end, and errors of what `identify` found."""
-
-    best: float
-    own: float
-    random: tuple[float, ...]
-    errors: dict[str, float]
-    told: dict[str, bool]
-
-    @property
-    def share(self) -> float:
-        """Of the random starts that reached the best known minimum."""
-        return float(np.mean([one <= REACHED * self.best for one in self.random]))
 
 
 def made_up(kind: str, seed: int, *, has_play: bool = False):
@@ -104,83 +80,33 @@ def log_of(model, truth, seed: int):
     x = AMPLITUDE * np.sin(phase)
     motion = Motion(1 / RATE, x, np.gradient(x, 1 / RATE))
     force = simulate(truth, model, motion, options=SOLVER).force
-    noise = np.random.default_rng([seed, 1])
-    recording = Recording(
-        name=f"made_up_{seed}", path="", sha256="", setting=1, time=np.arange(len(x)) / RATE,
-        displacement=x + noise.normal(0.0, 8e-6, len(x)),
-        force=force + noise.normal(0.0, 4.0, len(x)),
-    )  # fmt: skip
-    return condition(recording, ConditionOptions())
+    log = recorded(x, force, RATE, setting=1, noises=(8e-6, 4.0), seed=[seed, 1])
+    return condition(log)
 
 
-def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False) -> Outcome:
-    """Fit one damper from everywhere."""
+def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False):
+    """MSE where `identify` ends, the true numbers lead and each random start does."""
     model, truth = made_up(kind, seed, has_play=has_play)
     trace = log_of(model, truth, seed)
     free = tuple(one.name for one in model.quantities if one.default is None)
-    problem = Block(model, (trace,), free, SOLVER)
+    block = Block(model, (trace,), free, SOLVER)
     (fit,) = identify([trace], model, FitOptions("plain", free=free, solver=SOLVER)).fits
     # With the weights of the stretches that the fits have, not those of the report.
-    own = 100.0 * problem.cost(fit.parameters)
-    ends = [minimised(problem, truth).mse_percent]
-    noise = np.random.default_rng([seed, 2])
+    own, true = 100.0 * block.cost(fit.parameters), minimised(block, truth).mse_percent
+    noise, ends = np.random.default_rng([seed, 2]), []
+    positive = [name for name in free if model.quantity(name).is_logarithmic]
     for _ in range(n_starts):
-        away = {
-            name: getattr(truth, name) * math.exp(noise.normal())
-            for name in free
-            if model.quantity(name).is_logarithmic
-        }
+        away = {name: getattr(truth, name) * math.exp(noise.normal()) for name in positive}
         start = kept_within(truth.replace(away, f_0=0.0), free)
-        ends.append(_ended(problem, start))
-    errors, told = {}, {}
-    for name in free:
-        bar = next((part for part in NAMED if name.endswith(part)), "")
-        if bar:
-            true = getattr(truth, name)
-            errors[name] = 100 * abs(getattr(fit.parameters, name) / true - 1)
-            told[name] = fit.status[name].value == "fitted"
-    return Outcome(min(own, *ends), own, tuple(ends[1:]), errors, told)
-
-
-def _ended(problem: Block, start: Values) -> float:
-    """MSE where a fit from a start ends."""
-    try:
-        return fit_setting(problem, start).mse_percent
-    except DamperfitError:
-        return math.inf
-
-
-def _line(kind: str, outcomes: list[Outcome]) -> str:
-    own = sum(one.own <= REACHED * one.best for one in outcomes)
-    some = sum(any(end <= REACHED * one.best for end in one.random) for one in outcomes)
-    share = 100 * np.mean([one.share for one in outcomes])
-    return (
-        f"{kind}: best known minimum reached by identify in {own} of {len(outcomes)} dampers, by "
-        f"the best of the random starts in {some}, by {share:.0f} % of the random starts"
-    )
-
-
-def _errors(outcomes: list[Outcome]) -> list[str]:
-    said = []
-    for part, bar in NAMED.items():
-        found = [
-            (error, one.told[name])
-            for one in outcomes
-            for name, error in one.errors.items()
-            if name.endswith(part)
-        ]
-        if found:
-            errors = [error for error, is_reported in found if is_reported]
-            within = sum(error <= bar for error in errors)
-            said.append(
-                f"  {part}: {within} of {len(errors)} told within {bar:g} %, worst "
-                f"{max(errors, default=math.nan):.1f} %, median {np.median(errors):.2f} %"
-            )
-    return said
+        try:
+            ends.append(fit_setting(block, start).mse_percent)
+        except DamperfitError:
+            ends.append(math.inf)
+    return own, true, ends
 
 
 def main() -> None:
-    """Print a line for each topology."""
+    """Print a line for each damper and each topology."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dampers", type=int, default=10, help="of each topology")
     parser.add_argument("--first", type=int, default=0, help="the first of them")
@@ -189,13 +115,21 @@ def main() -> None:
     parser.add_argument("--play", action="store_true", help="joints with play")
     given = parser.parse_args()
     for kind in given.topology or (*KINDS, PAPER):
-        outcomes = []
+        reached, some, shares = 0, 0, []
         for seed in range(given.first, given.first + given.dampers):
-            one = run_damper(kind, seed, given.starts, has_play=given.play)
-            outcomes.append(one)
-            said = f"{kind} {seed}: identify {one.own:.4g} %, best {one.best:.4g} %"
-            print(f"{said}, {100 * one.share:.0f} % of the random starts", flush=True)
-        print("\n".join([_line(kind, outcomes), *_errors(outcomes)]), flush=True)
+            own, true, ends = run_damper(kind, seed, given.starts, has_play=given.play)
+            best = min(own, true, *ends)
+            share = 100 * float(np.mean([one <= REACHED * best for one in ends]))
+            reached, some = reached + (own <= REACHED * best), some + (share > 0.0)
+            shares.append(share)
+            said = f"{kind} {seed}: identify {own:.4g} %, best {best:.4g} %"
+            print(f"{said}, {share:.0f} % of the random starts", flush=True)
+        print(
+            f"{kind}: best known minimum reached by identify in {reached} of {given.dampers} "
+            f"dampers, by the best of the random starts in {some}, by {np.mean(shares):.0f} % of "
+            "the random starts",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What follows which adjuster: found by the logs, or declared; one fit of all settings with it."""
+"""What follows which adjuster: found by the logs, or declared; settings that were not fitted."""
 
 from __future__ import annotations
 
@@ -10,17 +10,31 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from damperfit.damper.model import values_type
 from damperfit.damper.mounting import NONE, Mounting
-from damperfit.identification import DETECT, Campaign, FitOptions, Outcome, compare, identify
+from damperfit.damper.quantity import OFFSET, Quantity
+from damperfit.identification import (
+    DETECT,
+    Campaign,
+    FitOptions,
+    Outcome,
+    Status,
+    compare,
+    identify,
+    unlimited_in,
+    values_from_others,
+)
 from damperfit.identification.sharing import Unknown
 from damperfit.simulation import SolverOptions
-from damperfit.uncertainty import assess, profile_campaign
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty import Assessment, assess, predict, profile_campaign
 from damperfit.uncertainty.profiles import Bench
 from tests.identification import adjusted
 from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, at, log, numbers
 
 FINE = SolverOptions(tolerance=1e-3)
 FOUND = FitOptions("joint", share=(DETECT,), solver=FINE)
+DECLARED = FitOptions("joint", share=(DETECT,), follows=FOLLOWS)
 
 
 @pytest.fixture(scope="module")
@@ -57,39 +71,28 @@ def test_it_is_the_minimum_of_one_big_least_squares(found: Campaign) -> None:
     fits = {fit.setting: fit for fit in found.fits}
 
     def values(vector, setting):
-        return fits[setting].parameters.replace(
-            {
-                one.name: number if one.name == "f_0" else float(np.exp(number))
-                for one, number in zip(unknowns, vector, strict=True)
-                if one.holds_at(setting)
-            }
-        )
+        y = {}
+        for one, number in zip(unknowns, vector, strict=True):
+            if one.holds_at(setting):
+                y[one.name] = number if one.name == "f_0" else float(np.exp(number))
+        return fits[setting].parameters.replace(y)
 
-    rms = [
-        np.sqrt(fit.mse_percent / 100) * np.std(one.force[one.compared])
-        for fit, one in zip(found.fits, logs, strict=True)
-    ]
-
-    def residuals(vector):
-        return np.concatenate(
-            [
-                (compare(values(vector, one.setting), one, DAMPER, solver=FINE).force - one.force)[
-                    one.compared
-                ]
-                / scale
-                for one, scale in zip(logs, rms, strict=True)
-            ]
-        )
-
-    def best(one):
+    def number_of(one):
         fit = next(fit for fit in found.fits if one.holds_at(fit.setting))
         number = getattr(fit.parameters, one.name)
         return number if one.name == "f_0" else np.log(number)
 
-    start = np.array([best(one) for one in unknowns])
+    def residuals(vector):
+        parts = []
+        for fit, one in zip(found.fits, logs, strict=True):
+            force = compare(values(vector, one.setting), one, DAMPER, solver=FINE).force
+            rms = np.sqrt(fit.mse_percent / 100) * np.std(one.force[one.compared])
+            parts.append((force - one.force)[one.compared] / rms)
+        return np.concatenate(parts)
+
+    start = np.array([number_of(one) for one in unknowns])
     big = least_squares(residuals, start, diff_step=1e-5, x_scale=1e-2, xtol=1e-10, ftol=1e-10)
-    inverse = np.linalg.inv(big.jac.T @ big.jac)
-    errors = np.sqrt(np.diag(inverse))
+    errors = np.sqrt(np.diag(np.linalg.inv(big.jac.T @ big.jac)))
     assert np.all(np.abs(big.x - start) < 0.2 * errors)
     known = {one.setting: one for one in assess(found, DAMPER).uncertainties}
     for one, error in zip(unknowns, errors, strict=True):
@@ -101,25 +104,23 @@ def test_it_is_the_minimum_of_one_big_least_squares(found: Campaign) -> None:
 
 
 def test_what_settings_share_has_one_interval(found: Campaign) -> None:
-    known = {one.setting: one for one in assess(found, DAMPER).uncertainties}
-    ends = {
-        name: [
-            (known[one].intervals[name].low, known[one].intervals[name].high) for one in SETTINGS
-        ]
-        for name in ("rebound_bleed", "k_e")
-    }
-    low = ends["rebound_bleed"]
+    judged = assess(found, DAMPER)
+    known = {one.setting: one for one in judged.uncertainties}
+
+    def ends(name):
+        intervals = [known[one].intervals[name] for one in SETTINGS]
+        return [(one.low, one.high) for one in intervals]
+
+    low = ends("rebound_bleed")
     assert low[0] == pytest.approx(low[1])
     assert low[2] == pytest.approx(low[3])
     assert low[0][0] > 1.5 * low[2][1]
-    assert np.ptp(ends["k_e"], axis=0) == pytest.approx(0.0, abs=1.0)
+    assert np.ptp(ends("k_e"), axis=0) == pytest.approx(0.0, abs=1.0)
     # Between settings only what all of them share cancels.
     assert known[SETTINGS[0]].shared == ("rebound_slope", "k_e", "f_f")
-    verdicts = assess(found, DAMPER).verdicts(found)
-    assert verdicts[at(14, 3)]["rebound_opening"].startswith(
-        "shared by all settings at high_speed 3"
-    )
-    assert verdicts[at(14, 3)]["k_e"].startswith("shared by all settings, 95 %")
+    said = judged.verdicts(found)[at(14, 3)]
+    assert said["rebound_opening"].startswith("shared by all settings at high_speed 3")
+    assert said["k_e"].startswith("shared by all settings, 95 %")
 
 
 @pytest.mark.slow
@@ -138,22 +139,18 @@ def test_a_click_has_a_profile_of_its_own(found: Campaign) -> None:
 def test_a_setting_that_does_not_tell_it_takes_it_from_others() -> None:
     # At the stiff click of high speed a slow log never opens the blow-off.
     logs = [*adjusted.logs()[:3], log(SETTINGS[3], speeds=(0.02, 0.04))]
-    campaign = identify(logs, DAMPER, FitOptions("joint", share=(DETECT,), follows=FOLLOWS))
     (alone,) = identify(logs[3:], DAMPER, FitOptions("plain")).fits
     assert alone.outcome is not Outcome.CONVERGED
-    fit = campaign.fits[3]
+    fit = identify(logs, DAMPER, DECLARED).fits[3]
     assert fit.outcome is Outcome.CONVERGED
     assert fit.parameters.rebound_opening == pytest.approx(8e5, rel=0.02)
 
 
 @pytest.mark.slow
 def test_a_click_that_no_other_setting_has_is_its_own_to_tell() -> None:
-    logs = [*adjusted.logs(), log(at(20, 1))]
-    campaign = identify(logs, DAMPER, FitOptions("joint", share=(DETECT,), follows=FOLLOWS))
-    fit = campaign.fits[-1]
+    fit = identify([*adjusted.logs(), log(at(20, 1))], DAMPER, DECLARED).fits[-1]
     assert fit.setting == at(20, 1)
-    assert fit.status["rebound_bleed"] == "fitted"
-    assert fit.status["rebound_opening"] == "shared"
+    assert (fit.status["rebound_bleed"], fit.status["rebound_opening"]) == ("fitted", "shared")
     assert fit.parameters.rebound_bleed == pytest.approx(1.6e4, rel=0.02)
 
 
@@ -163,7 +160,7 @@ def test_intervals_of_what_settings_share_cover() -> None:
     of_noise, hits, total = 0, 0, 0
     for seed in range(40):
         logs = [log(one, seed=seed, noise=4.0) for one in SETTINGS]
-        campaign = identify(logs, DAMPER, FitOptions("joint", share=(DETECT,), follows=FOLLOWS))
+        campaign = identify(logs, DAMPER, DECLARED)
         known = {one.setting: one for one in assess(campaign, DAMPER).uncertainties}
         fits = {one.setting: one for one in campaign.fits}
         for unknown in campaign.sharing.unknowns:
@@ -186,3 +183,74 @@ def test_three_clicks_of_each_adjuster_on_an_elastic_mounting() -> None:
     campaign = identify(logs, elastic, FOUND)
     assert campaign.sharing.follows == FOLLOWS
     assert campaign.fits[0].parameters.k_s == pytest.approx(4e5, rel=0.02)
+
+
+# A setting that was not fitted, from the clicks of others.
+
+TWO = values_type(
+    (
+        Quantity("s", "s", "bleed", "bleed", "Pa", (1.0, 9.0)),
+        Quantity("f_0", "f_0", "tare", "tare", "N", (-9.0, 9.0), is_logarithmic=False, role=OFFSET),
+    )
+)
+
+
+def known(*rows: tuple[int, int, float]) -> dict[Setting, object]:
+    return {at(low, high): TWO(s, float(k)) for k, (low, high, s) in enumerate(rows)}
+
+
+@pytest.mark.parametrize(
+    ("rows", "wanted", "value"),
+    [
+        ([(1, 1, 5.0), (1, 2, 5.0), (3, 1, 7.0)], at(3, 2), 7.0),  # by the first adjuster
+        ([(1, 1, 5.0), (3, 1, 5.0), (1, 2, 7.0)], at(3, 2), 7.0),  # by the second
+        ([(1, 1, 5.0), (1, 2, 5.0), (3, 1, 5.0)], at(3, 2), 5.0),  # by none
+        ([(1, 1, 5.0), (1, 2, 6.0), (3, 1, 7.0)], at(3, 2), None),  # by both
+        ([(1, 1, 5.0), (1, 2, 5.0), (3, 1, 7.0)], at(4, 2), None),  # a click nobody has tested
+        ([(1, 1, 5.0), (3, 2, 7.0)], at(1, 2), None),  # it may follow either
+        ([(1, 1, 5.0), (3, 2, 7.0), (1, 4, 5.0)], at(1, 2), None),
+        ([(1, 1, 5.0), (3, 1, 7.0)], at(1, 2), None),  # a click of the second nobody has tested
+        ([(1, 1, 5.0), (1, 2, 5.0), (3, 1, 7.0)], Setting.of(3), None),  # other adjusters
+        ([], at(1, 1), None),
+    ],
+)
+def test_what_the_clicks_of_others_tell(rows, wanted, value) -> None:
+    found = values_from_others(known(*rows), wanted)
+    assert (found and found.s) == value
+    if found:
+        assert found.f_0 == pytest.approx(np.mean(range(len(rows))))
+
+
+def test_an_unseen_setting_is_predicted_with_the_offset_of_its_log() -> None:
+    logs = adjusted.logs()[:3]
+    fitted = identify(logs, DAMPER, DECLARED)
+    judged, unseen = assess(fitted, DAMPER), log(SETTINGS[3], f_0=40.0)
+    (found,) = predict(fitted, judged, (unseen,), damper=DAMPER)
+    assert found.setting == at(14, 3)
+    assert found.is_unseen
+    assert found.mse_percent < 0.01
+    assert found.verdict == (
+        "predicted as well as fitted; parameters combined from settings that share its clicks"
+    )
+    wrong = log(SETTINGS[3], rebound_bleed=4e4)  # a damper that does not keep to its clicks
+    (worse,) = predict(fitted, judged, (wrong,), damper=DAMPER)
+    assert worse.is_failed
+    assert worse.unlimited == ()
+    # What no log of its click limits is named: those that have the click of the bleed.
+    lost = {"rebound_bleed": Status.NOT_IDENTIFIABLE}
+    fits = tuple(replace(one, status={**one.status, **lost}) for one in fitted.fits)
+    (open_,) = predict(replace(fitted, fits=fits), Assessment(), (unseen,), damper=DAMPER)
+    assert open_.unlimited == ("rebound_bleed",)
+    apart = identify(logs, DAMPER, FitOptions("plain"))
+    assert predict(apart, assess(apart, DAMPER), (unseen,), damper=DAMPER) == ()
+
+
+@pytest.mark.parametrize(
+    ("open_at", "told"), [({(1, 2)}, ("f_0",)), ({(1, 1)}, ()), (set(), ()), ({(3, 1)}, ())]
+)
+def test_a_value_is_unlimited_where_all_that_have_it_are(open_at, told) -> None:
+    rows = known((1, 1, 5.0), (1, 2, 6.0), (3, 1, 7.0))
+    values = TWO(5.0, 1.0)  # s of the first, f_0 of the second
+    unlimited = {at(*one): ("f_0",) for one in open_at}
+    assert unlimited_in(values, rows, unlimited) == told
+    assert unlimited_in(values, {}, unlimited) == ()

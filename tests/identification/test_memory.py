@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.fit_problem import Block, linearise
+from damperfit.identification.fit_problem import linearise
 from damperfit.identification.fit_setting import minimised
 from damperfit.run.identify import written
 from damperfit.synthetic import SampleOptions, make_samples
@@ -22,8 +21,7 @@ from damperfit.uncertainty import assess, assessment
 from tests.identification.rig import trace
 from tests.identification.test_mean_cycle import on_cycles, problem
 
-N_ROWS = 10_000  # 10 s at 1 kHz
-BAR = 0.5e6  # bytes a log of so many rows
+N_ROWS, BAR = 10_000, 0.5e6  # 10 s at 1 kHz; bytes a log of so many rows
 
 
 def array_bytes(*kept: Any) -> int:
@@ -43,20 +41,7 @@ def array_bytes(*kept: Any) -> int:
     return sum(blocks.values())
 
 
-def test_a_log_that_is_judged_keeps_half_a_megabyte() -> None:
-    logs = [trace(setting, noise=4.0) for setting in (3, 12)]
-    assert all(len(log.force) > 0.85 * N_ROWS for log in logs)  # what is run up is cut
-    campaign = identify(logs, PURDY_DAMPER)
-    assessment = assess(campaign, PURDY_DAMPER, solver=FitOptions().solver)
-    kept = array_bytes(logs, campaign, assessment)
-    assert kept / len(logs) < BAR
-    assert kept > sum(log.force.nbytes + log.displacement.nbytes for log in logs)
-
-
-def test_what_errors_are_taken_from_holds_no_curves(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With residuals and weights of each log 0.14 MB more, while all settings are judged."""
-    logs = [trace(setting, noise=4.0) for setting in (3, 12)]
-    campaign = identify(logs, PURDY_DAMPER)
+def test_a_log_that_is_judged_keeps_half_a_megabyte(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     real = assessment.uncertainties
 
@@ -65,7 +50,14 @@ def test_what_errors_are_taken_from_holds_no_curves(monkeypatch: pytest.MonkeyPa
         return real(linearised, sharing, **more)
 
     monkeypatch.setattr(assessment, "uncertainties", noted)
-    assess(campaign, PURDY_DAMPER, solver=FitOptions().solver)
+    logs = [trace(setting, noise=4.0) for setting in (3, 12)]
+    assert all(len(log.force) > 0.85 * N_ROWS for log in logs)  # what is run up is cut
+    campaign = identify(logs, PURDY_DAMPER)
+    judged = assess(campaign, PURDY_DAMPER, solver=FitOptions().solver)
+    kept = array_bytes(logs, campaign, judged)
+    assert kept / len(logs) < BAR
+    assert kept > sum(log.force.nbytes + log.displacement.nbytes for log in logs)
+    # With residuals and weights of each log 0.14 MB more, while all settings are judged.
     assert len(seen) == 2
     more = array_bytes(logs, campaign, seen) - array_bytes(logs, campaign)
     assert 0 < more < 20_000 * len(logs)
@@ -81,9 +73,7 @@ def test_what_a_run_returns_holds_no_response(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("way", [on_cycles, lambda whole: whole], ids=["cycles", "logs"])
-def test_a_fit_keeps_a_triangle_that_gives_the_errors_of_the_whole(
-    way: Callable[[Block], Block],
-) -> None:
+def test_a_fit_keeps_a_triangle_that_gives_the_errors_of_the_whole(way) -> None:
     """A Jacobian as long as the log would stay through the first pass of all settings."""
     whole = problem([trace(10, noise=4.0)])
     found = minimised(way(whole), reference_parameters(10))

@@ -36,14 +36,10 @@ def told(traces, overlay=None):
     return batch
 
 
-def test_one_damper_under_two_motions_is_fitted(slow_and_fast):
-    slow, fast, _ = slow_and_fast
+def test_a_log_of_the_next_click_is_named_and_averaged_where_that_is_asked(slow_and_fast):
+    slow, fast, other = slow_and_fast
     left = told([slow, fast])
     assert (left.traces, left.failures, left.remarks) == ([slow, fast], [], [])
-
-
-def test_a_log_of_the_next_click_is_named(slow_and_fast):
-    slow, _, other = slow_and_fast
     left = told([slow, other])
     assert left.traces == []
     (failure,) = left.failures
@@ -53,10 +49,6 @@ def test_a_log_of_the_next_click_is_named(slow_and_fast):
         "their damping forces are "
     )
     assert "--rig contradictions=average" in failure.message
-
-
-def test_told_to_they_are_averaged(slow_and_fast):
-    slow, _, other = slow_and_fast
     left = told([slow, other], {"rig": {"contradictions": "average"}})
     assert left.traces == [slow, other]
     (remark,) = map(str, left.remarks)
