@@ -209,15 +209,7 @@ class Block:
         return self.evaluate(values, names)[0]
 
     def evaluate(self, values: Values, names: Sequence[str]) -> tuple[FloatArray, bool]:
-        """The rows, and whether a chamber is empty where it counts.
-
-        Raises
-        ------
-        SimulationError
-            The model cannot be simulated, or its force is beyond anything that could be fitted.
-        FitCancelledError
-            The caller asked to stop.
-        """
+        """The rows, and whether a chamber is empty where it counts."""
         if self.cancelled():
             raise FitCancelledError("stopped while a fit was running.", code="cancelled")
         offset = self.offset
@@ -334,12 +326,7 @@ class FitProblem:
     def minimise(self, starts: Mapping[Setting, Values], stopping: Stopping) -> Minimum[Point]:
         """Minimise the weighted sum of squares within the bounds.
 
-        Raises
-        ------
-        SimulationError
-            The model cannot be simulated at the start; of several settings a `SettingError`.
-        FitCancelledError
-            The caller asked to stop.
+        A start that cannot be simulated is a `SimulationError`, of several settings `SettingError`.
         """
         with executor(self.jobs) as pool:
             stacked = _Stacked(self, starts, pool)

@@ -124,14 +124,8 @@ class JointSolution(NamedTuple):
 def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> JointSolution:
     """Minimise the misfit of all settings together, from starts at which what is shared is equal.
 
-    Where the logs of all settings repeat, first on their mean cycles and from there on the logs.
-
-    Raises
-    ------
-    SettingError
-        When the model cannot be integrated at a setting's start, or a setting meets a bug.
-    FitCancelledError
-        When the caller asked to stop.
+    Where the logs of all settings repeat, first on their mean cycles and from there on the logs. A
+    `SettingError` says which setting cannot be simulated at its start, or has met a bug.
     """
     if any(one.cycles is None for one in problem.blocks.values()):
         return _minimised(problem, starts)
@@ -197,15 +191,10 @@ def declared_sharing(
 
     Offsets, and what the model says is each log's, stay each setting's own.
     """
-    whole: dict[str, tuple[str, ...]] = dict.fromkeys(moving, ())
-    for name in moving:
-        one = damper.quantity(name)
-        if name in follows:
-            whole[name] = tuple(a for a in adjusters if a in follows[name])
-        elif one.is_offset or one.scope == LOG:
-            whole[name] = adjusters
-        elif one.scope in adjusters:
-            whole[name] = (one.scope,)
+    each = adjusters if SETTING in adjusters else ()  # clicks that are not told apart
+    whole = {name: each if damper.quantity(name).scope == SETTING else () for name in moving}
+    whole |= _known(damper, moving, adjusters)
+    whole |= {n: tuple(a for a in adjusters if a in follows[n]) for n in moving if n in follows}
     return _sharing(moving, whole, adjusters)
 
 
@@ -472,11 +461,6 @@ def fit_settings_jointly(
 
     A setting that cannot be simulated at the start is left out and follows the others; one that
     meets a bug is left out for good, and the second value returned tells why.
-
-    Raises
-    ------
-    FitCancelledError
-        When the caller asked to stop.
     """
     is_plain = not (given.options.is_detecting or given.options.follows)
     sound = {
@@ -624,14 +608,23 @@ def _with_gas(
     given: ProcedureInput, problem: FitProblem, starts: Mapping[Setting, Values]
 ) -> tuple[JointSolution, int]:
     """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
+
+    def pressures_at(values: Mapping[Setting, Values]) -> dict[Setting, float]:
+        pressures = {}
+        for setting, block in problem.blocks.items():
+            pressure = attempted(setting, partial(working_pressure, block, values[setting]))
+            if isinstance(pressure, Failure):
+                raise SettingError(pressure)
+            pressures[setting] = pressure
+        return pressures
+
     moduli = {setting: getattr(start, GAS_FOLLOWER) for setting, start in starts.items()}
-    pressures = _pressures(problem, starts)
-    gas = first_law(moduli, pressures, cast("Damper", given.damper).gas_exponent)
+    gas = first_law(moduli, pressures_at(starts), cast("Damper", given.damper).gas_exponent)
     solution = fit_jointly(replace(problem, gas=gas), starts)
     spent = solution.evaluations + 1
     for _ in range(_MAX_ROUNDS):
         assert solution.gas is not None
-        again = _pressures(problem, solution.parameters)
+        again = pressures_at(solution.parameters)
         moved = max(abs(again[s] / solution.gas.pressures[s] - 1.0) for s in again)
         # Once more in any case: the weights of the first round are those of a rough law.
         gas = solution.gas._replace(pressures=again)
@@ -640,17 +633,6 @@ def _with_gas(
         if moved < _SAME_PRESSURE:
             break
     return solution, spent
-
-
-def _pressures(problem: FitProblem, at: Mapping[Setting, Values]) -> dict[Setting, float]:
-    pressures = {}
-    for setting in problem.settings:
-        of_setting = partial(working_pressure, problem.blocks[setting], at[setting])
-        pressure = attempted(setting, of_setting)
-        if isinstance(pressure, Failure):
-            raise SettingError(pressure)
-        pressures[setting] = pressure
-    return pressures
 
 
 def working_pressure(block: Block, parameters: Values) -> float:

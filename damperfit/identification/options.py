@@ -140,7 +140,9 @@ class FitOptions:
         return self.fallbacks.get(quantity.name, quantity.fallback)
 
 
-def check_options(options: FitOptions, damper: Model) -> None:
+def check_options(  # noqa: C901, PLR0912 - one question after the other
+    options: FitOptions, damper: Model
+) -> None:
     """Refuse options that cannot be for a model, before any log is read."""
     _check_name("procedure", options.procedure, PROCEDURE_NAMES)
     if options.procedure not in damper.procedures:
@@ -165,7 +167,20 @@ def check_options(options: FitOptions, damper: Model) -> None:
                 where=Key(("identification", "free"), ("fix",)),
                 code="free-and-fixed",
             )
-    _check_sharing(options, share)
+    for name in options.follows:
+        if name in options.fixed:
+            raise ConfigurationError(
+                f"{name} follows an adjuster and is fixed; choose one.",
+                where=Key(("identification", "fix")),
+                code="followed-and-fixed",
+            )
+    for name in share if options.procedure == "joint" and not options.is_detecting else ():
+        if name in options.fixed or name in (options.free or ()):
+            raise ConfigurationError(
+                f"{name} is shared and also free or fixed; choose one.",
+                where=Key(("identification", "share"), ("free", "fix")),
+                code="shared-and-fixed",
+            )
     _check_bulk_modulus(options, damper)
     moving = {*(options.free or ()), *share}
     for name, begin in options.start.named.items():
@@ -184,23 +199,6 @@ def check_options(options: FitOptions, damper: Model) -> None:
                 f"{high:g} {quantity.unit}.",
                 where=Key(("identification", "fix")),
                 code="implausible",
-            )
-
-
-def _check_sharing(options: FitOptions, share: tuple[str, ...]) -> None:
-    for name in options.follows:
-        if name in options.fixed:
-            raise ConfigurationError(
-                f"{name} follows an adjuster and is fixed; choose one.",
-                where=Key(("identification", "fix")),
-                code="followed-and-fixed",
-            )
-    for name in share if options.procedure == "joint" and not options.is_detecting else ():
-        if name in options.fixed or name in (options.free or ()):
-            raise ConfigurationError(
-                f"{name} is shared and also free or fixed; choose one.",
-                where=Key(("identification", "share"), ("free", "fix")),
-                code="shared-and-fixed",
             )
 
 

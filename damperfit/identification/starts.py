@@ -114,11 +114,6 @@ def fit_setting(block: Block, start: Values, *, spent: int = 0) -> FitResult:
     model's further starts. The paper's lie below the onset of cavitation, and the better sound
     minimum is kept; where that gives neither a sound minimum nor a good one that cavitates, others
     lie beyond the onset.
-
-    Raises
-    ------
-    SimulationError
-        When the model cannot be integrated at any start.
     """
     best = minimised(block, start, spent=spent)
     if names := inseparable(block.facts, block.free, block.model.quantities):
@@ -436,11 +431,6 @@ def best_of_starts(
     best of them to its end; where it loses a bleed or a blow-off there, the next start is followed
     too. Thoroughly, the others are followed to their ends until one leaves about what differs by
     cycle: after a few evaluations a wrong minimum may look better than the right one.
-
-    Raises
-    ------
-    SimulationError
-        The law cannot be simulated at any of them.
     """
     ranked = [*starts[:known], *_in_turn(block, _best_fitting(block, starts[known:]))]
     looks: list[Minimum[Values]] = []
