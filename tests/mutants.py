@@ -3,9 +3,10 @@
     python -m tests.mutants --seed 7 --count 150      # at night: some hours; ends with 1 above 8 %
 
 A mutant changes one comparison, operator, number, truth value or sign in a line that some test
-executes. Tests that pass through its function are run, quickest first, until one fails. Which these
-are is traced once for a tree and kept in ``--folder``. A mutant that survives is printed with its
-line: it is either equivalent, or a case of behaviour is missing.
+executes. Tests that pass through its function, by themselves or in a fixture that they share, are
+run, quickest first, until one fails. Which these are is traced once for a tree and kept in
+``--folder``. A mutant that survives is printed with its line: it is either equivalent, or a case
+of behaviour is missing.
 """
 
 import argparse
@@ -25,9 +26,12 @@ from tempfile import gettempdir
 import pytest
 
 ROOT = Path(__file__).parents[1]
-NUMERICS = ("adjustment", "conditioning", "damper", "identification", "laws", "uncertainty")
+NUMERICS = (
+    *("adjustment", "checks.py", "conditioning", "damper", "identification", "laws", "simulation"),
+    "uncertainty",
+)
 COPIED = ("damperfit", "tests", "configs", "sample_runs", "pyproject.toml", "README.md")
-MOST_TESTS = 200
+MOST_TESTS = 600
 PATIENCE = 300.0  # s a mutant; a loop without end is noticed
 
 _COMPARISONS = {
@@ -130,19 +134,39 @@ def _is_string(node: ast.AST) -> bool:
 
 
 class _Tracer:
-    """A plugin of pytest that notes which functions of ours each test calls, and its time."""
+    """A plugin of pytest that notes which functions of ours each test calls, and its time.
+
+    What a fixture of more than one test calls counts for each test that takes it.
+    """
 
     def __init__(self, package: Path) -> None:
         self.package, self.test = str(package), ""
         self.tests: dict[str, set[str]] = defaultdict(set)
+        self.users: dict[str, set[str]] = defaultdict(set)
         self.seconds: dict[str, float] = {}
+        os.register_at_fork(after_in_child=lambda: sys.setprofile(None))
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item):  # type: ignore[no-untyped-def]
         self.test = item.nodeid
+        for name in item.fixturenames:  # type: ignore[attr-defined]
+            self.users[f"fixture {name}"].add(item.nodeid)
         sys.setprofile(self._called)
         yield
         sys.setprofile(None)
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_fixture_setup(self, fixturedef):  # type: ignore[no-untyped-def]
+        whose = self.test
+        if fixturedef.scope != "function":
+            self.test = f"fixture {fixturedef.argname}"
+        yield
+        self.test = whose
+
+    def called_by(self, place: str) -> set[str]:
+        """Return the tests that call a function."""
+        found = self.tests[place]
+        return found.union(*(self.users[one] for one in found)) - set(self.users)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
@@ -159,10 +183,10 @@ def traced(root: Path, folder: Path, tests: str) -> dict[str, list[str]]:
     kept = folder / "traced.json"
     if not kept.exists():
         tracer = _Tracer(root / "damperfit")
-        pytest.main(["-q", "-n0", "-p", "no:cacheprovider", *tests.split(",")], plugins=[tracer])
+        pytest.main(["-q", "-n0", *tests.split(",")], plugins=[tracer])
         quickest = {
-            place: sorted(called, key=lambda test: tracer.seconds.get(test, 9e9))
-            for place, called in tracer.tests.items()
+            place: sorted(tracer.called_by(place), key=lambda test: tracer.seconds.get(test, 9e9))
+            for place in tracer.tests
         }
         kept.write_text(json.dumps(quickest), encoding="utf-8")
     return dict(json.loads(kept.read_text(encoding="utf-8")))
@@ -172,7 +196,8 @@ def is_noticed(mutant: Mutant, tests: list[str], tree: Path) -> bool:
     """Return whether a test fails in a copy of the tree that has the mutant."""
     whole = (tree / mutant.file).read_text(encoding="utf-8")
     (tree / mutant.file).write_text(mutant.applied(tree), encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider", *tests]
+    kept = f"cache_dir={tree}/.cache"  # without a cache the conftest sets no deadline off
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-o", kept, *tests]
     environment = os.environ | {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         ended = subprocess.run(
@@ -207,7 +232,8 @@ def main() -> int:
     files = [
         file
         for package in options.packages.split(",")
-        for file in sorted((ROOT / "damperfit" / package).rglob("*.py"))
+        for place in [ROOT / "damperfit" / package]
+        for file in ([place] if place.is_file() else sorted(place.rglob("*.py")))
     ]
     mutants = [mutant for file in files for mutant in mutants_of(ROOT, file)]
     chooser = random.Random(options.seed)  # noqa: S311

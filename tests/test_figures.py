@@ -1,8 +1,6 @@
 """The static figures against golden images and texts, and that a wrong curve would be seen."""
 
 import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,35 +100,3 @@ def test_every_style_is_drawn_as_agreed(tmp_path):
         one = replace(panel, lines=lines, bands=((2.0, 3.0),) if name == "bands" else ())
         plot = Plot(name, name, (one,))
         assert difference(plot, GOLDEN / f"{name}.png", tmp_path) < TOLERANCE
-
-
-_DRAW = """
-import sys
-from pathlib import Path
-from damperfit.reporting.drawing import draw_plot
-from damperfit.reporting.run_figures import report_plots
-from damperfit.results import Run
-plots = {p.name: p for p in report_plots(Run.load(Path(sys.argv[1]))).plots}
-for kind in ("png", "svg", "pdf"):
-    for name in ("parameter_k_e", "setting_03_pressures"):
-        draw_plot(Path(sys.argv[2]) / f"{name}.{kind}", plots[name], kind=kind)
-"""
-
-
-def test_another_process_draws_the_same_bytes(tmp_path, monkeypatch):
-    folder = make_results(tmp_path / "results")
-    here, there = tmp_path / "here", tmp_path / "there"
-    here.mkdir()
-    there.mkdir()
-    monkeypatch.setattr(sys, "argv", ["draw", str(folder), str(here)])
-    exec(_DRAW, {})  # noqa: S102 - it is our own
-    how = {**os.environ, "PYTHONHASHSEED": "2", "TZ": "Asia/Tokyo"}
-    root = str(Path(__file__).parents[1])
-    command = [sys.executable, "-c", _DRAW, str(folder), str(there)]
-    subprocess.run(command, check=True, cwd=root, env=how | {"PYTHONPATH": root}, timeout=120)
-    drawn = [
-        {path.name: path.read_bytes() for path in sorted(place.iterdir())}
-        for place in (here, there)
-    ]
-    assert drawn[0] == drawn[1]
-    assert len(drawn[0]) == 6
