@@ -77,3 +77,5 @@ def test_skew_is_taken_back_on_request(run, tmp_path, skew) -> None:
     shown = run("inspect", "late_s5.csv", "--skew", skew, "--json")
     findings = {one["name"]: one for one in json.loads(shown.out)["logs"][0]["findings"]}
     assert ("skew_declared" in findings) == (skew == "2ms")
+    findings = json.loads(run("inspect", "late_s5.csv", "--json").out)["logs"][0]["findings"]
+    assert "skew_declared" not in {one["name"] for one in findings}

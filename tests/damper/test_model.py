@@ -13,13 +13,20 @@ import pytest
 from scipy.optimize import nnls
 
 from damperfit.damper.model import MODELS, Values, values_type
+from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.purdy.starting import nonnegative_least_squares
+from damperfit.damper.purdy.starting import (
+    cavitation_limit,
+    detours,
+    nonnegative_least_squares,
+    starting_values,
+)
 from damperfit.damper.quantity import Quantity
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import DETECT, FitOptions, Status, identify
+from tests import fakes
 from tests.identification import adjusted
 from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, log
 
@@ -173,6 +180,25 @@ def test_least_squares_are_scipys(seed: int, k: int) -> None:
     values = columns @ random.standard_normal(k) + 0.3 * random.standard_normal(50)
     expected = nnls(columns, values)[0]
     assert np.allclose(nonnegative_least_squares(columns, values), expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("held", ["", "r_m1", "r_m2", "r_m3", "f_f", "r_m2 f_f", "f_0"])
+def test_starts_are_the_numbers_of_an_incompressible_damper_whatever_is_held(held) -> None:
+    true = Parameters(1.8e4, 3.5e6, 1.5e6, 1e9, 50.0)
+    one = fakes.trace(1)
+    force = incompressible_force(true, PURDY_DAMPER, one.displacement, one.velocity)
+    fixed = {name: getattr(true, name) for name in held.split()}
+    begin = starting_values([replace(one, force=force)], PURDY_DAMPER, fixed, 1e9)
+    assert begin.numbers == pytest.approx(true.numbers, rel=1e-6, abs=1e-6)
+
+
+def test_a_fit_also_begins_below_the_onset_of_cavitation() -> None:
+    start, one = reference_parameters(10), fakes.trace(10)
+    limit = cavitation_limit([one], PURDY_DAMPER)
+    for r_m3, below in ((0.5 * limit, 0.5 * limit), (3.0 * limit, limit)):
+        first, *_ = detours(start.replace(r_m3=r_m3), [one], PURDY_DAMPER, PURDY_DAMPER.names)
+        assert first.start.r_m3 == pytest.approx(below)
+    assert detours(start, [one], PURDY_DAMPER, ("r_m1",)) == ()
 
 
 def test_columns_that_are_one_another_are_shared_out() -> None:
