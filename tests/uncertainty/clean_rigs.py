@@ -148,7 +148,7 @@ def tdms(path: Path, t: FloatArray, x: FloatArray, f: FloatArray) -> Path:
 
 NO_TEMPERATURE = (("temperature_tolerance", math.inf),)
 SLIM = (("rod_diameter", 0.012), ("piston_diameter", 0.025), ("gas_pressure", 6e5))
-STOUT = (("rod_diameter", 0.022), ("piston_diameter", 0.04), ("gas_pressure", 3e5))
+FULL = (("gas_pressure", 1e6),)
 RIGS = {
     "the paper's": Rig(own),
     "servo-hydraulic": Rig(european, 2.0, 0.025, 512.0, 8, noise=1.0, shake=2e-6),
@@ -159,7 +159,7 @@ RIGS = {
     "rounded triangle": Rig(milliseconds, 1.6, 0.03, 800.0, 11, ROUNDED_TRIANGLE, 2.0, 4e-6),
     "fast and short": Rig(parquet, 5.0, 0.008, 1000.0, 30, SINE, 2.0, 1e-6, damper=SLIM),
     "uneven, compression positive": Rig(
-        tdms, 1.4, 0.028, 1024.0, 13, UNEVEN, 2.0, 3e-6, rests=True, sign=-1.0, damper=STOUT
+        tdms, 1.4, 0.028, 1024.0, 13, UNEVEN, 2.0, 3e-6, rests=True, sign=-1.0, damper=FULL
     ),
     "from rest to rest": Rig(own, 0.8, 0.035, 400.0, 7, SINE, 1.0, 3e-6, rests=True),
 }
@@ -218,7 +218,8 @@ def log_of(rig: Rig, setting: int, seed: int) -> tuple[FloatArray, FloatArray, F
     force = np.interp(place, np.arange(PLACES + 1), steady)
     if rig.rests:
         force = np.where(turns < 1.0, np.interp(place, np.arange(PLACES + 1), first), force)
-        force = np.where(turns >= rig.cycles, force[np.argmax(turns >= rig.cycles) - 1], force)
+        fades = np.exp(-np.maximum(time - still - moving, 0.0) / 0.02)  # oil leaks to rest
+        force = first[0] + (force - first[0]) * fades
         force = np.where(time <= still, first[0], force)
     friction = reference_parameters(setting).f_f
     force = force + friction * np.clip(speed / 1e-4, -1.0, 1.0) + rig.tare

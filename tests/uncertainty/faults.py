@@ -1,6 +1,7 @@
 """Faults of rig and damper by a simulator that is not the core: is a wrong number said to be one?
 
     python -m tests.uncertainty.faults
+    python -m tests.uncertainty.faults --fresh 40 --seed 2
 
 Each fault is put into five settings of the paper's damper, whose oil force is the oracle's, with
 2 N and 5 um of noise. A parameter is lost where it is more than 2 % and three half intervals off
@@ -248,9 +249,74 @@ FAULTS: dict[str, tuple[Fault, str]] = {
 }  # fmt: skip
 
 
-def outcome(name: str) -> tuple[set[str], list[str], bool]:
+# What a fresh fault is: its name with its size, the sizes that it may have, and the fault.
+FRESH: list[tuple[str, tuple[float, float], Callable[[float], Fault], str]] = [
+    ("force {:.2g} s late", (5e-4, 1e-2), lambda a: forced(partial(late, delay=a)), LATE),
+    ("force behind {:.2g} Hz", (15, 100), lambda a: forced(partial(low_pass, corner=a)), FILTER),
+    *(
+        (f"friction {{:.2g}} times more within {1e3 * v:g} mm/s", (0.1, 1.0),
+         lambda a, v=v: added(
+             lambda log: a * FRICTION * log.sign * np.exp(-np.abs(log.velocity) / v)), RUBS)
+        for v in (0.006, 0.02, 0.07)
+    ),
+    ("piston seal pressed, {:.2g} m2", (1e-5, 8e-5),
+     lambda a: added(lambda log: a * np.abs(log.pressures[0] - log.pressures[1]) * log.sign), RUBS),
+    ("rod seal pressed, {:.2g} m2", (1e-5, 6e-5),
+     lambda a: added(lambda log: a * log.pressures[0] * log.sign), RUBS),
+    ("friction over {:.2g} m", (3e-5, 4e-4), lambda a: added(partial(presliding, distance=a)),
+     f"{RUBS}|cause was not found"),
+    ("side load, {:.2g} N at the ends", (10, 60),
+     lambda a: added(lambda log: a * np.abs(log.displacement) / AMPLITUDE * log.sign), RUBS),
+    ("gas pressure {:.2g} times", (0.7, 1.4), lambda a: other(gas_pressure=a), GAS),
+    ("gas volume {:.2g} times", (0.7, 1.4), lambda a: other(gas_length=a), GAS),
+    ("rod {:.3g} times", (0.93, 1.07), lambda a: other(rod_diameter=a), GAS),
+    ("bore {:.3g} times", (0.93, 1.07), lambda a: other(piston_diameter=a), "declare"),
+    ("{:.2g} kg below the cell", (0.5, 6.0),
+     lambda a: added(lambda log: -a * (2.0 * np.pi * FREQUENCY) ** 2 * log.displacement),
+     f"{GAS}|mass"),
+    ("zero of {:.2g} N", (5, 60), lambda a: forced(lambda force: force - a), GAS),
+    ("zero of {:.2g} N in one", (5, 60), lambda a: in_one(forced(lambda force: force - a)), GAS),
+    ("zero drifts by {:.2g} N", (5, 40), lambda a: added(lambda log: -a * ramp(log)), "drift"),
+    ("oil thinner by {:.2g} at the end", (0.02, 0.12),
+     lambda a: added(lambda log: -a * log.oil * ramp(log)), "a trend, not scatter"),
+    ("one blow of {:.2g} N", (50, 400),
+     lambda a: added(lambda log: a * ((log.time > 4.0) & (log.time < 4.05))), "scatter"),
+    ("cell of {:.2g} third order", (0.01, 0.06),
+     lambda a: forced(lambda force: force + a * force * (force / 1500.0) ** 2), "declare|misfit"),
+    ("clock {:.3g} times in one", (0.96, 0.99),
+     lambda a: in_one(lambda log: frame(log, time=a * log.time)), "its clock is"),
+    ("stroke {:.3g} times in one", (0.94, 0.98),
+     lambda a: in_one(lambda log: frame(log, displacement=a * log.displacement)),
+     "its displacement channel is"),
+    ("force {:.3g} times in one", (0.9, 0.98),
+     lambda a: in_one(forced(lambda force: a * force)), "gain"),
+    ("hum of {:.2g} N, 11.3 Hz", (5, 60),
+     lambda a: added(lambda log: a * np.sin(22.6 * np.pi * log.time)), "line at"),
+    ("mounting of {:.2g} N/m", (1.5e6, 1e7),
+     lambda a: lambda log: frame(log, displacement=log.displacement + log.force / a),
+     f"mount|{LATE}"),
+    ("play of {:.2g} m", (1e-4, 1e-3),
+     lambda a: lambda log: frame(
+         log, displacement=log.displacement + 0.5 * a * np.tanh(log.force / 20.0)), "play|mount"),
+    ("converter at 1 of {:.2g} rows", (3, 25), lambda a: partial(held, rows=round(a)), "converter"),
+    ("running mean of {:.2g} ms", (10, 60), lambda a: partial(smoothed, rows=round(a)), "smooth"),
+]  # fmt: skip
+
+
+def drawn(count: int, seed: int) -> dict[str, tuple[Fault, str]]:
+    """Return so many faults of sizes drawn evenly by their logarithm, every kind in turn."""
+    random = np.random.default_rng(seed)
+    faults: dict[str, tuple[Fault, str]] = {}
+    while len(faults) < count:
+        for k in random.permutation(len(FRESH)).tolist()[: count - len(faults)]:
+            name, (low, high), fault, cause = FRESH[k]
+            size = math.exp(random.uniform(math.log(low), math.log(high)))
+            faults[name.format(size)] = fault(size), cause
+    return faults
+
+
+def outcome(fault: Fault, cause: str) -> tuple[set[str], list[str], bool]:
     """Return the grades of a fault, what is far off under one that stands, and if it is named."""
-    fault, cause = FAULTS[name]
     run = damperfit.identify({str(one): fault(log_of(one)) for one in SETTINGS}, jobs=1)
     off = []
     for setting in run.settings:
@@ -270,10 +336,15 @@ def main() -> int:
     """Print the table; return 1 where a parameter is lost."""
     parser = argparse.ArgumentParser(prog="python -m tests.uncertainty.faults", description=__doc__)
     parser.add_argument("faults", nargs="*", help="as in the table; all by default")
+    parser.add_argument("--fresh", type=int, default=0, help="so many of sizes drawn at random")
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    faults = drawn(asked.fresh, asked.seed) if asked.fresh else FAULTS
     n_lost = 0
-    for name in parser.parse_args().faults or FAULTS:
-        grades, off, is_named = outcome(name)
-        is_named = is_named and bool(FAULTS[name][1])
+    for name in asked.faults or faults:
+        fault, cause = faults[name]
+        grades, off, is_named = outcome(fault, cause)
+        is_named = is_named and bool(cause)
         lost = [] if is_named else off
         n_lost += len(lost)
         said = "named" if is_named else "-"
