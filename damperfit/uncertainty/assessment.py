@@ -7,16 +7,18 @@ from collections import defaultdict
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from damperfit.errors import FitCancelledError, SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper import TAKEN
 from damperfit.identification.sharing import of_settings
+from damperfit.problem import warning
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import percentiles
 from damperfit.uncertainty.covariance import GasContent, Uncertainty, gas_content, uncertainties
+from damperfit.uncertainty.flaws import BySpeed, friction_by_speed, hidden_friction, words_of
 from damperfit.uncertainty.linearisation import linearise_settings
 from damperfit.uncertainty.options import check_profile_names
 from damperfit.uncertainty.profiles import (
@@ -238,6 +240,46 @@ class Assessment:
         return tuple(said)
 
 
+class _Alone(NamedTuple):
+    """What is known of a setting by itself."""
+
+    linearised: Linearisation
+    diagnosis: Diagnosis
+    forces: tuple[SpeedForces, ...]
+    friction: BySpeed | None
+
+
+def _with_hidden_friction(
+    found: Sequence[_Alone],
+) -> tuple[list[Linearisation], tuple[Problem, ...]]:
+    """Return the settings with a friction by speed that they show together, and a word on it.
+
+    Where a misfit of another cause shows, what is below it is not looked for.
+    """
+    linearised = [one.linearised for one in found]
+    name = "friction_with_speed"
+    named = [one for one in found if name in one.linearised.flawed]
+    others = [one for one in found if one.diagnosis.is_structured and one not in named]
+    known = [one.friction for one in found if one.friction is not None]
+    place, amount = hidden_friction(known)
+    if others or len(known) < len(found) or not amount:
+        return linearised, ()
+    pulls = [amount * friction.pulls[place] for friction in known]
+    linearised = [
+        replace(one, flawed={name: pull, **one.flawed})
+        for one, pull in zip(linearised, pulls, strict=True)
+    ]
+    if named:
+        return linearised, ()
+    text = (
+        "{settings}: their misfits, each too small to be seen, are together as from {words}; the "
+        "intervals allow for it."
+    )
+    where = of_settings(one.diagnosis.setting for one in found)
+    told = warning("misfit-of-all", text, settings=where, words=words_of(name, amount), flaw=name)
+    return linearised, (told,)
+
+
 def assess(
     campaign: Campaign,
     damper: Model,
@@ -271,7 +313,7 @@ def assess(
     doubted = frictions if campaign.sharing.friction_varies else ()
     take = None if on_error is None else told_here(on_error)
 
-    def alone(fit: Fit) -> tuple[Linearisation, Diagnosis, tuple[SpeedForces, ...]] | None:
+    def alone(fit: Fit) -> _Alone | None:
         own = replace(campaign, fits=(fit,))
         for one in linearise_settings(own, damper, solver=solver, on_error=take):
             with sparing(fit.setting, take):
@@ -279,14 +321,14 @@ def assess(
                 is_structured = diagnosis.is_structured
                 over_speed = tuple(speed_forces(one, is_structured=is_structured))
                 seen = one.summed(is_structured=is_structured, pulls=pulls)
-                return seen, diagnosis, over_speed
+                return _Alone(seen, diagnosis, over_speed, friction_by_speed(one))
         return None
 
     each = apart(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
     found = [one for one in each if one is not None]
-    linearised = [one for one, _, _ in found]
-    diagnoses = [one for _, one, _ in found]
-    forces = tuple(one for _, _, several in found for one in several)
+    diagnoses = [one.diagnosis for one in found]
+    forces = tuple(force for one in found for force in one.forces)
+    linearised, told_together = _with_hidden_friction(found)
     errors = uncertainties(linearised, campaign.sharing, on_error=on_error)
     judged = {one.setting for one in errors}
     all_settings = linearised
@@ -311,7 +353,7 @@ def assess(
         profiles=profiles,
         gas=gas_content(linearised, campaign.sharing),
         forces=forces,
-        apart=tuple(motions_apart(campaign)),
+        apart=(*motions_apart(campaign), *told_together),
     )
 
 

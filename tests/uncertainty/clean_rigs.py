@@ -172,10 +172,11 @@ def oil_force(rig: Rig, setting: int) -> tuple[FloatArray, FloatArray]:
     omega = 2.0 * math.pi * rig.frequency
     phase = _turned(rig)
 
+    middle = _middle(rig)
+
     def displacement(t: float) -> float:
-        return rig.amplitude * sum(
-            a * math.sin(k * (omega * t + phase) + p) for k, a, p in rig.motion
-        )
+        shape = sum(a * math.sin(k * (omega * t + phase) + p) for k, a, p in rig.motion)
+        return rig.amplitude * (shape - middle)
 
     def velocity(t: float) -> float:
         return rig.amplitude * sum(
@@ -186,6 +187,13 @@ def oil_force(rig: Rig, setting: int) -> tuple[FloatArray, FloatArray]:
     values = replace(reference_parameters(setting), f_f=0.0, f_0=0.0)
     force = solve(values, damper, (displacement, velocity), time, rtol=1e-8).force
     return force[PLACES:], force[: PLACES + 1]
+
+
+def _middle(rig: Rig) -> float:
+    """Middle of the stroke, which the model takes for x = 0, in amplitudes."""
+    phases = np.linspace(0.0, 2.0 * math.pi, 40001)
+    shape = sum(a * np.sin(k * phases + p) for k, a, p in rig.motion)
+    return 0.5 * float(shape.max() + shape.min())
 
 
 def _turned(rig: Rig) -> float:
@@ -204,7 +212,8 @@ def log_of(rig: Rig, setting: int, seed: int) -> tuple[FloatArray, FloatArray, F
     # Where rests are not logged the record begins anywhere in the cycle.
     turns = at * rig.frequency + (0.0 if rig.rests else random.uniform())
     angle = 2.0 * math.pi * turns + _turned(rig)
-    x = rig.amplitude * sum(a * np.sin(k * angle + p) for k, a, p in rig.motion)
+    shape = sum(a * np.sin(k * angle + p) for k, a, p in rig.motion)
+    x = rig.amplitude * (shape - _middle(rig))
     speed = (
         2.0
         * math.pi

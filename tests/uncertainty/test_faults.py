@@ -47,6 +47,11 @@ def stroke(log, setting):
     return frame(log, displacement=log.displacement * (1.03 if setting == 12 else 1.0))
 
 
+def sticking(log, _):
+    turned = np.clip(speed(log) / 1e-4, -1.0, 1.0)
+    return frame(log, log.force + 3.5 * turned * np.exp(-np.abs(speed(log)) / 0.02))
+
+
 def gain(log, setting):
     return frame(log, log.force * (1.04 if setting == 12 else 1.0))
 
@@ -55,6 +60,7 @@ def gain(log, setting):
     ("fault", "code", "flaw"),
     [
         (gain, "misfit", "force_gain"),
+        (sticking, "misfit-of-all", "friction_with_speed"),
         (pressed, "misfit", "friction_with_pressure"),
         (by_position, "misfit", "friction_with_position"),
         (drifting, "force_drift", ""),
