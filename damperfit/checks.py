@@ -88,8 +88,8 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
 
 def _no_parameter_at_bound(subject: Subject) -> _Verdict:
     """No parameter is at the edge of its plausible range."""
-    bad = _with_status(subject, Status.AT_BOUND, "lies at the edge of its plausible range")
-    return not bad, bad or "no fitted parameter ran to the edge of its plausible range"
+    bad = _with_status(subject, Status.AT_BOUND, "is at a bound of its plausible range")
+    return not bad, bad or "no fitted parameter is at a bound of its plausible range"
 
 
 def _all_parameters_identifiable(subject: Subject) -> _Verdict:
@@ -218,7 +218,7 @@ def _residuals_white(subject: Subject) -> _Verdict:
     if large:
         where = of_settings(one.setting for one in large)
         return False, f"the misfit repeats from cycle to cycle at {where}, most {most}"
-    return True, f"what repeats of the misfit is below 1 % of the force: at most {most}"
+    return True, f"lack of fit is below 1 % of the force: at most {most}"
 
 
 def _repeats_by(one: Diagnosis) -> float:
@@ -247,7 +247,7 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
     if unknown:
         return None, unknown
     return True, (
-        "noise explains half of the MSE or more, or what repeats is below 1 % of the force, at "
+        "noise explains half of the MSE or more, or lack of fit is below 1 % of the force, at "
         "every setting"
     )
 

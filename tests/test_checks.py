@@ -97,7 +97,7 @@ FAILING = {
     ),
     "no_parameter_at_bound": (
         subject(fit(1), fit(2, status={"k_e": "at_bound"})),
-        "k_e lies at the edge of its plausible range at setting 2",
+        "k_e is at a bound of its plausible range at setting 2",
     ),
     "all_parameters_identifiable": (
         subject(*(fit(n, status={"k_e": "not_identifiable"}) for n in (1, 2, 3, 7))),

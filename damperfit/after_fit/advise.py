@@ -226,11 +226,12 @@ class LawAdvice(Answer):
         names = {title: f"structure {k}" for k, title in enumerate(self.remaining, 1)}
         if not self.tests or not self.tests[0].decided:
             listed = ", ".join(names.values())
-            return f"no test within these limits tells the chosen structure from {listed}"
+            return f"no test within these limits distinguishes the chosen structure from {listed}"
         best = self.tests[0]
         return (
             f"test {1e3 * best.amplitude:.3g} mm at {best.frequency:.3g} Hz ({best.cycles} steady "
-            f"cycles, {best.minutes:.1f} min on the rig): it tells the chosen structure from "
+            f"cycles, {best.minutes:.1f} min on the rig): it distinguishes the chosen structure "
+            "from "
             f"{', '.join(names[title] for title in best.decided)}"
         )
 
@@ -299,7 +300,7 @@ class Advice(Answer):
         why = "the force hardly depends on it at any motion within the limits"
         if median(self.floors[name] / self.now[name] for name in self.now) > _USEFUL:
             why = (
-                "most of the interval is lack of fit or an undeclared default, which another test "
+                "most of the interval is lack of fit or an assumed default, which another test "
                 "of this kind repeats"
             )
         return (

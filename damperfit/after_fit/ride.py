@@ -108,6 +108,7 @@ class Ride(Answer):
 
     car: Car
     settings: tuple[RideOfSetting, ...]
+    lost: tuple[str, ...] = ()  # settings so stiff that the iteration does not settle
 
     @property
     def pareto(self) -> tuple[str, ...]:
@@ -140,6 +141,8 @@ class Ride(Answer):
                 f"; the wheel leaves the road now and then at setting {', '.join(flying)}, where a "
                 "linear tyre says nothing"
             )
+        if self.lost:
+            text += f"; not settled, left out: setting {', '.join(self.lost)}"
         return text
 
     def document(self) -> dict[str, Any]:
@@ -148,6 +151,7 @@ class Ride(Answer):
             "car": self.car._asdict(),
             "sentence": self.sentence,
             "pareto": list(self.pareto),
+            "lost": list(self.lost),
             "settings": [one._asdict() for one in self.settings],
         }
 
@@ -242,7 +246,16 @@ def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
 def ride_on_road(run: Run, car: Car, settings: Sequence[SettingResult]) -> Ride:
     """Return every setting on the same road."""
     road = _Road(run, car)
-    return Ride(car, tuple(road.ride(setting) for setting in settings))
+    ridden: list[RideOfSetting] = []
+    lost: list[str] = []
+    for setting in settings:
+        try:
+            ridden.append(road.ride(setting))
+        except SimulationError:
+            lost.append(setting.label)
+            if len(lost) == len(settings):
+                raise
+    return Ride(car, tuple(ridden), tuple(lost))
 
 
 class _Road:

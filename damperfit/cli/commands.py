@@ -103,7 +103,7 @@ def identify(how: Shown, **given: Any) -> int:
 
     def tell_choice(choice: LawChoice, asked: Configuration, made: Configuration) -> None:
         _done(how, f"the logs support {choice.supported}.")
-        alike = (f"these logs cannot tell apart: {one[0].lower()}{one[1:]}" for one in choice.alike)
+        alike = (f"not determined by these logs: {one[0].lower()}{one[1:]}" for one in choice.alike)
         named, taken = asked.identification.procedure, made.identification.procedure
         _tell(how, notes=alike)
         if "identification.procedure" in asked.declared and named != taken:

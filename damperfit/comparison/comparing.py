@@ -578,7 +578,7 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
             "rig",
             a,
             b,
-            f"reversed as counted positive in bump: {a} in {first.name}, {b} in {second.name} "
+            f"reversed, as positive in compression: {a} in {first.name}, {b} in {second.name} "
             f"({first_names(logs)}): what is {words[0]} in one is {words[1]} in the other; "
             "declare rig.reverse_displacement and rig.reverse_force",
         )

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     Readings = dict[Topic, Reading]
 
 _OBJECTIONS = {
-    Status.AT_BOUND.value: "it ended at the edge of its range",
+    Status.AT_BOUND.value: "it is at a bound of its range",
     Status.NOT_IDENTIFIABLE.value: "the logs do not determine it",
     Status.ABSENT.value: "the law is fitted without it there",
 }

@@ -41,7 +41,7 @@ _SURE = 0.01  # of tests that repeat to their noise so many are said not to
 _FIGURES = {
     "energy": ("energy per cycle", "J"),
     "hysteresis_rebound": ("hysteresis, rebound", "N"),
-    "hysteresis_bump": ("hysteresis, bump", "N"),
+    "hysteresis_bump": ("hysteresis, compression", "N"),
 }
 _ROUNDING = 1e-6  # of the force
 _LEAST = 0.05  # of the largest force: below it a force has no per cent to speak of

@@ -189,7 +189,7 @@ def _drive(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
             yield Finding("drive", "note", text, trace.drive.corner, "Hz")
         elif turns := len(trace.model_filter.bridged):
             text = (
-                "the motion turns on its samples, where noise decides which way friction acts: "
+                "the motion reverses on its samples, where noise decides the sign of friction: "
                 f"{turns} of them are bridged, of the measured and of the modelled force"
             )
             yield Finding("drive", "note", text, float(turns))

@@ -90,8 +90,8 @@ _REST_FRICTION = 0.1
 _REST_LIMIT = 4.0  # times the gas force: pressures are often guessed
 _CHANNELS = ("displacement", "force")
 _ASK = (
-    "declare rig.reverse_displacement and rig.reverse_force: true where the log counts bump (rod "
-    "in, compression) positive, else false"
+    "declare rig.reverse_displacement and rig.reverse_force: true where the log counts compression "
+    "(rod in) as positive, else false"
 )
 
 
@@ -306,7 +306,7 @@ def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
         Finding(
             f"{channel}_polarity",
             "note",
-            f"{channel}: found positive in bump and reversed: {reason}; "
+            f"{channel}: found positive in compression and reversed: {reason}; "
             f"rig.reverse_{channel} = true confirms this, false keeps it as logged",
             -1.0,
             is_correction=True,
@@ -317,9 +317,9 @@ def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
 
 
 def _doubt(level: ForceLevel, advice: str, *, is_asked: bool = True) -> Signs:
-    name, sees = "direction", "so no gas force distinguishes rebound from bump"
+    name, sees = "direction", "so no gas force distinguishes rebound from compression"
     if level.ratio <= -TARED and abs(level.force) > level.uncertainty + level.held:
-        sees = "as if both channels were positive in bump, but that is not certain"
+        sees = "as if both channels were positive in compression, but that is not certain"
         # Progressive valves curve more in rebound: where these do, a tare explains the level.
         is_tared = level.rebound_curvature > max(level.bump_curvature, 0.0)
         if is_asked and not is_tared and abs(level.force) > _OF_DOUBT * level.doubt:

@@ -172,8 +172,8 @@ class _Declarations(Section):
     """How logs are to be understood: in [rig], and in a profile, where none is needed."""
 
     reverse_displacement: bool | str = key("detect",
-        "true: the log counts it positive in bump (rod in); false: rebound; detect: from the "
-        "energy of the loop and the gas force", given="sign")
+        "true: the log counts it positive in compression (rod in); false: rebound; detect: from "
+        "the energy of the loop and the gas force", given="sign")
     reverse_force: bool | str = key("detect", "the same; bump is compression", given="sign")
     setting_pattern: str = key(
         r"(?:setting(?:[ _](?=-\d)|[ _=-]?)|(?<![^\W_])s[ _=-]?(?=\d{1,3}(?!\d)))(-?\d+)(?![.]?\d)",

@@ -87,7 +87,7 @@ class Signal(NamedTuple):
 
 PRESSURES = (
     Signal("pressure_1", "chamber 1 (rod side)", "in chamber 1, which rebound presses", "Pa"),
-    Signal("pressure_2", "chamber 2 (full bore)", "in chamber 2, which bump presses", "Pa"),
+    Signal("pressure_2", "chamber 2 (full bore)", "in chamber 2, which compression presses", "Pa"),
     Signal("pressure_3", "chamber 3 (gas side)", "of the gas", "Pa"),
 )
 

@@ -41,9 +41,9 @@ _OF_MOUNTING: dict[str, Quantity] = {
         belief="rubber of mountings holds up to a tenth of the force", ideal=0.0, idle="below",
     ),
     "rubber_bend": Quantity(
-        "rubber_bend", "s_m", "bend of the rubber", "stretch over which rubber turns", "m",
+        "rubber_bend", "s_m", "bend of the rubber", "deflection over which it reverses", "m",
         (1e-6, 1e-2), scope=RIG, power=-3, shown_unit="mm", believable=(0.0, 3e-3),
-        belief="rubber turns within 0.1 to 2 mm", idle="above below",
+        belief="rubber reverses within 0.1 to 2 mm", idle="above below",
     ),
     "play": Quantity(
         "play", "play", "play", "whole gap of the joints", "m", (1e-6, 1e-2), scope=RIG,
@@ -85,7 +85,7 @@ _OF_FRICTION: dict[str, Quantity] = {
         belief="rod seals have less than 50 mm²", idle="below",
     ),
     "turning_speed": Quantity(
-        "turning_speed", "v_t", "turning speed", "speed up to which friction turns", "m/s",
+        "turning_speed", "v_t", "turning speed", "speed within which friction reverses", "m/s",
         (1e-5, 0.1), scope=DAMPER, power=-3, shown_unit="mm/s", believable=(0.0, 0.02),
         belief="seals slide with all their friction from 0.1 to 20 mm/s on", idle="below",
     ),

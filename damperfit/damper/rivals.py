@@ -680,13 +680,13 @@ class BoucWen(Rival):
     own: ClassVar[tuple[Quantity, ...]] = (
         _positive("alpha", "alpha", "height of the hysteresis", "N", (1e-2, 1e6)),
         replace(
-            _positive("rho", "rho", "1/rho is the stroke it takes to turn", "1/m", (1.0, 1e6)),
+            _positive("rho", "rho", "1/rho is the stroke of the reversal", "1/m", (1.0, 1e6)),
             ideal=_AT_ONCE,
         ),
         replace(
-            _positive("sigma", "sigma", "shape of the turn", "1", (0.5, 1e2)), has_own_edges=True
+            _positive("sigma", "sigma", "shape of reversal", "1", (0.5, 1e2)), has_own_edges=True
         ),
-        replace(_positive("n", "n", "sharpness of the turn", "1", (1.0, 2e1)), has_own_edges=True),
+        replace(_positive("n", "n", "sharpness of reversal", "1", (1.0, 2e1)), has_own_edges=True),
         *(
             _positive(f"c_{k}", f"c_{k}", f"viscous damping in {way}", "N s/m", (1e-3, 1e7))
             for k, way in _WAYS

@@ -134,7 +134,7 @@ def _width(sections: bytes, is_zero_phase: bool) -> float:  # noqa: FBT001
 
 _ONE_SPEED = (
     "the logs hold one speed, so that the valves and friction cannot be separated: "
-    "add a log or a stretch at another speed, or hold one valve and the friction."
+    "add a log or a segment at another speed, or hold one valve and the friction."
 )
 _FEW_SPEEDS = (
     "the logs hold {} speeds: their {} levels of force do not determine {} numbers of valves, "

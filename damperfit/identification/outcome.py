@@ -68,7 +68,7 @@ _ADVICE = {
         "pressure and the force offset."
     ),
     Outcome.AT_BOUND: (
-        "A parameter ran to the edge of its plausible range: hold it, or check units and signs."
+        "A parameter is at a bound of its plausible range: hold it, or check units and signs."
     ),
     Outcome.NOT_IDENTIFIABLE: (
         "These logs do not determine a free parameter: hold it, or fit more logs of this setting."

@@ -401,7 +401,7 @@ def _sentence(values: Values, name: str) -> str:
         beyond = f"above {high / 10.0**one.power:g} {one.shown_unit}"
     else:
         return (
-            f"{what} does nothing here: it ran to the edge of its range, and the law is fitted "
+            f"{what} does nothing here: it is at a bound of its range, and the law is fitted "
             "without it."
         )
     return f"{what}: the logs do not determine one {beyond}, at which it is held here."

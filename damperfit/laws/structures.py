@@ -53,7 +53,7 @@ PARTS = {
     "presliding": ("friction", ("presliding",), "friction that builds up over a distance"),
     "breakaway": ("friction", ("breakaway", "stribeck_speed"), "friction that is larger at rest"),
     "seal_area": ("friction", ("seal_area",), "friction by the pressure on the seal"),
-    "turning_speed": ("friction", ("turning_speed",), "friction that turns within a speed"),
+    "turning_speed": ("friction", ("turning_speed",), "friction that reverses within a speed"),
 }
 _NOT_AT_FIRST = {"moving_mass", "rubber", "rubber_bend"}
 # Friction turns over a distance or within a speed.

@@ -234,7 +234,7 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
         sentence += f"; {measured} compared as measured, without a model"
     if met == len(points):
         nearest = min(one.margin for one in points)
-        sentence += f"; the nearest edge is {units.write(nearest, 'N', '.3g')} away"
+        sentence += f"; the nearest limit is {units.write(nearest, 'N', '.3g')} away"
     return sentence
 
 
@@ -286,7 +286,7 @@ _COLUMNS: tuple[_Described, ...] = (
     ("percent_ci_low", _FLOAT, "95 % interval of percent"),
     ("percent_ci_high", _FLOAT, "95 % interval of percent"),
     ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1"),
-    ("verdict", _TEXT, "same, different or untold"),
+    ("verdict", _TEXT, "same, different or not determined"),
     ("is_sure", _TRUTH, "different even when the number of lines is allowed for"),
     ("source", _TEXT, "model or measured"),
     ("words", _TEXT, "the verdict in words"),
@@ -297,8 +297,8 @@ _POINT_COLUMNS: tuple[_Described, ...] = (
     ("speed_m_per_s", _FLOAT, "positive; empty where a whole setting is missing"),
     ("stroke", _TEXT, "rebound or bump"),
     ("force_N", _FLOAT, "positive in rebound"),
-    ("low_N", _FLOAT, "lower edge of the band"),
-    ("high_N", _FLOAT, "upper edge of the band"),
+    ("low_N", _FLOAT, "lower limit of the band"),
+    ("high_N", _FLOAT, "upper limit of the band"),
     ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
     ("half_interval_N", _FLOAT, "half the 95 % interval of the force that is checked"),
     ("source", _TEXT, "model or measured"),

@@ -76,16 +76,16 @@ _PRESSURES = tuple(
     _number(f"pressure_{i}_Pa", "Pa", f"absolute pressure in chamber {i}") for i in (1, 2, 3)
 )
 CHARACTERISTICS = (
-    _count("stretch", "which stretch of the log, counted from 1"),
+    _count("stretch", "which segment of the log, counted from 1"),
     _text("kind", "steady: cycles that repeat; moving: motion that does not"),
-    _number("start_s", "s", "time stamp of the first sample of the stretch"),
+    _number("start_s", "s", "time stamp of the first sample of the segment"),
     _count("cycles", "whole cycles; 0 where nothing repeats"),
     _number("frequency_Hz", "Hz", "cycles per second"),
     _number("amplitude_m", "m", "half the stroke"),
     _number("temperature_degC", "degC", "mean over the log"),
     _text("point", "peak: the largest forces and speeds (PVP); speed: a named speed"),
     _number("speed_rebound_m_per_s", "m/s", "speed in rebound, mean of the cycles"),
-    _number("speed_bump_m_per_s", "m/s", "speed in bump, positive"),
+    _number("speed_bump_m_per_s", "m/s", "speed in compression, positive"),
     *(
         column
         for gas, said in (("", ""), ("_without_gas", ", gas force taken off"))
@@ -97,7 +97,7 @@ CHARACTERISTICS = (
             ),
         )
     ),
-    _number("mean_gas_force_N", "N", "gas force from the damper's data, mean of the stretch"),
+    _number("mean_gas_force_N", "N", "gas force from the damper's data, mean of the segment"),
     _number("measured_energy_J", "J", "work in a cycle, measured; rows of peaks only"),
     _number("simulated_energy_J", "J", "work in a cycle, simulated; rows of peaks only"),
     _number("hysteresis_speed_m_per_s", "m/s", "speed at which the hysteresis is taken"),

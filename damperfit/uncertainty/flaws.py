@@ -274,9 +274,9 @@ _FLAWS: Mapping[str, _Flaw] = {
             "valve_law_rebound",
             "v squared",
             1.0,
-            _size("the valve law in rebound ({} at peak)", "N"),
+            _size("the rebound valve ({} at peak)", "N"),
         ),
-        _Flaw("valve_law_bump", "v squared", 1.0, _size("the valve law in bump ({} at peak)", "N")),
+        _Flaw("valve_law_bump", "v squared", 1.0, _size("the compression valve ({} at peak)", "N")),
     )
 }
 

@@ -191,7 +191,7 @@ def _bounds(fit: Fit) -> Iterator[Objection]:
             yield Objection(
                 "bound",
                 one.name,
-                f"{one.symbol} ran to the edge of its range ({side} {edge:.3g} {one.unit})",
+                f"{one.symbol} is at a bound of its range ({side} {edge:.3g} {one.unit})",
             )
 
 

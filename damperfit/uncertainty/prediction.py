@@ -584,9 +584,9 @@ def _objection(one: Prediction) -> Objection:
         "prediction",
         "",
         f"{what}, which {'were' if is_beside else 'was'} not fitted, "
-        f"{'are' if is_beside else 'is'} missed by an MSE of {_percent(one.mse_percent)} % where "
-        f"{_percent(one.expected_mse_percent)} % is expected: the numbers hold for the motion that "
-        "was fitted",
+        f"{'are' if is_beside else 'is'} predicted with an MSE of {_percent(one.mse_percent)} % "
+        f"where {_percent(one.expected_mse_percent)} % is expected: the numbers hold for the "
+        "motion that was fitted",
     )
 
 

@@ -293,7 +293,7 @@ def _verdict(
         return f"{_NOT_FITTED[status]}{limit}"
     if status == Status.AT_BOUND:
         seen = f": {_seen(profile, unit)}" if profile is not None else ""
-        return f"ran to the edge of its plausible range{seen}; hold it, or check units and signs"
+        return f"is at a bound of its plausible range{seen}; hold it, or check units and signs"
     interval = known.intervals.get(name)
     if interval is None:
         return _without_interval(status, profile, unit, _unopened(name, fit, known))
@@ -366,7 +366,7 @@ def _without_interval(status: Status, profile: MisfitProfile | None, unit: str, 
     if closed:
         return f"{closed}: the law may as well lack this part"
     seen = f" ({_seen(profile, unit)})" if profile is not None else ""
-    return f"these logs cannot tell it from none{seen}: the law may as well lack this part"
+    return f"these logs cannot distinguish it from none{seen}: the law may as well lack this part"
 
 
 def _span(low: float, high: float, quantity: Quantity) -> str:

@@ -78,7 +78,7 @@ def test_which_test_tells_the_structures_that_remain(results, fitted, tmp_path, 
     evidence = document["tests"][0]["evidence"]
     assert evidence["bilinear"] > 1e3
     assert evidence["again"] < 10.0
-    assert "tells the chosen structure from structure 1" in document["sentence"]
+    assert "distinguishes the chosen structure from structure 1" in document["sentence"]
     assert main(["advise", str(results), "--for", "law"]) == 2
     assert "--model auto" in capsys.readouterr().err
 

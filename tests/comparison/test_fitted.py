@@ -233,7 +233,7 @@ def _log(*channels, name="x.csv", sha256="ab"):
 )
 def test_the_same_logs_read_with_other_signs(before, after, said) -> None:
     a, b = fitted(1, inputs=[_log(*before)]), fitted(1, name="b", inputs=[_log(*after)])
-    said = f"reversed as counted positive in bump: {said} the other; declare "
+    said = f"reversed, as positive in compression: {said} the other; declare "
     assert _said(a, b) == [_SAME_LOGS, f"{said}rig.reverse_displacement and rig.reverse_force"]
     assert _said(a, fitted(1, name="b", inputs=[_log(*before)])) == [_SAME_LOGS]
     # Another log may be of a rig that counts the other way; an older run does not tell its signs.

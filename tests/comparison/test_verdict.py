@@ -326,7 +326,7 @@ def test_the_words_say_how_far_and_whether_that_is_sure() -> None:
         "1 of 3 points within the tolerance, 1 outside, by up to 2 N, 1 not evaluated"
     )
     assert tolerance_outcome(points[:1]) == (
-        "1 of 1 points within the tolerance; the nearest edge is 10 N away"
+        "1 of 1 points within the tolerance; the nearest limit is 10 N away"
     )
     assert [row[-1] for row in tolerance_sheet(points).rows] == [
         "not evaluated: not tested",

@@ -127,7 +127,7 @@ def test_samples_at_which_a_sine_turns_are_bridged(rate, phase, is_bridged):
     assert np.max(speeds[at]) < 6e-4 < np.min(np.delete(speeds, at))
     (sentence,) = said
     assert sentence == (
-        "the motion turns on its samples, where noise decides which way friction acts: "
+        "the motion reverses on its samples, where noise decides the sign of friction: "
         f"{len(at)} of them are bridged, of the measured and of the modelled force"
     )
 

@@ -116,9 +116,7 @@ def test_a_mounting_that_gives_is_not_told_as_a_late_force() -> None:
     assert finding.severity == "warning"
     assert "the force is late, or the mounting is elastic" in finding.sentence
     # Said in a run of --model auto too, which cannot always tell.
-    assert (
-        "(--model auto tries both; two frequencies or more can tell them apart)" in finding.sentence
-    )
+    assert "two frequencies or more can distinguish them)" in finding.sentence
     late = skew_of(late_log(5, 0.002))
     assert late.severity == "warning"
     assert late.value == pytest.approx(0.002, abs=6e-4)

@@ -189,7 +189,7 @@ def test_a_friction_that_follows_the_clicks_is_none(found, is_said) -> None:
         ("fitted", None, "fitted, 95 % from 2.547e+06 to 2.648e+06"),
         ("shared", None, "shared by all settings, 95 % from 2.547e+06"),
         ("fixed", None, "held at the value given"),
-        ("at_bound", (1.0, 3.0), "ran to the edge of its plausible range: 95 % from 1 to 3"),
+        ("at_bound", (1.0, 3.0), "is at a bound of its plausible range: 95 % from 1 to 3"),
         ("fitted", (None, 3.0), "fitted, flat downward, only an upper limit: 95 % below 3"),
         ("not_identifiable", (5e4, None), "not identifiable upward: at least 5e+04"),
         ("not_identifiable", (None, 5e4), "these logs do not determine it (flat downward"),

@@ -71,7 +71,7 @@ def test_a_quantity_at_its_bound_is_told_with_the_limit() -> None:
     one = replace(one, status={**one.status, "r_m1": Status.AT_BOUND})
     (reason,) = objections(campaign(one), Assessment())[one.setting]
     assert (reason.kind, reason.quantity) == ("bound", "r_m1")
-    assert "R_m1 ran to the edge of its range (below 10 " in reason.sentence
+    assert "R_m1 is at a bound of its range (below 10 " in reason.sentence
 
 
 @pytest.mark.parametrize(
