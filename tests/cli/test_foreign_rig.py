@@ -49,8 +49,8 @@ def test_a_servo_hydraulic_export_bump_positive_and_off_centre(run, tmp_path, se
     expected, found = (_found(tmp_path / name, setting) for name in ("plain", "foreign"))
     for name in NAMES:
         assert found[name] == pytest.approx(expected[name], rel=1e-5)  # asked for: 1e-3
-    assert "displacement: found positive in bump and reversed" in ended.err
-    assert "force: found positive in bump and reversed" in ended.err
+    assert "displacement: found positive in compression and reversed" in ended.err
+    assert "force: found positive in compression and reversed" in ended.err
     record = json.loads((tmp_path / "foreign" / "run.json").read_text())
     assert record["inputs"][0]["centre_m"] == pytest.approx(0.0417, abs=2e-5)
     names = {one["name"] for one in record["inputs"][0]["findings"] if one["is_correction"]}
