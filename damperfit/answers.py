@@ -31,13 +31,11 @@ if TYPE_CHECKING:
     from damperfit.exporting.check import SettingCheck
     from damperfit.fleets.run import Done
     from damperfit.fleets.survey import HeldFleet
-    from damperfit.queries.compared import Compared, MeasuredForces
-    from damperfit.queries.settings import ForcesBySetting, Question
+    from damperfit.queries.compared import Compared
     from damperfit.queries.simulations import ChosenParameters, SimulatedTest, Variation
     from damperfit.reporting.figures import Plot
     from damperfit.reporting.sheet import Sheet
     from damperfit.run.logs import LogBatch
-    from damperfit.units.shown_units import ShownUnits
 
     FloatArray = NDArray[np.float64]
 
@@ -47,7 +45,6 @@ __all__ = [
     "FirstConfiguration",
     "FleetDone",
     "Inspection",
-    "SettingForces",
     "Simulation",
     "Sweep",
 ]
@@ -419,95 +416,6 @@ class Sweep(Answer):
     def __repr__(self) -> str:
         told = zip(self.sheets(), self.sentences, strict=True)
         return "\n\n".join(f"{text_table(sheet, 100)}\n{sentence}" for sheet, sentence in told)
-
-
-class SettingForces(Answer):
-    """Force by setting and what a click changes; or the forces of measured curves.
-
-    `forces` are of results, `curves` of files of measured curves, both shown in `units`. `sentence`
-    is the answer to the question, empty where none was asked; `remarks` tell what was missing or
-    damaged in the results, `notes` what to know of these forces.
-    """
-
-    def __init__(
-        self,
-        places: Sequence[Path],
-        question: Question,
-        units: ShownUnits,
-        *,
-        forces: ForcesBySetting | None = None,
-        curves: MeasuredForces | None = None,
-    ) -> None:
-        self.places, self.question, self.units = tuple(places), question, units
-        self.forces, self.curves = forces, curves
-        self.remarks: tuple[str, ...] = () if forces is None else forces.remarks
-        self.notes: tuple[str, ...] = () if forces is None else forces.notes
-        wanted = () if forces is None else forces.wanted
-        self.sentence = "; ".join(one.sentence for one in wanted)
-        if curves is not None:
-            self.sentence = curves.sentence
-            self.notes = tuple(dict.fromkeys(n for one in curves.curves for n in one.notes))
-
-    def document(self) -> dict[str, Any]:
-        """Return all of it as JSON values."""
-        from damperfit.reporting.records import to_record
-        from damperfit.tables.rows import adjustment_rows
-
-        sentence, question = self.sentence or None, to_record(self.question)
-        document: dict[str, Any] = {}
-        if self.curves is not None:
-            document = {
-                "source": ", ".join(map(str, self.places)),
-                "question": None if self.question.force is None else question,
-                "sentence": sentence,
-                "forces": self.curves.rows(),
-            }
-        elif self.forces is not None:
-            sine, wanted = self.forces.sine, self.forces.wanted
-            answers = [
-                {name: to_record(value) for name, value in answer._asdict().items()}
-                | ({"adjuster": one.adjuster, "held": one.held} if one.held else {})
-                for one in wanted
-                for answer in one.answers
-            ]
-            document = {
-                "motion": {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency},
-                "source": self.forces.source,
-                "question": question if wanted else None,
-                "sentence": sentence,
-                "answers": answers,
-                "forces": adjustment_rows(self.forces.forces, self.forces.clicks),
-                "remarks": self.remarks,
-                "notes": self.notes,
-            }
-        return {key: json_values(value) for key, value in document.items()}
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return a row a setting, speed and stroke."""
-        import pandas as pd
-
-        return pd.DataFrame(self.document()["forces"])
-
-    def sheets(self) -> tuple[Sheet, ...]:
-        """Return forces by setting, a table a stroke, and measured ones beside the model's."""
-        from damperfit.reporting import forces as shown
-        from damperfit.reporting.inspection import curve_forces_sheet
-        from damperfit.reporting.sheet import rows_in_units, sheet_in_units
-        from damperfit.tables.rows import adjustment_rows
-
-        if self.curves is not None:
-            return (curve_forces_sheet(self.curves.curves, self.curves.speeds[-5:]),)
-        assert self.forces is not None
-        rows = rows_in_units(adjustment_rows(self.forces.forces, self.forces.clicks), self.units)
-        asked = self.question
-        both = asked.stroke is None or (asked.speed is not None and asked.force is not None)
-        strokes = ("rebound", "bump") if both else (asked.stroke or "",)
-        if asked.speed is not None:
-            sheets = [shown.force_by_setting_sheet(rows, strokes)]
-        else:
-            sheets = shown.force_sheets(rows, strokes)
-        sheets = [one for one in (*sheets, shown.measured_force_sheet(rows)) if one.rows]
-        return tuple(sheet_in_units(one, self.units) for one in sheets)
 
 
 class FleetDone:

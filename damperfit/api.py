@@ -38,12 +38,13 @@ if TYPE_CHECKING:
         FirstConfiguration,
         FleetDone,
         Inspection,
-        SettingForces,
         Simulation,
         Sweep,
     )
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
+    from damperfit.queries.compared import CurveForces
+    from damperfit.queries.settings import SettingForces
     from damperfit.recording import Recording
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
@@ -732,7 +733,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     rig_profile: str | None = None,
     units: str | None = None,
     config: str | Path | None = None,
-) -> SettingForces:
+) -> SettingForces | CurveForces:
     """Show force by setting and what a click changes; find the setting for a force.
 
     Parameters
@@ -743,7 +744,6 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         As in "900N" and "0.2m/s".
     """
     given = dict(locals())
-    from damperfit.answers import SettingForces
     from damperfit.queries.settings import parse_question, tabulate_forces
     from damperfit.results import Run
     from damperfit.units.shown_units import SI, parse_units
@@ -759,8 +759,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         refuse_idle(given, idle, f"the forces of {paths[0]} were measured, not simulated")
         reading = {name: given[name] for name in ("rig", "rig_profile", "config")}
         options = configured("settings", reading, is_law_open=True).reading
-        curves = measured_forces(paths, question, reading=options)
-        return SettingForces(paths, question, shown, curves=curves)
+        return measured_forces(paths, question, reading=options)
     if len(paths) > 1:
         raise _usage(
             f"found {', '.join(map(str, paths[:3]))}; expected one results folder, or files of "
@@ -771,8 +770,8 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     run = Run.load(
         paths[0], parts=("parameters",), config=given["config"], temperature=_text(temperature)
     )
-    forces = tabulate_forces(run, question, amplitude=_text(amplitude), frequency=_text(frequency))
-    return SettingForces(paths, question, shown, forces=forces)
+    motion = {"amplitude": _text(amplitude), "frequency": _text(frequency)}
+    return tabulate_forces(run, question, **motion, units=shown)
 
 
 @public

@@ -76,12 +76,12 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-    from damperfit.answers import SettingForces
     from damperfit.comparison import MeasuredTest
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
     from damperfit.damper.stepping import SteppedDamper
+    from damperfit.queries.settings import SettingForces
     from damperfit.recording import Recording
     from damperfit.reporting.sheet import Sheet
     from damperfit.simulation import Motion, SolverOptions

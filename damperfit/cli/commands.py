@@ -320,11 +320,13 @@ def settings(how: Shown, **given: Any) -> int:
 
     Example: damperfit settings --force 900N --velocity 0.2m/s
     """
+    from damperfit.queries.settings import SettingForces
+
     done = api.settings(**{**given, "results": given["results"] or []})
-    for remark in done.remarks:
-        say(f"damperfit: {done.places[0]}: {remark}")
-    if done.curves is None:
-        for trace in done.forces.traces if done.forces and how.debug else ():
+    if isinstance(done, SettingForces):
+        for remark in done.remarks:
+            say(f"damperfit: {done.run.shown_as}: {remark}")
+        for trace in done.traces if how.debug else ():
             say_lines(trace)
         for note in done.notes:
             say(f"note: {note}")
@@ -332,15 +334,15 @@ def settings(how: Shown, **given: Any) -> int:
         print_json(done.document())
         return int(bool(done.remarks))
     answers = [done.sentence] if done.sentence else []
-    if done.forces is not None:
-        answers = [one.said_in(done.units) for one in done.forces.wanted]
+    heading = []
+    if isinstance(done, SettingForces):
+        answers, heading = list(done.answers), [done.heading, ""]
     if answers:
         print_lines(answers if how.quiet else [*wrapped(*answers), ""])
     if not (answers and how.quiet):
-        if done.forces is None:
+        if not heading:
             _tell(how, notes=done.notes)
-        else:
-            print_lines([f"force by setting, {done.forces.source}", ""])
+        print_lines(heading)
         _tables(*done.sheets())
     return int(bool(done.remarks))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,8 +25,12 @@ from damperfit.queries.compared_runs import (
 )
 from damperfit.queries.settings import positive
 from damperfit.recording import natural_order
+from damperfit.reporting.answer import Answer
+from damperfit.reporting.inspection import curve_forces_sheet
+from damperfit.reporting.records import to_record
 from damperfit.run.log_files import expand
 from damperfit.simulation import NAMED_SPEEDS
+from damperfit.tables.files import json_values
 from damperfit.tables.reading import is_part
 from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, parse_units
@@ -34,10 +38,13 @@ from damperfit.units.shown_units import SI, parse_units
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    import pandas as pd
+
     from damperfit.comparison import Point, RunComparison, Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.io import ForceCurve, ReadOptions
     from damperfit.queries.settings import Question
+    from damperfit.reporting.sheet import Sheet
     from damperfit.results import Run
 
 
@@ -315,27 +322,54 @@ def _holds_logs(folder: Path) -> bool:
 # Curves that were measured without time, asked for forces: by curve, and which gives a force
 
 
-class MeasuredForces(NamedTuple):
+@dataclass(frozen=True, repr=False, eq=False)
+class CurveForces(Answer):
     """Forces of measured curves at some speeds, and the answer where one is asked."""
 
-    curves: tuple[ForceCurve, ...]  # as the file has them
+    paths: tuple[Path, ...]
+    question: Question
+    curves: tuple[ForceCurve, ...]  # as the files have them
     speeds: tuple[float, ...]  # m/s, positive
     sentence: str  # which curve gives the wanted force; empty where none was asked for
 
-    def rows(self) -> list[dict[str, Any]]:
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to know of the curves."""
+        return tuple(dict.fromkeys(note for one in self.curves for note in one.notes))
+
+    def document(self) -> dict[str, Any]:
         """Return the forces by curve, stroke and speed that were reached, as JSON values."""
-        return [
-            {"curve": curve.label, "stroke": stroke, "speed_m_per_s": speed, "force_N": force}
-            for curve in self.curves
-            for stroke in STROKES
-            for speed in self.speeds
-            if math.isfinite(force := curve.force_at(speed, stroke))
-        ]
+        asked = self.question
+        document: dict[str, Any] = json_values(
+            {
+                "source": ", ".join(map(str, self.paths)),
+                "question": None if asked.force is None else to_record(asked),
+                "sentence": self.sentence or None,
+                "forces": [
+                    {"curve": one.label, "stroke": side, "speed_m_per_s": speed, "force_N": force}
+                    for one in self.curves
+                    for side in STROKES
+                    for speed in self.speeds
+                    if math.isfinite(force := one.force_at(speed, side))
+                ],
+            }
+        )
+        return document
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row a curve, stroke and speed."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document()["forces"])
+
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return the forces of the fastest speeds by curve."""
+        return (curve_forces_sheet(self.curves, self.speeds[-5:]),)
 
 
 def measured_forces(
     paths: Sequence[Path], question: Question, *, reading: ReadOptions
-) -> MeasuredForces:
+) -> CurveForces:
     """Return what the curves of some files, without time, say of a question."""
     read = [curve for path in paths for curve in read_curves(path, reading)]
     files: dict[str, set[str]] = {}
@@ -368,7 +402,7 @@ def measured_forces(
             code="no-speed",
         )
     sentence = "" if question.force is None else _answer(question, question.force, forces)
-    return MeasuredForces(curves, speeds, sentence)
+    return CurveForces(tuple(paths), question, curves, speeds, sentence)
 
 
 def _answer(question: Question, wanted: float, forces: Sequence[tuple[float, str]]) -> str:

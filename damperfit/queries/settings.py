@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment.clicks import Click, clicks
 from damperfit.adjustment.force_at import (
@@ -24,16 +24,27 @@ from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.identification.sharing import of_settings
 from damperfit.problem import Failure, Option
+from damperfit.reporting.answer import Answer
+from damperfit.reporting.forces import force_by_setting_sheet, force_sheets, measured_force_sheet
+from damperfit.reporting.records import to_record
+from damperfit.reporting.sheet import rows_in_units, sheet_in_units
 from damperfit.simulation import NAMED_SPEEDS, refuse_amplitude
+from damperfit.tables.files import json_values
+from damperfit.tables.rows import adjustment_rows
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.units.quantities import parse_quantity
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    import pandas as pd
+
     from damperfit.adjustment.force_at import Stage
     from damperfit.damper.model import Model, Values
+    from damperfit.reporting.sheet import Sheet
     from damperfit.results import Run
+    from damperfit.units.shown_units import ShownUnits
 
 
 def refuse_unfitted(run: Run) -> Run:
@@ -108,9 +119,12 @@ class Question:
     stroke: str | None = None  # "rebound" or "bump"; None: both
 
 
-class ForcesBySetting(NamedTuple):
-    """Forces by setting, their changes by click, and the answer."""
+@dataclass(frozen=True, repr=False, eq=False)
+class SettingForces(Answer):
+    """Force by setting and what a click changes, shown in `units`; and the setting for a force."""
 
+    run: Run
+    question: Question
     sine: Sine  # the test's own motion, or the one asked for: the named speeds go up to its peak
     source: str  # at what forces are given, for people
     forces: tuple[Force, ...]  # by setting, speed and stroke: of one origin at a speed and stroke
@@ -121,6 +135,66 @@ class ForcesBySetting(NamedTuple):
     remarks: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()  # what a reader must know of the forces; nothing is missing
     traces: tuple[str, ...] = ()  # where internal errors happened
+    units: ShownUnits = SI
+
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """The answer to the question, in SI; empty where none was asked."""
+        return "; ".join(one.sentence for one in self.wanted)
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """The same in the units that people want, one for each line of settings."""
+        return tuple(one.said_in(self.units) for one in self.wanted)
+
+    @property
+    def heading(self) -> str:
+        """What the tables show."""
+        return f"force by setting, {self.source}"
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        answers = [
+            {name: to_record(value) for name, value in answer._asdict().items()}
+            | ({"adjuster": one.adjuster, "held": one.held} if one.held else {})
+            for one in self.wanted
+            for answer in one.answers
+        ]
+        document: dict[str, Any] = json_values(
+            {
+                "motion": {
+                    "amplitude_m": self.sine.amplitude,
+                    "frequency_Hz": self.sine.frequency,
+                },
+                "source": self.source,
+                "question": to_record(self.question) if self.wanted else None,
+                "sentence": self.sentence or None,
+                "answers": answers,
+                "forces": adjustment_rows(self.forces, self.clicks),
+                "remarks": self.remarks,
+                "notes": self.notes,
+            }
+        )
+        return document
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row a setting, speed and stroke."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document()["forces"])
+
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return forces by setting, a table a stroke, and measured ones beside the model's."""
+        rows = rows_in_units(adjustment_rows(self.forces, self.clicks), self.units)
+        asked = self.question
+        both = asked.stroke is None or (asked.speed is not None and asked.force is not None)
+        strokes = STROKES if both else (asked.stroke or "",)
+        if asked.speed is not None:
+            sheets = [force_by_setting_sheet(rows, strokes)]
+        else:
+            sheets = force_sheets(rows, strokes)
+        sheets = [one for one in (*sheets, measured_force_sheet(rows)) if one.rows]
+        return tuple(sheet_in_units(one, self.units) for one in sheets)
 
 
 def parse_question(
@@ -175,8 +249,13 @@ def parse_question(
 
 
 def tabulate_forces(
-    run: Run, question: Question, *, amplitude: str | None = None, frequency: str | None = None
-) -> ForcesBySetting:
+    run: Run,
+    question: Question,
+    *,
+    amplitude: str | None = None,
+    frequency: str | None = None,
+    units: ShownUnits = SI,
+) -> SettingForces:
     """Return forces and clicks of a run, and where a wanted force is found.
 
     With a sine forces are shown up to its peak speed, instead of that of the test's own motion.
@@ -231,7 +310,9 @@ def tabulate_forces(
         *_cavitation_notes(forces),
         *_measured_notes(shown),
     )
-    return ForcesBySetting(
+    return SettingForces(
+        run,
+        question,
         sine,
         source,
         shown,
@@ -240,6 +321,7 @@ def tabulate_forces(
         (*run.remarks, *run.remarks_on_errors, *lost),
         notes,
         tuple(mishaps[setting].trace for setting in sorted(mishaps)),
+        units,
     )
 
 

@@ -379,7 +379,7 @@ def test_forces_are_shown_at_the_speeds_that_are_asked_for(tmp_path) -> None:
     run = damperfit.identify(
         ["sample_runs/setting_10.csv"], velocity=["0.1m/s", "10mm/s"], out=tmp_path
     )
-    answered = damperfit.settings(tmp_path).forces.forces
+    answered = damperfit.settings(tmp_path).forces
     assert [one.speed for one in answered] == [0.01, 0.01, 0.1, 0.1]
     for rows in (run.forces, damperfit.load(tmp_path).forces):
         assert rows["speed_m_per_s"].tolist() == [0.01, 0.01, 0.1, 0.1]
