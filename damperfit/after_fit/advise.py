@@ -16,7 +16,9 @@ C includes lack of fit that repeats, which no test of the same kind reduces: tha
 Asked for the law, with d what another structure that the logs leave open has more force than the
 chosen one in a test, the evidence is what is left of it once the chosen one is fitted anew::
 
-    2 ln(likelihood ratio) = d'd - b' (C^-1 + G)^-1 b,    b = J'd    (in units of the noise)
+    2 ln(likelihood ratio) = n ln(1 + E/n),   E = d'd - b' (C^-1 + G)^-1 b,   b = J'd
+
+in units of the noise, with the n samples that count in the choice of a structure.
 """
 
 from __future__ import annotations
@@ -351,8 +353,11 @@ def advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> L
     known = [_Known(run, one, law) for one in settings if one.covariance is not None and one.names]
     tests: list[Deciding] = []
     if rivals and known:
-        rig = _Rig(run, limits, known)
-        tests = [one for motion in _candidates(limits) if (one := rig.decided(rivals, motion))]
+        rig, counted = _Rig(run, limits, known), run.record["law_choice"].get("effective_samples")
+        n = sum(part.get("n_samples") or 0 for part in entries_in(run.record, "stretches"))
+        worth = n / counted if isinstance(counted, float) and counted > 0.0 else rig.worth
+        found = (rig.decided(rivals, motion, worth) for motion in _candidates(limits))
+        tests = [one for one in found if one is not None]
     return LawAdvice(
         run.record.get("law_choice", {}).get("chosen", ""),
         tuple(rival.title for rival in rivals),
@@ -540,11 +545,16 @@ class _Rig:
         """Of the rig for a test at all settings."""
         return len(self.known) * ((cycles + _RUN_IN) / frequency + _BETWEEN) / 60.0
 
-    def decided(self, rivals: Sequence[Rival], motion: tuple[float, float, int]) -> Deciding | None:
-        """What a test tells of structures that remain; None: it is beyond rig or damper."""
+    def decided(
+        self, rivals: Sequence[Rival], motion: tuple[float, float, int], worth: float
+    ) -> Deciding | None:
+        """What a test tells of structures that remain; None: it is beyond rig or damper.
+
+        Of `worth` samples one counts, as in the choice of the structure.
+        """
         amplitude, frequency, cycles = motion
         evidence = dict.fromkeys([rival.title for rival in rivals], 0.0)
-        n = cycles / frequency * self.rate / self.worth  # samples that count
+        n = cycles / frequency * self.rate / max(worth, self.worth)
         for one in self.known:
             values, names = one.result.parameters, one.result.names
             try:
@@ -563,7 +573,8 @@ class _Rig:
                         return None
                     d = (seen[0] - own[0]) / one.noise
                     b = weight * jacobian.T @ d
-                    evidence[rival.title] += float(weight * d @ d - b @ np.linalg.solve(after, b))
+                    left = float(weight * d @ d - b @ np.linalg.solve(after, b))
+                    evidence[rival.title] += n * math.log1p(max(left, 0.0) / n)
             except SimulationError:
                 return None
         minutes = self.minutes(frequency, cycles)
