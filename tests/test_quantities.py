@@ -37,7 +37,6 @@ VALUES = {
     | {"bar": 1e5, "bara": 1e5, "psi": PSI, "psia": PSI, "kPag": 102325.0, "MPag": 1101325.0}
     | {"barg": 201325.0, "psig": 108219.75729316836},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
-    "power": {"W": 1.0, "kW": 1e3},
     "temperature": {"degC": 1.0, "\N{DEGREE SIGN}C": 1.0, "K": -272.15, "degF": -17.22222222222222},
     "velocity": {
         "m/s": 1.0,
