@@ -20,32 +20,90 @@ settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from damperfit.conditioning.signals import noise_of
 from damperfit.recording import Finding
 from damperfit.statistics import mean_of, median, percentiles
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
+    from damperfit.recording import Recording
+
+    FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-__all__ = [
-    "Beside",
-    "Channel",
-    "beside",
-    "catches_up",
-    "examine_channel",
-    "find_spikes",
-    "is_cut_displacement",
-    "noise_of",
-]
+__all__ = ["bridge_spikes", "examine_channels"]
+
+
+class _Channel(NamedTuple):
+    """One channel of a log, or of its steady cycles, and the other one beside it."""
+
+    name: str  # "force" or "displacement"
+    unit: str  # for sentences, with the factor from SI
+    factor: float
+    values: FloatArray  # shape (n,), SI
+    other: FloatArray
+    time: FloatArray
+    first_row: int  # of the data, counted from 1, that the first value stands in
+    period: float  # samples in a cycle; 0 when not known
+
+    def place(self, index: int) -> str:
+        """Return where a sample stands."""
+        return f"row {self.first_row + index} of the data, time {self.time[index]:.6g} s"
+
+    def shown(self, value: float) -> str:
+        """Return a value with its unit."""
+        return f"{self.factor * value:.5g} {self.unit}"
+
+
+def _channels(recording: Recording, rows: tuple[slice, slice], period: float) -> list[_Channel]:
+    """Return some rows of the displacement, and some of the force."""
+    x, f, units = "displacement", "force", {"displacement": ("mm", 1e3), "force": ("N", 1.0)}
+    return [
+        _Channel(
+            name, *units[name], getattr(recording, name)[part], getattr(recording, other)[part],
+            recording.time[part], (part.start or 0) + 1, period,
+        )
+        for name, other, part in ((x, f, rows[0]), (f, x, rows[1]))
+    ]  # fmt: skip
+
+
+def examine_channels(
+    recording: Recording, driven: slice, compared: slice, *, period: float
+) -> Iterator[Finding]:
+    """Yield what is remarkable in the displacement that drives, and in the compared force.
+
+    `period` is the samples in a cycle, 0 where nothing repeats.
+    """
+    for channel in _channels(recording, (driven, compared), period):
+        n = len(channel.values)
+        if n < 8:
+            continue
+        order = np.sort(np.asarray(channel.values, np.float64))
+        span = float(order[-1] - order[0])
+        if span <= 0.0:
+            continue
+        # The least step, but for a few values that stand between the steps.
+        steps = np.diff(order)
+        steps = steps[steps > 1e-9 * span]
+        rank = len(steps) // 50
+        step = float(np.partition(steps, rank)[rank]) if len(steps) else 0.0
+        runs = _runs(channel.values)
+        rails = _rails(channel, runs, step, span)
+        noise = noise_of(channel.values)
+        yield from _clipping(channel, rails)
+        yield from _standing(channel, runs, rails, step, noise)
+        yield _steps(channel, step, span, noise=noise)
+        usual = float(order[n - 1 - n // 100] - order[n // 100])
+        yield from _spikes(channel, usual, noise=noise)
 
 
 # Whether a channel that stands for some samples was cut, was stuck, or did stand.
@@ -58,121 +116,15 @@ __all__ = [
 #
 # A sensor that is stuck has to catch up when it comes free; what stood goes on from where it was.
 
-_FEWEST, _MOST = 4, 60  # samples looked at on each side
+_RUN = 3  # equal samples in a row that are looked at
+_FEWEST, _MOST = 4, 60  # samples looked at on each side of a stand
 _CUT = 0.4  # of b L; 0 at a rest, 1 at a cut
 _LEFT = 0.3  # of what the force changes over the stand, in its first quarter
 _JUMP = 3.0  # usual steps of the samples behind
-
-
-class Beside(NamedTuple):
-    """Speed v and bend b of a signal beside a stand, outwards, a sample; before and behind it.
-
-    `beyond` is how far the signal would have gone on, `step` the least step there.
-    """
-
-    before: tuple[float, float]
-    behind: tuple[float, float]
-    beyond: float
-    step: float
-
-
-def beside(values: FloatArray, start: int, stop: int) -> Beside | None:
-    """Return how a signal comes to a stand and leaves it; None at the ends of the log."""
-    length = stop - start
-    n = min(max(length, _FEWEST), _MOST)
-    if start < n or stop + n > len(values):
-        return None
-    left, right = values[start - n : start][::-1], values[stop : stop + n]
-    sign = np.sign(2.0 * values[start] - left.mean() - right.mean())
-    sides = [sign * (values[start] - side) for side in (left, right)]
-    time = np.arange(1.0, n + 1.0)
-    basis = np.stack([time, time**2], axis=-1)
-    (v_1, b_1), (v_2, b_2) = (np.linalg.lstsq(basis, side, rcond=None)[0] for side in sides)
-    steps = np.abs(np.diff(np.concatenate([left[::-1], right])))
-    steps = steps[steps > 0.0]
-    return Beside(
-        before=(float(v_1), float(b_1)),
-        behind=(float(v_2), float(b_2)),
-        beyond=0.125 * float(v_1 + v_2) * length,
-        step=float(steps.min()) if len(steps) else 0.0,
-    )
-
-
-def is_cut_displacement(near: Beside, force: FloatArray) -> bool:
-    """Whether a displacement was cut where it stands."""
-    for v, b in (near.before, near.behind):
-        if not v > _CUT * max(b, 0.0) * len(force):
-            return False
-    if near.before[0] < 2.0 * near.before[1] * len(force):
-        return True
-    quarter = max(len(force) // 4, 1)
-    change = abs(float(force[-quarter:].mean() - force[0]))
-    return abs(float(force[:quarter].mean() - force[0])) < _LEFT * change
-
-
-def catches_up(values: FloatArray, stop: int) -> bool:
-    """Whether a signal leaps when its stand ends."""
-    steps = np.abs(np.diff(values[stop : stop + 12]))
-    if not len(steps):
-        return False
-    return bool(abs(values[stop] - values[stop - 1]) > _JUMP * median(steps))
-
-
-_RUN = 3  # equal samples in a row that are looked at
 _LEAP = 6.0  # steps; see above
 _BEYOND = 0.001  # of the range; a cut by less costs nothing
 _LOCAL = 3.0  # least steps beside a stand
 _STANDS = 0.02  # of a period: shorter stands move nothing
-_FEWEST_STEPS = {"displacement": 500.0, "force": 125.0}
-_FINE = 1e6  # steps; finer than any converter
-_DITHER = 0.45  # of a step: its rounding alone has 0.29, noise of half a step makes it 0.58
-_SMOOTH = 0.1  # of a step
-_SPIKE = 0.02  # of the range
-_SPIKE_NOISE = 7.0  # times the noise
-_HARMLESS = 0.2  # of the range, all spikes together
-_USUAL, _RARE = 6.0, 98.0  # times what one sample in 50 exceeds
-_NEAR, _ALONE = 5, 2  # samples
-_PART = 0.4  # of a spike; one like it
-_PHASE = 0.05  # of a cycle: when play closes
-_AT_TURNS = 0.25  # of the range
-_OFTEN = 0.25  # of the cycles
-_MOST_SPIKES = 0.02  # of the samples; more are noise
-
-
-class Channel(NamedTuple):
-    """One channel of a log, or of its steady cycles.
-
-    Attributes
-    ----------
-    name : str
-        "force" or "displacement".
-    unit : str
-        For sentences, with `factor` from SI.
-    factor : float
-    values, other, time : numpy.ndarray
-        Shape (n,); the channel, the other one, and the stamps, SI.
-    first_row : int
-        Row of the data, counted from 1, that ``values[0]`` stands in.
-    period : float
-        Samples in a cycle; 0 when not known.
-    """
-
-    name: str
-    unit: str
-    factor: float
-    values: FloatArray
-    other: FloatArray
-    time: FloatArray
-    first_row: int = 1
-    period: float = 0.0
-
-    def place(self, index: int) -> str:
-        """Return where a sample stands."""
-        return f"row {self.first_row + index} of the data, time {self.time[index]:.6g} s"
-
-    def shown(self, value: float) -> str:
-        """Return a value with its unit."""
-        return f"{self.factor * value:.5g} {self.unit}"
 
 
 class _Runs(NamedTuple):
@@ -184,42 +136,11 @@ class _Runs(NamedTuple):
     greatest_leap: FloatArray
 
     def where(self, mask: NDArray[np.bool_]) -> _Runs:
-        return _Runs(
-            self.start[mask], self.stop[mask], self.least_leap[mask], self.greatest_leap[mask]
-        )
+        return _Runs._make(values[mask] for values in self)
 
     @property
     def length(self) -> IntArray:
         return self.stop - self.start
-
-
-def examine_channel(channel: Channel) -> Iterator[Finding]:
-    """Yield what is remarkable in one channel."""
-    if len(channel.values) < 8:
-        return
-    order = np.sort(np.asarray(channel.values, np.float64))
-    span = float(order[-1] - order[0])
-    if span <= 0.0:
-        return
-    n = len(order)
-    step = _step(order, span)
-    runs = _runs(channel.values)
-    rails = _clipped(channel, runs, step, span)
-    yield from _clipping(channel, rails)
-    noise = noise_of(channel.values)
-    yield from _standing(channel, runs, rails, step, noise)
-    yield _steps(channel, step, span, noise=noise)
-    usual = float(order[n - 1 - n // 100] - order[n // 100])
-    yield from _spikes(channel, usual, noise=noise)
-
-
-def _step(order: FloatArray, span: float) -> float:
-    """Return the step of a channel from its sorted values; nearly 0 where it has none."""
-    # The least, but for a few values that stand between the steps.
-    steps = np.diff(order)
-    steps = steps[steps > 1e-9 * span]
-    rank = len(steps) // 50
-    return float(np.partition(steps, rank)[rank]) if len(steps) else 0.0
 
 
 def _runs(values: FloatArray) -> _Runs:
@@ -239,7 +160,7 @@ def _runs(values: FloatArray) -> _Runs:
     return _Runs(start, stop, np.minimum(left, right), np.maximum(left, right))
 
 
-def _clipped(channel: Channel, runs: _Runs, step: float, span: float) -> list[_Runs]:
+def _rails(channel: _Channel, runs: _Runs, step: float, span: float) -> list[_Runs]:
     """Return the runs at the lowest and at the highest value that are no rounded peaks."""
     found = []
     # Where a converter is slower than the rows each value stands for as long.
@@ -248,35 +169,55 @@ def _clipped(channel: Channel, runs: _Runs, step: float, span: float) -> list[_R
     is_long = (runs.length > 2.0 * usual) & (runs.least_leap > _LEAP * step)
     for rail in (channel.values.min(), channel.values.max()):
         at = runs.where((channel.values[runs.start] == rail) & is_long)
-        is_flat = np.array([_is_clip(channel, at, i, span) for i in range(len(at.start))], bool)
-        found.append(at.where(is_flat))
+        is_flat = [_is_clip(channel, *ends, span) for ends in zip(at.start, at.stop, strict=True)]
+        if any(is_flat):
+            found.append(at.where(np.array(is_flat)))
     return found
 
 
-def _is_clip(channel: Channel, runs: _Runs, i: int, span: float) -> bool:
-    run = slice(runs.start[i], runs.stop[i])
-    other = channel.other[run]
-    near = beside(channel.values, run.start, run.stop)
-    if near is not None and near.beyond < max(_BEYOND * span, _LOCAL * near.step):
-        return False  # a smooth crest, in the digits of the log
+def _is_clip(channel: _Channel, start: int, stop: int, span: float) -> bool:
+    """Whether a channel was cut where it stands."""
+    values, other = channel.values, channel.other[start:stop]
+    length = stop - start
+    n = min(max(length, _FEWEST), _MOST)
+    is_cut = True
+    if start >= n and stop + n <= len(values):
+        left, right = values[start - n : start][::-1], values[stop : stop + n]
+        sign = np.sign(2.0 * values[start] - left.mean() - right.mean())
+        time = np.arange(1.0, n + 1.0)
+        basis = np.stack([time, time**2], axis=-1)
+        # Speed v and bend b outwards, a sample, before and behind; how far it would have gone on.
+        sides = [
+            np.linalg.lstsq(basis, sign * (values[start] - side), rcond=None)[0].tolist()
+            for side in (left, right)
+        ]
+        beyond = 0.125 * (sides[0][0] + sides[1][0]) * length
+        steps = np.abs(np.diff(np.concatenate([left[::-1], right])))
+        steps = steps[steps > 0.0]
+        least = float(steps.min()) if len(steps) else 0.0
+        if beyond < max(_BEYOND * span, _LOCAL * least):
+            return False  # a smooth crest, in the digits of the log
+        is_cut = all(v > _CUT * max(b, 0.0) * length for v, b in sides)
+        if is_cut and not sides[0][0] < 2.0 * sides[0][1] * length:
+            quarter = max(length // 4, 1)
+            change = abs(float(other[-quarter:].mean() - other[0]))
+            is_cut = abs(float(other[:quarter].mean() - other[0])) < _LEFT * change
     moved = float(np.ptp(other)) / max(float(np.ptp(channel.other)), 1e-300)
     if channel.name == "displacement":
-        is_cut = near is None or is_cut_displacement(near, other)
-        return moved > 0.1 and span > 0.0 and is_cut  # at rest the force stands too
+        return moved > 0.1 and is_cut  # at rest the force stands too
     # At constant speed over half a stroke a constant force is what a damper gives.
     chord = np.linspace(other[0], other[-1], len(other))
     is_straight = float(np.abs(other - chord).max()) < 0.002 * float(np.ptp(channel.other))
     return not (moved > 0.45 and is_straight)
 
 
-def _clipping(channel: Channel, rails: list[_Runs]) -> Iterator[Finding]:
-    hit = [runs for runs in rails if len(runs.start)]
-    if not hit:
+def _clipping(channel: _Channel, rails: list[_Runs]) -> Iterator[Finding]:
+    if not rails:
         return
-    levels = [float(channel.values[runs.start[0]]) for runs in hit]
+    levels = [float(channel.values[runs.start[0]]) for runs in rails]
     count = sum(int(np.count_nonzero(channel.values == level)) for level in levels)
     share = 100.0 * count / len(channel.values)
-    first = min(int(runs.start[0]) for runs in hit)
+    first = min(int(runs.start[0]) for runs in rails)
     text = (
         f"the {channel.name} is clipped at {' and '.join(map(channel.shown, levels))}: "
         f"{share:.2g} % of the evaluated samples are there, the first of them in "
@@ -287,10 +228,10 @@ def _clipping(channel: Channel, rails: list[_Runs]) -> Iterator[Finding]:
 
 
 def _standing(
-    channel: Channel, runs: _Runs, rails: list[_Runs], step: float, noise: float
+    channel: _Channel, runs: _Runs, rails: list[_Runs], step: float, noise: float
 ) -> Iterator[Finding]:
-    n = len(channel.values)
-    span = float(np.ptp(channel.values))
+    n, values = len(channel.values), channel.values
+    span = float(np.ptp(values))
     least = max(5.0, _STANDS * channel.period, 0.001 * n if channel.period == 0.0 else 0.0)
     is_leap = runs.greatest_leap > max(_LEAP * step, 0.01 * span)
     # Chance makes a few equal samples where a nearly constant force is about to change.
@@ -298,57 +239,60 @@ def _standing(
     leaping = runs.where(is_leap)
     held = float(leaping.length.sum()) / n
     if held > 0.5 and len(leaping.start) > 10:
-        usual = int(median(leaping.length))
         text = (
-            f"the {channel.name} changes only every {usual} rows: its sensor or converter is "
-            "slower than the log; record it at its own rate"
+            f"the {channel.name} changes only every {int(median(leaping.length))} rows: its sensor "
+            "or converter is slower than the log; record it at its own rate"
         )
         yield Finding(f"{channel.name}_stuck", "warning", text, 100.0 * held, "%")
         return
+
+    def is_stuck(start: int, stop: int) -> bool:
+        if not float(np.ptp(channel.other[start:stop])) > 0.05 * float(np.ptp(channel.other)):
+            return False
+        if channel.name == "force":
+            return _is_clip(channel, start, stop, span)
+        steps = np.abs(np.diff(values[stop : stop + 12]))  # it leaps when the stand ends
+        return len(steps) > 0 and bool(abs(values[stop] - values[stop - 1]) > _JUMP * median(steps))
+
     stands = runs.where(is_leap & (runs.length >= least))
     clipped = {int(start) for rail in rails for start in rail.start}
-    reach = 0.05 * float(np.ptp(channel.other))
-    at = [
-        i
-        for i, (start, stop) in enumerate(zip(stands.start, stands.stop, strict=True))
-        if int(start) not in clipped and float(np.ptp(channel.other[start:stop])) > reach
-        if (
-            catches_up(channel.values, int(stop))
-            if channel.name == "displacement"
-            else _is_clip(channel, stands, i, span)
-        )
+    ends = zip(stands.start.tolist(), stands.stop.tolist(), strict=True)
+    stuck = [
+        (start, stop) for start, stop in ends if start not in clipped and is_stuck(start, stop)
     ]
-    if not at:
+    if not stuck:
         return
-    count = int(stands.length[at].sum())
-    first = int(stands.start[at[0]])
-    share = 100.0 * count / n
+    share = 100.0 * sum(stop - start for start, stop in stuck) / n
+    first, stop = stuck[0]
     text = (
-        f"the {channel.name} is stuck at {channel.shown(channel.values[first])} while the rig is "
-        f"moving: {len(at)} time{'s' * (len(at) > 1)}, {share:.2g} % of the samples, first from "
-        f"{channel.place(first)} for {int(stands.length[at[0]])} rows; check sensor, cable, logger"
+        f"the {channel.name} is stuck at {channel.shown(values[first])} while the rig is "
+        f"moving: {len(stuck)} time{'s' * (len(stuck) > 1)}, {share:.2g} % of the samples, first "
+        f"from {channel.place(first)} for {stop - first} rows; check sensor, cable, logger"
     )
     yield Finding(f"{channel.name}_stuck", "warning", text, share, "%")
 
 
-def _steps(channel: Channel, step: float, span: float, *, noise: float) -> Finding:
+_FEWEST_STEPS = {"displacement": 500.0, "force": 125.0}
+_FINE = 1e6  # steps; finer than any converter
+_DITHER = 0.45  # of a step: its rounding alone has 0.29, noise of half a step makes it 0.58
+_SMOOTH = 0.1  # of a step
+
+
+def _steps(channel: _Channel, step: float, span: float, *, noise: float) -> Finding:
     """Say how fine the channel is; a warning when its steps are coarse and noise hides none."""
-    count = span / step
-    few = _FEWEST_STEPS[channel.name]
-    text = f"the {channel.name} has steps of {channel.shown(step)}, {count:.0f} over its range"
+    name, count, few = f"{channel.name}_steps", span / step, _FEWEST_STEPS[channel.name]
     # Rounding alone is noise of 0.29 steps: what is smoother has few values because it repeats.
     is_doubtful = count < few or noise < _SMOOTH * step
     if count > _FINE or (is_doubtful and not _is_stepped(channel.values, step)):
-        text = f"the {channel.name} has no steps to be seen"
-        return Finding(f"{channel.name}_steps", "note", text)
-    is_spread = channel.name == "force" and noise > _DITHER * step
-    if count >= few or is_spread:
-        return Finding(f"{channel.name}_steps", "note", text, count)
+        return Finding(name, "note", f"the {channel.name} has no steps to be seen")
+    text = f"the {channel.name} has steps of {channel.shown(step)}, {count:.0f} over its range"
+    if count >= few or (channel.name == "force" and noise > _DITHER * step):
+        return Finding(name, "note", text, count)
     text += (
         f" (expected at least {few:g}): K_e may be off by some per cent; use a smaller range or a "
         "finer converter"
     )
-    return Finding(f"{channel.name}_steps", "warning", text, count)
+    return Finding(name, "warning", text, count)
 
 
 def _is_stepped(values: FloatArray, step: float) -> bool:
@@ -360,19 +304,22 @@ def _is_stepped(values: FloatArray, step: float) -> bool:
     return bool(high > low and mean_of(np.abs(steps - whole) < 0.1) > 0.9)
 
 
-def noise_of(values: FloatArray) -> float:
-    """Return the standard deviation of white noise in a smooth signal, robustly."""
-    # Fifth differences of white noise are sqrt(252) larger; of a motion with 40 samples a cycle,
-    # 1e-4 of it.
-    middle = median(np.abs(np.diff(np.asarray(values, np.float64), 5)))
-    return middle / (0.6745 * math.sqrt(252.0))
+_SPIKE = 0.02  # of the range
+_SPIKE_NOISE = 7.0  # times the noise
+_HARMLESS = 0.2  # of the range, all spikes together
+_USUAL, _RARE = 6.0, 98.0  # times what one sample in 50 exceeds
+_NEAR, _ALONE = 5, 2  # samples
+_PART = 0.4  # of a spike; one like it
+_PHASE = 0.05  # of a cycle: when play closes
+_AT_TURNS = 0.25  # of the range
+_OFTEN = 0.25  # of the cycles
+_MOST_SPIKES = 0.02  # of the samples; more are noise
 
 
-def _spikes(channel: Channel, usual: float, *, noise: float) -> Iterator[Finding]:
-    rows = find_spikes(channel, usual, noise=noise)
+def _spikes(channel: _Channel, usual: float, *, noise: float) -> Iterator[Finding]:
+    rows, sizes = _find_spikes(channel, usual, noise=noise)
     if not len(rows):
         return
-    sizes = np.abs(_beside(channel.values)[rows])
     places = ", ".join(str(channel.first_row + int(row)) for row in rows[:5])
     plural = "s" * (len(rows) > 1)
     worst = int(rows[np.argmax(sizes)])
@@ -381,29 +328,58 @@ def _spikes(channel: Channel, usual: float, *, noise: float) -> Iterator[Finding
         f"{', ...' * (len(rows) > 5)} of the data; the largest is "
         f"{channel.shown(channel.values[worst])} at time {channel.time[worst]:.6g} s"
     )
-    if float(sizes.sum()) <= _HARMLESS * usual:
-        text += "; too small to move a parameter"
-        yield Finding(f"{channel.name}_spikes", "note", text, float(len(rows)))
-        return
+    is_harmless = float(sizes.sum()) <= _HARMLESS * usual
     text += (
-        "; nothing was removed: look for loose contacts and record again, or set "
+        "; too small to move a parameter"
+        if is_harmless
+        else "; nothing was removed: look for loose contacts and record again, or set "
         "conditioning.spikes = 'bridge'"
     )
-    yield Finding(f"{channel.name}_spikes", "warning", text, float(len(rows)))
+    severity = "note" if is_harmless else "warning"
+    yield Finding(f"{channel.name}_spikes", severity, text, float(len(rows)))
 
 
-def find_spikes(channel: Channel, usual: float, *, noise: float) -> IntArray:
-    """Return the samples that stand out of those beside them, and not in each cycle.
+def bridge_spikes(recording: Recording, period: float) -> Recording:
+    """Return the recording with its spikes replaced by straight lines, and a finding of that.
+
+    Cycles of so many samples tell a spike from what happens in each of them; 0: nothing repeats.
+    """
+    found: list[Finding] = []
+    bridged: dict[str, Any] = {}
+    for channel in _channels(recording, (slice(None), slice(None)), period):
+        name, values, time = channel.name, channel.values, recording.time
+        low, high = percentiles(values, 1.0, 99.0)
+        rows, _ = _find_spikes(channel, high - low, noise=noise_of(values))
+        if len(rows):
+            good = np.delete(np.arange(len(values)), rows)
+            bridged[name] = np.interp(time, time[good], values[good])
+            text = (
+                f"{len(rows)} spike{'s' * (len(rows) > 1)} in the {name} bridged as declared, the "
+                f"first in {channel.place(int(rows[0]))}"
+            )
+            found.append(Finding(f"{name}_spikes_bridged", "note", text, float(len(rows))))
+    return replace(recording, findings=(*recording.findings, *found), **bridged)
+
+
+def _find_spikes(channel: _Channel, usual: float, *, noise: float) -> tuple[IntArray, FloatArray]:
+    """Return the samples that stand out of those beside them, and not in each cycle, and how far.
 
     A sample is compared with the median of five, which steps and slopes pass unchanged; `usual` is
     the range of the channel without its outermost values.
     """
-    beside = _beside(channel.values)
-    period = channel.period
+    values, period = channel.values, channel.period
+    beside = np.zeros(len(values))
+    if len(values) >= 5:
+        a, b, e, c, d = (values[k : len(values) - 4 + k] for k in range(5))
+        low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+        high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+        middle = np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))
+        beside[2:-2] = np.abs(e - middle)
+    size = beside.copy()
+    nothing = np.empty(0, dtype=np.int64)
     least = max(_SPIKE, 4.0 / period if period else 0.0) * usual
-    size = np.abs(beside)
     if float(size.max()) <= least:
-        return np.empty(0, dtype=np.int64)
+        return nothing, beside[nothing]
     if not period:
         # Where nothing repeats, turns and corners of the motion stand out by themselves.
         least = max(least, _USUAL * percentiles(size, _RARE)[0])
@@ -415,10 +391,15 @@ def find_spikes(channel: Channel, usual: float, *, noise: float) -> IntArray:
                 size[at] = np.where(size[at] < _AT_TURNS * usual, 0.0, size[at])
     rows = np.flatnonzero(size > max(least, _SPIKE_NOISE * noise))
     if len(rows) > _MOST_SPIKES * len(size):
-        return rows[:0]
-    if not period:
-        rows = rows[[not _is_motion(channel.values, row, size[row]) for row in rows.tolist()]]
-    return rows[[not (_rings(size, row) or _repeats(size, row, period)) for row in rows.tolist()]]
+        return nothing, beside[nothing]
+    is_spike = [
+        # More than two samples in a row that stand out are a blow, as where play closes.
+        np.count_nonzero(size[max(row - _NEAR, 0) : row + _NEAR + 1] > _PART * size[row]) <= _ALONE
+        and not (_repeats(size, row, period) if period else _is_motion(values, row, size[row]))
+        for row in rows.tolist()
+    ]
+    rows = rows[np.array(is_spike, dtype=bool)]
+    return rows, beside[rows]
 
 
 def _is_motion(values: FloatArray, row: int, size: float) -> bool:
@@ -440,16 +421,8 @@ def _is_motion(values: FloatArray, row: int, size: float) -> bool:
     return bool(least < _PART * size or size < 0.5 * (steps[2] + steps[3]))
 
 
-def _rings(size: FloatArray, row: int) -> bool:
-    """Whether more than two samples in a row stand out: a blow, as where play closes."""
-    near = size[max(row - _NEAR, 0) : row + _NEAR + 1]
-    return int(np.count_nonzero(near > _PART * size[row])) > _ALONE
-
-
 def _repeats(size: FloatArray, row: int, period: float) -> bool:
     """Whether the cycle before or behind has one of its kind too, or many others have."""
-    if not period:
-        return False
     reach = max(2, round(_PHASE * period))
     n_cycles = math.floor(len(size) / period)
     alike = []
@@ -459,16 +432,3 @@ def _repeats(size: FloatArray, row: int, period: float) -> bool:
         if k and len(near):
             alike.append(float(near.max()) > _PART * size[row])
     return bool(alike) and sum(alike) >= max(1.0, _OFTEN * len(alike))
-
-
-def _beside(values: FloatArray) -> FloatArray:
-    """Return each sample less the median of the five around it; 0 at the ends."""
-    result = np.zeros(len(values))
-    if len(values) < 5:
-        return result
-    a, b, e, c, d = (values[k : len(values) - 4 + k] for k in range(5))
-    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
-    middle = np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))
-    result[2:-2] = e - middle
-    return result

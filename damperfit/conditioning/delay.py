@@ -1,4 +1,4 @@
-"""By how much the force is late against the displacement, and taking it back.
+"""By how much the force is late against the displacement.
 
 At one frequency a late force looks like softer oil: both open the loop, and no fit of one sine
 test tells them apart. What tells them apart is friction: it changes its sign with the motion, at
@@ -30,7 +30,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
-from damperfit.conditioning.timebase import UniformLog
+from damperfit.conditioning.gas_force import reversals
+from damperfit.problem import Option
+from damperfit.recording import Finding
 from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
@@ -38,17 +40,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "Delay",
-    "dwells_at_ends",
-    "estimate_delay",
-    "without_delay",
-]
-
+__all__ = ["estimate_delay", "find_delay"]
 
 _REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
 _FARTHEST = 0.010  # s
@@ -72,27 +70,45 @@ _FEWEST = 40  # samples beside the ends of rebound, and of bump
 _STANDS = 0.2
 
 
-class Delay(NamedTuple):
-    """What is known of the delay between the channels.
-
-    Attributes
-    ----------
-    delay : float or None
-        Seconds by which the force is late; negative where the displacement is. None: not found.
-    uncertainty : float
-        s, about three standard errors; how samples and cycles fall is part of it.
-    reason : str
-        Why it is not found; empty where it is.
-    """
-
-    delay: float | None
-    uncertainty: float = 0.0
-    reason: str = ""
-
-    @property
-    def is_significant(self) -> bool:
-        """Whether the force is late, or early, beyond doubt."""
-        return self.delay is not None and abs(self.delay) > max(self.uncertainty, _LEAST)
+def find_delay(
+    log: UniformLog, trace: Trace, options: ConditionOptions
+) -> tuple[float, tuple[Finding, ...]]:
+    """Return by how much the force must be moved ahead, s, and what was found of the skew."""
+    is_auto = options.skew == "auto"
+    declared: tuple[Finding, ...] = ()
+    if not is_auto and options.skew != 0.0:
+        text = f"the force is moved {1e3 * float(options.skew):g} ms ahead, as declared"
+        declared = (Finding("skew_declared", "note", text, float(options.skew), "s"),)
+    seen: tuple[float, float] | str = "the rig's filter rounds the friction's jump"
+    if options.rig_filter == "none":
+        seen = estimate_delay(log, trace)
+    if isinstance(seen, str):
+        done = "nothing was corrected" if is_auto else "a late force looks like a low K_e"
+        text = f"it cannot be determined whether the force is late: {seen}; {done}"
+        severity = "warning" if is_auto else "note"
+        return 0.0, (*declared, Finding("skew", severity, text, None, "s"))
+    delay, uncertainty = seen
+    late = f"{1e3 * delay:.2f} ms late, within {1e3 * uncertainty:.2f} ms, "
+    text = f"the force is {late}taking its jump at the ends of the stroke for Coulomb friction"
+    if not abs(delay) > max(uncertainty, _LEAST):
+        text = f"force and displacement are together: {text}"
+        return 0.0, (*declared, Finding("skew", "note", text, delay, "s"))
+    if is_auto:
+        found = Finding("skew", "note", f"{text}; corrected", delay, "s", is_correction=True)
+        return delay, (found,)
+    whole = delay + float(options.skew)  # what was declared is no longer in the log looked at
+    setting = f"rig.skew = '{1e3 * whole:.1f}ms'"
+    if delay < 0.0:
+        text += f"; that affects K_e most: set {setting} if the rig is known to do so, or {{auto}}"
+    else:
+        text = (
+            f"the friction reverses {late}at the ends of the stroke: the force is late, or "
+            "the mounting is elastic and the force is right ({model} tries both; two frequencies "
+            "or more can distinguish them). A late "
+            f"force affects K_e most: only if the rig is known for it set {setting}, or {{auto}}"
+        )
+    values = {"auto": Option("skew", "auto"), "model": Option("model", "auto")}
+    return 0.0, (*declared, Finding("skew", "warning", text, delay, "s", values=values))
 
 
 class _Side(NamedTuple):
@@ -107,116 +123,77 @@ class _Side(NamedTuple):
 class _Scan(NamedTuple):
     """Sums of squares over the delays tried, and the jump at each end, N."""
 
+    delays: FloatArray
     rest: FloatArray
-    total: float
     jumps: FloatArray
-    n: int
 
 
-def estimate_delay(log: UniformLog, trace: Trace) -> Delay:
-    """Return the delay of the force from the friction's jump at the ends of the stroke.
+def estimate_delay(  # noqa: PLR0911 - one return a reason
+    log: UniformLog, trace: Trace
+) -> tuple[float, float] | str:
+    """Return by how much the force is late (negative: the displacement is), and its uncertainty, s.
 
-    Parameters
-    ----------
-    log : UniformLog
-        As logged, not filtered by us.
-    trace : Trace
-        Of the same log; its velocity tells the ends of the stroke.
+    About three standard errors; how samples and cycles fall is part of it. From the log as it was
+    recorded, not filtered by us; where it is not found, why.
     """
     ends = _ends(trace)
-    beside = [_in_order(*_beside(log, end)) for end in ends]
-    is_short = min(len(lag) for lag, _ in beside) < _FEWEST
-    if is_short or dwells_at_ends(log, np.concatenate(ends)):
-        found = "too few samples beside" if is_short else "the displacement rests at"
-        return Delay(None, reason=f"{found} the ends of the stroke")
+    beside = [_beside(log, end) for end in ends]
+    if min(len(lag) for lag, _ in beside) < _FEWEST:
+        return "too few samples beside the ends of the stroke"
+    if _rests_at(log, np.concatenate(ends)):
+        return "the displacement rests at the ends of the stroke"
     delays = np.arange(-_FARTHEST, _FARTHEST + 0.5 * _STEP, _STEP)
     smooth = [_without_smooth(*side, kink=None) for side in beside]
     kink = float(delays[np.argmin(_scan(smooth, delays, width=0.0).rest)])
     sides = [_without_smooth(*side, kink=kink) for side in beside]
-    nears = {width: _around(kink, 4.0 * _STEP, step) for width, step in _WIDTHS.items()}
-    scans = {width: _scan(sides, near, width=width) for width, near in nears.items()}
-    least = {width: float(scan.rest.min()) for width, scan in scans.items()}
+    total, n = sum(side.power for side in sides), sum(len(side.lag) for side in sides)
+    scans, least = {}, {}
+    for width, step in _WIDTHS.items():
+        reach = round(4.0 * _STEP / step)
+        tried = np.asarray(kink + step * np.arange(-reach, reach + 1), np.float64)
+        scans[width] = _scan(sides, tried, width=width)
+        least[width] = float(scans[width].rest.min())
     if least[0.0] <= _ROUNDED * least[_AS_IT_IS]:  # no sample on the jump that is worth a word
         least[_AS_IT_IS] = np.inf
     width = min(least, key=lambda tried: least[tried])
-    scan, near = scans[width], nears[width]
-    at = int(np.argmin(scan.rest))
-    variance = least[width] / (scan.n - 14)
-    jumps = scan.jumps[:, at]
-    if scan.total - least[width] < _CLEAR * variance:
-        return Delay(None, reason="no friction stands out at the ends of the stroke")
+    scan = scans[width]
+    best = int(np.argmin(scan.rest))
+    variance = least[width] / (n - 14)
+    jumps, delay = scan.jumps[:, best], float(scan.delays[best])
+    if total - least[width] < _CLEAR * variance:
+        return "no friction stands out at the ends of the stroke"
     if not jumps.min() > _ALIKE * jumps.max():
-        return Delay(None, reason="what jumps at the ends of the stroke is not friction alone")
-    sharp = min(least[0.0], least[_AS_IT_IS])
-    if width > _SHARP or sharp > _ROUNDED * least[width]:
+        return "what jumps at the ends of the stroke is not friction alone"
+    if width > _SHARP or min(least[0.0], least[_AS_IT_IS]) > _ROUNDED * least[width]:
         reason = "a filter in the rig, or seals that stretch before they slide"
-        return Delay(None, reason=f"the friction's jump is rounded by {reason}")
-    if abs(near[at]) > _FARTHEST - 1.5 * _STEP:
-        return Delay(None, reason=f"it would be more than {1e3 * _FARTHEST:.0f} ms")
-    fine = near[at] + np.linspace(-2.0 * _STEP, 2.0 * _STEP, 81)
-    rest = np.concatenate([scan.rest, _scan(sides, fine, width=width).rest])
-    like = np.concatenate([near, fine])[rest <= rest.min() + 9.0 * variance]
-    low, high = _between_samples(sides, float(like.min()), float(like.max()))
-    middle = 0.5 * float(like.min() + like.max())
-    half = max(high - middle, middle - low)
-    return Delay(middle, half + _given(log.interval) + 0.5 * width)
-
-
-def _around(middle: float, reach: float, step: float) -> FloatArray:
-    n = round(reach / step)
-    return np.asarray(middle + step * np.arange(-n, n + 1))
-
-
-def _between_samples(sides: Sequence[_Side], low: float, high: float) -> tuple[float, float]:
-    """Widen a range of delays to the samples beside it: between two of them all are alike.
-
-    Where the rate is a multiple of the frequency every cycle has its samples at the same places,
-    and the gap between them is a whole sample interval.
-    """
+        return f"the friction's jump is rounded by {reason}"
+    if abs(delay) > _FARTHEST - 1.5 * _STEP:
+        return f"it would be more than {1e3 * _FARTHEST:.0f} ms"
+    fine = _scan(sides, delay + np.linspace(-2.0 * _STEP, 2.0 * _STEP, 81), width=width)
+    rest = np.concatenate([scan.rest, fine.rest])
+    like = np.concatenate([scan.delays, fine.delays])[rest <= rest.min() + 9.0 * variance]
+    low, high = float(like.min()), float(like.max())
+    middle = 0.5 * (low + high)
+    # To the samples beside it: between two of them all delays are alike. Where the rate is a
+    # multiple of the frequency every cycle has its samples at the same places, and the gap between
+    # them is a whole sample interval.
     lags = np.sort(np.concatenate([side.lag for side in sides]))
     below, above = lags[lags <= low], lags[lags >= high]
-    return (
-        float(below[-1]) if len(below) else low,
-        float(above[0]) if len(above) else high,
-    )
-
-
-def _given(interval: float) -> float:
-    """Return what the smooth part may lean where few samples hold it, s."""
-    return max(_SYSTEMATIC, 0.1 * interval)
+    low = float(below[-1]) if len(below) else low
+    high = float(above[0]) if len(above) else high
+    # What the smooth part may lean where few samples hold it.
+    lean = max(_SYSTEMATIC, 0.1 * log.interval)
+    return middle, max(high - middle, middle - low) + lean + 0.5 * width
 
 
 def _ends(trace: Trace) -> tuple[FloatArray, FloatArray]:
     """Return when rebound ends and when bump ends, s; on a straight line over the cycles."""
-    v = trace.velocity
-    is_out = v > 0.0  # a sample at rest, v = 0, belongs to what follows a rebound
-    before = np.flatnonzero(is_out[:-1] != is_out[1:])
     stretch = trace.fastest
-    before = before[(before >= stretch.first) & (before < stretch.stop - 1)]
-    part = v[before] / (v[before] - v[before + 1])
-    at = trace.start_time + (before + part) * trace.interval
-    return _straight(at[is_out[before]], trace), _straight(at[~is_out[before]], trace)
-
-
-def dwells_at_ends(log: UniformLog, ends: FloatArray) -> bool:
-    """Whether a motion rests at its ends: a dwell, or a crank that goes through its play.
-
-    Friction turns anywhere in such a rest, so that its jump tells no delay.
-
-    Parameters
-    ----------
-    log : UniformLog
-        As logged: a filter rounds a short rest off.
-    ends : numpy.ndarray
-        When rebound and bump end, s.
-    """
-    far = int(_REACH / log.interval)
-    at = np.rint((ends - log.start_time) / log.interval).astype(np.int64)
-    at = at[(at >= far) & (at + far < len(log.displacement))]
-    x = log.displacement
-    half, whole = (mean_of(np.abs(x[at] - 0.5 * (x[at - n] + x[at + n]))) for n in (far // 2, far))
-    # Of five samples half are two: a sine has 0.16 of it there, where it has 0.25 of four.
-    return half < _STANDS * (2 * (far // 2) / far) ** 2 * whole
+    before, part, is_out = reversals(trace.velocity)
+    inside = (before >= stretch.first) & (before < stretch.stop - 1)
+    at = trace.start_time + (before + part)[inside] * trace.interval
+    is_out = is_out[inside]
+    return _straight(at[is_out], trace), _straight(at[~is_out], trace)
 
 
 def _straight(at: FloatArray, trace: Trace) -> FloatArray:
@@ -229,8 +206,23 @@ def _straight(at: FloatArray, trace: Trace) -> FloatArray:
     return np.asarray(mean_of(at) + (float(off @ (at - at[0])) / float(off @ off)) * off)
 
 
+def _rests_at(log: UniformLog, ends: FloatArray) -> bool:
+    """Whether a motion rests at its ends: a dwell, or a crank that goes through its play.
+
+    Friction turns anywhere in such a rest, so that its jump tells no delay. Looked at as logged: a
+    filter rounds a short rest off.
+    """
+    far = int(_REACH / log.interval)
+    at = np.rint((ends - log.start_time) / log.interval).astype(np.int64)
+    at = at[(at >= far) & (at + far < len(log.displacement))]
+    x = log.displacement
+    half, whole = (mean_of(np.abs(x[at] - 0.5 * (x[at - n] + x[at + n]))) for n in (far // 2, far))
+    # Of five samples half are two: a sine has 0.16 of it there, where it has 0.25 of four.
+    return half < _STANDS * (2 * (far // 2) / far) ** 2 * whole
+
+
 def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return time since the end and force of the samples around the ends, shape (n,) each."""
+    """Return time since the end and force of the samples around the ends, by rising time."""
     reach = int(_REACH / log.interval)
     nearest = np.rint((ends - log.start_time) / log.interval).astype(np.int64)
     index = nearest[:, np.newaxis] + np.arange(-reach, reach + 1)
@@ -240,7 +232,9 @@ def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
     if (block := int(_FINEST / log.interval)) > 1:
         n = lag.shape[1] // block * block
         lag, force = (a[:, :n].reshape(-1, block).mean(axis=1) for a in (lag, force))
-    return lag.ravel(), force.ravel()
+    lag, force = lag.ravel(), force.ravel()
+    order = np.argsort(lag)
+    return lag[order], force[order]
 
 
 def _without_smooth(lag: FloatArray, force: FloatArray, *, kink: float | None) -> _Side:
@@ -250,11 +244,6 @@ def _without_smooth(lag: FloatArray, force: FloatArray, *, kink: float | None) -
     columns, sums = np.empty((len(lag), row)), np.empty((len(lag) + 1, row))
     power = compiled_core().without_smooth(lag, force, columns, sums, _REACH, kink or 0.0)
     return _Side(lag, columns, sums, power)
-
-
-def _in_order(lag: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    order = np.argsort(lag)
-    return lag[order], force[order]
 
 
 def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
@@ -270,25 +259,4 @@ def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
         )
     jumps[0] *= -1.0
     total = sum(side.power for side in sides)
-    rest = np.maximum(rests.sum(axis=0), 1e-15 * total)
-    return _Scan(rest, total, jumps, sum(len(side.lag) for side in sides))
-
-
-def without_delay(log: UniformLog, delay: float) -> UniformLog:
-    """Return the log with the force moved ``delay`` seconds ahead, by a cubic spline.
-
-    What has no partner at the ends of the log is left out.
-    """
-    from scipy.interpolate import CubicSpline
-
-    samples = np.arange(len(log.force), dtype=np.float64)
-    wanted = samples + delay / log.interval
-    is_there = (wanted >= 0.0) & (wanted <= samples[-1])
-    first = int(np.argmax(is_there))
-    return UniformLog(
-        start_time=log.start_time + first * log.interval,
-        interval=log.interval,
-        displacement=log.displacement[is_there],
-        force=np.ascontiguousarray(CubicSpline(samples, log.force)(wanted[is_there])),
-        findings=log.findings,
-    )
+    return _Scan(delays, np.maximum(rests.sum(axis=0), 1e-15 * total), jumps)

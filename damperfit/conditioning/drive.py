@@ -2,9 +2,9 @@
 
 A damper answers the displacement as it was. The filter that force and displacement pass before
 they are compared would take the corners off a triangle wave before a model that is not linear
-sees them: at the true parameters a part of the force is then missed, and a wrong valley fits better
-than the truth. So the drive has a filter of its own, with a corner that is
-chosen from the log.
+sees them: at the true parameters a part of the force is then missed, and a wrong local minimum fits
+better than the truth. So the drive has a filter of its own, with a corner that is chosen from the
+log.
 
 What the compared filter leaves out, ``r = x - F x``, is split by frequency into motion S and noise
 N. Of steady cycles the lines of r at multiples of the frequency are motion, and what stands between
@@ -29,28 +29,28 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.filters import (
     apply_filter,
     design_filter,
     differentiate,
     fading_samples,
 )
+from damperfit.conditioning.signals import noise_of, parts_where
 from damperfit.recording import Drive
 from damperfit.statistics import mean_of, median, variance_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    from collections.abc import Sequence
-
+    from damperfit.conditioning.filters import FilteredLog
     from damperfit.conditioning.options import ConditionOptions
     from damperfit.conditioning.segments import FoundStretch
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Stretch
+
+    FloatArray = NDArray[np.float64]
 
 __all__ = [
     "content_beyond",
@@ -60,7 +60,6 @@ __all__ = [
     "make_drive",
     "unclear_turns",
 ]
-
 
 # Where a motion rests: a dwell between strokes, in which noise of the displacement is no speed.
 #
@@ -85,92 +84,64 @@ _TAKEN = 0.9  # of the samples differ from the one before, where steps are finer
 
 
 def dwells_of(displacement: FloatArray, interval: float) -> list[tuple[slice, float]]:
-    """Return the parts in which a motion rests, in order of time, and the level of each, m.
-
-    Parameters
-    ----------
-    displacement : numpy.ndarray
-        As logged, shape (n,), m.
-    interval : float
-        s.
-    """
+    """Return the parts in which a motion rests, in order of time, and the level of each, m."""
+    x = displacement
     n = max(_FEWEST, math.ceil(_SHORTEST / interval))
     hop = n // 2
-    starts = np.arange(0, len(displacement) - n + 1, hop)
-    away = np.abs(displacement[starts + n - 1] - displacement[starts])
-    noise = max(noise_of(displacement), _ROUNDING * float(np.ptp(displacement)))
-    noise = max(noise, _of_steps(displacement))
+    starts = np.arange(0, len(x) - n + 1, hop)
+    away = np.abs(x[starts + n - 1] - x[starts])
+    noise = max(noise_of(x), _ROUNDING * float(np.ptp(x)))
+    # Steps that a converter takes where many samples are equal are noise too.
+    steps = np.abs(np.diff(x))
+    taken = steps[steps > 0.0]
+    if 0 < len(taken) < _TAKEN * len(steps):
+        noise = max(noise, float(taken.min()) / math.sqrt(12.0))
     near = starts[away <= 2.0 * _SCATTER * noise]
     if not len(near):
         return []
     reach = np.linspace(-1.0, 1.0, n)
     forms = np.stack([reach, reach**2 - mean_of(reach**2)])
     forms /= np.linalg.norm(forms, axis=1)[:, None]
-    slopes = np.abs(displacement[near[:, None] + np.arange(n)] @ forms.T)
+    slopes = np.abs(x[near[:, None] + np.arange(n)] @ forms.T)
     flat = near[(slopes <= _CLEAR * noise).all(axis=1)].tolist()
-    still = [start for start in flat if _is_level(displacement[start : start + n], noise)]
+    still = [start for start in flat if _is_level(x[start : start + n], noise)]
+    if not still:
+        return []
+    # Looks at one level are one rest; noise alone refuses one in 200 between.
+    levels = [mean_of(x[start : start + n]) for start in still]
+    breaks = [
+        k
+        for k in range(1, len(still))
+        if still[k] - still[k - 1] > 2 * n or abs(levels[k] - levels[k - 1]) > _CLEAR * noise
+    ]
     found = []
-    for begin, end in _joined(displacement, still, n, noise):
-        rest = _widened(displacement, begin, end, noise, hop)
-        level = mean_of(displacement[rest])
-        if _is_level(displacement[rest], noise) and _is_left(displacement, rest, level, noise):
+    for first, stop in pairwise([0, *breaks, len(still)]):
+        begin, end = still[first], still[stop - 1] + n
+        # With the samples beside it that lie at its level too.
+        level = mean_of(x[begin:end])
+        before = np.abs(x[max(begin - hop, 0) : begin][::-1] - level) > _CLEAR * noise
+        behind = np.abs(x[end : end + hop] - level) > _CLEAR * noise
+        rest = slice(begin - _before_two(before), end + _before_two(behind))
+        level = mean_of(x[rest])
+        # The motion comes to it and leaves it at a speed, as far as the log goes.
+        half = (rest.stop - rest.start) // 2
+        sides = (x[max(rest.start - half, 0) : rest.start], x[rest.stop : rest.stop + half])
+        far = [bool(np.any(np.abs(side - level) >= _GONE * noise)) for side in sides if len(side)]
+        if _is_level(x[rest], noise) and far and all(far):
             found.append((rest, level))
     return found
 
 
 def dwell_lengths(velocity: FloatArray) -> list[int]:
-    """Return how many samples each part has in which a drive is at no speed.
-
-    Parameters
-    ----------
-    velocity : numpy.ndarray
-        Of what drives the model, shape (n,), m/s.
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], velocity == 0.0, [False]])))
-    return [int(n) for n in edges[1::2] - edges[::2] if n >= _FEWEST]
-
-
-def _of_steps(x: FloatArray) -> float:
-    """Return the noise of the steps that a converter takes where many samples are equal, m."""
-    steps = np.abs(np.diff(x))
-    taken = steps[steps > 0.0]
-    is_coarse = 0 < len(taken) < _TAKEN * len(steps)
-    return float(taken.min()) / math.sqrt(12.0) if is_coarse else 0.0
+    """Return how many samples each part has in which a drive is at no speed."""
+    starts, stops = parts_where(velocity == 0.0)
+    return [n for n in (stops - starts).tolist() if n >= _FEWEST]
 
 
 def _is_level(part: FloatArray, noise: float) -> bool:
     """Whether samples scatter about their mean as noise does."""
     allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * len(part))
     return float(np.std(part)) <= allowed * noise
-
-
-def _is_left(x: FloatArray, part: slice, level: float, noise: float) -> bool:
-    """Whether the motion comes to a rest and leaves it at a speed, as far as the log goes."""
-    half = (part.stop - part.start) // 2
-    sides = (x[max(part.start - half, 0) : part.start], x[part.stop : part.stop + half])
-    far = [bool(np.any(np.abs(side - level) >= _GONE * noise)) for side in sides if len(side)]
-    return bool(far) and all(far)
-
-
-def _joined(x: FloatArray, starts: list[int], n: int, noise: float) -> Iterator[tuple[int, int]]:
-    """Yield the parts that looks at one level make; noise alone refuses one in 200 between."""
-    levels = [mean_of(x[start : start + n]) for start in starts]
-    breaks = [
-        k
-        for k in range(1, len(starts))
-        if starts[k] - starts[k - 1] > 2 * n or abs(levels[k] - levels[k - 1]) > _CLEAR * noise
-    ]
-    for first, stop in pairwise([0, *breaks, len(starts)]):
-        if stop > first:
-            yield starts[first], starts[stop - 1] + n
-
-
-def _widened(x: FloatArray, begin: int, end: int, noise: float, hop: int) -> slice:
-    """Return a part with the samples beside it that lie at its level too."""
-    level = mean_of(x[begin:end])
-    before = np.abs(x[max(begin - hop, 0) : begin][::-1] - level) > _CLEAR * noise
-    behind = np.abs(x[end : end + hop] - level) > _CLEAR * noise
-    return slice(begin - _before_two(before), end + _before_two(behind))
 
 
 def _before_two(far: NDArray[np.bool_]) -> int:
@@ -193,8 +164,6 @@ _ON_SAMPLES = 0.004  # of the samples: 1 % cost 2 % of the friction and of R_m3
 _HALF = math.log(2.0)  # median over mean of the power of noise
 _LINES = 8.0  # that tell the noise of an order, near enough
 _CLEAR_DRIVE = 8.0  # a line of pure noise is so much above its mean once in 3000
-
-
 # Hz; hum and what rectifiers make of it. A line there is hum where it has so many times the power
 # of all that lies beside it: the orders of a motion have neighbours of their own size.
 _MAINS = (50.0, 60.0)
@@ -213,25 +182,17 @@ class _Spectrum(NamedTuple):
 
 
 def make_drive(
-    log: UniformLog,
-    filtered: FloatArray,
-    velocity: FloatArray,
-    found: Sequence[FoundStretch],
-    options: ConditionOptions,
+    seen: FilteredLog, found: Sequence[FoundStretch], options: ConditionOptions
 ) -> Drive:
-    """Return the displacement and velocity that drive the model."""
-    if options.rig_filter != "none" or options.filter == "none":
-        return Drive(filtered, velocity, math.inf)
-    drive = _least_in_error(log, filtered, velocity, found, options)
-    return _at_rest(drive, log, [one.stretch for one in found])
-
-
-def _at_rest(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -> Drive:
-    """Return the drive without noise where the compared motion rests."""
+    """Return the displacement and velocity that drive the model; at the level where it rests."""
+    if not options.is_ours:
+        return Drive(seen.displacement, seen.velocity, math.inf)
+    log = seen.log
+    drive = _least_in_error(seen, found, options)
     rests = [
         (part, level)
         for part, level in dwells_of(log.displacement, log.interval)
-        if any(one.first < part.stop and part.start < one.stop for one in stretches)
+        if any(one.stretch.first < part.stop and part.start < one.stretch.stop for one in found)
     ]
     if not rests:
         return drive
@@ -242,179 +203,114 @@ def _at_rest(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -> Dri
 
 
 def _least_in_error(
-    log: UniformLog,
-    filtered: FloatArray,
-    velocity: FloatArray,
-    found: Sequence[FoundStretch],
-    options: ConditionOptions,
+    seen: FilteredLog, found: Sequence[FoundStretch], options: ConditionOptions
 ) -> Drive:
-    rest = log.displacement - filtered
-    corners = [
-        _corner(rest, velocity, one.stretch, options, interval=log.interval) for one in found
-    ]
-    lowest = options.filter_corner
+    log, rate, lowest = seen.log, 1.0 / seen.log.interval, options.filter_corner
+    order = options.filter_order
+    left_out = log.displacement - seen.displacement
+    corners = [_corner(left_out, seen.velocity, one.stretch, options, rate) for one in found]
     is_whole = all(math.isinf(one.begin) and math.isinf(one.end) for one in found)
     if is_whole and max(corners) <= lowest:
-        return Drive(filtered, velocity, lowest)
-    wide = max(corners) if is_whole else _between(log, velocity, options)
-    x, v = _passed(log, max(wide, lowest), options)
-    passed = {lowest: (filtered, velocity)}
+        return Drive(seen.displacement, seen.velocity, lowest)
+    wide = max(corners)
+    if not is_whole:
+        # A change of speed must reach the model as it was, and what noise does there is soon
+        # forgotten: the highest corner at which the noise of the velocity is half a per cent of
+        # the fastest speed.
+        allowed = _NOISE_BETWEEN * float(np.abs(seen.velocity).max())
+        density = 2.0 * noise_of(log.displacement) ** 2 / rate
+        wide = (3.0 * allowed**2 / max(density * 4.0 * math.pi**2, 1e-300)) ** (1.0 / 3.0)
+        wide = float(max(min(wide, _HIGHEST * rate), lowest))
+    passed = {lowest: (seen.displacement, seen.velocity)}
+
+    def behind(corner: float) -> tuple[FloatArray, FloatArray]:
+        design = design_filter("zero_phase", corner, sample_rate=rate, order=order)
+        displacement = apply_filter(design, log.displacement)
+        return displacement, differentiate(displacement, log.interval)
+
+    reach = fading_samples(design_filter("zero_phase", lowest, sample_rate=rate, order=order))
+    x, v = behind(max(wide, lowest))
     for one, corner in zip(found, corners, strict=True):
         if corner not in passed:
-            passed[corner] = _passed(log, corner, options)
-        inside = _inside(one, len(x), options, interval=log.interval)
+            passed[corner] = behind(corner)
+        # Far enough from what went before and comes behind.
+        first = max(0, math.ceil(one.begin) + reach) if math.isfinite(one.begin) else 0
+        stop = math.floor(one.end) - reach if math.isfinite(one.end) else len(x)
+        inside = slice(first, max(first, stop))
         x[inside], v[inside] = (channel[inside] for channel in passed[corner])
     return Drive(x, v, max(corners))
 
 
-def _inside(one: FoundStretch, n: int, options: ConditionOptions, *, interval: float) -> slice:
-    """Return where a stretch is far enough from what went before and comes behind."""
-    design = design_filter(
-        "zero_phase", options.filter_corner, sample_rate=1.0 / interval, order=options.filter_order
-    )
-    reach = fading_samples(design)
-    first = max(0, math.ceil(one.begin) + reach) if math.isfinite(one.begin) else 0
-    stop = math.floor(one.end) - reach if math.isfinite(one.end) else n
-    return slice(first, max(first, stop))
-
-
-def _between(log: UniformLog, velocity: FloatArray, options: ConditionOptions) -> float:
-    """Return the corner where one motion goes over to another, Hz.
-
-    A change of speed must reach the model as it was, and what noise does there is soon forgotten:
-    the highest corner at which the noise of the velocity is half a per cent of the fastest speed.
-    """
-    noise = noise_of(log.displacement)
-    rate = 1.0 / log.interval
-    allowed = _NOISE_BETWEEN * float(np.abs(velocity).max())
-    density = 2.0 * noise**2 / rate
-    corner = (3.0 * allowed**2 / max(density * 4.0 * math.pi**2, 1e-300)) ** (1.0 / 3.0)
-    return float(max(min(corner, _HIGHEST * rate), options.filter_corner))
-
-
-def _passed(
-    log: UniformLog, corner: float, options: ConditionOptions
-) -> tuple[FloatArray, FloatArray]:
-    """Return displacement and velocity behind a filter of this corner."""
-    design = design_filter(
-        "zero_phase", corner, sample_rate=1.0 / log.interval, order=options.filter_order
-    )
-    displacement = apply_filter(design, log.displacement)
-    return displacement, differentiate(displacement, log.interval)
-
-
 def _corner(
-    rest: FloatArray,
+    left_out: FloatArray,
     velocity: FloatArray,
     stretch: Stretch,
     options: ConditionOptions,
-    *,
-    interval: float,
+    rate: float,
 ) -> float:
-    """Return the corner of the drive that errs least over a stretch, Hz; infinite: no filter."""
-    seen = _seen(rest, stretch, interval)
-    lowest = options.filter_corner
-    lost = float(np.sum(seen.motion))
-    if not lost > _LOST**2 * variance_of(velocity[stretch.window]):
+    """Return the corner of the drive that errs least over a stretch, Hz."""
+    if stretch.n_cycles >= 2:
+        seen = _of_cycles(left_out, stretch)
+    else:
+        seen = _of_motion(left_out[stretch.window], 1.0 / rate)
+    lowest, order = options.filter_corner, options.filter_order
+    if not float(np.sum(seen.motion)) > _LOST**2 * variance_of(velocity[stretch.window]):
         return lowest
-    rate = 1.0 / interval
     highest = max(_HIGHEST * rate, lowest)
-    tried = np.geomspace(lowest, highest, math.ceil(math.log2(highest / lowest) / _STEP) + 1)
-    errors = _errors(seen, tried, rate, options.filter_order)
-    return float(tried[int(np.argmin(errors))])
-
-
-def _errors(seen: _Spectrum, corners: FloatArray, rate: float, order: int) -> list[float]:
-    """Mean square error of the velocity behind filters of these corners, m2/s2."""
+    corners = np.geomspace(lowest, highest, math.ceil(math.log2(highest / lowest) / _STEP) + 1)
     warped = np.tan(np.pi * np.minimum(seen.frequency, 0.499 * rate) / rate) ** (2 * order)
     errors = []
     for bar in (np.tan(np.pi * corners / rate) ** (2 * order) / (math.sqrt(2.0) - 1.0)).tolist():
         gain = 1.0 / (1.0 + warped / bar)
         errors.append(float(seen.motion @ (1.0 - gain) ** 2 + seen.noise @ gain**2))
-    return errors
+    return float(corners[int(np.argmin(errors))])
 
 
-def _seen(rest: FloatArray, stretch: Stretch, interval: float) -> _Spectrum:
-    """Split what the compared filter leaves out of a stretch into motion and noise."""
-    if stretch.n_cycles >= 2:
-        return _of_cycles(rest, stretch)
-    return _of_motion(rest[stretch.window], interval)
-
-
-def _of_cycles(rest: FloatArray, stretch: Stretch) -> _Spectrum:
+def _of_cycles(left_out: FloatArray, stretch: Stretch) -> _Spectrum:
     """Lines at multiples of the frequency are motion, as far as they stand out of the others."""
     starts, n_cycles = stretch.cycle_starts, stretch.n_cycles
     a_cycle = max(8, round(mean_of(np.diff(starts))))
     steps = np.arange(a_cycle) / a_cycle
     positions = (starts[:-1, None] + np.diff(starts)[:, None] * steps).ravel()
-    even = np.interp(positions, np.arange(len(rest)), rest)
+    even = np.interp(positions, np.arange(len(left_out)), left_out)
     lines = np.fft.rfft(even)
     power = (2.0 / len(even) ** 2) * (lines.real**2 + lines.imag**2)
     frequency = np.arange(len(power)) * stretch.frequency / n_cycles
     n_orders = (len(power) - 1) // n_cycles
     # Row k: the line at k times the frequency, then those up to the next one.
     table = power[: n_orders * n_cycles].reshape(n_orders, n_cycles)
-    between = _between_orders(table[:, 1:])
-    motion = np.zeros(len(power))
+    between = table[:, 1:].mean(axis=1)
+    # Few lines between two orders do not tell the noise: two cycles have one, and a ninth of pure
+    # noise would stand out of that. Those of its neighbours count too.
+    reach = math.ceil(0.5 * (_LINES / (n_cycles - 1) - 1.0))
+    if reach >= 1:
+        sums = np.concatenate([[0.0], np.cumsum(between)])
+        low = np.maximum(np.arange(n_orders) - reach, 0)
+        high = np.minimum(np.arange(n_orders) + reach + 1, n_orders)
+        between = (sums[high] - sums[low]) / (high - low)
     # A line of noise is exponential: above its mean by half of its own size on average.
-    motion[: n_orders * n_cycles : n_cycles] = np.maximum(table[:, 0] - between, 0.0)
-    motion[: n_orders * n_cycles : n_cycles] *= table[:, 0] > _CLEAR_DRIVE * between
+    orders = np.maximum(table[:, 0] - between, 0.0) * (table[:, 0] > _CLEAR_DRIVE * between)
     for order in _hum(stretch.frequency, n_orders):
         beside = [k for k in range(order - 2, order + 3) if k != order and 0 < k < n_orders]
         if table[order, 0] > _ALONE * max((table[k, 0] for k in beside), default=math.inf):
-            motion[order * n_cycles] = 0.0
+            orders[order] = 0.0
+    motion = np.zeros(len(power))
+    motion[: n_orders * n_cycles : n_cycles] = orders
     noise = np.repeat(between, n_cycles)
     noise = np.concatenate([noise, np.full(len(power) - len(noise), noise[-1])])
     speed = (2.0 * np.pi * frequency) ** 2
     return _Spectrum(frequency, speed * motion, speed * noise)
 
 
-def _between_orders(lines: FloatArray) -> FloatArray:
-    """Return the noise by order, (orders,): where few lines tell it, those of its neighbours too.
-
-    Two cycles have one line between: a ninth of pure noise would stand out of that.
-    """
-    means = lines.mean(axis=1)
-    n_orders, n_lines = lines.shape
-    reach = math.ceil(0.5 * (_LINES / n_lines - 1.0))
-    if reach < 1:
-        return np.asarray(means)
-    sums = np.concatenate([[0.0], np.cumsum(means)])
-    low = np.maximum(np.arange(n_orders) - reach, 0)
-    high = np.minimum(np.arange(n_orders) + reach + 1, n_orders)
-    return np.asarray((sums[high] - sums[low]) / (high - low))
-
-
-def _of_motion(rest: FloatArray, interval: float) -> _Spectrum:
+def _of_motion(left_out: FloatArray, interval: float) -> _Spectrum:
     """Noise is white: as strong everywhere as near half the sample rate."""
-    taper = np.hanning(len(rest) + 2)[1:-1]
-    power = 2.0 * np.abs(np.fft.rfft(rest * taper)) ** 2 / (len(rest) * float(taper @ taper))
-    frequency = np.fft.rfftfreq(len(rest), interval)
+    taper = np.hanning(len(left_out) + 2)[1:-1]
+    power = 2.0 * np.abs(np.fft.rfft(left_out * taper)) ** 2
+    power /= len(left_out) * float(taper @ taper)
+    frequency = np.asarray(np.fft.rfftfreq(len(left_out), interval), np.float64)
     top = (frequency > _TOP[0] / interval) & (frequency < _TOP[1] / interval)
     level = median(power[top]) / _HALF if top.any() else 0.0
-    # In bands, so that single lines of noise do not pass for motion.
-    width = max(1, len(power) // 100)
-    edges = np.arange(0, len(power), width)
-    widths = np.diff([*edges, len(power)])
-    means = np.add.reduceat(_without_hum(power, frequency), edges) / widths
-    excess = np.maximum(means - level * (1.0 + 3.0 / math.sqrt(width)), 0.0)
-    motion: FloatArray = np.repeat(excess, widths).astype(np.float64)
-    speed = (2.0 * np.pi * frequency) ** 2
-    return _Spectrum(
-        np.asarray(frequency, np.float64),
-        np.asarray(speed * motion),
-        np.asarray(speed * np.full(len(power), level)),
-    )
-
-
-def _hum(spacing: float, n_lines: int) -> list[int]:
-    """Return the places of the mains and its multiples among lines that lie so far apart, Hz."""
-    places = (round(k * one / spacing) for one in _MAINS for k in range(1, _MULTIPLES + 1))
-    return sorted({place for place in places if 0 < place < n_lines})
-
-
-def _without_hum(power: NDArray[Any], frequency: NDArray[Any]) -> NDArray[Any]:
-    """Return the power of a record with what lies beside them in place of lines of the mains."""
+    # Lines of the mains have the power of what lies beside them.
     kept = power.copy()
     wide, far = _BESIDE
     for place in _hum(float(frequency[1]), len(power) - far):
@@ -422,7 +318,20 @@ def _without_hum(power: NDArray[Any], frequency: NDArray[Any]) -> NDArray[Any]:
         beside = [*power[max(place - far, 0) : line.start], *power[line.stop : place + far + 1]]
         if power[line].max() > _ALONE * max(beside):
             kept[line] = np.mean(beside)
-    return kept
+    # In bands, so that single lines of noise do not pass for motion.
+    width = max(1, len(power) // 100)
+    edges = np.arange(0, len(power), width)
+    widths = np.diff([*edges, len(power)])
+    means = np.add.reduceat(kept, edges) / widths
+    excess = np.maximum(means - level * (1.0 + 3.0 / math.sqrt(width)), 0.0)
+    speed = (2.0 * np.pi * frequency) ** 2
+    return _Spectrum(frequency, speed * np.repeat(excess, widths), speed * level)
+
+
+def _hum(spacing: float, n_lines: int) -> list[int]:
+    """Return the places of the mains and its multiples among lines that lie so far apart, Hz."""
+    places = (round(k * one / spacing) for one in _MAINS for k in range(1, _MULTIPLES + 1))
+    return sorted({place for place in places if 0 < place < n_lines})
 
 
 def unclear_turns(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -> list[int]:
@@ -440,7 +349,7 @@ def unclear_turns(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -
     n = sum(int(np.count_nonzero(alone[one.window])) for one in stretches)
     if n < _ON_SAMPLES * sum(one.n_samples for one in stretches):
         return []
-    return [int(one) for one in np.flatnonzero(alone)]
+    return np.flatnonzero(alone).tolist()
 
 
 def content_beyond(displacement: FloatArray, interval: float, corner: float) -> float:
@@ -462,7 +371,7 @@ def content_beyond(displacement: FloatArray, interval: float, corner: float) -> 
 #
 # It is taken for straight only as a whole: lines whose samples lie off them by no more than noise
 # does, and corners whose nearest samples do too. A turn that a rig takes 0.5 ms for at 1 kHz lies
-# 30 um off its lines and drives the model as any motion does (`damperfit.conditioning.drive`).
+# 30 um off its lines and drives the model as any motion does.
 
 _LEVERS = (4e-3, 16e-3)  # s; a turn is looked for in samples so far apart; noise needs the longer
 _CLEAR_STRAIGHT = 10.0  # times the noise of that look
@@ -490,68 +399,39 @@ class _Line(NamedTuple):
         """Return its error there for a noise of 1."""
         return math.sqrt(1.0 / self.n + (sample - self.middle) ** 2 / self.power)
 
-    def at_rest(self, noise: float) -> _Line:
-        """Return the line, level where it only seems to rise: friction would slide one way."""
-        is_level = abs(self.slope) <= _AT_REST * noise / math.sqrt(self.power)
-        return self._replace(slope=0.0) if is_level else self
-
 
 def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Drive | None:
     """Return the drive of a log that moves in straight lines; None where it does not.
 
-    Parameters
-    ----------
-    displacement : numpy.ndarray
-        As logged, shape (n,), m.
-    interval : float
-        s.
-    part : slice
-        The samples that drive the model. Beyond them the drive is what was logged, without sense,
-        but for a few samples where a line would be too short to be told by those of the part.
+    `part` are the samples that drive the model. Beyond them the drive is what was logged, without
+    sense, but for a few samples where a line would be too short to be told by those of the part.
     """
     first, stop, _ = part.indices(len(displacement))
     for seconds in _LEVERS:
         lever = max(2, round(seconds / interval))
         for times in range(_LENGTHENED + 1):
             more = times * (lever + _FEWEST)
-            longer = slice(max(first - more, 0), min(stop + more, len(displacement)))
-            x = displacement[longer]
+            begin, end = max(first - more, 0), min(stop + more, len(displacement))
+            x = displacement[begin:end]
             noise = max(noise_of(x), _ROUNDING * float(np.ptp(x)))
             turns = _turns(x, lever, noise)
             if not turns:
                 break
-            found = _found(x, turns, lever, noise)
-            if found is not None:
-                return _driving(displacement, interval, longer, *found)
+            turns = _refined(x, turns, lever)
+            lines = _lines(x, turns, noise)
+            jumps = _crossings(x, turns, lines, noise) if lines else None
+            if not lines or jumps is None:
+                continue
+            whole, speed = displacement.copy(), np.zeros(len(displacement))
+            # A sample at which it turns has the speed after it.
+            edges = [0, *np.ceil(jumps[:, 0]).astype(np.int64).tolist(), end - begin]
+            for line, (low, high) in zip(lines, pairwise(edges), strict=True):
+                whole[begin + low : begin + high] = line.at(np.arange(low, high))
+                speed[begin + low : begin + high] = line.slope / interval
+            jumps[:, 0] += begin
+            jumps[:, 2:] /= interval
+            return Drive(whole, speed, math.inf, jumps)
     return None
-
-
-def _found(
-    x: FloatArray, turns: list[int], lever: int, noise: float
-) -> tuple[list[_Line], FloatArray] | None:
-    """Return the lines and where they cross; None where a part of it is not straight."""
-    turns = _refined(x, turns, lever)
-    lines = _lines(x, turns, noise)
-    if not lines:
-        return None
-    lines = [line.at_rest(noise) for line in lines]
-    jumps = _crossings(x, turns, lines, noise)
-    return None if jumps is None else (lines, jumps)
-
-
-def _driving(
-    displacement: FloatArray, interval: float, part: slice, lines: list[_Line], jumps: FloatArray
-) -> Drive:
-    first, n = part.start, part.stop - part.start
-    whole, speed = displacement.copy(), np.zeros(len(displacement))
-    # A sample at which it turns has the speed after it.
-    edges = [0, *np.ceil(jumps[:, 0]).astype(np.int64).tolist(), n]
-    for line, (begin, end) in zip(lines, pairwise(edges), strict=True):
-        whole[first + begin : first + end] = line.at(np.arange(begin, end))
-        speed[first + begin : first + end] = line.slope / interval
-    jumps[:, 0] += first
-    jumps[:, 2:] /= interval
-    return Drive(whole, speed, math.inf, jumps)
 
 
 def _turns(x: FloatArray, lever: int, noise: float) -> list[int] | None:
@@ -585,7 +465,10 @@ def _refined(x: FloatArray, turns: list[int], lever: int) -> list[int]:
 
 
 def _lines(x: FloatArray, turns: list[int], noise: float, *, margin: int = 1) -> list[_Line] | None:
-    """Return the lines before, between and behind turns; None where one is not straight."""
+    """Return the lines before, between and behind turns; None where one is not straight.
+
+    A line that only seems to rise is level: friction would slide one way.
+    """
     lines = []
     for before, behind in pairwise([-margin - 1, *turns, len(x) + margin]):
         at = np.arange(before + margin + 1, behind - margin)
@@ -600,7 +483,8 @@ def _lines(x: FloatArray, turns: list[int], noise: float, *, margin: int = 1) ->
         allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * n)
         if math.sqrt(float(rest @ rest) / n) > allowed * noise:
             return None
-        lines.append(_Line(middle, level, slope, n, power))
+        is_level = math.isfinite(noise) and abs(slope) <= _AT_REST * noise / math.sqrt(power)
+        lines.append(_Line(middle, level, 0.0 if is_level else slope, n, power))
     return lines
 
 

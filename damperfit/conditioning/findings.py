@@ -1,5 +1,10 @@
 """What the data of a log show of its quality: findings with a severity, never a change of the data.
 
+`examine` looks at a log whose cycles are known, `examine_raw` at one that was refused. One function
+makes one finding; `_FINDINGS` says in which order they are told. Those of the stamps are made in
+`damperfit.conditioning.timebase`, of one channel in `channels`, of signs, tare and skew in
+`polarity`.
+
 Limits, and what the faults cost near them (`python -m tests.conditioning.limits`; the largest error
 at settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 
@@ -9,119 +14,251 @@ at settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 - Rates down to 66 Hz (44 samples a cycle, half the rate just above the filter's corner) cost
   nothing; what a low rate does cost is the spline's velocity, w^4/180 with w = 2 pi / samples in a
   cycle.
+- A force offset that drifts by 1 % of the peak force costs 1.6 % of K_e, by 3 % 5 %; a mid-stroke
+  that drifts by 5 % of the amplitude 0.7 %.
+
+Peaks that fall from the first cycle to the last are no scatter: oil that warms up does that. A
+curve of second degree through them is taken off before they are said to scatter.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.channels import Channel, examine_channel, find_spikes, noise_of
+from damperfit.conditioning.channels import examine_channels
 from damperfit.conditioning.cycles import clean_cycles, harmonic_powers
 from damperfit.conditioning.drive import content_beyond, dwell_lengths
 from damperfit.conditioning.filters import fitting_corner, gain_at
-from damperfit.conditioning.repeatability import examine_repeatability
+from damperfit.conditioning.noise import (
+    falls_off,
+    noise_beside_motion,
+    noise_floor,
+    noise_ratio,
+    tone,
+)
+from damperfit.conditioning.signals import noise_of, parts_where
+from damperfit.problem import Option
 from damperfit.recording import Finding
 from damperfit.statistics import mean_of, median, percentiles
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
     from damperfit.conditioning.cycles import Cycles
     from damperfit.conditioning.options import ConditionOptions
     from damperfit.conditioning.timebase import UniformLog
-    from damperfit.recording import Trace
+    from damperfit.recording import Recording, Stretch, Trace
 
     FloatArray = NDArray[np.float64]
-    from damperfit.recording import Recording
 
-    IntArray = NDArray[np.int64]
-
-    from damperfit.conditioning.options import NominalTest
-    from damperfit.recording import Stretch
-
-__all__ = [
-    "bridge_spikes",
-    "check_velocity",
-    "examine",
-    "examine_motion",
-    "examine_raw",
-    "falls_off",
-    "noise_ratio",
-]
+__all__ = ["check_velocity", "examine", "examine_raw", "samples_a_cycle"]
 
 
-_VELOCITY_NOISE = 0.35  # % of the peak velocity
-_HARMONICS = 8.0
-_BEYOND_HALF = 2.0  # % of the speed; noise of 8 um makes far less, a triangle far more
-_TELLING = 20.0  # samples in a cycle, from which on noise can be told from motion
-_OTHER_FORCE = 0.2  # of the larger; a damper that warms up within a log changes by less
-_DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
-_SOON, _SAME = 3.0, 0.01  # cycles; of frequency and amplitude
-_MANY_ELSEWHERE = 2  # steady cycles beyond a break; one may be chance in a run-up
-_LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is as much
-_NEAR = 0.2  # of the nominal test: further off another test was meant
-_FREQUENCY_KEYS = ("frequency", "test frequency", "frequency_hz", "frequency (hz)")
-_AMPLITUDE_KEYS = ("amplitude", "test amplitude", "amplitude_mm", "amplitude (mm)")
+class _Seen:
+    """A log, and what has become of it."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        log: UniformLog,
+        trace: Trace,
+        cycles: Cycles | None,
+        options: ConditionOptions,
+    ) -> None:
+        self.recording, self.log, self.trace = recording, log, trace
+        self.cycles, self.options = cycles, options  # None: no single steady run
+        self.rate = 1.0 / trace.interval
+
+    def rows(self, first: Stretch, last: Stretch) -> slice:
+        """Return the rows from the beginning of a stretch to the end of another."""
+        ends = np.array([first.first, last.stop], dtype=np.float64)
+        if first.n_cycles and last.n_cycles:
+            ends = np.array([first.cycle_starts[0], last.cycle_starts[-1]])
+        times = self.trace.start_time + self.trace.interval * ends
+        begin, stop = np.searchsorted(self.recording.time, times)
+        return slice(int(begin), int(stop) + 1)
+
+    def longest(self, *, fewest: int) -> Stretch | None:
+        """Return the longest stretch of so many cycles, if there is one."""
+        steady = [one for one in self.trace.stretches if one.n_cycles >= fewest]
+        return max(steady, key=lambda one: one.n_samples, default=None)
+
+    def starts_in_log(self, stretch: Stretch) -> FloatArray:
+        """Return where the cycles of a stretch begin, in samples of the log."""
+        ahead = (self.trace.start_time - self.log.start_time) / self.log.interval
+        return stretch.cycle_starts + round(ahead)
+
+    @cached_property
+    def starts(self) -> FloatArray:
+        """Boundaries of the clean cycles of the fastest stretch, samples; none: nothing repeats."""
+        fastest = self.trace.fastest
+        return clean_cycles(fastest) if fastest.n_cycles else fastest.cycle_starts
+
+    def extremes(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the highest and the lowest value of each of these cycles."""
+        edges = np.rint(self.starts).astype(np.int64)
+        inside = values[: edges[-1]]
+        return np.maximum.reduceat(inside, edges[:-1]), np.minimum.reduceat(inside, edges[:-1])
+
+    @cached_property
+    def floor(self) -> float:
+        """Noise floor, %; NaN where no two cycles tell it."""
+        return noise_floor(self.trace) if len(self.starts) >= 3 else math.nan
+
+    @cached_property
+    def peaks(self) -> tuple[_Peaks, _Peaks]:
+        """How the peaks of rebound and of bump repeat."""
+        tops, bottoms = self.extremes(self.trace.force)
+        return _peaks(tops), _peaks(bottoms)
+
+    @property
+    def peak_size(self) -> float:
+        """Size of the larger of both, N: a smaller one scatters more in per cent, not worse."""
+        return max(abs(one.mean) for one in self.peaks)
+
+    @cached_property
+    def is_trending(self) -> bool:
+        """Whether the peaks go one way; both move the same way where the zero drifts."""
+        if not math.isfinite(self.floor):
+            return False
+        up, down = (one.trend or (0.0, 0.0) for one in self.peaks)
+        fall = 0.5 * abs(up[1] - up[0] - down[1] + down[0])
+        return 100.0 * fall / self.peak_size > _FALL
+
+    @cached_property
+    def warming(self) -> tuple[float, float] | None:
+        """Temperature of the first and of the last cycle, degC, where it changes."""
+        recording, trace = self.recording, self.trace
+        if recording.temperature is None:
+            return None
+        ends = []
+        for edges in (self.starts[:2], self.starts[-2:]):
+            begin, end = trace.start_time + trace.interval * edges
+            inside = (recording.time >= begin) & (recording.time <= end)
+            ends.append(mean_of(recording.temperature[inside]))
+        return (ends[0], ends[1]) if abs(ends[1] - ends[0]) >= _WARMER else None
 
 
-def examine_motion(
+def examine(
+    recording: Recording,
     log: UniformLog,
     trace: Trace,
     cycles: Cycles | None,
     options: ConditionOptions,
-    *,
-    metadata: Mapping[str, str],
-) -> Iterator[Finding]:
-    """Yield what is remarkable in the steady cycles of a log."""
-    yield _sample_rate(trace, options)
-    yield from _filter_loss(trace)
-    yield from _few_harmonics(trace, options)
-    yield from _displacement_noise(log, trace, options)
-    yield from _drive(trace, options)
-    yield from _rests(trace)
-    if cycles is None:
-        yield _stretches(trace)
-        yield from _broken(trace)
-        yield from _another_force(trace)
-    else:
-        yield _cycles(trace)
-        yield from _unsteady(log, trace, cycles)
-        yield _frequency(metadata, trace, options)
-        yield _amplitude(metadata, trace, options)
-    yield _trimmed(log, trace)
-    yield from _force_range(trace)
-    if trace.fastest.n_cycles:
-        yield _harmonics(trace)
+) -> tuple[Finding, ...]:
+    """Return what is remarkable in a log, and in its cycles where it is one steady run."""
+    seen = _Seen(recording, log, trace, cycles, options)
+    found = [*recording.findings, *log.findings]
+    for look in _FINDINGS:
+        found.extend(look(seen))
+    warned = {one.name for one in found if one.severity == "warning"}
+    beside = set().union(*(_MADE_BY[name] for name in warned & _MADE_BY.keys()))
+    return tuple(one for one in found if one.name not in beside)
 
 
-def _sample_rate(trace: Trace, options: ConditionOptions) -> Finding:
-    rate = 1.0 / trace.interval
-    period = rate / trace.frequency
-    text = f"sampled at {rate:.4g} Hz, {period:.4g} samples a cycle"
-    corner = options.filter_corner if options.rig_filter == "none" else options.rig_filter_corner
-    if options.rig_filter != "none" or options.filter != "none":
-        text += f", {rate / corner:.3g} times the filter's corner"
+# What else a fault of the record looks like: it is told once, by its cause.
+_MADE_BY = {
+    "values_repeated": {"force_stuck", "displacement_stuck", "force_smoothed"},
+    "force_stuck": {"force_smoothed"},
+    "frozen_rows": {"unsteady_cycles", "force_smoothed"},
+    "another_force": {"cycle_scatter", "force_trend", "force_drift"},
+}
+
+
+def examine_raw(recording: Recording) -> tuple[Finding, ...]:
+    """Return what can be said of a log whose cycles are not known, as it was refused."""
+    whole = slice(None)
+    return (*recording.findings, *examine_channels(recording, whole, whole, period=0.0))
+
+
+def samples_a_cycle(trace: Trace) -> float:
+    """Return the samples of a cycle; 0 where nothing repeats."""
+    return 1.0 / (trace.frequency * trace.interval) if trace.fastest.n_cycles else 0.0
+
+
+def _judged(name: str, text: str, value: float, unit: str = "", *, fault: str = "") -> Finding:
+    """Return a note; with a fault, which the text then ends with, a warning."""
+    return Finding(name, "warning" if fault else "note", text + fault, value, unit)
+
+
+def _s(n: int) -> str:
+    return "s" if n > 1 else ""
+
+
+# The rows.
+
+_FROZEN_ROWS, _JUMP = 5, 5.0
+
+
+def _both_channels(seen: _Seen) -> Iterator[Finding]:
+    trace = seen.trace
+    compared = seen.rows(trace.fastest, trace.fastest)
+    # The model is driven through what stands between stretches, too.
+    driven = seen.rows(trace.stretches[0], trace.stretches[-1])
+    period = samples_a_cycle(trace)
+    return examine_channels(seen.recording, driven, compared, period=period)
+
+
+def _frozen_rows(seen: _Seen) -> Iterator[Finding]:
+    """A logger that drops out repeats its last row.
+
+    Both channels stand still for so many rows, and then jump by more than so many usual steps of
+    the displacement. A rest ends at a speed, not in a jump.
+    """
+    time = seen.recording.time
+    steps = np.abs(np.diff(seen.recording.displacement))
+    is_still = (steps == 0.0) & (np.diff(seen.recording.force) == 0.0)
+    if not is_still.any() or is_still.all():
+        return
+    begins, ends = parts_where(is_still)
+    begins, ends = begins[ends < len(steps)], ends[ends < len(steps)]
+    is_frozen = ends - begins >= _FROZEN_ROWS
+    is_frozen &= steps[ends] > _JUMP * median(steps[~is_still])
+    begins, ends = begins[is_frozen], ends[is_frozen]
+    if not len(begins):
+        return
+    text = (
+        f"rows are frozen: both channels stand still {len(begins)} time{_s(len(begins))}, for "
+        f"{1e3 * median(time[ends] - time[begins]):.3g} ms, and jump then, first from row "
+        f"{int(begins[0]) + 1} of the data; the logger drops out: record again, or cut these parts "
+        "out"
+    )
+    yield Finding("frozen_rows", "warning", text, float(len(begins)))
+
+
+# Rate, filter and what drives the model.
+
+_HARMONICS = 8.0
+_TELLING = 20.0  # samples in a cycle, from which on noise can be told from motion
+_VELOCITY_NOISE = 0.35  # % of the peak velocity
+_BEYOND_HALF = 2.0  # % of the speed; noise of 8 um makes far less, a triangle far more
+
+
+def _sample_rate(seen: _Seen) -> Iterator[Finding]:
+    period = seen.rate / seen.trace.frequency
+    text = f"sampled at {seen.rate:.4g} Hz, {period:.4g} samples a cycle"
+    if math.isfinite(corner := seen.options.passed_corner):
+        text += f", {seen.rate / corner:.3g} times the filter's corner"
     lost = (2.0 * math.pi / period) ** 4 / 180.0
-    if lost <= 1e-3:
-        return Finding("sample_rate", "note", text, rate, "Hz")
-    text += f": velocity is {100.0 * lost:.2g} % low; sample faster"
-    return Finding("sample_rate", "warning" if lost > 1e-2 else "note", text, rate, "Hz")
+    if lost > 1e-3:
+        text += f": velocity is {100.0 * lost:.2g} % low; sample faster"
+    yield Finding("sample_rate", "warning" if lost > 1e-2 else "note", text, seen.rate, "Hz")
 
 
-def _filter_loss(trace: Trace) -> Iterator[Finding]:
-    lost = 1.0 - gain_at(trace.model_filter, trace.frequency, sample_rate=1.0 / trace.interval)
+def _filter_loss(seen: _Seen) -> Iterator[Finding]:
+    frequency = seen.trace.frequency
+    lost = 1.0 - float(gain_at(seen.trace.model_filter, frequency, sample_rate=seen.rate))
     if lost > 1e-3:
         text = (
-            f"the filter takes {100.0 * lost:.2g} % off the motion at {trace.frequency:.3g} Hz: "
+            f"the filter takes {100.0 * lost:.2g} % off the motion at {frequency:.3g} Hz: "
             "parameters will be off by about as much; raise its corner (conditioning.filter_corner "
             "= 'auto' follows the motion)"
         )
@@ -129,99 +266,105 @@ def _filter_loss(trace: Trace) -> Iterator[Finding]:
         yield Finding("filter_loss", severity, text, 100.0 * lost, "%")
 
 
-def _few_harmonics(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
-    """Say that a fast motion has its knees and play hidden by a corner for slow ones."""
-    if options.rig_filter != "none" or options.filter == "none" or not trace.fastest.n_cycles:
+def _few_harmonics(seen: _Seen) -> Iterator[Finding]:
+    """A fast motion has its knees and play hidden by a corner for slow ones."""
+    trace, corner = seen.trace, seen.options.filter_corner
+    if not seen.options.is_ours or not trace.fastest.n_cycles:
         return
-    passed = options.filter_corner / trace.frequency
-    fits = fitting_corner(trace.frequency, 1.0 / trace.interval)
-    if passed < _HARMONICS and fits > 1.5 * options.filter_corner:
+    passed, fits = corner / trace.frequency, fitting_corner(trace.frequency, seen.rate)
+    if passed < _HARMONICS and fits > 1.5 * corner:
         text = (
-            f"{options.filter_corner:g} Hz let the first {passed:.1f} harmonics of "
-            f"{trace.frequency:.3g} Hz pass: knees of the valves and play may be hidden; "
-            f"conditioning.filter_corner = 'auto' takes {fits:g} Hz"
+            f"{corner:g} Hz let the first {passed:.1f} harmonics of {trace.frequency:.3g} Hz pass: "
+            "knees of the valves and play may be hidden; conditioning.filter_corner = 'auto' takes "
+            f"{fits:g} Hz"
         )
         yield Finding("filter_corner", "note", text, passed)
 
 
-def _displacement_noise(
-    log: UniformLog, trace: Trace, options: ConditionOptions
-) -> Iterator[Finding]:
+def _displacement_noise(seen: _Seen) -> Iterator[Finding]:
+    trace, log, options = seen.trace, seen.log, seen.options
     if options.rig_filter != "none" or 1.0 / (trace.frequency * trace.interval) < _TELLING:
         return  # the rig's filter has taken most of it; at few samples a cycle motion looks alike
-    stretch = trace.fastest
-    first = round((trace.start_time - log.start_time) / log.interval) + stretch.first
+    first = round((trace.start_time - log.start_time) / log.interval) + trace.fastest.first
     first = max(first, 0)  # where the log is continued, a few samples of it may lie before
-    noise = noise_of(log.displacement[first : first + stretch.n_samples])
-    rate = 1.0 / trace.interval
-    corner = options.filter_corner if options.filter != "none" else 0.5 * rate
-    passed = noise * math.sqrt(2.0 * corner / rate) * corner / math.sqrt(3.0)
+    noise = noise_of(log.displacement[first : first + trace.fastest.n_samples])
+    corner = min(options.passed_corner, 0.5 * seen.rate)
+    passed = noise * math.sqrt(2.0 * corner / seen.rate) * corner / math.sqrt(3.0)
     share = 100.0 * passed / (trace.frequency * trace.amplitude)
     text = (
         f"noise of the displacement {1e6 * noise:.3g} um, {share:.2g} % of the peak velocity "
         "behind the filter"
     )
-    if share <= _VELOCITY_NOISE:
-        yield Finding("displacement_noise", "note", text, 1e6 * noise, "um")
-        return
-    text += "; K_e comes out too low by more than 1 % at soft settings; use a quieter sensor"
-    yield Finding("displacement_noise", "warning", text, 1e6 * noise, "um")
+    fault = "; K_e comes out too low by more than 1 % at soft settings; use a quieter sensor"
+    fault *= not share <= _VELOCITY_NOISE
+    yield _judged("displacement_noise", text, 1e6 * noise, "um", fault=fault)
 
 
-def _drive(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
-    """Say what drives the model where it is not what is compared, or not what the damper saw."""
-    if options.rig_filter == "none":
-        if trace.drive.displacement is not trace.displacement and trace.drive.corner > (
-            options.filter_corner
-        ):
-            turns = len(trace.drive.jumps)
-            if turns:
-                text = (
-                    "the motion is straight between sharp corners: the model is driven by the "
-                    f"lines and turns where they cross, {turns} times"
-                )
-                yield Finding("drive", "note", text, float(turns))
-                return
+def _drive(seen: _Seen) -> Iterator[Finding]:
+    """What drives the model where it is not what is compared, or not what the damper saw."""
+    trace, options = seen.trace, seen.options
+    corner = options.filter_corner
+    n_jumps, n_bridged = len(trace.drive.jumps), len(trace.model_filter.bridged)
+    if options.rig_filter != "none":
+        half = 0.5 * options.rig_filter_corner
+        share = 100.0 * max(
+            content_beyond(trace.displacement[one.window], trace.interval, half)
+            for one in trace.stretches
+        )
+        if share > _BEYOND_HALF:
             text = (
-                f"the motion has content beyond {options.filter_corner:g} Hz: the model is driven "
-                f"by the displacement with the noise above {trace.drive.corner:.3g} Hz taken off"
+                f"{share:.2g} % of the speed is beyond {half:g} Hz, half the corner of the rig's "
+                "filter: the corners of the motion are lost, and the model is driven without them; "
+                "log without that filter"
             )
-            yield Finding("drive", "note", text, trace.drive.corner, "Hz")
-        elif turns := len(trace.model_filter.bridged):
+            yield Finding("drive", "warning", text, share, "%")
+    elif trace.drive.displacement is trace.displacement or trace.drive.corner <= corner:
+        if n_bridged:
             text = (
                 "the motion reverses on its samples, where noise decides the sign of friction: "
-                f"{turns} of them are bridged, of the measured and of the modelled force"
+                f"{n_bridged} of them are bridged, of the measured and of the modelled force"
             )
-            yield Finding("drive", "note", text, float(turns))
-        return
-    half = 0.5 * options.rig_filter_corner
-    share = 100.0 * max(
-        content_beyond(trace.displacement[stretch.window], trace.interval, half)
-        for stretch in trace.stretches
-    )
-    if share > _BEYOND_HALF:
+            yield Finding("drive", "note", text, float(n_bridged))
+    elif n_jumps:
         text = (
-            f"{share:.2g} % of the speed is beyond {half:g} Hz, half the corner of the rig's "
-            "filter: the corners of the motion are lost, and the model is driven without them; "
-            "log without that filter"
+            "the motion is straight between sharp corners: the model is driven by the lines and "
+            f"turns where they cross, {n_jumps} times"
         )
-        yield Finding("drive", "warning", text, share, "%")
+        yield Finding("drive", "note", text, float(n_jumps))
+    else:
+        text = (
+            f"the motion has content beyond {corner:g} Hz: the model is driven by the displacement "
+            f"with the noise above {trace.drive.corner:.3g} Hz taken off"
+        )
+        yield Finding("drive", "note", text, trace.drive.corner, "Hz")
 
 
-def _rests(trace: Trace) -> Iterator[Finding]:
-    """Say that friction is not known where the compared motion rests."""
-    seen = (dwell_lengths(trace.drive.velocity[one.window]) for one in trace.stretches)
-    lengths = [n for several in seen for n in several]
+def _rests(seen: _Seen) -> Iterator[Finding]:
+    """Friction is not known where the compared motion rests."""
+    trace = seen.trace
+    lengths = [
+        n for one in trace.stretches for n in dwell_lengths(trace.drive.velocity[one.window])
+    ]
     if lengths:
         text = (
-            f"the motion rests {len(lengths)} time{'s' * (len(lengths) > 1)} where it is compared, "
+            f"the motion rests {len(lengths)} time{_s(len(lengths))} where it is compared, "
             f"for {max(lengths) * trace.interval:.2g} s at most: what friction holds there is not "
             "known, and the model has none"
         )
         yield Finding("rests", "note", text, float(len(lengths)))
 
 
-def _stretches(trace: Trace) -> Finding:
+# What was found of cycles and stretches.
+
+_OTHER_FORCE = 0.2  # of the larger; a damper that warms up within a log changes by less
+_SOON, _SAME = 3.0, 0.01  # cycles; of frequency and amplitude
+_MANY_ELSEWHERE = 2  # steady cycles beyond a break; one may be chance in a run-up
+
+
+def _stretches(seen: _Seen) -> Iterator[Finding]:
+    trace = seen.trace
+    if seen.cycles is not None:
+        return
     parts = ", ".join(
         f"{one.n_cycles} cycles of {one.frequency:.3g} Hz to {one.peak_speed:.3g} m/s"
         if one.n_cycles
@@ -231,17 +374,17 @@ def _stretches(trace: Trace) -> Finding:
     )
     n = len(trace.stretches)
     text = f"{n} stretch{'es' * (n > 1)} evaluated: {parts}"
-    return Finding("stretches", "note", text, float(n))
+    yield Finding("stretches", "note", text, float(n))
 
 
-def _broken(trace: Trace) -> Iterator[Finding]:
-    """Say where a run goes on after a moment as it was before: something broke it."""
+def _broken(seen: _Seen) -> Iterator[Finding]:
+    """A run goes on after a moment as it was before: something broke it."""
+    trace = seen.trace
+    if seen.cycles is not None:
+        return
     for before, behind in pairwise(trace.stretches):
         gap = (behind.first - before.stop) * trace.interval * before.frequency
-        ratios = behind.frequency / before.frequency, behind.amplitude / before.amplitude
-        is_same = max(abs(ratio - 1.0) for ratio in ratios) < _SAME
-        is_known = _is_other_force(before, behind)
-        if before.n_cycles and behind.n_cycles and gap < _SOON and is_same and not is_known:
+        if _are_one_motion(before, behind) and gap < _SOON and not _is_other_force(before, behind):
             time = trace.start_time + 0.5 * (before.stop + behind.first) * trace.interval
             text = (
                 f"the steady run is broken: {behind.n_cycles} more steady cycles lie beyond a "
@@ -250,12 +393,13 @@ def _broken(trace: Trace) -> Iterator[Finding]:
             yield Finding("unsteady_cycles", "warning", text, float(behind.n_cycles))
 
 
-def _another_force(trace: Trace) -> Iterator[Finding]:
-    """Say where a motion comes back with another force: two settings in one record."""
-    steady = [one for one in trace.stretches if one.n_cycles]
-    for first, other in combinations(steady, 2):
-        ratios = other.frequency / first.frequency, other.amplitude / first.amplitude
-        if max(abs(ratio - 1.0) for ratio in ratios) < _SAME and _is_other_force(first, other):
+def _another_force(seen: _Seen) -> Iterator[Finding]:
+    """A motion comes back with another force: two settings in one record."""
+    trace = seen.trace
+    if seen.cycles is not None:
+        return
+    for first, other in combinations(trace.stretches, 2):
+        if _are_one_motion(first, other) and _is_other_force(first, other):
             time = trace.start_time + other.first * trace.interval
             forces = [
                 f"{one.figures.peak_force_rebound:.4g} and {one.figures.peak_force_bump:.4g} N"
@@ -271,8 +415,16 @@ def _another_force(trace: Trace) -> Iterator[Finding]:
             return
 
 
+def _are_one_motion(first: Stretch, other: Stretch) -> bool:
+    """Whether two stretches repeat one motion."""
+    if not first.n_cycles or not other.n_cycles:
+        return False
+    ratios = other.frequency / first.frequency, other.amplitude / first.amplitude
+    return max(abs(ratio - 1.0) for ratio in ratios) < _SAME
+
+
 def _is_other_force(first: Stretch, other: Stretch) -> bool:
-    """Say whether two stretches of one motion are of two settings, and not of a warm damper."""
+    """Whether two stretches of one motion are of two settings, and not of a warm damper."""
     if first.figures is None or other.figures is None:
         return False
     pairs = (
@@ -283,38 +435,89 @@ def _is_other_force(first: Stretch, other: Stretch) -> bool:
     return max(abs(a - b) for a, b in pairs) > _OTHER_FORCE * size
 
 
-def _cycles(trace: Trace) -> Finding:
+def _cycles(seen: _Seen) -> Iterator[Finding]:
+    if seen.cycles is None:
+        return
+    n = seen.trace.n_cycles
     text = (
-        f"{trace.n_cycles} of {trace.n_cycles_found} whole cycles evaluated (left out: run-in, "
+        f"{n} of {seen.trace.n_cycles_found} whole cycles evaluated (left out: run-in, "
         "filter edges, unsteady cycles)"
     )
-    if trace.n_cycles > 1:
-        return Finding("cycles", "note", text, float(trace.n_cycles))
-    text += "; one cycle cannot show how well the test repeats; record a longer log"
-    return Finding("cycles", "warning", text, float(trace.n_cycles))
+    fault = "; one cycle cannot show how well the test repeats; record a longer log" * (n <= 1)
+    yield _judged("cycles", text, float(n), fault=fault)
 
 
-def _unsteady(log: UniformLog, trace: Trace, cycles: Cycles) -> Iterator[Finding]:
-    steady, found = len(cycles.rising) - 1, cycles.n_found
-    if steady + 1 >= 0.5 * found:  # one more: the cycles at the log's ends may be cut
-        if cycles.n_elsewhere >= _MANY_ELSEWHERE:
-            time = log.start_time + cycles.break_at * log.interval
-            text = (
-                f"{cycles.n_elsewhere} more steady cycles lie beyond a break at time "
-                f"{time:.4g} s and are not evaluated; check there for a spike, a pause or "
-                "another test"
-            )
-            yield Finding("unsteady_cycles", "warning", text, float(cycles.n_elsewhere))
+def _unsteady(seen: _Seen) -> Iterator[Finding]:
+    trace, cycles = seen.trace, seen.cycles
+    if cycles is None:
         return
-    begin = trace.start_time + trace.fastest.cycle_starts[0] * trace.interval
-    text = (
-        f"only {steady} of {found} cycles in a row are steady, from time {begin:.6g} s; amplitude "
-        "or period wander in the others; hold the test steady, or log one test a file"
-    )
-    yield Finding("unsteady_cycles", "warning", text, 100.0 * (1.0 - steady / found), "%")
+    steady, found = len(cycles.rising) - 1, cycles.n_found
+    if steady + 1 < 0.5 * found:  # one more: the cycles at the log's ends may be cut
+        begin = trace.start_time + trace.fastest.cycle_starts[0] * trace.interval
+        text = (
+            f"only {steady} of {found} cycles in a row are steady, from time {begin:.6g} s; "
+            "amplitude or period wander in the others; hold the test steady, or log one test a file"
+        )
+        yield Finding("unsteady_cycles", "warning", text, 100.0 * (1.0 - steady / found), "%")
+    elif cycles.n_elsewhere >= _MANY_ELSEWHERE:
+        time = seen.log.start_time + cycles.break_at * seen.log.interval
+        text = (
+            f"{cycles.n_elsewhere} more steady cycles lie beyond a break at time {time:.4g} s and "
+            "are not evaluated; check there for a spike, a pause or another test"
+        )
+        yield Finding("unsteady_cycles", "warning", text, float(cycles.n_elsewhere))
 
 
-def _trimmed(log: UniformLog, trace: Trace) -> Finding:
+_DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
+_NEAR = 0.2  # of the nominal test: further off another test was meant
+
+
+def _frequency_and_amplitude(seen: _Seen) -> Iterator[Finding]:
+    """Beside what the log's preamble says, and beside the nominal test."""
+    trace, nominal = seen.trace, seen.options.nominal
+    if seen.cycles is None:
+        return
+    for name, value, unit, factor, meant, prefix, doubt in (
+        ("frequency", trace.frequency, "Hz", 1.0, nominal.frequency, "", "clock and sample rate"),
+        ("amplitude", trace.amplitude, "mm", 1e3, nominal.amplitude, "amplitude ",
+         "the displacement's unit"),
+    ):  # fmt: skip
+        found = factor * value
+        text = f"{prefix}{found:.5g} {unit} found"
+        fault = ""
+        declared = _declared(seen.recording.metadata, name, unit)
+        if declared is not None and abs(value / declared - 1.0) > _DECLARED:
+            fault = f", but the log's preamble says {factor * declared:.5g} {unit}; check {doubt}"
+        elif meant is not None and abs(off := found / (factor * meant) - 1.0) > _NEAR:
+            shown = f"{factor * meant:.5g} {unit}"
+            text += f", a different test from the {shown} of the configuration"
+        elif meant is not None and abs(off) > 0.005:
+            side = "above" if off > 0.0 else "below"
+            shown = f"{factor * meant:.5g} {unit}"
+            text += f", {abs(100.0 * off):.2g} % {side} the {shown} of the configuration"
+        yield _judged(name, text, found, unit, fault=fault)
+
+
+def _declared(metadata: Mapping[str, str], name: str, unit: str) -> float | None:
+    """Return what the log's preamble declares, SI; None where it does not, or not clearly."""
+    dimension = "length" if unit == "mm" else name
+    for key in (name, f"test {name}", f"{name}_{unit.lower()}", f"{name} ({unit.lower()})"):
+        text = metadata.get(key, "").strip()
+        if text[-1:].isdigit():
+            if unit == "mm" and "mm" not in key:
+                continue  # a bare number of an unknown unit
+            text += unit
+        try:
+            value = parse_quantity(text, dimension) if text else 0.0
+        except ValueError:
+            continue
+        if value > 0.0:
+            return value
+    return None
+
+
+def _trimmed(seen: _Seen) -> Iterator[Finding]:
+    trace, log = seen.trace, seen.log
     first, last = trace.stretches[0], trace.stretches[-1]
     begin = float(first.cycle_starts[0]) if first.n_cycles else first.first
     end = float(last.cycle_starts[-1]) if last.n_cycles else last.stop
@@ -325,73 +528,24 @@ def _trimmed(log: UniformLog, trace: Trace) -> Finding:
         f"{ahead:.3g} s at the beginning and {behind:.3g} s at the end are not evaluated (rest, "
         "run-up, coast-down, run-in, filter edges)"
     )
-    return Finding("trimmed", "note", text, ahead + behind, "s")
+    yield Finding("trimmed", "note", text, ahead + behind, "s")
 
 
-def _frequency(metadata: Mapping[str, str], trace: Trace, options: ConditionOptions) -> Finding:
-    found = trace.frequency
-    text = f"{found:.5g} Hz found"
-    said = _said(metadata, _FREQUENCY_KEYS, "frequency")
-    if said is not None and abs(found / said - 1.0) > _DECLARED:
-        text += f", but the log's preamble says {said:.5g} Hz; check clock and sample rate"
-        return Finding("frequency", "warning", text, found, "Hz")
-    text += _beside_nominal(found, options.nominal.frequency, "Hz")
-    return Finding("frequency", "note", text, found, "Hz")
+_LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is as much
 
 
-def _amplitude(metadata: Mapping[str, str], trace: Trace, options: ConditionOptions) -> Finding:
-    found = 1e3 * trace.amplitude
-    text = f"amplitude {found:.5g} mm found"
-    said = _said(metadata, _AMPLITUDE_KEYS, "length")
-    if said is not None and abs(trace.amplitude / said - 1.0) > _DECLARED:
-        text += f", but the log's preamble says {1e3 * said:.5g} mm; check the displacement's unit"
-        return Finding("amplitude", "warning", text, found, "mm")
-    nominal = options.nominal.amplitude
-    text += _beside_nominal(found, None if nominal is None else 1e3 * nominal, "mm")
-    return Finding("amplitude", "note", text, found, "mm")
-
-
-def _force_range(trace: Trace) -> Iterator[Finding]:
-    half = 0.5 * float(np.ptp(trace.force[trace.compared]))
+def _force_range(seen: _Seen) -> Iterator[Finding]:
+    half = 0.5 * float(np.ptp(seen.trace.force[seen.trace.compared]))
     if half < _LITTLE:
         text = f"the force swings by +-{half:.3g} N, little for a damper; was kN read as N?"
         yield Finding("force_range", "warning", text, half, "N")
 
 
-def _beside_nominal(found: float, nominal: float | None, unit: str) -> str:
-    if nominal is None or abs(found / nominal - 1.0) <= 0.005:
-        return ""
-    off = 100.0 * (found / nominal - 1.0)
-    if abs(off) > 100.0 * _NEAR:
-        return f", a different test from the {nominal:.5g} {unit} of the configuration"
-    side = "above" if off > 0.0 else "below"
-    return f", {abs(off):.2g} % {side} the {nominal:.5g} {unit} of the configuration"
-
-
-def _said(metadata: Mapping[str, str], keys: tuple[str, ...], dimension: str) -> float | None:
-    """Return what the log's preamble declares, SI; None where it does not, or not clearly."""
-    for key in keys:
-        text = metadata.get(key, "").strip()
-        if not text:
-            continue
-        if text[-1:].isdigit():
-            if dimension == "length" and "mm" not in key:
-                continue  # a bare number of an unknown unit
-            text += "mm" if dimension == "length" else "Hz"
-        try:
-            value = parse_quantity(text, dimension)
-        except ValueError:
-            continue
-        if value > 0.0:
-            return value
-    return None
-
-
-def _harmonics(trace: Trace) -> Finding:
-    starts = clean_cycles(trace.fastest)
-    window = slice(round(float(starts[0])), round(float(starts[-1])))
-    turns = (len(starts) - 1) / float(starts[-1] - starts[0])
-    first, *higher = harmonic_powers(trace.displacement[window], turns, 3).tolist()
+def _harmonics(seen: _Seen) -> Iterator[Finding]:
+    trace = seen.trace
+    if not trace.fastest.n_cycles:
+        return
+    first, *higher = harmonic_powers(trace.fastest, trace.displacement, 3).tolist()
     second, third = (100.0 * math.sqrt(power / first) for power in higher)
     shape = ""
     if second < 2.0 and 9.0 < third < 13.0:
@@ -402,7 +556,329 @@ def _harmonics(trace: Trace) -> Finding:
         f"2nd harmonic of the displacement {second:.2g} %, 3rd {third:.2g} %{shape}; the model is "
         "driven by the measured displacement"
     )
-    return Finding("harmonics", "note", text, max(second, third), "%")
+    yield Finding("harmonics", "note", text, max(second, third), "%")
+
+
+# How well the cycles of a test repeat.
+
+_SCATTER = 1.0  # %
+_FALL = 3.0  # %, of the peaks from the first cycle to the last; K_e is off by half of it or more
+_FORCE_DRIFT = 1.0  # % of the peak force
+_STROKE_DRIFT = 5.0  # % of the amplitude
+_SURE = 4.0  # standard errors
+_ENOUGH = 4  # cycles, to tell a trend from scatter
+_STEP, _STEPS_OVER, _MOST_STEPS = 0.05, 3.0, 20  # of the peak; times what stays level moves
+_CURVED = 8  # cycles, from which on a trend may bend
+_TREND = 12.0  # F, from which on peaks go with the cycle's number; scatter has it once in 300
+_WARMER = 1.0  # K
+_OF_MOTION = 0.7  # of the noise floor, below which the motion explains some of it
+
+
+class _Peaks(NamedTuple):
+    """Mean of peaks, their deviation about their trend, and the trend's ends; None: no trend."""
+
+    mean: float
+    deviation: float
+    trend: tuple[float, float] | None
+
+    @property
+    def scatter(self) -> float:
+        """Deviation in % of the mean."""
+        return 100.0 * self.deviation / max(abs(self.mean), 1e-300)
+
+
+def _peaks(peaks: FloatArray) -> _Peaks:
+    n, mean, deviation = len(peaks), mean_of(peaks), float(np.std(peaks, ddof=1))
+    if n < _ENOUGH:
+        return _Peaks(mean, deviation, None)
+    degree = 2 if n >= _CURVED else 1
+    basis = _polynomials(n, degree)
+    line = basis @ (peaks @ basis)
+    rest = float(np.sum((peaks - line) ** 2))
+    gain = (float(np.sum((peaks - mean) ** 2)) - rest) / degree
+    # A trend goes one way and ends elsewhere: a bend alone is none.
+    goes = abs(float(line[-1] - line[0])) > 0.5 * float(np.ptp(line))
+    if goes and gain > _TREND * rest / (n - 1 - degree):
+        trend = float(line[0]), float(line[-1])
+        return _Peaks(mean, math.sqrt(rest / (n - 1 - degree)), trend)
+    return _Peaks(mean, deviation, None)
+
+
+@lru_cache(maxsize=64)
+def _polynomials(n: int, degree: int) -> FloatArray:
+    """Return polynomials over so many places, square to each other, (n, degree + 1)."""
+    return np.asarray(np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), degree + 1))[0])
+
+
+def _stepped_force(seen: _Seen) -> Iterator[Finding]:
+    """The force steps from one steady cycle to the next: another setting begins."""
+    if len(seen.starts) <= _ENOUGH:
+        return
+    trace = seen.trace
+    peaks = np.array(seen.extremes(trace.force))
+    size = float(np.abs(peaks).max())
+    jumps = np.flatnonzero(np.abs(np.diff(peaks)).max(axis=0) > _STEP * size) + 1
+    groups = np.split(np.arange(peaks.shape[1]), jumps)
+    steady = [group for group in groups if len(group) > 1]  # a cycle by itself is on its way
+    if not 1 < len(steady) <= _MOST_STEPS or len(jumps) >= 2 * len(steady):
+        return
+    levels = [np.median(peaks[:, group], axis=1) for group in steady]
+    moves = [float(np.abs(b - a).max()) for a, b in pairwise(levels)]
+    inner = [group[1:-1] if len(group) > 3 else group for group in steady]  # a step takes a cycle
+    wander = max(float(np.ptp(peaks[:, group], axis=1).max()) for group in inner)
+    if min(moves) < max(_STEP * size, _STEPS_OVER * wander):
+        return
+    times = [trace.start_time + trace.interval * seen.starts[group[0]] for group in steady]
+    forces = "; then ".join(f"{up:.4g} and {down:.4g} N" for up, down in levels)
+    text = (
+        f"the force steps at time {', '.join(f'{time:.4g} s' for time in times[1:])} while the "
+        f"motion goes on, peaks of {forces}: {len(steady)} settings in one record are as many "
+        "tests; split the log there and name each setting, or repair what changed"
+    )
+    yield Finding("another_force", "warning", text, times[1], "s")
+
+
+def _cycle_scatter(seen: _Seen) -> Iterator[Finding]:
+    if not math.isfinite(seen.floor):
+        return
+    up, down = seen.peaks
+    worst = 100.0 * max(up.deviation, down.deviation) / seen.peak_size
+    text = (
+        f"peak force scatters by {up.scatter:.2g} % (rebound) and {down.scatter:.2g} % (bump) over "
+        "the cycles"
+    )
+    if up.trend or down.trend:
+        text += ", their trend taken off"
+    # The standard deviation of n cycles is itself uncertain by 1/sqrt(2(n-1)).
+    sure = _SCATTER * (1.0 + 2.0 / math.sqrt(2.0 * (len(seen.starts) - 2)))
+    fault = f"; a good rig has {_SCATTER:g} % or less: check play, temperature, air in the oil"
+    yield _judged("cycle_scatter", text, worst, "%", fault=fault * (not worst <= sure))
+
+
+def _force_trend(seen: _Seen) -> Iterator[Finding]:
+    """The damper itself changed during the test."""
+    if not seen.is_trending:
+        return
+    trends = [
+        (*one.trend, word)
+        for one, word in zip(seen.peaks, ("rebound", "bump"), strict=True)
+        if one.trend
+    ]
+    ends = [f"from {first:.3g} to {last:.3g} N ({word})" for first, last, word in trends]
+    first, last, _ = max(trends, key=lambda trend: abs(trend[0]))
+    share = 100.0 * (abs(last) - abs(first)) / max(abs(first), 1e-300)
+    text = f"the peak force goes {' and '.join(ends)} over the cycles"
+    if seen.warming:
+        begin, end = seen.warming
+        text += f" while the temperature goes from {begin:.3g} to {end:.3g} degC"
+    text += ": a trend, not scatter; the parameters are a mean over it: let the damper settle, or "
+    text += "fit shorter parts of the log"
+    if seen.warming:
+        text += ", all of them at once with {covariate}"
+    values = {"covariate": Option("covariate", "temperature")}
+    yield Finding("force_trend", "warning", text, share, "%", values=values)
+
+
+def _noise_floor(seen: _Seen) -> Iterator[Finding]:
+    if not math.isfinite(seen.floor):
+        return
+    text = f"the force differs from cycle to cycle by {seen.floor:.2g} % of its variance"
+    beside = noise_beside_motion(seen.trace)
+    if beside < _OF_MOTION * seen.floor:
+        text += (
+            f", but the motion differs too: beside that it is {beside:.2g} %, and a right model, "
+            "driven by the motion as it was, would reach about that MSE"
+        )
+    else:
+        text += ": a right model would reach about this MSE"
+    yield Finding("noise_floor", "note", text, seen.floor, "%")
+
+
+def _force_drift(seen: _Seen) -> Iterator[Finding]:
+    trace, force = seen.trace, seen.trace.force
+    if len(seen.starts) <= _ENOUGH or not float(np.ptp(force[trace.compared])) > 0.0:
+        return
+    # The mean of each cycle between its fractional boundaries.
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (force[:-1] + force[1:]))])
+    at = np.clip(np.floor(seen.starts).astype(np.int64), 0, len(force) - 2)
+    u = seen.starts - at
+    area = total[at] + u * force[at] + 0.5 * u * u * (force[at + 1] - force[at])
+    drift, error = _drift(np.diff(area) / np.diff(seen.starts))
+    tops, bottoms = seen.extremes(force)
+    share = 100.0 * drift / (0.5 * (mean_of(tops) - mean_of(bottoms)))
+    text = (
+        f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the peak"
+    )
+    fault = ""
+    if not (abs(share) <= _FORCE_DRIFT or abs(drift) <= _SURE * error):
+        if seen.is_trending and seen.warming:
+            text += ", as the peaks change with the temperature"
+        else:
+            fault = "; K_e is off by about as much; check amplifier and temperature"
+    yield _judged("force_drift", text, share, "%", fault=fault)
+
+
+def _stroke_drift(seen: _Seen) -> Iterator[Finding]:
+    if len(seen.starts) <= _ENOUGH:
+        return
+    tops, bottoms = seen.extremes(seen.trace.displacement)
+    middle, swing = _drift(0.5 * (tops + bottoms)), _drift(0.5 * (tops - bottoms))
+    text = (
+        f"mid-stroke drifts by {1e3 * middle[0]:+.2g} mm and the amplitude by "
+        f"{1e3 * swing[0]:+.2g} mm over the cycles"
+    )
+    drift, error = max(middle, swing, key=lambda pair: abs(pair[0]))
+    share = 100.0 * drift / seen.trace.amplitude
+    fault = ""
+    if not (abs(share) <= _STROKE_DRIFT or abs(drift) <= _SURE * error):
+        fault = f", {abs(share):.2g} % of the amplitude; check the sensor's fixing"
+    yield _judged("stroke_drift", text, share, "%", fault=fault)
+
+
+def _drift(values: FloatArray) -> tuple[float, float]:
+    """Return how far the straight line through the values goes over all, and its error."""
+    n = len(values)
+    place = np.arange(n) - 0.5 * (n - 1)
+    slope = float(place @ values) / float(place @ place)
+    rest = values - mean_of(values) - slope * place
+    error = math.sqrt(float(rest @ rest) / max(n - 2, 1) / float(place @ place))
+    return slope * (n - 1), error * (n - 1)
+
+
+# Temperature. K within a log: viscosity falls by about 2 % a kelvin, and one set of parameters is
+# fitted.
+_WARMS = 5.0
+
+
+def _temperature(seen: _Seen) -> Iterator[Finding]:
+    trace, test = seen.trace, seen.options.nominal
+    tolerance, nominal = test.temperature_tolerance, test.temperature or 0.0
+    pairs = ((trace.frequency, test.frequency), (trace.amplitude, test.amplitude))
+    is_other = any(meant and abs(found / meant - 1.0) > _NEAR for found, meant in pairs)
+    is_asked = test.temperature is not None and tolerance < math.inf
+    is_asked = is_asked and not (test.is_of_motion and is_other)
+    wanted = f"{nominal - tolerance:g} to {nominal + tolerance:g} degC"
+    if seen.recording.temperature is None:
+        if is_asked:
+            text = f"no temperature in the log; the test asks for {wanted}; log it, or set "
+            text += "rig.temperature_tolerance = inf"
+            yield Finding("temperature_missing", "warning", text)
+        return
+    values = seen.recording.temperature[seen.rows(trace.fastest, trace.fastest)]
+    mean = mean_of(values)
+    fault = ""
+    if is_asked and not abs(mean - nominal) <= tolerance:
+        fault = (
+            f", outside {wanted}; forces fall as the oil warms: hold the temperature, or set "
+            "rig.temperature to that of this test"
+        )
+    yield _judged("temperature", f"{mean:.1f} degC on average", mean, "degC", fault=fault)
+    low, high = percentiles(values, 2.0, 98.0)
+    drift = float(high - low)
+    is_wide = is_asked and drift > 2.0 * tolerance
+    fault = f", more than the window of {wanted}" * is_wide
+    if is_wide or drift > _WARMS:
+        fault += "; let the damper settle, or record shorter logs"
+    text = f"the temperature moves by {drift:.1f} degC within the run"
+    yield _judged("temperature_drift", text, drift, "degC", fault=fault)
+
+
+# A force that is smoothed beside a displacement that is not is told alone; a displacement is not,
+# for a heavy actuator is smooth by itself.
+_FILTERED = 100.0
+_SMOOTHED, _NOT_SMOOTHED = 30.0, 10.0
+# Hz, and by how much less noise there is: an amplifier's filter of 60 Hz or more does no harm.
+_HARMFUL_BAND, _HARMFUL = (50.0, 80.0), 3.0
+
+
+def _rig_filter(seen: _Seen) -> Iterator[Finding]:
+    log = seen.log
+    if seen.options.rig_filter != "none":
+        return
+    longest = seen.longest(fewest=1)
+    # python -m tests.identification.scatter --in-the-rig causal
+    text = (
+        "both channels look as if the rig had filtered them: if so, set rig.filter = "
+        "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
+    )
+    if longest is None:
+        if falls_off(log.displacement, log.force, log.interval):
+            text += ", and errors are too small: noise is read where that filter takes it away"
+            yield Finding("rig_filter", "warning", text)
+        return
+    starts = seen.starts_in_log(longest)
+    motion, force = (
+        noise_ratio(channel, starts, log.interval) for channel in (log.displacement, log.force)
+    )
+    if math.isnan(motion) or math.isnan(force):
+        text = "whether the rig has filtered a channel cannot be judged: "
+        text += "too few cycles, or no noise above the motion"
+        yield Finding("rig_filter", "note", text)
+    elif motion > _SMOOTHED and force > _FILTERED:
+        yield Finding("rig_filter", "warning", text, force)
+    elif force > _SMOOTHED and motion < _NOT_SMOOTHED:
+        if not noise_ratio(log.force, starts, log.interval, beyond=_HARMFUL_BAND) > _HARMFUL:
+            return
+        text = (
+            f"the force is smoothed and the displacement is not: its noise is {force:.0f} times "
+            "stronger below 25 Hz than far above, as behind a running mean or an amplifier's "
+            "filter; friction, stiffness and forces at low speed are wrong: log it unfiltered"
+        )
+        yield Finding("force_smoothed", "warning", text, force)
+
+
+_TONE_SIZE = 0.01  # of half the range
+_FEWEST_FOR_TONES = 5  # cycles
+
+
+def _lines_off_harmonics(seen: _Seen) -> Iterator[Finding]:
+    log, options = seen.log, seen.options
+    longest = seen.longest(fewest=_FEWEST_FOR_TONES)
+    if longest is None or options.rig_filter != "none":
+        return
+    corner = options.filter_corner if options.is_ours else _HARMFUL_BAND[0]
+    for name, unit, factor, signal in (
+        ("displacement", "mm", 1e3, log.displacement),
+        ("force", "N", 1.0, log.force),
+    ):
+        frequency, size = tone(signal, seen.starts_in_log(longest), log.interval, corner)
+        if size > _TONE_SIZE * 0.5 * float(np.ptp(signal[longest.window])):
+            text = (
+                f"the {name} has a line at {frequency:.3g} Hz, {factor * size:.2g} {unit}, which "
+                "is no harmonic of the motion: hum, a pump or a resonance of the rig; find its "
+                "source, for errors of what is fitted count it as noise"
+            )
+            yield Finding(f"{name}_line", "warning", text, frequency, "Hz")
+
+
+_FINDINGS: tuple[Callable[[_Seen], Iterator[Finding]], ...] = (
+    _both_channels,
+    _frozen_rows,
+    _sample_rate,
+    _filter_loss,
+    _few_harmonics,
+    _displacement_noise,
+    _drive,
+    _rests,
+    _stretches,
+    _broken,
+    _another_force,
+    _cycles,
+    _unsteady,
+    _frequency_and_amplitude,
+    _trimmed,
+    _force_range,
+    _harmonics,
+    _stepped_force,
+    _cycle_scatter,
+    _force_trend,
+    _noise_floor,
+    _force_drift,
+    _stroke_drift,
+    _temperature,
+    _rig_filter,
+    _lines_off_harmonics,
+)
 
 
 # The logged velocity beside the slope of the displacement: checked, never used.
@@ -420,8 +896,7 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
     if recording.velocity is None or not trace.fastest.n_cycles:
         return ()
     stretch = trace.fastest
-    index = np.arange(stretch.first, stretch.stop)
-    time = trace.start_time + index * trace.interval
+    time = trace.start_time + np.arange(stretch.first, stretch.stop) * trace.interval
     logged = np.interp(time, recording.time, np.clip(recording.velocity, -_FASTEST, _FASTEST))
     if recording.reverse_displacement:
         logged = -logged
@@ -445,453 +920,3 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
         return (Finding("velocity_channel", "note", text, lag, "s"),)
     text += "; a unit or the clock of the log is wrong: check displacement, velocity and time"
     return (Finding("velocity_channel", "warning", text, abs(ratio)),)
-
-
-# Whether a log looks as if the rig had filtered it.
-#
-# Sensor noise is about as strong just above the motion as near half the sample rate; a low-pass in
-# the rig takes it away up there. Of steady cycles noise is what differs from cycle to cycle. The
-# ratio of its two levels, as medians over the lines of the spectrum, is 0.1 to 9 in logs that
-# nobody filtered, of real rigs too, where the lower band also has the motion's own unrest. A 30 or
-# 60 Hz filter makes it 80 to 25 000 in the force and 4 to 1700 in the displacement, by the last
-# digit of the log (`python -m tests.conditioning.limits --filters`); a running mean over 50 ms 50.
-# A force that is smoothed beside a displacement that is not is told alone; a displacement is not,
-# for a heavy actuator is smooth by itself.
-#
-# Where nothing repeats, motion and force have content just above the motion. There the noise is
-# looked at by itself: two bands far above the motion, the upper one twice as high, of which a
-# low-pass leaves less: of the force at least 47 times, mostly a thousand times. Of a raw road or
-# sweep the force has up to 5 times as much in the lower one (its friction jumps), the
-# displacement 1.4 times; where speeds jump, or turn within 20 ms, the force has up to 34 times.
-
-_NEAR_RIG_FILTER = (10.0, 25.0)  # Hz, below any low-pass that a damper rig uses
-_BEYOND_MOTION = 3.0  # times its frequency
-_FAR = (0.3, 0.45)  # of the sample rate
-_LEAST_FAR = 60.0  # Hz
-_FEWEST_LINES = 5
-_LOUD = 20.0  # times the median power of half a cycle
-_FILTERED = 100.0
-_SMOOTHED, _NOT_SMOOTHED = 30.0, 10.0
-# Hz, and by how much less noise there is: an amplifier's filter of 60 Hz or more does no harm.
-_HARMFUL_BAND, _HARMFUL = (50.0, 80.0), 3.0
-# Of the sample rate, and by how much more the lower band has of each channel.
-_LOWER = (0.15, 0.2)
-_UPPER = (0.4, 0.45)
-_MORE_DISPLACEMENT, _MORE_FORCE = 4.0, 40.0
-_FEWEST_OF_NOISE = 50  # lines of each band
-
-
-def noise_ratio(
-    signal: FloatArray,
-    starts: FloatArray,
-    interval: float,
-    *,
-    beyond: tuple[float, float] | None = None,
-) -> float:
-    """Return the noise just above the motion over that far above it; NaN where none can tell.
-
-    Parameters
-    ----------
-    signal : numpy.ndarray
-        Shape (n,), as logged.
-    starts : numpy.ndarray
-        Where its cycles begin, samples; two cycles at least.
-    interval : float
-        Sample interval, s.
-    beyond : tuple of float, optional
-        The upper band, Hz; 0.3 to 0.45 of the sample rate.
-    """
-    if len(starts) < 3:
-        return math.nan
-    period = float(starts[-1] - starts[0]) / (len(starts) - 1)
-    at = np.arange(math.ceil(starts[0]), math.floor(starts[-1] - period))
-    unlike = np.interp(at + period, np.arange(len(signal)), signal) - signal[at]
-    size = round(period / 2.0)
-    _without_scatter(unlike, signal[at], size)
-    _without_damage(unlike, size)
-    low = max(_NEAR_RIG_FILTER[0], _BEYOND_MOTION / (period * interval))
-    high = low + _NEAR_RIG_FILTER[1] - _NEAR_RIG_FILTER[0]
-    length = len(at) * interval
-    far = beyond or (max(_LEAST_FAR, _FAR[0] / interval), _FAR[1] / interval)
-    bands = [(low, high), far]
-    near_lines, far_lines = (_lines(*band, length, len(at)) for band in bands)
-    if high >= far[0] or min(len(near_lines), len(far_lines)) < _FEWEST_LINES:
-        return math.nan
-    spectrum = np.fft.rfft((unlike - mean_of(unlike)) * _window(len(at)))
-    level = median(np.abs(spectrum[far_lines]) ** 2)
-    return median(np.abs(spectrum[near_lines]) ** 2) / level if level > 0.0 else math.nan
-
-
-def _without_scatter(unlike: FloatArray, signal: FloatArray, size: int) -> None:
-    """Take off what is another level or size of each half cycle, in place: it is no noise."""
-    begins = np.arange(0, len(unlike), size)
-    lengths = np.diff([*begins, len(unlike)])
-
-    def middle(values: FloatArray) -> FloatArray:
-        return np.repeat(np.add.reduceat(values, begins) / lengths, lengths)
-
-    unlike -= middle(unlike)
-    form = signal - middle(signal)
-    power = np.maximum(np.add.reduceat(form * form, begins), 1e-300)
-    unlike -= np.repeat(np.add.reduceat(form * unlike, begins) / power, lengths) * form
-
-
-def _without_damage(unlike: FloatArray, size: int) -> None:
-    """Take off half cycles that are far louder than most, in place: a blow is no noise."""
-    begins = np.arange(0, len(unlike), size)
-    lengths = np.diff([*begins, len(unlike)])
-    power = np.add.reduceat(unlike * unlike, begins) / lengths
-    unlike[np.repeat(power > _LOUD * median(power), lengths)] = 0.0
-
-
-def falls_off(displacement: FloatArray, force: FloatArray, interval: float) -> bool:
-    """Whether the noise of both channels falls off far above a motion that does not repeat."""
-    return (
-        _more_below(displacement, interval) > _MORE_DISPLACEMENT
-        and _more_below(force, interval) > _MORE_FORCE
-    )
-
-
-def _more_below(signal: FloatArray, interval: float) -> float:
-    """Ratio of the noise's level in the lower band to that in the upper; 0 when not known."""
-    if _LOWER[0] / interval < _LEAST_FAR:
-        return 0.0
-    length = len(signal) * interval
-    lower, upper = (
-        _lines(below / interval, above / interval, length, len(signal))
-        for below, above in (_LOWER, _UPPER)
-    )
-    if min(len(lower), len(upper)) < _FEWEST_OF_NOISE:
-        return 0.0
-    spectrum = np.fft.rfft((signal - mean_of(signal)) * _window(len(signal)))
-    level = median(np.abs(spectrum[upper]) ** 2)
-    return median(np.abs(spectrum[lower]) ** 2) / level if level > 0.0 else 0.0
-
-
-def _lines(above: float, below: float, length: float, n: int) -> IntArray:
-    """Return the lines of the spectrum of a log between two frequencies."""
-    some = np.arange(int(above * length), min(math.ceil(below * length), n // 2) + 1)
-    return some[(some / length > above) & (some / length < below)]
-
-
-@lru_cache(maxsize=2)
-def _window(n: int) -> FloatArray:
-    """Blackman's: logs of one rig are of one length, and its cosines cost more than a spectrum."""
-    return np.blackman(n)
-
-
-# What the data of a log show of its quality: findings with a severity, never a change of data.
-#
-# `examine` looks at a log whose steady cycles are known, `examine_raw` at one that was refused.
-# Each finding has a fixed name, and the modules it comes from say where its limits come from:
-#
-# =====================================================  ==========================================
-# names                                                  from
-# =====================================================  ==========================================
-# rounded_time, missing_samples, jitter                  `damperfit.conditioning.timebase`
-# force_clipping, _stuck, _steps, _spikes; displacement  `damperfit.conditioning.channels`
-# sample_rate, filter_loss, cycles, unsteady_cycles,     `damperfit.conditioning.findings`
-# stretches, trimmed, frequency, amplitude, harmonics,
-# rests
-# cycle_scatter, force_trend, noise_floor, force_drift,  `damperfit.conditioning.repeatability`
-# stroke_drift
-# continued                                              `damperfit.conditioning.segments`
-# temperature, temperature_drift, temperature_missing    here
-# rig_filter, force_smoothed, frozen_rows                here
-# =====================================================  ==========================================
-
-
-def examine(
-    recording: Recording,
-    log: UniformLog,
-    trace: Trace,
-    cycles: Cycles | None,
-    options: ConditionOptions,
-) -> tuple[Finding, ...]:
-    """Return what is remarkable in a log."""
-    window = _rows(recording, trace, trace.fastest, trace.fastest)
-    # The model is driven through what stands between stretches, too.
-    driven = _rows(recording, trace, trace.stretches[0], trace.stretches[-1])
-    found = (
-        *recording.findings,
-        *log.findings,
-        *_channels(recording, window, driven, period=_period(trace)),
-        *frozen_rows(recording),
-        *examine_motion(log, trace, cycles, options, metadata=recording.metadata),
-        *examine_repeatability(recording, trace),
-        *_temperature(recording, window, trace, options.nominal),
-        *_rig_filter(log, trace, options),
-        *_lines_off_harmonics(log, trace, options),
-    )
-    names = {one.name for one in found if one.severity == "warning"}
-    beside = set().union(*(_MADE_BY[name] for name in names & _MADE_BY.keys()))
-    return tuple(one for one in found if one.name not in beside)
-
-
-# What else a fault of the record looks like: it is told once, by its cause.
-_MADE_BY = {
-    "values_repeated": {"force_stuck", "displacement_stuck", "force_smoothed"},
-    "force_stuck": {"force_smoothed"},
-    "frozen_rows": {"unsteady_cycles", "force_smoothed"},
-    "another_force": {"cycle_scatter", "force_trend", "force_drift"},
-}
-
-
-def examine_raw(recording: Recording) -> tuple[Finding, ...]:
-    """Return what can be said of a log whose cycles are not known, as it was refused."""
-    return (*recording.findings, *_channels(recording, slice(None), slice(None), period=0.0))
-
-
-def _period(trace: Trace) -> float:
-    """Return the samples of a cycle; 0 where nothing repeats."""
-    return 1.0 / (trace.frequency * trace.interval) if trace.fastest.n_cycles else 0.0
-
-
-def _rows(recording: Recording, trace: Trace, first: Stretch, last: Stretch) -> slice:
-    """Return the rows from the beginning of a stretch to the end of another."""
-    ends = np.array([first.first, last.stop], dtype=np.float64)
-    if first.n_cycles and last.n_cycles:
-        ends = np.array([first.cycle_starts[0], last.cycle_starts[-1]])
-    begin, stop = np.searchsorted(recording.time, trace.start_time + trace.interval * ends)
-    return slice(int(begin), int(stop) + 1)
-
-
-# A logger that drops out repeats its last row: both channels stand still for so many rows, and then
-# jump by more than so many usual steps of the displacement. A rest ends at a speed, not in a jump.
-_FROZEN_ROWS, _JUMP = 5, 5.0
-
-
-def frozen_rows(recording: Recording) -> Iterator[Finding]:
-    """Yield a warning where rows are frozen."""
-    x, force = recording.displacement, recording.force
-    steps = np.abs(np.diff(x))
-    is_still = (steps == 0.0) & (np.diff(force) == 0.0)
-    if not is_still.any() or is_still.all():
-        return
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_still, [False]])))
-    begins, ends = edges[::2], edges[1::2]
-    inside = ends < len(steps)
-    begins, ends = begins[inside], ends[inside]
-    usual = median(steps[~is_still])
-    is_frozen = (ends - begins >= _FROZEN_ROWS) & (steps[ends] > _JUMP * usual)
-    if not is_frozen.any():
-        return
-    count, first = int(is_frozen.sum()), int(begins[is_frozen][0])
-    seconds = median(recording.time[ends[is_frozen]] - recording.time[begins[is_frozen]])
-    text = (
-        f"rows are frozen: both channels stand still {count} time{'s' * (count > 1)}, for "
-        f"{1e3 * seconds:.3g} ms, and jump then, first from row {first + 1} of the data; the "
-        "logger drops out: record again, or cut these parts out"
-    )
-    yield Finding("frozen_rows", "warning", text, float(count))
-
-
-def _channels(
-    recording: Recording, window: slice, driven: slice, *, period: float
-) -> Iterator[Finding]:
-    for name, unit, factor, rows in (
-        ("displacement", "mm", 1e3, driven),
-        ("force", "N", 1.0, window),
-    ):
-        channels = {"force": recording.force[rows], "displacement": recording.displacement[rows]}
-        values = channels.pop(name)
-        (other,) = channels.values()
-        first_row = (rows.start or 0) + 1
-        yield from examine_channel(
-            Channel(name, unit, factor, values, other, recording.time[rows], first_row, period)
-        )
-
-
-def bridge_spikes(recording: Recording, trace: Trace) -> Recording:
-    """Return the recording with its spikes replaced by straight lines, and a finding of that.
-
-    Parameters
-    ----------
-    recording : Recording
-        As read.
-    trace : Trace
-        What became of it; its cycles tell a spike from what happens in each of them.
-    """
-    period = _period(trace)
-    found: list[Finding] = []
-    bridged: dict[str, Any] = {}
-    for name, other, unit, factor in (
-        ("displacement", "force", "mm", 1e3),
-        ("force", "displacement", "N", 1.0),
-    ):
-        values = getattr(recording, name)
-        channel = Channel(
-            name, unit, factor, values, getattr(recording, other), recording.time, period=period
-        )
-        low, high = percentiles(values, 1.0, 99.0)
-        usual = high - low
-        rows = find_spikes(channel, usual, noise=noise_of(values))
-        if len(rows):
-            good = np.delete(np.arange(len(values)), rows)
-            bridged[name] = np.interp(recording.time, recording.time[good], values[good])
-            plural = "s" * (len(rows) > 1)
-            text = f"{len(rows)} spike{plural} in the {name} bridged as declared, the first in "
-            text += channel.place(int(rows[0]))
-            found.append(Finding(f"{name}_spikes_bridged", "note", text, float(len(rows))))
-    return replace(recording, **bridged, findings=(*recording.findings, *found))
-
-
-# K within a log: viscosity falls by about 2 % a kelvin, and one set of parameters is fitted.
-_WARMS = 5.0
-
-
-def _is_other_test(trace: Trace, test: NominalTest) -> bool:
-    """Whether a log has another motion than the nominal test."""
-    pairs = ((trace.frequency, test.frequency), (trace.amplitude, test.amplitude))
-    return any(nominal and abs(found / nominal - 1.0) > _NEAR for found, nominal in pairs)
-
-
-def _temperature(
-    recording: Recording, window: slice, trace: Trace, test: NominalTest
-) -> Iterator[Finding]:
-    is_asked = test.temperature is not None and test.temperature_tolerance < math.inf
-    is_asked = is_asked and not (test.is_of_motion and _is_other_test(trace, test))
-    wanted = ""
-    if is_asked:
-        low, high = (
-            (test.temperature or 0.0) + sign * test.temperature_tolerance for sign in (-1.0, 1.0)
-        )
-        wanted = f"{low:g} to {high:g} degC"
-    if recording.temperature is None:
-        if is_asked:
-            text = f"no temperature in the log; the test asks for {wanted}; log it, or set "
-            text += "rig.temperature_tolerance = inf"
-            yield Finding("temperature_missing", "warning", text)
-        return
-    values = recording.temperature[window]
-    mean = mean_of(values)
-    low, high = percentiles(values, 2.0, 98.0)
-    drift = float(high - low)
-    text = f"{mean:.1f} degC on average"
-    is_outside = (
-        is_asked and not abs(mean - (test.temperature or 0.0)) <= test.temperature_tolerance
-    )
-    if is_outside:
-        text += f", outside {wanted}; forces fall as the oil warms: hold the temperature, "
-        text += "or set rig.temperature to that of this test"
-    yield Finding("temperature", "warning" if is_outside else "note", text, mean, "degC")
-    text = f"the temperature moves by {drift:.1f} degC within the run"
-    is_wide = is_asked and drift > 2.0 * test.temperature_tolerance
-    if is_wide:
-        text += f", more than the window of {wanted}"
-    is_wide = is_wide or drift > _WARMS
-    if is_wide:
-        text += "; let the damper settle, or record shorter logs"
-    severity = "warning" if is_wide else "note"
-    yield Finding("temperature_drift", severity, text, drift, "degC")
-
-
-def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
-    if options.rig_filter != "none":
-        return
-    steady = [stretch for stretch in trace.stretches if stretch.n_cycles]
-    # python -m tests.identification.scatter --in-the-rig causal
-    text = (
-        "both channels look as if the rig had filtered them: if so, set rig.filter = "
-        "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
-    )
-    if not steady:
-        if falls_off(log.displacement, log.force, log.interval):
-            text += ", and errors are too small: noise is read where that filter takes it away"
-            yield Finding("rig_filter", "warning", text)
-        return
-    longest = max(steady, key=lambda stretch: stretch.n_samples)
-    starts = longest.cycle_starts + round((trace.start_time - log.start_time) / log.interval)
-    motion, force = (
-        noise_ratio(channel, starts, log.interval) for channel in (log.displacement, log.force)
-    )
-    if math.isnan(motion) or math.isnan(force):
-        text = "whether the rig has filtered a channel cannot be judged: "
-        text += "too few cycles, or no noise above the motion"
-        yield Finding("rig_filter", "note", text)
-    elif motion > _SMOOTHED and force > _FILTERED:
-        yield Finding("rig_filter", "warning", text, force)
-    elif force > _SMOOTHED and motion < _NOT_SMOOTHED:
-        if not noise_ratio(log.force, starts, log.interval, beyond=_HARMFUL_BAND) > _HARMFUL:
-            return
-        text = (
-            f"the force is smoothed and the displacement is not: its noise is {force:.0f} times "
-            "stronger below 25 Hz than far above, as behind a running mean or an amplifier's "
-            "filter; friction, stiffness and forces at low speed are wrong: log it unfiltered"
-        )
-        yield Finding("force_smoothed", "warning", text, force)
-
-
-# A line of the spectrum that is no harmonic of the motion: hum of the mains, a pump, a loose
-# fixture. What repeats cancels in the difference of one cycle to the next. The highest of a hundred
-# lines of white noise is 8 times their median; a tone of 1 % of the force, 8 cycles of 300 lines
-# and noise of 0.3 % is 400 times.
-_TONE, _TONE_BESIDE, _TONE_SIZE = 60.0, 3, 0.01
-_FEW_FOR_TONES, _FEWEST_OF_TONES = 4, 20  # cycles; lines
-_TONE_SEEN = 0.35  # of its size, at least, is in that difference
-
-
-def _lines_off_harmonics(
-    log: UniformLog, trace: Trace, options: ConditionOptions
-) -> Iterator[Finding]:
-    steady = [stretch for stretch in trace.stretches if stretch.n_cycles > _FEW_FOR_TONES]
-    if not steady or options.rig_filter != "none":
-        return
-    longest = max(steady, key=lambda stretch: stretch.n_samples)
-    starts = longest.cycle_starts + round((trace.start_time - log.start_time) / log.interval)
-    corner = options.filter_corner if options.filter != "none" else _HARMFUL_BAND[0]
-    for name, unit, factor, signal in (
-        ("displacement", "mm", 1e3, log.displacement),
-        ("force", "N", 1.0, log.force),
-    ):
-        frequency, size = tone(signal, starts, log.interval, corner)
-        half = 0.5 * float(np.ptp(signal[longest.window]))
-        if size > _TONE_SIZE * half:
-            text = (
-                f"the {name} has a line at {frequency:.3g} Hz, {factor * size:.2g} {unit}, which "
-                "is no harmonic of the motion: hum, a pump or a resonance of the rig; find its "
-                "source, for errors of what is fitted count it as noise"
-            )
-            yield Finding(f"{name}_line", "warning", text, frequency, "Hz")
-
-
-def tone(
-    signal: FloatArray, starts: FloatArray, interval: float, corner: float
-) -> tuple[float, float]:
-    """Return frequency (Hz) and amplitude of a line off the harmonics; zeros where there is none.
-
-    Parameters
-    ----------
-    signal : numpy.ndarray
-        Shape (n,), as logged.
-    starts : numpy.ndarray
-        Where its cycles begin, samples.
-    interval, corner : float
-        Of its samples, s; the highest frequency that counts, Hz.
-    """
-    period = float(starts[-1] - starts[0]) / (len(starts) - 1)
-    at = np.arange(math.ceil(starts[0]), math.floor(starts[-1] - period))
-    unlike = np.interp(at + period, np.arange(len(signal)), signal) - signal[at]
-    _without_scatter(unlike, signal[at], round(period / 2.0))
-    window = _window(len(at))
-    spectrum = np.abs(np.fft.rfft((unlike - mean_of(unlike)) * window))
-    lines = _lines(_BEYOND_MOTION / (period * interval), corner, len(at) * interval, len(at))
-    if len(lines) < _FEWEST_OF_TONES:
-        return 0.0, 0.0
-    peak = int(lines[np.argmax(spectrum[lines])])
-    others = lines[np.abs(lines - peak) > _TONE_BESIDE]
-    # Between two lines both have a part of it.
-    place = peak + _between(np.log(np.maximum(spectrum[peak - 1 : peak + 2], 1e-300)))
-    frequency = place / (len(at) * interval)
-    seen = 2.0 * abs(math.sin(math.pi * frequency * period * interval))
-    is_clear = spectrum[peak] ** 2 > _TONE * median(spectrum[others] ** 2)
-    if not is_clear or seen < _TONE_SEEN:
-        return 0.0, 0.0
-    return frequency, 2.0 * float(spectrum[peak]) / float(window.sum()) / seen
-
-
-def _between(near: FloatArray) -> float:
-    """Return by how many places the top of a parabola through three is off the middle one."""
-    below, at, above = near.tolist()
-    bend = below - 2.0 * at + above
-    return min(max(0.5 * (below - above) / bend, -0.5), 0.5) if bend < 0.0 else 0.0

@@ -38,10 +38,10 @@ from damperfit.statistics import mean_of, median
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from damperfit.conditioning.options import GasFacts
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
-    from damperfit.conditioning.options import GasFacts
 
 __all__ = [
     "YIELDS",
@@ -50,8 +50,8 @@ __all__ = [
     "gas_force",
     "held_share",
     "held_shares",
+    "reversals",
 ]
-
 
 # Whether a damper yields before it slides, as magneto-rheological ones and dry friction do.
 #
@@ -68,39 +68,27 @@ YIELDS = 0.4
 _SLOW = 0.1  # of the stretch's peak speed
 
 
-def held_share(trace: Trace, modelled: FloatArray | None = None) -> float:
-    """Return the share of the force's range that is left at a tenth of the speed.
+def held_share(trace: Trace) -> float:
+    """Return the share of the measured force's range that is left at a tenth of the speed.
 
     The median over the stretches of a log; NaN where none passes that speed both ways.
-
-    Parameters
-    ----------
-    trace : Trace
-        Conditioned.
-    modelled : numpy.ndarray, optional
-        A model's force at the compared samples, to be asked in place of the measured one, N.
     """
     if not trace.stretches:
         return math.nan
-    force = trace.force[trace.compared] if modelled is None else modelled
-    return held_shares(trace, force[None, :])[0]
+    return held_shares(trace, trace.force[trace.compared][None, :])[0]
 
 
 def held_shares(trace: Trace, forces: FloatArray) -> tuple[float, ...]:
     """Return the `held_share` of several forces, (k, n), at the compared samples."""
-    shares = np.array(
-        [
-            _shares(trace.velocity[one.window], forces[:, place])
-            for one, place in zip(trace.stretches, trace.places, strict=True)
-        ]
+    shares = []
+    for one, place in zip(trace.stretches, trace.places, strict=True):
+        v, part = trace.velocity[one.window], forces[:, place]
+        slow = (_SLOW * float(max(v.max(), -v.min())),)
+        out, into = in_both_strokes(v, part, slow)[1][:, 1, 0]
+        shares.append((out - into) / np.maximum(np.ptp(part, axis=1), 1e-300))
+    return tuple(
+        median([x for x in of if math.isfinite(x)]) for of in np.transpose(shares).tolist()
     )
-    return tuple(median([x for x in of if math.isfinite(x)]) for of in shares.T.tolist())
-
-
-def _shares(v: FloatArray, forces: FloatArray) -> FloatArray:
-    slow = (_SLOW * float(max(v.max(), -v.min())),)
-    out, into = in_both_strokes(v, forces, slow)[1][:, 1, 0]
-    return np.asarray((out - into) / np.maximum(np.ptp(forces, axis=1), 1e-300))
 
 
 _MADE_UP = 1e-15  # of the largest of a matrix
@@ -128,35 +116,21 @@ _OF_PRELOADS = 0.7
 
 
 class ForceLevel(NamedTuple):
-    """The level of the force and the curvature of its strokes.
+    """The level of the force and the curvature of its strokes."""
 
-    Attributes
-    ----------
-    branches, reversals : float
-        The two estimates of the force at x = 0 and no speed, N.
-    uncertainty : float
-        N; about two standard errors of their mean.
-    expected : float
-        What the gas gives against the air, -a_r (P_0 - P_amb), N.
-    rebound_curvature, bump_curvature : float
-        Share of the force's half range that grows with v^2, positive when progressive.
-    hidden : float
-        N; how much of a level may be valves that open early, or what a filter took off the turns.
-    preloads : float
-        N; how much of a level may be preloads that are unlike in both strokes.
-    held : float
-        N; half the force that the log holds down to low speed, where it yields: all of it may be
-        one stroke's, and a filter that spreads the turn makes a level of it.
-    """
-
-    branches: float
+    branches: float  # the two estimates of the force at x = 0 and no speed, N
     reversals: float
-    uncertainty: float
-    expected: float
+    uncertainty: float  # N; about two standard errors of their mean
+    expected: float  # what the gas gives against the air, -a_r (P_0 - P_amb), N
+    # Share of the force's half range that grows with v^2, positive when progressive.
     rebound_curvature: float
     bump_curvature: float
+    # N; how much of a level may be valves that open early, or what a filter took off the turns.
     hidden: float = 0.0
+    # N; how much of a level may be preloads that are unlike in both strokes.
     preloads: float = 0.0
+    # N; half the force that the log holds down to low speed, where it yields: all of it may be one
+    # stroke's, and a filter that spreads the turn makes a level of it.
     held: float = 0.0
 
     @property
@@ -174,6 +148,13 @@ class ForceLevel(NamedTuple):
         """Level over what the gas gives: 1 as expected, 0 tared or no gas, -1 counted reversed."""
         return self.force / self.expected if self.expected else 0.0
 
+    def between(self, unsure: float) -> str:
+        """The level beside the gas force, for people."""
+        return (
+            f"at zero velocity the force is {self.force - unsure:.0f} to "
+            f"{self.force + unsure:.0f} N; the gas force alone is {self.expected:.0f} N"
+        )
+
 
 def gas_force(gas: GasFacts, displacement: FloatArray) -> FloatArray:
     """Return a_r (P_amb - P_0 (V_g0/(V_g0 + a_r x))^gamma), N; x in m; eq. (17) corrected."""
@@ -183,19 +164,10 @@ def gas_force(gas: GasFacts, displacement: FloatArray) -> FloatArray:
 
 
 def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> ForceLevel:
-    """Return the force level of what is compared of a trace.
+    """Return the force level of what is compared of a trace, behind a filter of this corner, Hz.
 
     Of several motions the one that hides it least tells the level: valves that open below a tenth
     of the highest speed look like a level there. The curvature is that of all of them.
-
-    Parameters
-    ----------
-    trace : Trace
-        Conditioned, at least one whole cycle.
-    gas : GasFacts
-        Of the damper.
-    corner : float
-        Of the filter that the force has passed, Hz.
     """
     whole = _level_of(trace, gas, corner)
     if len(trace.stretches) < 2:
@@ -213,52 +185,44 @@ def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
     x, v, f = (channel[trace.compared] for channel in channels)
     half_range = max(0.5 * float(np.ptp(f)), 1e-300)
     constant, rebound, bump = _branches(x, v, f)
-    ends, at = _reversals(x, v, f)
-    middle, hysteresis = float(np.mean(ends)), 0.5 * abs(ends[0] - ends[1])
-    curved = mean_of(gas_force(gas, at)) + gas.force
-    distance = 0.5 * abs(constant - (middle - curved))
+    # Force and displacement at the ends of rebound and of bump.
+    before, part, is_out = reversals(v)
+    (force_out, force_in), (x_out, x_in) = (
+        [mean_of(at[is_end]) for is_end in (is_out, ~is_out)]
+        for at in (y[before] + part * (y[before + 1] - y[before]) for y in (f, x))
+    )
+    hysteresis = 0.5 * abs(force_out - force_in)
+    curved = mean_of(gas_force(gas, np.array([x_out, x_in]))) + gas.force
+    at_reversals = float(np.mean([force_out, force_in])) - curved
+    sizes = np.array([one.n_samples for one in trace.stretches], dtype=np.float64)
+    rates = np.array([one.frequency for one in trace.stretches])
+    frequency = float(sizes @ rates / np.sum(sizes))
+    # What a filter that passes few harmonics may take.
+    lost = _OF_HARMONICS * max(frequency / corner - 1.0 / _ENOUGH_HARMONICS, 0.0)
+    share = held_share(trace)
     return ForceLevel(
         branches=constant,
-        reversals=middle - curved,
-        uncertainty=distance + _OF_HYSTERESIS * hysteresis + _OF_GAS * gas.inside,
+        reversals=at_reversals,
+        uncertainty=0.5 * abs(constant - at_reversals)
+        + _OF_HYSTERESIS * hysteresis
+        + _OF_GAS * gas.inside,
         expected=-gas.force,
         rebound_curvature=rebound / half_range,
         bump_curvature=bump / half_range,
-        hidden=_OF_DIGRESSION * 0.5 * (max(-rebound, 0.0) + max(-bump, 0.0))
-        + _lost_at_turns(trace, corner) * half_range,
-        preloads=_preloads(trace, v, f, corner),
-        held=_held(trace) * half_range,
+        hidden=_OF_DIGRESSION * 0.5 * (max(-rebound, 0.0) + max(-bump, 0.0)) + lost * half_range,
+        preloads=_preloads(v, f, 2.0 * math.pi * frequency * max(_TURN / corner, trace.interval)),
+        held=share * half_range if share >= YIELDS else 0.0,
     )
 
 
-def _held(trace: Trace) -> float:
-    """Return the share of the force's range that the log holds where it yields, else 0."""
-    share = held_share(trace)
-    return share if share >= YIELDS else 0.0
-
-
-def _preloads(trace: Trace, v: FloatArray, f: FloatArray, corner: float) -> float:
+def _preloads(v: FloatArray, f: FloatArray, turn: float) -> float:
     """Return what preloads may make of a level, of what turns faster than a filter shows, N."""
-    top = min(float(v.max()), -float(v.min()))
-    turn = 2.0 * math.pi * _frequency(trace) * max(_TURN / corner, trace.interval)
-    speed = (min(turn, _WIDEST_TURN) * top,)
+    speed = (min(turn, _WIDEST_TURN) * min(float(v.max()), -float(v.min())),)
     out, into = in_both_strokes(v, f[None], speed)[1][:, :, 0, 0]
     jump = 0.5 * abs(float(np.mean(out) - np.mean(into)))
     if not math.isfinite(jump):
         return 0.0
     return _OF_PRELOADS * max(jump - _OF_FRICTION * 0.5 * float(np.ptp(f)), 0.0)
-
-
-def _lost_at_turns(trace: Trace, corner: float) -> float:
-    """What a filter that passes few harmonics may take, over half the range of the force."""
-    return _OF_HARMONICS * max(_frequency(trace) / corner - 1.0 / _ENOUGH_HARMONICS, 0.0)
-
-
-def _frequency(trace: Trace) -> float:
-    """Return the frequency of the stretches, Hz; of several their mean by length."""
-    sizes = np.array([one.n_samples for one in trace.stretches], dtype=np.float64)
-    rates = np.array([one.frequency for one in trace.stretches])
-    return float(sizes @ rates / np.sum(sizes))
 
 
 def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float, float]:
@@ -269,27 +233,18 @@ def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float
          u * u * is_in]
     )  # fmt: skip
     # The products of the columns have the square of their condition; what that costs in digits, a
-    # second step on what is left gives back. On the columns themselves it takes far longer.
-    inverse = _inverse(columns @ columns.T)
+    # second step on what is left gives back. On the columns themselves it takes far longer. Columns
+    # may be made up by others: a pseudo-inverse.
+    sizes, ways = np.linalg.eigh(columns @ columns.T)
+    is_there = np.abs(sizes) > _MADE_UP * np.abs(sizes).max()
+    inverse = (ways[:, is_there] / sizes[is_there]) @ ways[:, is_there].T
     found = inverse @ (columns @ f)
     found += inverse @ (columns @ (f - found @ columns))
     return float(found[0]), float(found[5]), -float(found[6])
 
 
-def _inverse(products: FloatArray) -> FloatArray:
-    """Return the pseudo-inverse of a symmetric matrix: columns may be made up by others."""
-    sizes, ways = np.linalg.eigh(products)
-    is_there = np.abs(sizes) > _MADE_UP * np.abs(sizes).max()
-    return np.asarray((ways[:, is_there] / sizes[is_there]) @ ways[:, is_there].T)
-
-
-def _reversals(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return force and displacement at the ends of rebound and of bump, means, shape (2,)."""
+def reversals(v: FloatArray) -> tuple[NDArray[np.int64], FloatArray, NDArray[np.bool_]]:
+    """Return the samples before reversals, the part of a sample behind, and which end a rebound."""
     is_out = v > 0.0  # a sample at rest, v = 0, belongs to what follows a rebound
     before = np.flatnonzero(is_out[:-1] != is_out[1:])
-    part = v[before] / (v[before] - v[before + 1])
-    rows = []
-    for channel in (f, x):
-        at = channel[before] + part * (channel[before + 1] - channel[before])
-        rows.append([mean_of(at[is_end]) for is_end in (is_out[before], ~is_out[before])])
-    return np.array(rows[0]), np.array(rows[1])
+    return before, v[before] / (v[before] - v[before + 1]), is_out[before]

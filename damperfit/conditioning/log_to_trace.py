@@ -8,27 +8,26 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.cycles import MIN_CYCLES, clean_cycles, harmonic_powers
-from damperfit.conditioning.delay import without_delay
+from damperfit.conditioning.channels import bridge_spikes
+from damperfit.conditioning.cycles import MIN_CYCLES, harmonic_powers
+from damperfit.conditioning.delay import find_delay
 from damperfit.conditioning.drive import drive_of_lines, make_drive, unclear_turns
 from damperfit.conditioning.filters import FilteredLog, apply_filter, fading_samples, with_corner
-from damperfit.conditioning.findings import bridge_spikes, check_velocity, examine
+from damperfit.conditioning.findings import check_velocity, examine, samples_a_cycle
 from damperfit.conditioning.measured_characteristics import with_figures
+from damperfit.conditioning.noise import with_noise
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.polarity import (
     describe_level,
-    describe_middle,
-    find_delay,
+    find_signs,
     level_of,
-    middle_of,
-    put_right,
     rest_of,
+    with_signs,
 )
-from damperfit.conditioning.repeatability import with_noise
 from damperfit.conditioning.segments import ComparedPart, FoundStretch, choose_compared, transients
-from damperfit.conditioning.timebase import UniformLog, make_uniform
+from damperfit.conditioning.timebase import UniformLog, make_uniform, without_delay
 from damperfit.errors import ConditioningError, ConfigurationError
-from damperfit.recording import Drive, FilterDesign, Recording, Stretch, Trace
+from damperfit.recording import Drive, Finding, Recording, Stretch, Trace
 from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
@@ -75,8 +74,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     if options.spikes == "bridge":
         options = replace(options, spikes="keep")
         # A spike may be beyond what a log may hold; what is left when it is gone may not.
-        lenient = replace(options, max_force=math.inf)
-        recording = bridge_spikes(recording, condition(recording, lenient))
+        lenient = condition(recording, replace(options, max_force=math.inf))
+        recording = bridge_spikes(recording, samples_a_cycle(lenient))
     _refuse_dead(recording)
     options, corner = with_corner(recording, options)
     delay = options.skew if isinstance(options.skew, float | int) else 0.0
@@ -93,26 +92,28 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         raise ConditioningError(too_large, code="implausible")
     level = level_of(traced.trace, options)
     rest = rest_of(traced.logged, traced.trace, recording, options.gas)
-    righted, signs = put_right(traced.trace, recording, level, rest)
-    if righted is not recording:
-        traced = _trace(righted, options, delay)
+    signs = find_signs(traced.trace, recording, level, rest)
+    if signs.reversed_channels:
+        recording = with_signs(recording, signs)
+        traced = _trace(recording, options, delay)
     skew, skew_findings = find_delay(traced.log, traced.trace, options)
     if skew != 0.0:
-        traced = _trace(righted, options, skew)
-    if skew != 0.0 or righted is not recording:
+        traced = _trace(recording, options, skew)
+    if skew != 0.0 or signs.reversed_channels:
         level = level_of(traced.trace, options)
     trace = with_figures(traced.trace)
     _refuse_stroke(trace, options)
-    levels = (
+    findings = (
+        *examine(recording, traced.logged, trace, traced.part.cycles, options),
+        *traced.part.findings,
+        *signs.findings,
         *corner,
-        describe_middle(trace, options),
+        _describe_middle(trace, options),
         *describe_level(level, options),
         *skew_findings,
-        *check_velocity(trace, righted),
+        *check_velocity(trace, recording),
     )
-    seen = examine(righted, traced.logged, trace, traced.part.cycles, options)
-    found = (*seen, *traced.part.findings, *signs.findings, *levels)
-    return replace(trace, findings=found, shows_signs=signs.is_certain)
+    return replace(trace, findings=findings, shows_signs=signs.is_certain)
 
 
 class _Traced(NamedTuple):
@@ -129,18 +130,24 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     logged = make_uniform(recording)
     log = without_delay(logged, delay) if delay else logged
     part = choose_compared(recording.name, log, options)
-    seen, keep = part.seen, part.keep
-    displacement = seen.displacement
-    seen, drive = _driven(seen, part.found, keep, options)
+    keep, displacement = part.keep, part.seen.displacement
+    seen, drive = _driven(part.seen, part.found, keep, options)
     stretches = [one.stretch for one in part.found]
     sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
-    middle = part.cycles.centre if part.cycles else middle_of(displacement, stretches)
+    middle = part.cycles.centre if part.cycles else _middle_of(displacement, stretches)
     centre = middle if options.centre is None else sign * options.centre
     x, v = displacement[keep] - centre, seen.velocity[keep].copy()
     # One array where both are the same: most logs are steady sines.
     own = Drive(x, v, drive.corner)
     if drive.displacement is not displacement:
         own = drive.part(keep, centre)
+    note = (
+        f"filtered in the rig as declared ({options.rig_filter}, {options.rig_filter_corner:g} Hz, "
+        f"order {options.rig_filter_order}); no filter of our own"
+    )
+    bridged = (
+        at - keep.start for at in seen.model_filter.bridged if keep.start < at < keep.stop - 1
+    )
     trace = Trace(
         name=recording.name,
         setting=recording.setting,
@@ -153,14 +160,13 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         stretches=tuple(_moved(stretch, -keep.start) for stretch in stretches),
         centre=sign * centre,
         n_cycles_found=part.n_found,
-        model_filter=_moved_filter(seen.model_filter, keep),
+        model_filter=seen.model_filter._replace(bridged=tuple(bridged)),
         temperature=_mean_temperature(recording, seen.log, stretches),
-        notes=_notes(options),
+        notes=() if options.rig_filter == "none" else (note,),
         is_filtered_by_rig=options.rig_filter == "zero_phase",
     )
-    is_ours = options.rig_filter == "none" and options.filter != "none"
-    rest = (seen.log.force - seen.force)[keep] if is_ours else np.empty(0)
-    trace = _with_whole(with_noise(trace, rest), part, options, centre)
+    left_out = (seen.log.force - seen.force)[keep] if options.is_ours else np.empty(0)
+    trace = _with_whole(with_noise(trace, left_out), part, options, centre)
     return _Traced(trace, log, logged, part)
 
 
@@ -172,26 +178,22 @@ def _driven(
     A sample at a jump of the speed may have the friction of before it or of after it, and so may
     one at which a sine turns: it is bridged, of the measured and of the simulated force.
     """
-    drive = make_drive(seen.log, seen.displacement, seen.velocity, found, options)
+    drive = make_drive(seen, found, options)
     if options.filter != "zero_phase":
         return seen, drive
     if drive.displacement is seen.displacement:
-        stretches = [one.stretch for one in found]
-        return _bridged(seen, unclear_turns(drive, seen.log, stretches)), drive
-    lines = drive_of_lines(seen.log.displacement, seen.log.interval, part)
-    if lines is None:
-        return seen, drive
-    at = lines.jumps[:, 0]
-    return _bridged(seen, at[at == np.rint(at)].astype(np.int64).tolist()), lines
-
-
-def _bridged(seen: FilteredLog, at: Sequence[int]) -> FilteredLog:
-    """Return a log whose force has the mean of its neighbours at some samples."""
+        at = unclear_turns(drive, seen.log, [one.stretch for one in found])
+    else:
+        lines = drive_of_lines(seen.log.displacement, seen.log.interval, part)
+        if lines is None:
+            return seen, drive
+        drive = lines
+        at = [int(jump) for jump in lines.jumps[:, 0].tolist() if jump == round(jump)]
     inside = tuple(one for one in at if 0 < one < len(seen.force) - 1)
     if not inside:
-        return seen
+        return seen, drive
     design = seen.model_filter._replace(bridged=inside)
-    return seen._replace(force=apply_filter(design, seen.log.force), model_filter=design)
+    return seen._replace(force=apply_filter(design, seen.log.force), model_filter=design), drive
 
 
 def _with_whole(
@@ -230,12 +232,6 @@ def _with_whole(
     return replace(trace, displacement=x[keep], velocity=v[keep], force=kept_force, whole=whole)
 
 
-def _moved_filter(design: FilterDesign, keep: slice) -> FilterDesign:
-    """Return a filter for a part of the log's samples."""
-    bridged = (at - keep.start for at in design.bridged if keep.start < at < keep.stop - 1)
-    return design._replace(bridged=tuple(bridged))
-
-
 def _moved(stretch: Stretch, by: int) -> Stretch:
     """Return a stretch counted from another sample."""
     return replace(
@@ -254,21 +250,66 @@ def _mean_temperature(
     ends = np.array([stretches[0].first, stretches[-1].stop], dtype=np.float64)
     if stretches[0].n_cycles and len(stretches) == 1:
         ends = stretches[0].cycle_starts[[0, -1]]
-    span = log.start_time + ends * log.interval
-    first, _ = np.searchsorted(recording.time, span, "left")
-    _, stop = np.searchsorted(recording.time, span, "right")
-    return mean_of(recording.temperature[first:stop])
+    begin, end = log.start_time + ends * log.interval
+    first = np.searchsorted(recording.time, begin, "left")
+    return mean_of(recording.temperature[first : np.searchsorted(recording.time, end, "right")])
 
 
-def _notes(options: ConditionOptions) -> tuple[str, ...]:
-    notes = []
-    if options.rig_filter != "none":
-        notes.append(
-            f"filtered in the rig as declared ({options.rig_filter}, "
-            f"{options.rig_filter_corner:g} Hz, order {options.rig_filter_order}); "
-            "no filter of our own"
+# Where the middle of the stroke is.
+
+# Of the whole range: how far the middles of a motion's quarters lie apart. Sweeps have next
+# to nothing, roads several times as much as this.
+_ONE_MIDDLE = 0.02
+_NEAR_ZERO = 1.0 / 3.0  # of the amplitude: a sensor that counts from its end is beyond 1
+
+
+def _middle_of(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:
+    """Return what is taken as x = 0 where nobody has declared it, in the log's own count.
+
+    The middle of the widest stretch. A motion that wanders, such as a road, has none that is the
+    damper's: the log's own 0 is taken, if it lies anywhere near the middle of the range.
+    """
+    widest = max(stretches, key=lambda stretch: stretch.amplitude)
+    part = displacement[widest.window]
+    middle = 0.5 * float(part.max() + part.min())
+    return 0.0 if _wanders(part) and abs(middle) <= _NEAR_ZERO * widest.amplitude else middle
+
+
+def _wanders(x: FloatArray) -> bool:
+    """Whether the middle of the motion is not the same throughout."""
+    middles = [0.5 * float(part.max() + part.min()) for part in np.array_split(x, 4)]
+    return max(middles) - min(middles) > _ONE_MIDDLE * float(np.ptp(x))
+
+
+def _describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
+    """Return where mid-stroke is in the log, or how far a declared centre is from it."""
+    window = trace.displacement[trace.compared]
+    off = 0.5 * float(window.max() + window.min())
+    centre = 1e3 * trace.centre
+    if options.centre is not None:
+        text = f"x = 0 at {centre:.3f} mm of the log, as declared; "
+        text += f"mid-stroke at x = {1e3 * off:.3f} mm"
+        return Finding("mid_stroke", "note", text, off, "m")
+    widest = max(trace.stretches, key=lambda stretch: stretch.amplitude)
+    severity = "note"
+    if widest.n_cycles or not _wanders(trace.displacement[widest.window]):
+        text = f"mid-stroke of the log ({round(centre, 3) + 0.0:.3f} mm) is x = 0 of the model"
+        if 0.05 < abs(trace.centre) / trace.amplitude < 0.8:
+            text += "; if the log's 0 is the middle of the damper, set rig.centre = '0mm'"
+    elif trace.centre == 0.0:
+        text = (
+            "the motion has no middle of its own: the log's 0 is taken as x = 0 of the model (the "
+            f"range's middle is {1e3 * off:.1f} mm); each mm off the damper's middle shifts R_m3 "
+            "by about 2 %: set rig.centre if it is elsewhere"
         )
-    return tuple(notes)
+    else:
+        severity = "warning"
+        text = (
+            "the motion has no middle of its own, and the log's 0 is far off: the middle of the "
+            f"range ({centre:.1f} mm) is taken as x = 0 of the model; each mm off the damper's "
+            "middle shifts R_m3 by about 2 %: set rig.centre"
+        )
+    return Finding("mid_stroke", severity, text, trace.centre, "m")
 
 
 # Logs that cannot be used at all, each refused with the reason and the way out.
@@ -307,9 +348,12 @@ def _refuse_dead(recording: Recording) -> None:
 def _oversize(recording: Recording, options: ConditionOptions) -> str:
     """Return why a log is of an impossible size; empty where it is not."""
     if (half := 0.5 * float(np.ptp(recording.displacement))) > options.max_amplitude:
+        chambers = ""
+        if options.chamber_lengths is not None:
+            chambers = " (chambers l_1 {:g} m, l_2 {:g} m)".format(*options.chamber_lengths)
         return (
             f"{recording.name}: displacement swings +-{half:.4g} m, expected at most "
-            f"+-{options.max_amplitude:g} m{_chambers(options)}; was mm read as m? "
+            f"+-{options.max_amplitude:g} m{chambers}; was mm read as m? "
             "Declare the unit or raise conditioning.max_amplitude"
         )
     peak = float(np.abs(recording.force).max())
@@ -343,8 +387,14 @@ def _refuse_swapped(trace: Trace) -> None:
     """
     if not trace.fastest.n_cycles:
         return  # a random motion has no harmonics
-    driven = _harmonic_share(trace, trace.displacement)
-    if driven > _ANSWERS and driven > _MORE * (answers := _harmonic_share(trace, trace.force)):
+
+    def in_harmonics(values: FloatArray) -> float:
+        """The share of a channel's power that is in harmonics 2 to 7 of the motion."""
+        power = harmonic_powers(trace.fastest, values, 7)
+        return float(np.sum(power[1:])) / max(float(np.sum(power)), 1e-300)
+
+    driven = in_harmonics(trace.displacement)
+    if driven > _ANSWERS and driven > _MORE * (answers := in_harmonics(trace.force)):
         raise ConditioningError(
             f"force and displacement look swapped: what is read as displacement has "
             f"{100.0 * driven:.2g} % of its power in harmonics, what is read as force "
@@ -354,21 +404,6 @@ def _refuse_swapped(trace: Trace) -> None:
             subject=trace.name,
             code="swapped",
         )
-
-
-def _harmonic_share(trace: Trace, values: FloatArray) -> float:
-    """Return the share of a channel's power that is in harmonics 2 to 7 of the motion."""
-    stretch = trace.fastest
-    first, *_, stop = np.rint(clean_cycles(stretch)).astype(np.int64)
-    power = harmonic_powers(values[first:stop], stretch.frequency * trace.interval, 7)
-    return float(np.sum(power[1:])) / max(float(np.sum(power)), 1e-300)
-
-
-def _chambers(options: ConditionOptions) -> str:
-    if options.chamber_lengths is None:
-        return ""
-    l_1, l_2 = options.chamber_lengths
-    return f" (chambers l_1 {l_1:g} m, l_2 {l_2:g} m)"
 
 
 def _refuse_stroke(trace: Trace, options: ConditionOptions) -> None:

@@ -19,38 +19,33 @@ from damperfit.recording import StretchFigures
 from damperfit.statistics import median
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from damperfit.recording import Stretch, Trace
 
     FloatArray = NDArray[np.float64]
-
-# Of the peak speed: what is about the peak, and what lies between two strokes.
-_NEAR_PEAK, _SLOW = 0.9, 0.5
+    IntArray = NDArray[np.int64]
 
 __all__ = [
-    "branch_forces",
     "counted_edges",
     "figures_in",
-    "figures_of",
     "mean_energy",
     "mean_extremes",
     "peak_velocity_forces",
     "with_figures",
 ]
 
+# Of the peak speed: what is about the peak, and what lies between two strokes.
+_NEAR_PEAK, _SLOW = 0.9, 0.5
+
 
 def with_figures(trace: Trace) -> Trace:
     """Return a trace whose stretches hold their figures."""
-    return replace(
-        trace,
-        stretches=tuple(replace(one, figures=figures_in(trace, one)) for one in trace.stretches),
-    )
+    stretches = tuple(replace(one, figures=figures_in(trace, one)) for one in trace.stretches)
+    return replace(trace, stretches=stretches)
 
 
-def counted_edges(stretch: Stretch) -> NDArray[np.int64]:
+def counted_edges(stretch: Stretch) -> IntArray:
     """Return first samples of the cycles that figures are read off, and the last one's end."""
     return np.rint(_edges(stretch)).astype(np.int64)
 
@@ -69,47 +64,27 @@ def figures_in(trace: Trace, stretch: Stretch) -> StretchFigures:
     known = stretch.figures
     if known is not None and (known.start, known.stop) == (start, stop):
         return known
-    figures = figures_of(
-        trace.velocity,
-        trace.force,
-        _edges(stretch),
-        interval=trace.interval,
-        is_steady=stretch.n_cycles > 0,
+    energies = cycle_energies(trace.velocity, trace.force, _edges(stretch), trace.interval)
+    window = slice(int(edges[0]), int(edges[-1]))
+    velocity, force = trace.velocity[window], trace.force[window]
+    (rebound, peak_rebound), (bump, peak_bump) = mean_extremes(
+        np.stack([velocity, force]), edges[:-1] - edges[0]
     )
-    return replace(figures, start=start, stop=stop)
-
-
-def figures_of(
-    velocity: FloatArray,
-    force: FloatArray,
-    edges: FloatArray,
-    *,
-    interval: float,
-    is_steady: bool,
-) -> StretchFigures:
-    """Return what is read off some cycles, or off a motion that does not repeat.
-
-    Parameters
-    ----------
-    velocity, force : numpy.ndarray
-        Shape (n,); m/s, N.
-    edges : numpy.ndarray
-        Boundaries of the cycles, fractional samples.
-    interval : float
-        s.
-    is_steady : bool
-        The cycles repeat.
-    """
-    energies = cycle_energies(velocity, force, edges, interval)
-    whole = np.rint(edges).astype(np.int64)
-    begins, window = whole[:-1] - whole[0], slice(int(whole[0]), int(whole[-1]))
-    velocity, force = velocity[window], force[window]
-    (rebound, peak_rebound), (bump, peak_bump) = mean_extremes(np.stack([velocity, force]), begins)
     half = 0.5 * min(rebound, -bump)
-    nothing = (math.nan, math.nan)
-    rebound_loop, bump_loop = (
-        _hysteresis(velocity, force, half, sign) if is_steady else nothing for sign in (1.0, -1.0)
-    )
+
+    def hysteresis(sign: float) -> tuple[float, float]:
+        """Opening less closing force, and the standard error."""
+        if not stretch.n_cycles:
+            return math.nan, math.nan
+        counts, means, squares = at_speeds(velocity, force[None, :], (half,), sign=sign)
+        opening, closing = means[:, 0, 0].tolist()
+        variances = [
+            float(square) / (n * (n - 1.0)) if n > 1 else math.nan
+            for n, square in zip(counts[:, 0].tolist(), squares[:, 0, 0].tolist(), strict=True)
+        ]
+        return opening - closing, math.sqrt(sum(variances))
+
+    (rebound_loop, rebound_error), (bump_loop, bump_error) = hysteresis(1.0), hysteresis(-1.0)
     n = len(energies)
     scatter = float(np.std(energies, ddof=1)) if n > 1 else math.nan
     return StretchFigures(
@@ -119,17 +94,17 @@ def figures_of(
         peak_speed_bump=-bump,
         energy=float(np.mean(energies)),
         hysteresis_speed=half,
-        hysteresis_rebound=rebound_loop[0],
-        hysteresis_bump=bump_loop[0],
+        hysteresis_rebound=rebound_loop,
+        hysteresis_bump=bump_loop,
+        start=start,
+        stop=stop,
         energy_se=scatter / math.sqrt(n),
-        hysteresis_rebound_se=rebound_loop[1],
-        hysteresis_bump_se=bump_loop[1],
+        hysteresis_rebound_se=rebound_error,
+        hysteresis_bump_se=bump_error,
     )
 
 
-def mean_extremes(
-    signals: FloatArray, begins: NDArray[np.int64]
-) -> tuple[list[float], list[float]]:
+def mean_extremes(signals: FloatArray, begins: IntArray) -> tuple[list[float], list[float]]:
     """Return largest and smallest values of signals, (k, n), each the mean over the cycles."""
     tops = np.maximum.reduceat(signals, begins, axis=1).mean(axis=1)
     bottoms = np.minimum.reduceat(signals, begins, axis=1).mean(axis=1)
@@ -141,68 +116,15 @@ def mean_energy(trace: Trace, stretch: Stretch, force: FloatArray) -> float:
     return float(np.mean(cycle_energies(trace.velocity, force, _edges(stretch), trace.interval)))
 
 
-def _hysteresis(
-    velocity: FloatArray, force: FloatArray, at: float, sign: float
-) -> tuple[float, float]:
-    """Return opening less closing force at a speed, and the standard error."""
-    counts, means, squares = at_speeds(velocity, force[None, :], (at,), sign=sign)
-    opening, closing = means[:, 0, 0].tolist()
-    variances = [
-        float(square) / (n * (n - 1.0)) if n > 1 else math.nan
-        for n, square in zip(counts[:, 0].tolist(), squares[:, 0, 0].tolist(), strict=True)
-    ]
-    return opening - closing, math.sqrt(sum(variances))
-
-
-def branch_forces(
-    velocity: FloatArray, forces: FloatArray, speeds: Sequence[float], *, sign: float = 1.0
-) -> FloatArray:
-    """Return the mean forces where the speed rises through values, and where it falls.
-
-    Parameters
-    ----------
-    velocity : numpy.ndarray
-        Shape (n,), m/s.
-    forces : numpy.ndarray
-        Shape (k, n), N.
-    speeds : sequence of float
-        m/s, rising.
-    sign : float
-        What makes the stroke's velocity positive.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (2, number of speeds, k): opening and closing branch, N; NaN where a speed is never
-        passed so.
-    """
-    return at_speeds(velocity, forces, speeds, sign=sign)[1]
-
-
 def peak_velocity_forces(
-    speed: FloatArray, signals: FloatArray, begins: NDArray[np.int64]
+    speed: FloatArray, signals: FloatArray, begins: IntArray
 ) -> tuple[float, FloatArray, FloatArray]:
     """Return the peak speed of a stroke, and what signals are there (peak velocity pick-off).
 
-    About the middle of each passage of 0.9 of the peak speed a parabola is laid through the samples
-    of half that passage, of all cycles in one: noise must not pick the sample.
-
-    Parameters
-    ----------
-    speed : numpy.ndarray
-        Shape (n,), m/s, of steady cycles, positive in the stroke.
-    signals : numpy.ndarray
-        Shape (k, n).
-    begins : numpy.ndarray
-        First samples of the cycles.
-
-    Returns
-    -------
-    float
-        m/s.
-    numpy.ndarray, numpy.ndarray
-        Shape (k,): signals at the peak, and their standard errors by the scatter of the cycles;
-        NaN for one cycle.
+    Of steady cycles that begin at these samples: speed, m/s, positive in the stroke, and signals,
+    (k, n). About the middle of each passage of 0.9 of the peak speed a parabola is laid through the
+    samples of half that passage, of all cycles in one: noise must not pick the sample. The last is
+    the standard error of each signal by the scatter of the cycles, NaN for one cycle.
     """
     top = median(np.maximum.reduceat(speed, begins))
     is_fast, is_slow = speed >= _NEAR_PEAK * top, speed < _SLOW * top
@@ -233,9 +155,9 @@ def peak_velocity_forces(
     powers = np.vander(offsets, min(3, n_places), increasing=True)
     rows = np.vstack([speed[at], signals[:, at]])
     found = np.linalg.lstsq(powers, rows.T, rcond=None)[0]
-    rest_of = rows - (powers @ found).T
+    left_over = rows - (powers @ found).T
     counts = np.bincount(which)
-    means = np.array([np.bincount(which, row) for row in rest_of[1:]])[:, counts > 0]
+    means = np.array([np.bincount(which, row) for row in left_over[1:]])[:, counts > 0]
     means /= counts[counts > 0]
     n = means.shape[1]
     errors = np.std(means, axis=1, ddof=1) / math.sqrt(n) if n > 1 else nothing

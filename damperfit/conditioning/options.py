@@ -4,82 +4,48 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Key
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 __all__ = ["FILTER_KINDS", "ConditionOptions", "GasFacts", "NominalTest", "OffsetFacts"]
 
 FILTER_KINDS = ("zero_phase", "causal", "none")
-SPIKES = ("keep", "bridge")
-MAX_SKEW = 0.1  # s; more is no skew between channels but two clocks
+_SPIKES = ("keep", "bridge")
+_MAX_SKEW = 0.1  # s; more is no skew between channels but two clocks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NominalTest:
-    """What the test was meant to be; findings compare with it, no number depends on it.
+    """What the test was meant to be; findings compare with it, no number depends on it."""
 
-    Attributes
-    ----------
-    frequency, amplitude : float or None
-        Hz, m. None: not said.
-    temperature : float or None
-        Degrees Celsius. None: not said.
-    temperature_tolerance : float
-        Degrees either way; infinite: no temperature is asked for.
-    is_of_motion : bool
-        The temperature is asked for only of logs with this frequency and amplitude, as that of
-        the paper's test, which is the default.
-    """
-
-    frequency: float | None = None
-    amplitude: float | None = None
-    temperature: float | None = None
-    temperature_tolerance: float = math.inf
+    frequency: float | None = None  # Hz; None: not said
+    amplitude: float | None = None  # m
+    temperature: float | None = None  # degrees Celsius
+    temperature_tolerance: float = math.inf  # degrees either way; infinite: none is asked for
+    # The temperature is asked for only of logs with this frequency and amplitude, as that of the
+    # paper's test, which is the default.
     is_of_motion: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffsetFacts:
-    """What a fit makes of a constant force that the rig adds.
+    """What a fit makes of a constant force that the rig adds."""
 
-    Attributes
-    ----------
-    name : str
-        Of that quantity; "": the model has none.
-    beside : tuple of str
-        What is free at each setting besides, for people.
-    is_known : bool
-        It is fitted or held: a tared force is then no doubt.
-    """
-
-    name: str = ""
-    beside: tuple[str, ...] = ()
-    is_known: bool = False
+    name: str = ""  # of that quantity; "": the model has none
+    beside: tuple[str, ...] = ()  # what is free at each setting besides, for people
+    is_known: bool = False  # it is fitted or held: a tared force is then no doubt
 
 
 class GasFacts(NamedTuple):
-    """What is known of the damper's gas: it pushes the rod out and so tells the signs of a log.
+    """What is known of the damper's gas: it pushes the rod out and so tells the signs of a log."""
 
-    Attributes
-    ----------
-    rod_area : float
-        a_r, m2.
-    pressure, volume, exponent : float
-        P_0 and V_g0 at mid-stroke, Pa and m3; gamma.
-    ambient : float
-        Of the air, which presses against it, Pa; the paper's equation leaves it out.
-    """
-
-    rod_area: float
-    pressure: float
-    volume: float
-    exponent: float
-    ambient: float = 0.0
+    rod_area: float  # a_r, m2
+    pressure: float  # P_0 at mid-stroke, Pa
+    volume: float  # V_g0 there, m3
+    exponent: float  # gamma
+    ambient: float = 0.0  # of the air, which presses against it, Pa; the paper leaves it out
 
     @property
     def force(self) -> float:
@@ -158,15 +124,30 @@ class ConditionOptions:
     def __post_init__(self) -> None:
         """Refuse options that mean nothing."""
         for name in ("filter", "rig_filter"):
-            found = getattr(self, name)
-            if found not in FILTER_KINDS:
+            kind = getattr(self, name)
+            if kind not in FILTER_KINDS:
                 raise ConfigurationError(
-                    f"unknown kind {found!r}; expected {', '.join(FILTER_KINDS)}."
-                    f"{did_you_mean(str(found), FILTER_KINDS)}",
+                    f"unknown kind {kind!r}; expected {', '.join(FILTER_KINDS)}."
+                    f"{did_you_mean(str(kind), FILTER_KINDS)}",
                     where=Key((name,)),
                     code="unknown-filter",
                 )
-        for name, is_right, wanted in self._limits():
+        is_skew = self.skew == "auto" or (
+            isinstance(self.skew, float | int) and abs(self.skew) <= _MAX_SKEW
+        )
+        is_centre = self.centre is None or math.isfinite(self.centre)
+        for name, is_right, wanted in (
+            ("filter_order", 1 <= self.filter_order <= 12, "1 to 12"),
+            ("rig_filter_order", 1 <= self.rig_filter_order <= 12, "1 to 12"),
+            ("filter_corner", 0.0 < self.filter_corner < math.inf, "more than 0"),
+            ("rig_filter_corner", 0.0 < self.rig_filter_corner < math.inf, "more than 0"),
+            ("spikes", self.spikes in _SPIKES, " or ".join(_SPIKES)),
+            ("steadiness", 0.0 < self.steadiness < 0.5, "more than 0 and less than 0.5"),
+            ("max_amplitude", self.max_amplitude > 0.0, "above 0"),
+            ("max_force", self.max_force > 0.0, "above 0"),
+            ("skew", is_skew, f"'auto' or at most {_MAX_SKEW:g} s either way"),
+            ("centre", is_centre, "a finite number, m"),
+        ):
             if not is_right:
                 found = getattr(self, name)
                 shown = f"{found:g} Hz" if name.endswith("corner") else f"{found!r}"
@@ -181,18 +162,18 @@ class ConditionOptions:
                 code="out-of-range",
             )
 
-    def _limits(self) -> Iterator[tuple[str, bool, str]]:
-        """Yield options, whether they are right, and what is."""
-        for name in ("filter_order", "rig_filter_order"):
-            yield name, 1 <= getattr(self, name) <= 12, "1 to 12"
-        for name in ("filter_corner", "rig_filter_corner"):
-            yield name, 0.0 < getattr(self, name) < math.inf, "more than 0"
-        yield "spikes", self.spikes in SPIKES, " or ".join(SPIKES)
-        yield "steadiness", 0.0 < self.steadiness < 0.5, "more than 0 and less than 0.5"
-        for name in ("max_amplitude", "max_force"):
-            yield name, getattr(self, name) > 0.0, "above 0"
-        is_known = isinstance(self.skew, float | int) and abs(self.skew) <= MAX_SKEW
-        is_right = self.skew == "auto" or is_known
-        yield "skew", is_right, f"'auto' or at most {MAX_SKEW:g} s either way"
-        is_right = self.centre is None or math.isfinite(self.centre)
-        yield "centre", is_right, "a finite number, m"
+    @property
+    def is_ours(self) -> bool:
+        """Whether we filter, and the rig has not."""
+        return self.rig_filter == "none" and self.filter != "none"
+
+    @property
+    def declared_corner(self) -> float:
+        """Corner of the rig's filter where there is one, else of ours, Hz."""
+        return self.filter_corner if self.rig_filter == "none" else self.rig_filter_corner
+
+    @property
+    def passed_corner(self) -> float:
+        """Corner of the filter that the channels pass, Hz; infinite where they pass none."""
+        is_raw = self.rig_filter == "none" and self.filter == "none"
+        return math.inf if is_raw else self.declared_corner

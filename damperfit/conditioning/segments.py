@@ -5,41 +5,38 @@ How cycles and runs are found stands in `damperfit.conditioning.cycles`.
 Where runs hold a third of all cycles or more they are what is compared; else all of the motion is.
 Rest never is. The model runs through the whole log, so a run that follows another motion needs no
 run-in; only one that stands at the log's own beginning does, for what was before it is not known.
+
+One steady run goes cycle by cycle: a cycle of run-in and the filter's edges are left out. Where
+that leaves fewer than three cycles, and where a short run stands at an end of the log, the log
+is continued by its own cycles (`damperfit.conditioning.timebase`); one between two rests is
+compared from break to break, where that is more.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import pairwise
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from damperfit.conditioning.cycles import (
-    FEWEST,
     MIN_CYCLES,
     TURN,
     Cycles,
     SteadyRun,
-    Turns,
     clean_cycles,
     crossings,
     cycles_of,
     ends_in_motion,
     find_cycles,
-    run_of,
     runs_of,
     turning_points,
 )
 from damperfit.conditioning.drive import content_beyond
-from damperfit.conditioning.filters import (
-    FilteredLog,
-    behind_filter,
-    fading_samples,
-    fitting_corner,
-    settling_samples,
-)
+from damperfit.conditioning.filters import FilteredLog, behind_filter, fitting_corner
+from damperfit.conditioning.signals import parts_where
 from damperfit.conditioning.timebase import continue_log
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding, Stretch
@@ -48,16 +45,14 @@ from damperfit.statistics import median, percentiles
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    from collections.abc import Sequence
-
-    IntArray = NDArray[np.int64]
     from damperfit.conditioning.options import ConditionOptions
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Trace
 
-__all__ = ["TRANSIENTS", "ComparedPart", "FoundStretch", "choose_compared", "transients"]
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
 
+__all__ = ["TRANSIENTS", "ComparedPart", "FoundStretch", "choose_compared", "transients"]
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
 _HYSTERESIS = 0.25  # of the run's amplitude
@@ -73,51 +68,55 @@ _LONGEST_RUN_IN = 2.0  # s
 # Speed beyond half the corner, over all of it: noise behind the filter has 0.95, a random walk
 # 0.65, a road up to 15 Hz nothing.
 _NOISE = 0.5
-_SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
 
 
 class FoundStretch(NamedTuple):
-    """A stretch, in samples of the log, and between which breaks of the motion it lies.
-
-    Attributes
-    ----------
-    stretch : Stretch
-        What is compared.
-    begin, end : float
-        Where its motion begins and ends; infinite where the log does.
-    """
+    """A stretch, in samples of the log, and the breaks of the motion between which it lies."""
 
     stretch: Stretch
-    begin: float
-    end: float
+    begin: float = -math.inf  # infinite where its motion begins, and ends, with the log
+    end: float = math.inf
 
 
-class _Motion(NamedTuple):
-    """A log behind the filter, its turns and steady runs, and what the filter forgets.
+class ComparedPart(NamedTuple):
+    """What is compared of a log."""
+
+    seen: FilteredLog  # may be longer than what was logged
+    found: tuple[FoundStretch, ...]
+    n_found: int  # whole cycles
+    cycles: Cycles | None  # None where the log is no single steady run
+    keep: slice  # samples that the model runs through
+    findings: tuple[Finding, ...] = ()
+
+
+class _Motion:
+    """A log behind the filter, its turns and steady runs.
 
     Where the log is continued, `first` and `stop` are the samples that were logged.
     """
 
-    seen: FilteredLog
-    turns: Turns
-    runs: Sequence[tuple[int, int]]
-    edge: int  # samples after which the filter forgets a break
-    first: float | None = None
-    stop: float | None = None
+    def __init__(
+        self,
+        name: str,
+        log: UniformLog,
+        options: ConditionOptions,
+        logged: tuple[int | None, int | None] = (None, None),
+    ) -> None:
+        self.name, self.log, self.options = name, log, options
+        self.first, self.stop = logged
+        self.seen = behind_filter(log, options)
+        self.turns = cycles_of(self.seen.displacement)
+        self.runs = list(runs_of(self.turns, options.steadiness, near=_MOVED / log.interval))
+        passages = sum(run.cycles.stop - run.cycles.start + 2 for run in self.runs)
+        n_passages = len(self.turns.passages)
+        self.n_cycles = n_passages // 2
+        self.repeats = bool(self.runs) and passages >= _SHARE * n_passages
 
-    @property
-    def interval(self) -> float:
-        return self.seen.log.interval
-
-    @property
-    def n_cycles(self) -> int:
-        return len(self.turns.passages) // 2
-
-    @property
-    def repeats(self) -> bool:
-        """Whether its runs are the test."""
-        passages = sum(stop - first + 2 for first, stop in self.runs)
-        return bool(self.runs) and passages >= _SHARE * len(self.turns.passages)
+    @cached_property
+    def cycles(self) -> Cycles | None:
+        """Its longest run of steady cycles about one middle."""
+        speed = self.seen.velocity * self.log.interval
+        return find_cycles(self.seen.displacement, speed, steadiness=self.options.steadiness)
 
     @property
     def is_one_run(self) -> bool:
@@ -128,54 +127,216 @@ class _Motion(NamedTuple):
         """
         if not self.repeats or len(self.runs) != 1:
             return False
-        run = run_of(self.turns, *self.runs[0])
-        middles = self.turns.middle[slice(*self.runs[0])]
-        keeps_place = float(np.ptp(middles)) <= _IN_PLACE * run.amplitude
-        return keeps_place and run.last - run.first >= _SURELY * run.period + 2.0 * self.edge
+        (run,) = self.runs
+        keeps_place = float(np.ptp(self.turns.middle[run.cycles])) <= _IN_PLACE * run.amplitude
+        return keeps_place and run.last - run.first >= _SURELY * run.period + 2.0 * self.seen.fading
 
 
-def _motion(
-    seen: FilteredLog,
-    options: ConditionOptions,
-    *,
-    first: float | None = None,
-    stop: float | None = None,
-) -> _Motion:
-    turns = cycles_of(seen.displacement)
-    runs = runs_of(turns, options.steadiness, near=_MOVED / seen.log.interval)
-    is_long = len(turns.passages) >= FEWEST
-    edge = max(fading_samples(seen.model_filter), _SPLINE_EDGE)
-    return _Motion(seen, turns, list(runs) if is_long else [], edge, first, stop)
+def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> ComparedPart:
+    """Return what of a log is compared with the model.
+
+    A ConditioningError: too few steady cycles, a motion that the filter takes away, a corner beyond
+    half the rate.
+    """
+    try:
+        motion = _Motion(name, log, options)
+    except ConditioningError as error:
+        raise ConditioningError(f"{error}", subject=name, code="no-cycles") from None
+    one = _one_run(motion) if motion.is_one_run else None
+    if one and _n_cycles(one.found) >= MIN_CYCLES:
+        return one
+    found, n_found, cycles = _several(motion), motion.n_cycles, motion.cycles
+    several = _kept(motion.seen, found, n_found, None) if found else None
+    if one is None:
+        if several and found[0].stretch.kind == "moving":
+            return several
+        if several and len(found) > 1:
+            return _continued(motion, found, n_found, None) or several
+        one = _one_run(motion)
+    # A run between its breaks may have more cycles than behind a run-in and edges.
+    is_longer = len(found) == 1 and found[0].stretch.kind != "moving" and n_found >= MIN_CYCLES
+    if one and not (is_longer and _n_cycles(found) > _n_cycles(one.found)):
+        return one
+    if cycles and cycles.n_found >= MIN_CYCLES:
+        longer = _continued(motion, (), cycles.n_found, cycles)
+        if longer:
+            return longer
+    # A short run in the middle of a log needs no run-in and no edges of the filter.
+    if several is None or n_found < MIN_CYCLES:
+        _window(motion)  # says why there is none
+    assert several is not None
+    return several
+
+
+def _n_cycles(found: tuple[FoundStretch, ...]) -> int:
+    return sum(one.stretch.n_cycles for one in found)
+
+
+def _kept(
+    seen: FilteredLog, found: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
+) -> ComparedPart:
+    """Add what the model runs through: from where the motion begins, or a cycle before."""
+    first, last = found[0].stretch, found[-1].stretch
+    ahead = first.first - math.floor(max(found[0].begin, 0.0))
+    if cycles is not None:
+        ahead = math.ceil(cycles.period) + 1
+    keep = slice(max(0, first.first - seen.edge - ahead), last.stop + seen.edge + 2)
+    return ComparedPart(seen, found, n_found, cycles, keep)
+
+
+def _one_run(motion: _Motion) -> ComparedPart | None:
+    """Return what is compared of one steady run; None where it leaves no window."""
+    cycles = motion.cycles
+    try:
+        starts = _window(motion)
+    except ConditioningError:
+        return None
+    assert cycles is not None
+    _refuse_fast(motion, cycles)
+    found = (FoundStretch(_steady_stretch(starts, motion.seen, cycles.amplitude)),)
+    longer = None
+    if _n_cycles(found) < MIN_CYCLES:
+        longer = _continued(motion, found, cycles.n_found, cycles)
+    return longer or _kept(motion.seen, found, cycles.n_found, cycles)
+
+
+def _continued(
+    motion: _Motion, found: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
+) -> ComparedPart | None:
+    """Return what is compared when the log is continued by its cycles; None where no more is."""
+    log, options = motion.log, motion.options
+    begin, end = ends_in_motion(log.displacement, options.steadiness)
+    at_begin = found[0].stretch.n_cycles if found and math.isinf(found[0].begin) else 0
+    at_end = found[-1].stretch.n_cycles if found and math.isinf(found[-1].end) else 0
+    begin = begin if at_begin < MIN_CYCLES else None
+    end = end if at_end < MIN_CYCLES else None
+    if begin is None and end is None:
+        return None
+    longer, first, stop = continue_log(log, begin, end, reach=motion.seen.edge)
+    logged = None if begin is None else first, None if end is None else stop
+    continued = _Motion(motion.name, longer, options, logged)
+    more = _steady_runs(continued)
+    if _n_cycles(more) <= _n_cycles(found):
+        return None
+    single = None
+    if cycles is not None and len(more) == 1:
+        _refuse_fast(motion, cycles)
+        single = continued.cycles and continued.cycles._replace(n_found=n_found)
+    where = " and ".join(
+        word for word, at in (("beginning", begin), ("end", end)) if at is not None
+    )
+    text = (
+        f"there are few cycles at the {where} of the log: it is continued there by its own cycles "
+        "for run-in and filter; only what was logged is compared"
+    )
+    finding = Finding("continued", "note", text)
+    return _kept(continued.seen, more, n_found, single)._replace(findings=(finding,))
+
+
+def _several(motion: _Motion) -> tuple[FoundStretch, ...]:
+    """Return the stretches of a log that is not one steady run; none where it is.
+
+    Noise of a sensor at rest is no motion: nearly all of its speed is far up.
+    """
+    if found := _steady_runs(motion):
+        return found
+    interval = motion.log.interval
+    corner = min(0.5 * motion.options.declared_corner, 0.1 / interval)
+    if content_beyond(motion.seen.displacement, interval, corner) > _NOISE:
+        return ()
+    return _moving(motion)
+
+
+def _window(motion: _Motion) -> FloatArray:
+    """Return boundaries of the steady cycles that neither run-in nor filter edges touch."""
+    cycles, edge = motion.cycles, motion.seen.edge
+    n, h = len(motion.log.force), motion.log.interval
+    length = f"the log is {n * h:.3g} s long"
+    if cycles is None or cycles.n_found < MIN_CYCLES:
+        found = 0 if cycles is None else cycles.n_found
+        stroke = 1e3 * float(np.ptp(motion.log.displacement))
+        needed = "" if cycles is None else f" ({MIN_CYCLES * cycles.period * h:.3g} s)"
+        raise ConditioningError(
+            f"found {found} whole steady cycle{'s' * (found != 1)} in the displacement "
+            f"(it spans {stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{needed}; "
+            "record a longer log",
+            subject=motion.name,
+            code="no-cycles",
+        )
+    period = cycles.period
+    # Where the steady cycles do not reach the log's own ends, their first and last crossing count
+    # as ends: an abrupt start or stop beside them is smeared by the filter like an end of the log.
+    begin, end = float(cycles.rising[0]), float(cycles.rising[-1])
+    begin = 0.0 if begin <= 1.1 * period else begin
+    end = n - 1.0 if n - 1.0 - end <= 1.1 * period else end
+    low, high = max(begin + period + edge, cycles.begin), min(end - edge, cycles.end)
+    rising, falling = (
+        marks[(marks >= low) & (marks <= high)] for marks in (cycles.rising, cycles.falling)
+    )
+    # Short logs: half a cycle more may fit when cycles are cut at the other crossing.
+    starts = falling if len(rising) <= MIN_CYCLES and len(falling) > len(rising) else rising
+    if len(starts) >= 2:
+        return starts
+    if high - low >= period:  # a whole cycle that starts in mid-cycle
+        return low + period * np.arange(math.floor((high - low) / period) + 1, dtype=np.float64)
+    raise ConditioningError(
+        f"no whole steady cycle is left after the run-in of one cycle ({period * h:.3g} s) and the "
+        f"filter's edges ({edge * h:.3g} s at each end); {length} with {cycles.n_found} cycles, "
+        f"expected at least {(2.0 * period + 2.0 * edge) * h:.3g} s of steady motion; record a "
+        "longer log",
+        subject=motion.name,
+        code="no-cycles",
+    )
+
+
+def _refuse_fast(motion: _Motion, cycles: Cycles) -> None:
+    """Refuse a motion that the filter takes away."""
+    options, interval = motion.options, motion.log.interval
+    frequency = 1.0 / (cycles.period * interval)
+    if frequency < options.passed_corner:
+        return
+    advice = "the displacement is noise, or rig.filter_corner is another one"
+    if options.is_ours:
+        fits = f"'{fitting_corner(frequency, 1.0 / interval):g}Hz' or 'auto'"
+        advice = "the displacement is noise, or the corner must be raised: "
+        advice += f"set conditioning.filter_corner = {fits}"
+    raise ConditioningError(
+        f"the motion found has {frequency:.3g} Hz, not below the filter corner of "
+        f"{options.passed_corner:g} Hz; {advice}",
+        subject=motion.name,
+        code="corner-too-low",
+    )
+
+
+# Steady runs, from break to break.
 
 
 def _steady_runs(motion: _Motion) -> tuple[FoundStretch, ...]:
     """Return the steady runs of a log in order of time; none where hardly anything repeats."""
     found: list[FoundStretch] = []
-    for ends in motion.runs if motion.repeats else ():
-        run = run_of(motion.turns, *ends)
-        stretch = _of_run(run, motion)
-        if stretch is not None:
-            found.append(_without_overlap(stretch, found, run.period) if found else stretch)
+    for run in motion.runs if motion.repeats else ():
+        one = _of_run(run, motion)
+        if one is None:
+            continue
+        if found:
+            first, stop = one.stretch.first, found[-1].stretch.stop
+            if stop - first > 2.0 * _ROUNDING * run.period + 1.0:
+                # Two runs may both claim the cycle that leads over from one to the other.
+                one = max(one, found.pop(), key=lambda each: each.stretch.n_samples)
+            else:  # the same passage may be a little off in both
+                one = one._replace(stretch=replace(one.stretch, first=max(first, stop)))
+        found.append(one)
     return tuple(found)
-
-
-def _without_overlap(one: FoundStretch, found: list[FoundStretch], period: float) -> FoundStretch:
-    """Return a stretch that shares no sample with the last one; or that one, which is taken."""
-    first, stop = one.stretch.first, found[-1].stretch.stop
-    if stop - first > 2.0 * _ROUNDING * period + 1.0:
-        # Two runs may both claim the cycle that leads over from one to the other.
-        return max(one, found.pop(), key=lambda each: each.stretch.n_samples)
-    # The same passage may be a little off in both.
-    return one._replace(stretch=replace(one.stretch, first=max(first, stop)))
 
 
 def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
     """Return the stretch of one run; None where no whole cycle is left."""
-    displacement, velocity = motion.seen.displacement, motion.seen.velocity
-    period, n, moved = run.period, len(displacement), _MOVED / motion.interval
+    seen, edge = motion.seen, motion.seen.fading
+    displacement, velocity = seen.displacement, seen.velocity
+    period, n, moved = run.period, len(displacement), _MOVED / motion.log.interval
     low = max(0, math.floor(run.first - 0.7 * period))
     high = min(n, math.ceil(run.last + 0.7 * period))
-    x, v = displacement[low:high], velocity[low:high] * motion.interval
+    x, v = displacement[low:high], velocity[low:high] * motion.log.interval
     rising, falling = (
         _belonging(
             low + crossings(x, v, _HYSTERESIS * run.amplitude, level=run.middle, sign=sign),
@@ -189,12 +350,19 @@ def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
     is_first, is_last = marks[0] <= 0.6 * period, n - 1.0 - marks[-1] <= 0.6 * period
     begin = -math.inf if is_first else float(marks[0])
     end = math.inf if is_last else float(marks[-1])
-    clear = begin + motion.edge, end - motion.edge
+    # Between which samples it may be compared.
+    slack = 0.5 * _ROUNDING * period
+    inner_low, inner_high = begin - slack, end + slack
+    if is_first:
+        inner_low = period + edge if motion.first is None else motion.first - slack
+    if is_last:
+        inner_high = n - 1.0 - edge if motion.stop is None else motion.stop + slack
+    clear = begin + edge, end - edge
     rising, falling = (_unsmeared(at, period, *clear) for at in (rising, falling))
-    starts = _whole(rising, falling, period, _inner(run, motion, begin=begin, end=end))
+    starts = _whole(rising, falling, period, inner_low, inner_high)
     if starts is None:
         return None
-    stretch = _steady_stretch(starts, velocity, motion.interval, run.amplitude)
+    stretch = _steady_stretch(starts, seen, run.amplitude)
     smeared = (
         max(0, math.ceil(clear[0]) - stretch.first) if not is_first else 0,
         max(0, stretch.stop - math.floor(clear[1])) if not is_last else 0,
@@ -203,27 +371,6 @@ def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
     clean = np.rint(clean_cycles(stretch)).astype(np.int64)
     fastest = float(np.abs(velocity[clean[0] : clean[-1]]).max())
     return FoundStretch(replace(stretch, peak_speed=fastest), begin, end)
-
-
-def _inner(run: SteadyRun, motion: _Motion, *, begin: float, end: float) -> tuple[float, float]:
-    """Return the samples between which a run may be compared."""
-    slack = 0.5 * _ROUNDING * run.period
-    low, high = begin - slack, end + slack
-    if math.isinf(begin):
-        low = run.period + motion.edge if motion.first is None else motion.first - slack
-    if math.isinf(end):
-        last = len(motion.seen.displacement) - 1.0
-        high = last - motion.edge if motion.stop is None else motion.stop + slack
-    return low, high
-
-
-def _unsmeared(at: FloatArray, period: float, first: float, last: float) -> FloatArray:
-    """Put passages that the filter has moved where the nearest of the others says."""
-    inner = at[(at >= first) & (at <= last)]
-    if not len(inner):
-        return at
-    nearest = inner[np.argmin(np.abs(at[:, None] - inner), axis=1)]
-    return np.asarray(nearest + period * np.rint((at - nearest) / period))
 
 
 def _belonging(at: FloatArray, run: SteadyRun, x: FloatArray, *, moved: float) -> FloatArray:
@@ -248,15 +395,22 @@ def _belonging(at: FloatArray, run: SteadyRun, x: FloatArray, *, moved: float) -
         return near[: int(np.all(np.abs(ends / run.amplitude - 1.0) <= share))]
 
     first, last = float(inside[0]), float(inside[-1])
-    ends = more(first, first - run.period), more(last, last + run.period)
-    return np.concatenate([ends[0], inside, ends[1]])
+    return np.concatenate([more(first, first - run.period), inside, more(last, last + run.period)])
+
+
+def _unsmeared(at: FloatArray, period: float, first: float, last: float) -> FloatArray:
+    """Put passages that the filter has moved where the nearest of the others says."""
+    inner = at[(at >= first) & (at <= last)]
+    if not len(inner):
+        return at
+    nearest = inner[np.argmin(np.abs(at[:, None] - inner), axis=1)]
+    return np.asarray(nearest + period * np.rint((at - nearest) / period))
 
 
 def _whole(
-    rising: FloatArray, falling: FloatArray, period: float, inner: tuple[float, float]
+    rising: FloatArray, falling: FloatArray, period: float, low: float, high: float
 ) -> FloatArray | None:
     """Return boundaries of the most whole cycles between two samples; None where none fits."""
-    low, high = inner
     n_cycles = math.floor((high - low) / period + 1e-9)
     for marks in (rising, falling):
         inside = marks[(marks >= low) & (marks <= high)]
@@ -269,9 +423,7 @@ def _whole(
     return np.asarray(low + slack + period * np.arange(n_cycles + 1, dtype=np.float64))
 
 
-def _steady_stretch(
-    starts: FloatArray, velocity: FloatArray, interval: float, amplitude: float
-) -> Stretch:
+def _steady_stretch(starts: FloatArray, seen: FilteredLog, amplitude: float) -> Stretch:
     """Return the stretch between the first and the last of these boundaries of cycles."""
     first, stop = round(float(starts[0])), round(float(starts[-1]))
     return Stretch(
@@ -279,16 +431,19 @@ def _steady_stretch(
         first=first,
         stop=stop,
         cycle_starts=starts,
-        frequency=(len(starts) - 1) / float(starts[-1] - starts[0]) / interval,
+        frequency=(len(starts) - 1) / float(starts[-1] - starts[0]) / seen.log.interval,
         amplitude=amplitude,
-        peak_speed=float(np.abs(velocity[first:stop]).max()),
+        peak_speed=float(np.abs(seen.velocity[first:stop]).max()),
     )
+
+
+# Motion in which nothing repeats: its parts between rests, each compared as a whole.
 
 
 def _moving_stretch(
     seen: FilteredLog | Trace, first: int, stop: int, interval: float, n_turns: int
 ) -> Stretch:
-    """What lies between two samples, where nothing repeats."""
+    """Return what lies between two samples, where nothing repeats."""
     part = slice(first, stop)
     return Stretch(
         kind="moving",
@@ -301,46 +456,43 @@ def _moving_stretch(
     )
 
 
-# Motion in which nothing repeats: its parts between rests, each compared as a whole.
+def _moving_parts(velocity: FloatArray, slow: float, interval: float) -> tuple[IntArray, IntArray]:
+    """Return first and stop of the parts that move, turns and short pauses counted in."""
+    starts, stops = parts_where(np.abs(velocity) > slow)
+    if not len(starts):
+        return starts, stops
+    is_rest = starts[1:] - stops[:-1] >= round(_PAUSE / interval)
+    return starts[np.append(True, is_rest)], stops[np.append(is_rest, True)]
 
 
 def _moving(motion: _Motion) -> tuple[FoundStretch, ...]:
     """Return the parts of a log that move, for one in which nothing repeats."""
-    turns, interval = motion.turns.at, motion.interval
+    seen, turns, interval = motion.seen, motion.turns.at, motion.log.interval
     if len(turns) < _FEWEST_TURNS:
         return ()
-    speed = np.abs(motion.seen.velocity)
-    n, fastest = len(speed), percentiles(speed, 99.0)[0]
+    n, edge = len(seen.velocity), seen.fading
+    fastest = percentiles(np.abs(seen.velocity), 99.0)[0]
+    starts, stops = _moving_parts(seen.velocity, _SLOW * fastest, interval)
+    pause = round(_PAUSE / interval)
     found = []
-    for low, high in _parts(speed > _SLOW * fastest, round(_PAUSE / interval)):
+    for start, end in zip(starts.tolist(), stops.tolist(), strict=True):
+        # The log's own ends: a turn there is no rest.
+        low = 0 if start == starts[0] <= pause else start
+        high = n if end == stops[-1] and n - end <= pause else end
         inside = turns[(turns >= low) & (turns < high)]
         if len(inside) < 2:
             continue
         # What went before the log is forgotten after a cycle.
         run_in = min(2.0 * median(np.diff(inside)), _LONGEST_RUN_IN / interval)
-        beside = math.ceil(0.25 * motion.edge)
-        first = low + (round(run_in) + motion.edge if low == 0 else beside)
-        stop = high - (motion.edge if high == n else beside)
+        beside = math.ceil(0.25 * edge)
+        first = low + (round(run_in) + edge if low == 0 else beside)
+        stop = high - (edge if high == n else beside)
         if stop - first > run_in:
             n_turns = max(int(np.count_nonzero((inside >= first) & (inside < stop))), 1)
-            stretch = _moving_stretch(motion.seen, first, stop, interval, n_turns)
+            stretch = _moving_stretch(seen, first, stop, interval, n_turns)
             begin = -math.inf if low == 0 else float(low)
             found.append(FoundStretch(stretch, begin, math.inf if high == n else float(high)))
     return tuple(found)
-
-
-def _parts(is_moving: NDArray[np.bool_], pause: int) -> Sequence[tuple[int, int]]:
-    """Return first and stop of the parts that move, short pauses counted in."""
-    at = np.flatnonzero(is_moving)
-    if not len(at):
-        return ()
-    breaks = np.flatnonzero(np.diff(at) > pause)
-    firsts = at[np.concatenate([[0], breaks + 1])]
-    stops = at[np.concatenate([breaks, [len(at) - 1]])] + 1
-    # The log's own ends: a turn there is no rest.
-    firsts[0] = 0 if firsts[0] <= pause else firsts[0]
-    stops[-1] = len(is_moving) if len(is_moving) - stops[-1] <= pause else stops[-1]
-    return list(zip(firsts.tolist(), stops.tolist(), strict=True))
 
 
 # The part of a log that nobody fits: run-up, coast-down, changes of speed.
@@ -352,13 +504,10 @@ def _parts(is_moving: NDArray[np.bool_], pause: int) -> Sequence[tuple[int, int]
 
 TRANSIENTS = "transients"  # their name among what is held out
 
-# s; less tells nothing.
-_SHORTEST = 0.25
-# Of the highest speed: slower is rest, as the model begins.
-_AT_REST = 0.02
+_SHORTEST = 0.25  # s; less tells nothing
+_AT_REST = 0.02  # of the highest speed: slower is rest, as the model begins
 _LEAD = 0.05  # s, over which a log's beginning is looked at
-# Of the longest stroke: what moves less is rest.
-_MOVES = 0.02
+_MOVES = 0.02  # of the longest stroke: what moves less is rest
 # Stroke and speed that differ by less are the steady motion's: rigs repeat both to 1 or 2 %.
 _ALIKE = 0.05
 
@@ -366,25 +515,29 @@ _ALIKE = 0.05
 def transients(trace: Trace) -> Trace | None:
     """Return a log with what moves beside its stretches as stretches; None where nothing does.
 
-    Parameters
-    ----------
-    trace : Trace
-        A log. What it holds before its first stretch counts only where it begins at rest: else
-        the model's state is not yet that of the damper.
+    What a log holds before its first stretch counts only where it begins at rest: else the model's
+    state is not yet that of the damper.
     """
     seen = trace if trace.whole is None else trace.whole
-    counts = _is_moving(seen)
-    if not _begins_at_rest(seen):
+    slow = _AT_REST * max(one.peak_speed for one in seen.stretches)
+    longest = max(one.amplitude for one in seen.stretches)
+    counts = np.zeros(len(seen.force), dtype=bool)
+    moving = _moving_parts(seen.velocity, slow, seen.interval)
+    for first, stop in zip(*moving, strict=True):
+        counts[first:stop] = True
+    lead = max(1, round(_LEAD / seen.interval))
+    if not float(np.max(np.abs(seen.velocity[:lead]))) < slow:
         counts[: seen.stretches[0].first] = False
     for one in seen.stretches:
         counts[one.window] = False
-    if not _parts_beside_cycles(counts, seen.interval):
+    if not _lasting(counts, seen.interval):  # most logs: no look at each passage
         return None
-    counts &= ~_is_steady(seen)
-    parts = _parts_beside_cycles(counts, seen.interval)
-    found = tuple(
-        one for one in (_moving_beside_cycles(seen, *part) for part in parts) if one is not None
-    )
+    found = []
+    for first, stop in _lasting(counts & ~_is_steady(seen), seen.interval):
+        n_turns = int(np.count_nonzero(np.diff(np.signbit(seen.velocity[first:stop]))))
+        stretch = _moving_stretch(seen, first, stop, seen.interval, n_turns)
+        if stretch.amplitude >= _MOVES * longest:
+            found.append(stretch)
     if not found:
         return None
     return replace(
@@ -394,37 +547,15 @@ def transients(trace: Trace) -> Trace | None:
         gas_pressure=trace.gas_pressure,
         temperature=trace.temperature,
         findings=trace.findings,
-        stretches=found,
+        stretches=tuple(found),
         whole=None,
     )
 
 
-def _parts_beside_cycles(counts: NDArray[np.bool_], interval: float) -> list[tuple[int, int]]:
-    """Return begin and end of what counts, where it lasts."""
-    edges = (np.flatnonzero(counts[1:] != counts[:-1]) + 1).tolist()
-    edges = [*([0] if counts[0] else []), *edges, *([len(counts)] if counts[-1] else [])]
-    parts = zip(edges[::2], edges[1::2], strict=True)
-    return [part for part in parts if (part[1] - part[0]) * interval >= _SHORTEST]
-
-
-def _begins_at_rest(trace: Trace) -> bool:
-    lead = max(1, round(_LEAD / trace.interval))
-    return float(np.max(np.abs(trace.velocity[:lead]))) < _AT_REST * _fastest(trace)
-
-
-def _fastest(trace: Trace) -> float:
-    return max(one.peak_speed for one in trace.stretches)
-
-
-def _is_moving(trace: Trace) -> NDArray[np.bool_]:
-    """Where it moves, turns and short pauses included."""
-    moves = np.abs(trace.velocity) > _AT_REST * _fastest(trace)
-    edges = np.flatnonzero(moves[1:] != moves[:-1]).tolist()
-    # From the last sample that moves to the next one that does.
-    for last, at_rest in pairwise(edges):
-        if moves[last] and (at_rest + 1 - last) * trace.interval <= _PAUSE:
-            moves[last + 1 : at_rest + 1] = True
-    return np.asarray(moves)
+def _lasting(counts: NDArray[np.bool_], interval: float) -> list[tuple[int, int]]:
+    """Return first and stop of what counts, where it lasts."""
+    parts = zip(*(edges.tolist() for edges in parts_where(counts)), strict=True)
+    return [(first, stop) for first, stop in parts if (stop - first) * interval >= _SHORTEST]
 
 
 def _is_steady(trace: Trace) -> NDArray[np.bool_]:
@@ -449,259 +580,3 @@ def _is_steady(trace: Trace) -> NDArray[np.bool_]:
             is_like |= has_its_stroke & (np.abs(fastest / one.peak_speed - 1.0) < _ALIKE)
     found[:last] = np.repeat(is_like, np.diff(ends))
     return found
-
-
-def _moving_beside_cycles(trace: Trace, first: int, stop: int) -> Stretch | None:
-    """What lies between two samples, where it moves."""
-    n_turns = int(np.count_nonzero(np.diff(np.signbit(trace.velocity[first:stop]))))
-    stretch = _moving_stretch(trace, first, stop, trace.interval, n_turns)
-    longest = max(one.amplitude for one in trace.stretches)
-    return None if stretch.amplitude < _MOVES * longest else stretch
-
-
-# Which part of a log is compared: one steady run, several, or motion that does not repeat.
-#
-# One steady run goes cycle by cycle: a cycle of run-in and the filter's edges are left out. Where
-# that leaves fewer than three cycles, and where a short run stands at an end of the log, the log
-# is continued by its own cycles (`damperfit.conditioning.timebase`); one between two rests is
-# compared from break to break, where that is more.
-
-
-class ComparedPart(NamedTuple):
-    """What is compared of a log.
-
-    `seen` may be longer than what was logged. `keep` are the samples of it that the model runs
-    through; `cycles` is None where the log is no single steady run.
-    """
-
-    seen: FilteredLog
-    found: tuple[FoundStretch, ...]
-    n_found: int
-    cycles: Cycles | None
-    keep: slice
-    findings: tuple[Finding, ...] = ()
-
-
-def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> ComparedPart:
-    """Return what of a log is compared with the model.
-
-    Raises
-    ------
-    ConditioningError
-        Too few steady cycles, a motion that the filter takes away, a corner beyond half the rate.
-    """
-    try:
-        seen = behind_filter(log, options)
-    except ConditioningError as error:
-        raise ConditioningError(f"{error}", subject=name, code="no-cycles") from None
-    cycles, motion = _cycles(seen, options), _motion(seen, options)
-    one = _one_run(name, seen, cycles, options) if motion.is_one_run else None
-    if one and _n_cycles(one.found) >= MIN_CYCLES:
-        return one
-    found, n_found = _several(motion, options), motion.n_cycles
-    if one is None:
-        if found and found[0].stretch.kind == "moving":
-            return _kept(seen, found, n_found, None)
-        if len(found) > 1:
-            return _continued(name, seen, found, n_found, None, options) or _kept(
-                seen, found, n_found, None
-            )
-        one = _one_run(name, seen, cycles, options)
-    if one and not _is_longer_run(found, n_found, one):
-        return one
-    # A short run in the middle of a log needs no run-in and no edges of the filter.
-    of_run = None if n_found < MIN_CYCLES else found
-    n_cycles = cycles.n_found if cycles else 0
-    longer = n_cycles >= MIN_CYCLES and _continued(name, seen, (), n_cycles, cycles, options)
-    if longer:
-        return longer
-    if not of_run:
-        _window(name, log, cycles, _edge(seen))  # says why there is none
-    return _kept(seen, found, n_found, None)
-
-
-def _n_cycles(found: tuple[FoundStretch, ...]) -> int:
-    return sum(one.stretch.n_cycles for one in found)
-
-
-def _is_longer_run(found: tuple[FoundStretch, ...], n_found: int, one: ComparedPart) -> bool:
-    """Whether the run between its breaks has more cycles than behind a run-in and edges."""
-    if len(found) != 1 or found[0].stretch.kind == "moving" or n_found < MIN_CYCLES:
-        return False
-    return _n_cycles(found) > _n_cycles(one.found)
-
-
-def _one_run(
-    name: str, seen: FilteredLog, cycles: Cycles | None, options: ConditionOptions
-) -> ComparedPart | None:
-    """Return what is compared of one steady run; None where it leaves no window."""
-    log = seen.log
-    try:
-        starts = _window(name, log, cycles, _edge(seen))
-    except ConditioningError:
-        return None
-    assert cycles is not None
-    _refuse_fast(name, log, cycles, options)
-    stretch = _steady_stretch(starts, seen.velocity, log.interval, cycles.amplitude)
-    found = (FoundStretch(stretch, -math.inf, math.inf),)
-    if stretch.n_cycles < MIN_CYCLES:
-        longer = _continued(name, seen, found, cycles.n_found, cycles, options)
-        if longer:
-            return longer
-    return _kept(seen, found, cycles.n_found, cycles)
-
-
-def _edge(seen: FilteredLog) -> int:
-    return max(settling_samples(seen.model_filter), _SPLINE_EDGE)
-
-
-def _cycles(seen: FilteredLog, options: ConditionOptions) -> Cycles | None:
-    speed = seen.velocity * seen.log.interval
-    return find_cycles(seen.displacement, speed, steadiness=options.steadiness)
-
-
-def _kept(
-    seen: FilteredLog, found: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
-) -> ComparedPart:
-    """Add what the model runs through: from where the motion begins, or a cycle before."""
-    first, last = found[0].stretch, found[-1].stretch
-    edge = _edge(seen)
-    ahead = edge + first.first - math.floor(max(found[0].begin, 0.0))
-    if cycles is not None:
-        ahead = edge + math.ceil(cycles.period) + 1
-    keep = slice(max(0, first.first - ahead), last.stop + edge + 2)
-    return ComparedPart(seen, found, n_found, cycles, keep)
-
-
-def _continued(
-    name: str,
-    seen: FilteredLog,
-    found: tuple[FoundStretch, ...],
-    n_found: int,
-    cycles: Cycles | None,
-    options: ConditionOptions,
-) -> ComparedPart | None:
-    """Return what is compared when the log is continued by its cycles; None where no more is."""
-    log = seen.log
-    begin, end = ends_in_motion(log.displacement, options.steadiness)
-    at_begin = found[0].stretch.n_cycles if found and math.isinf(found[0].begin) else 0
-    at_end = found[-1].stretch.n_cycles if found and math.isinf(found[-1].end) else 0
-    begin = begin if at_begin < MIN_CYCLES else None
-    end = end if at_end < MIN_CYCLES else None
-    if begin is None and end is None:
-        return None
-    longer = continue_log(log, begin, end, reach=_edge(seen))
-    seen = behind_filter(longer.log, options)
-    more = _steady_runs(
-        _motion(
-            seen,
-            options,
-            first=None if begin is None else float(longer.first),
-            stop=None if end is None else float(longer.stop),
-        )
-    )
-    if _n_cycles(more) <= _n_cycles(found):
-        return None
-    single = None
-    if cycles is not None and len(more) == 1:
-        _refuse_fast(name, log, cycles, options)
-        steady = _cycles(seen, options)
-        single = None if steady is None else steady._replace(n_found=n_found)
-    where = " and ".join(
-        word for word, at in (("beginning", begin), ("end", end)) if at is not None
-    )
-    text = (
-        f"there are few cycles at the {where} of the log: it is continued there by its own cycles "
-        "for run-in and filter; only what was logged is compared"
-    )
-    finding = Finding("continued", "note", text)
-    return _kept(seen, more, n_found, single)._replace(findings=(finding,))
-
-
-def _several(motion: _Motion, options: ConditionOptions) -> tuple[FoundStretch, ...]:
-    """Return the stretches of a log that is not one steady run; none where it is.
-
-    Noise of a sensor at rest is no motion: nearly all of its speed is far up.
-    """
-    if found := _steady_runs(motion):
-        return found
-    half = 0.5 * (
-        options.filter_corner if options.rig_filter == "none" else options.rig_filter_corner
-    )
-    corner = min(half, 0.1 / motion.interval)
-    if content_beyond(motion.seen.displacement, motion.interval, corner) > _NOISE:
-        return ()
-    return _moving(motion)
-
-
-def _window(name: str, log: UniformLog, cycles: Cycles | None, edge: int) -> FloatArray:
-    """Return boundaries of the steady cycles that neither run-in nor filter edges touch."""
-    n, h = len(log.force), log.interval
-    length = f"the log is {n * h:.3g} s long"
-    if cycles is None or cycles.n_found < MIN_CYCLES:
-        found = 0 if cycles is None else cycles.n_found
-        stroke = 1e3 * float(np.ptp(log.displacement))
-        period = "" if cycles is None else f" ({MIN_CYCLES * cycles.period * h:.3g} s)"
-        raise ConditioningError(
-            f"found {found} whole steady cycle{'s' * (found != 1)} in the displacement "
-            f"(it spans {stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{period}; "
-            "record a longer log",
-            subject=name,
-            code="no-cycles",
-        )
-    low, high = _untouched(cycles, n, edge)
-    rising, falling = (
-        crossings[(crossings >= low) & (crossings <= high)]
-        for crossings in (cycles.rising, cycles.falling)
-    )
-    # Short logs: half a cycle more may fit when cycles are cut at the other crossing.
-    starts = falling if len(rising) <= MIN_CYCLES and len(falling) > len(rising) else rising
-    if len(starts) >= 2:
-        return starts
-    if high - low >= cycles.period:  # a whole cycle that starts in mid-cycle
-        n_cycles = math.floor((high - low) / cycles.period)
-        return low + cycles.period * np.arange(n_cycles + 1, dtype=np.float64)
-    needed = (2.0 * cycles.period + 2.0 * edge) * h
-    raise ConditioningError(
-        f"no whole steady cycle is left after the run-in of one cycle "
-        f"({cycles.period * h:.3g} s) and the filter's edges ({edge * h:.3g} s at each end); "
-        f"{length} with {cycles.n_found} cycles, expected at least {needed:.3g} s of steady "
-        "motion; record a longer log",
-        subject=name,
-        code="no-cycles",
-    )
-
-
-def _untouched(cycles: Cycles, n: int, edge: int) -> tuple[float, float]:
-    """Return first and last sample that run-in and filter edges leave alone.
-
-    Where the steady cycles do not reach the log's own ends, their first and last crossing count
-    as ends: an abrupt start or stop beside them is smeared by the filter like an end of the log.
-    """
-    reach = 1.1 * cycles.period
-    begin, end = float(cycles.rising[0]), float(cycles.rising[-1])
-    begin = 0.0 if begin <= reach else begin
-    end = n - 1.0 if n - 1.0 - end <= reach else end
-    return max(begin + cycles.period + edge, cycles.begin), min(end - edge, cycles.end)
-
-
-def _refuse_fast(name: str, log: UniformLog, cycles: Cycles, options: ConditionOptions) -> None:
-    """Refuse a motion that the filter takes away."""
-    is_rig = options.rig_filter != "none"
-    corner = options.rig_filter_corner if is_rig else options.filter_corner
-    frequency = 1.0 / (cycles.period * log.interval)
-    if (is_rig or options.filter != "none") and frequency >= corner:
-        raise ConditioningError(
-            f"the motion found has {frequency:.3g} Hz, not below the filter "
-            f"corner of {corner:g} Hz; {_raised(is_rig, frequency, log)}",
-            subject=name,
-            code="corner-too-low",
-        )
-
-
-def _raised(is_rig: bool, frequency: float, log: UniformLog) -> str:  # noqa: FBT001
-    if is_rig:
-        return "the displacement is noise, or rig.filter_corner is another one"
-    corner = fitting_corner(frequency, 1.0 / log.interval)
-    fits = f"set conditioning.filter_corner = '{corner:g}Hz' or 'auto'"
-    return f"the displacement is noise, or the corner must be raised: {fits}"

@@ -1,4 +1,4 @@
-"""From a log's stamps to uniform samples, and a short log continued by its own cycles.
+"""From a log's stamps to uniform samples; a log continued by its own cycles; a late force moved.
 
 Three cases of stamps, tried in this order:
 
@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.channels import noise_of
+from damperfit.conditioning.signals import noise_of
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding
 from damperfit.statistics import mean_of, median
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["MAX_MISSING", "Continued", "UniformLog", "continue_log", "make_uniform"]
+__all__ = ["UniformLog", "continue_log", "make_uniform", "without_delay"]
 
-MAX_MISSING = 4  # consecutive samples; at 300 Hz, 17 ms, half a period of the 30 Hz corner
+_MAX_MISSING = 4  # consecutive samples; at 300 Hz, 17 ms, half a period of the 30 Hz corner
 _JITTER = 0.01  # share of the interval; what the filter does not notice
 _ROUNDED = 0.75  # of the rounding: half of it, and what a least-squares line may be off by itself
 # Wrong stamps cost more of K_e than right ones of an uneven clock.
@@ -56,108 +56,76 @@ _GAP = 3  # samples
 
 
 class UniformLog(NamedTuple):
-    """Displacement and force on a uniform time base.
+    """Displacement and force on a uniform time base."""
 
-    Attributes
-    ----------
-    start_time, interval : float
-        s.
-    displacement, force : numpy.ndarray
-        Shape (n,); m, N.
-    findings : tuple of Finding
-        What the stamps were like and what had to be done.
-    """
-
-    start_time: float
+    start_time: float  # s
     interval: float
-    displacement: FloatArray
+    displacement: FloatArray  # shape (n,); m, N
     force: FloatArray
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what the stamps were like and what had to be done
 
 
 def make_uniform(recording: Recording) -> UniformLog:
-    """Return the channels of a recording on a uniform time base.
-
-    Raises
-    ------
-    ConditioningError
-        A gap, or too many missing samples; names the row.
-    """
+    """Return the channels of a recording on a uniform time base; a gap is refused with its row."""
     elapsed = recording.time - recording.time[0]
+    steps = np.diff(elapsed)
     rounding = _resolution(recording.time)
     offset, interval, off = _line(np.arange(len(elapsed), dtype=np.float64), elapsed)
     is_even = off <= _JITTER * interval
     is_rounded = off <= _JITTER * interval + _ROUNDED * rounding
-    if is_even or (is_rounded and not _has_one_or_two_missing(elapsed)):
+    if is_even or (is_rounded and not _has_one_or_two_missing(elapsed, steps)):
         start = float(recording.time[0]) + offset
         text = f"time stamps are rounded to {rounding:g} s; sampled at {1.0 / interval:.6g} Hz"
         found = () if is_even else (Finding("rounded_time", "note", text, rounding, "s"),)
         return UniformLog(start, interval, recording.displacement, recording.force, found)
-    return _resampled(recording, elapsed, rounding)
 
-
-def _resampled(recording: Recording, elapsed: FloatArray, rounding: float) -> UniformLog:
     from scipy.interpolate import CubicSpline
 
-    steps = np.diff(elapsed)
     typical = median(steps)
     # Rounded stamps make the median step up to half a rounding wrong: take the mean of its likes.
     typical = mean_of(steps[np.abs(steps - typical) <= 1.01 * rounding + 0.3 * typical])
     counts = np.maximum(np.rint(steps / typical), 1.0)
     widest = int(np.argmax(counts))
-    if counts[widest] > MAX_MISSING + 1:
+    if counts[widest] > _MAX_MISSING + 1:
         raise ConditioningError(
             f"gap of {steps[widest]:.4g} s after row {widest + 1} of the data "
             f"(time {recording.time[widest]:.6g} s); the samples are {typical:.4g} s apart and at "
-            f"most {MAX_MISSING} may be missing; split the log there or log without pauses",
+            f"most {_MAX_MISSING} may be missing; split the log there or log without pauses",
             subject=recording.name,
             code="gap",
         )
     knots = np.concatenate([[0.0], np.cumsum(counts)])
     offset, interval, off = _line(knots, elapsed)
     is_regular = off <= _JITTER * interval + _ROUNDED * rounding
-    if is_regular:
-        _refuse_missing(recording, counts)
-    else:
+    if not is_regular:
         offset, interval = 0.0, float(elapsed[-1]) / len(steps)
         knots = elapsed / interval
-    grid = np.arange(round(float(knots[-1])) + 1, dtype=np.float64)
-    channels = np.stack([recording.displacement, recording.force])
-    displacement, force = np.ascontiguousarray(CubicSpline(knots, channels, axis=-1)(grid))
-    rate = 1.0 / interval
-    found = (
-        _missing_finding(recording, counts, rate)
-        if is_regular
-        else _jitter_finding(recording, steps / typical, displacement, rate)
-    )
-    start = float(recording.time[0]) + offset
-    return UniformLog(start, interval, displacement, force, (found,))
-
-
-def _refuse_missing(recording: Recording, counts: FloatArray) -> None:
-    """Refuse more than a few per cent of missing samples."""
-    expected = int(counts.sum()) + 1
-    missing = expected - 1 - len(counts)
-    if missing > _MAX_FILLED * expected:
-        row = int(np.flatnonzero(counts > 1)[0]) + 1
+    missing, n_expected = int(counts.sum()) - len(counts), int(counts.sum()) + 1
+    first_missing = int(np.argmax(counts > 1))
+    if is_regular and missing > _MAX_FILLED * n_expected:
         raise ConditioningError(
-            f"{missing} of {expected} samples are missing, first after row "
-            f"{row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; check the logger",
+            f"{missing} of {n_expected} samples are missing, first after row {first_missing + 1} "
+            f"of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; check the logger",
             subject=recording.name,
             code="missing-samples",
         )
+    grid = np.arange(round(float(knots[-1])) + 1, dtype=np.float64)
+    channels = np.stack([recording.displacement, recording.force])
+    displacement, force = np.ascontiguousarray(CubicSpline(knots, channels, axis=-1)(grid))
+    if is_regular:
+        text = (
+            f"{missing} missing sample{'s' * (missing != 1)} put in by a cubic spline; "
+            f"{1.0 / interval:.6g} Hz; the first after row {first_missing + 1} of the data (time "
+            f"{recording.time[first_missing]:.6g} s)"
+        )
+        finding = Finding("missing_samples", "note", text, float(missing))
+    else:
+        finding = _jitter(recording, steps / typical, displacement, 1.0 / interval)
+    start = float(recording.time[0]) + offset
+    return UniformLog(start, interval, displacement, force, (finding,))
 
 
-def _missing_finding(recording: Recording, counts: FloatArray, rate: float) -> Finding:
-    missing, first = int(counts.sum()) - len(counts), int(np.argmax(counts > 1))
-    text = (
-        f"{missing} missing sample{'s' * (missing != 1)} put in by a cubic spline; {rate:.6g} Hz; "
-        f"the first after row {first + 1} of the data (time {recording.time[first]:.6g} s)"
-    )
-    return Finding("missing_samples", "note", text, float(missing))
-
-
-def _jitter_finding(
+def _jitter(
     recording: Recording, steps: FloatArray, displacement: FloatArray, rate: float
 ) -> Finding:
     """Say how the steps vary; a warning where the samples are smoother without their stamps."""
@@ -179,13 +147,12 @@ def _jitter_finding(
     return Finding("jitter", "warning", text, spread, "%")
 
 
-def _has_one_or_two_missing(elapsed: FloatArray) -> bool:
+def _has_one_or_two_missing(elapsed: FloatArray, steps: FloatArray) -> bool:
     """Return whether the stamps are exact but for one or two missing samples.
 
     At 1 kHz, stamps in whole ms with one row lost look like a slightly lower rate, rounded.
     More missing rows than two are not spread evenly enough for that.
     """
-    steps = np.diff(elapsed)
     counts = np.rint(steps / median(steps))
     missing = int(counts.sum()) - len(counts)
     _, interval, off = _line(np.concatenate([[0.0], np.cumsum(counts)]), elapsed)
@@ -210,43 +177,26 @@ def _resolution(time: FloatArray) -> float:
     blur = 4.0 * float(np.spacing(np.abs(time).max()))
     for exponent in range(0, -8, -1):
         unit = 10.0**exponent
-        if blur >= 0.01 * unit:
-            continue
         # Most candidates fail on the first few stamps.
-        for multiples in (elapsed[:64] / unit, elapsed / unit):
-            if np.abs(multiples - np.rint(multiples)).max() > 0.01:
-                break
-        else:
+        if blur < 0.01 * unit and all(
+            np.abs(multiples - np.rint(multiples)).max() <= 0.01
+            for multiples in (elapsed[:64] / unit, elapsed / unit)
+        ):
             return unit
     return 0.0
 
 
-class Continued(NamedTuple):
-    """A log with cycles put before and behind it.
-
-    `first` and `stop` are the samples of `log` that were logged and repeat.
-    """
-
-    log: UniformLog
-    first: int
-    stop: int
-
-
 def continue_log(
     log: UniformLog, begin: float | None, end: float | None, *, reach: int
-) -> Continued:
-    """Return a log with its motion continued at the ends.
+) -> tuple[UniformLog, int, int]:
+    """Return a log with its motion continued, and which samples of that were logged and repeat.
 
-    Parameters
-    ----------
-    log : UniformLog
-        Uniform, as logged.
-    begin, end : float or None
-        Samples in a cycle of the steady motion in which the log begins, and ends; None where it
-        does not, and is not continued.
-    reach : int
-        Samples that the filter reaches; a cycle of run-in is put before them.
+    `begin` and `end` are the samples in a cycle of the steady motion in which the log begins and
+    ends; None where it does not. A cycle of run-in is put before the samples that the filter
+    reaches.
     """
+    from scipy.interpolate import CubicSpline
+
     n = len(log.force)
     first, before, behind = 0, 0, 0
     if begin is not None:
@@ -263,21 +213,14 @@ def continue_log(
     if end is not None:
         beyond = at - (n - 1.0)
         at = np.where(beyond > 0.0, at - end * np.ceil(beyond / end), at)
-    x, f = _read(np.stack([log.displacement, log.force]), at)
-    start = log.start_time + (first - before) * log.interval
-    made = log._replace(start_time=start, displacement=x, force=f)
-    return Continued(made, before, before + n - first)
-
-
-def _read(channels: FloatArray, at: FloatArray) -> FloatArray:
-    """Return channels between their samples, by a cubic spline; at a sample exactly that."""
-    from scipy.interpolate import CubicSpline
-
+    channels = np.stack([log.displacement, log.force])
+    read = np.asarray(CubicSpline(np.arange(n), channels, axis=1)(at))
     whole = np.rint(at).astype(np.int64)
     is_sample = at == whole
-    read = np.asarray(CubicSpline(np.arange(channels.shape[1]), channels, axis=1)(at))
     read[:, is_sample] = channels[:, whole[is_sample]]
-    return read
+    start = log.start_time + (first - before) * log.interval
+    continued = log._replace(start_time=start, displacement=read[0], force=read[1])
+    return continued, before, before + n - first
 
 
 def _length(displacement: FloatArray, guess: float) -> float:
@@ -311,3 +254,20 @@ def _settled(force: FloatArray, length: float) -> int:
     # Where friction turns, a sample or two differ.
     is_beginning = off[0] <= _GAP < len(block) < _MOST * n
     return int(block[-1]) + 1 if is_beginning else 0
+
+
+def without_delay(log: UniformLog, delay: float) -> UniformLog:
+    """Return the log with the force moved so many seconds ahead, by a cubic spline.
+
+    What has no partner at the ends of the log is left out.
+    """
+    from scipy.interpolate import CubicSpline
+
+    samples = np.arange(len(log.force), dtype=np.float64)
+    wanted = samples + delay / log.interval
+    is_there = (wanted >= 0.0) & (wanted <= samples[-1])
+    return log._replace(
+        start_time=log.start_time + int(np.argmax(is_there)) * log.interval,
+        displacement=log.displacement[is_there],
+        force=np.ascontiguousarray(CubicSpline(samples, log.force)(wanted[is_there])),
+    )

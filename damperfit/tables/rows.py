@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.adjustment.clicks import Adjustment
-from damperfit.conditioning import branch_forces
 from damperfit.conditioning.measured_characteristics import (
     counted_edges,
     figures_in,
@@ -18,6 +17,7 @@ from damperfit.conditioning.measured_characteristics import (
 )
 from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.outcome import Status
+from damperfit.passed_speeds import in_both_strokes
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import mean_of
 from damperfit.tables.columns import CAVITATION, CLICK, FORCE, PAPER_QUANTITIES
@@ -271,7 +271,7 @@ def _stretch_rows(
     speeds = [speed for speed in speeds if speed < top] if stretch.n_cycles else []
     passed = sorted({*speeds, half}) if stretch.n_cycles else []
     # By speed and force: of each stroke the opening and the closing branch.
-    both = [branch_forces(velocity, stacked, passed, sign=sign) for sign in (1.0, -1.0)]
+    both = in_both_strokes(velocity, stacked, passed)[1]
     branches = dict(zip(passed, np.transpose(both, (2, 3, 0, 1)).tolist(), strict=True))
 
     def cells(pairs: Iterable[Sequence[float]], ends: Iterable[Any]) -> dict[str, Any]:

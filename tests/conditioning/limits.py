@@ -19,7 +19,7 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from damperfit.conditioning import condition
-from damperfit.conditioning.findings import noise_ratio
+from damperfit.conditioning.noise import noise_ratio
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import DamperfitError

@@ -8,8 +8,7 @@ import pytest
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter, design_filter, differentiate
 from damperfit.conditioning.cycles import _tops, crossings, cycles_of, find_cycles, turning_points
-from damperfit.conditioning.delay import _REACH, _in_order, _scan, _without_smooth
-from damperfit.conditioning.repeatability import _cycle_means
+from damperfit.conditioning.delay import _REACH, _scan, _without_smooth
 from damperfit.passed_speeds import at_speeds
 from tests.oracles import cycles as slow
 
@@ -95,20 +94,12 @@ def test_crossings_and_tops_of_a_sine_are_where_they_are_known(sign, period, pha
     assert not len(crossings(x, v, 1.1, level=0.2, sign=sign))
 
 
-@pytest.mark.parametrize(
-    "starts", [[0.0, 10.5, 33.2, 98.0], [-3.0, 120.0], [5.5, 5.75, 6.0], [7.0, 60.0, 20.0]]
-)
-def test_means_of_cycles_are_those_of_the_slow_twin(starts) -> None:
-    values, starts = motion(99, 20.0, 0.1)[0] + 3.0, np.array(starts)
-    expected = slow.cycle_means(values, starts)
-    assert _cycle_means(values, starts) == pytest.approx(expected, rel=1e-11)
-
-
 @pytest.mark.parametrize("kink", [None, 1e-3])
 @pytest.mark.parametrize("width", [0.0, 1e-4, 1e-3, 8e-3])
 def test_steps_are_those_laid_on_one_by_one(width: float, kink: float | None) -> None:
     lag = np.round(RANDOM.uniform(-0.02, 0.02, 300), 4)  # some on a delay, some twice
-    lag, force = _in_order(lag, RANDOM.standard_normal(300) + 40.0 * lag)
+    lag = np.sort(lag)
+    force = RANDOM.standard_normal(300) + 40.0 * lag
     side = _without_smooth(lag, force, kink=kink)
     basis, rest = slow.without_smooth(lag, force, _REACH, kink)
     columns = side.columns[:, :-1]

@@ -91,14 +91,14 @@ def test_rest_ahead_and_motion_to_the_end():
 def test_a_log_is_continued_by_what_repeats():
     n = np.arange(400)
     wave, other = (np.sin(2 * np.pi * n / 97.3 + shift) for shift in (0.4, 1.9))
-    made = continue_log(UniformLog(0.0, 1e-3, wave, other), 96.0, 98.0, reach=50)
+    log, first, stop = continue_log(UniformLog(0.0, 1e-3, wave, other), 96.0, 98.0, reach=50)
     # The longest first cycle and the reach ahead, the reach behind.
-    assert (made.first, made.stop, len(made.log.force)) == (149, 549, 601)
-    assert made.log.start_time == pytest.approx(-0.149)
+    assert (first, stop, len(log.force)) == (149, 549, 601)
+    assert log.start_time == pytest.approx(-0.149)
     at = np.arange(-149, 452)
-    assert np.abs(made.log.displacement - np.sin(2 * np.pi * at / 97.3 + 0.4)).max() < 1e-5
-    assert np.abs(made.log.force - np.sin(2 * np.pi * at / 97.3 + 1.9)).max() < 1e-5
-    assert np.array_equal(made.log.force[149:549], other)
+    assert np.abs(log.displacement - np.sin(2 * np.pi * at / 97.3 + 0.4)).max() < 1e-5
+    assert np.abs(log.force - np.sin(2 * np.pi * at / 97.3 + 1.9)).max() < 1e-5
+    assert np.array_equal(log.force[149:549], other)
 
 
 def several_speeds(cycles, *, blend, seed=1):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, noise_floor
-from damperfit.conditioning.repeatability import noise_beside_motion
+from damperfit.conditioning.noise import noise_beside_motion
 from tests import fakes
 from tests.conditioning.logs import sine_log
 

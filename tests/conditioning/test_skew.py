@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.delay import (
-    without_delay,
-)
-from damperfit.conditioning.timebase import UniformLog
+from damperfit.conditioning.timebase import UniformLog, without_delay
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify

@@ -78,7 +78,7 @@ def main() -> None:
     with ExitStack() as doubts:
         if options.without:
             doubts.enter_context(patch.object(polarity, "_OF_HIDDEN", 0.0))
-            doubts.enter_context(patch.object(gas_force, "_held", lambda _: 0.0))
+            doubts.enter_context(patch.object(gas_force, "held_share", lambda _: 0.0))
             doubts.enter_context(patch.object(gas_force, "_preloads", lambda *_: 0.0))
         for _ in range(options.dampers):
             x, force, known = drawn(random, declared)

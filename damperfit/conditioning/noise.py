@@ -1,0 +1,319 @@
+"""Noise: how much the force differs from cycle to cycle, and whether a rig has filtered a channel.
+
+The floor of any model's error: cycles are laid over each other on the phase between their
+boundaries. At phase p, with m cycles::
+
+    s^2 = mean over p of  sum_j (f_j(p) - mean_j f_j(p))^2 / (m - 1)        unbiased for any m
+    floor = 100 s^2 / var(f)                                                the measure of eq. (22)
+
+Reading the force between samples by a four-point cubic w averages its noise; s^2 is divided by
+what that leaves, mean of w^T R w, where R is the autocorrelation of white noise behind the
+trace's filter. A perfect model has this error or a little more: displacement noise is not in it.
+
+Where nothing repeats, the noise is taken for white and read from the fifth differences of what
+the filter takes off, in which the jumps of friction are few; behind it is what the filter passes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning.cycles import clean_cycles
+from damperfit.conditioning.filters import apply_filter, settling_samples
+from damperfit.conditioning.signals import noise_of
+from damperfit.recording import FilterDesign
+from damperfit.statistics import mean_of, median, variance_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.recording import Stretch, Trace
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+__all__ = [
+    "falls_off",
+    "noise_beside_motion",
+    "noise_floor",
+    "noise_ratio",
+    "tone",
+    "with_noise",
+]
+
+_FEWEST_PHASES = 8
+_TAPS = 4  # samples that a place between them is read from
+_BY_CYCLES = "scatter between cycles"
+
+
+def noise_floor(trace: Trace) -> float:
+    """Return the noise of the compared force, percent of its variance, eq. (22).
+
+    NaN where a stretch has but a single cycle, and where the force does not vary.
+    """
+    variance = variance_of(trace.force[trace.compared])
+    if not variance > 0.0:
+        return math.nan
+    noise = 0.0
+    for one in trace.stretches:
+        # `with_noise` has folded the cycles already; three times a log was a tenth of conditioning.
+        is_known = one.noise_source == _BY_CYCLES and one.n_cycles > 1
+        scatter = one.noise**2 if is_known else _scatter_between_cycles(trace, one)
+        # A log of a single cycle and no more is not called known by its spectrum alone.
+        is_single = one.n_cycles == 1 and len(trace.stretches) == 1
+        noise += one.n_samples * (scatter if is_single or math.isfinite(scatter) else one.noise**2)
+    return 100.0 * noise / trace.n_samples / variance
+
+
+def with_noise(trace: Trace, left_out: FloatArray) -> Trace:
+    """Return a trace with the noise of each stretch, of some by what the filter has left out."""
+    stretches = []
+    for one in trace.stretches:
+        noise, source = math.sqrt(_scatter_between_cycles(trace, one)), _BY_CYCLES
+        if not math.isfinite(noise) and len(left_out):
+            passed = float(np.sum(_impulse(_white(trace), 1) ** 2))
+            noise, source = noise_of(left_out[one.window]) * math.sqrt(passed), "above the filter"
+        is_known = math.isfinite(noise) or len(left_out)
+        stretches.append(replace(one, noise=noise, noise_source=source) if is_known else one)
+    return replace(trace, stretches=tuple(stretches))
+
+
+def _white(trace: Trace) -> tuple[bytes, bool]:
+    """The filter that white noise has passed, to be kept by."""
+    return trace.model_filter.sections.tobytes(), trace.model_filter.is_zero_phase
+
+
+@lru_cache(maxsize=64)
+def _impulse(of: tuple[bytes, bool], more: int) -> FloatArray:
+    """Return the answer of a filter to an impulse, until it has settled and some samples more."""
+    design = FilterDesign(np.frombuffer(of[0]).reshape(-1, 6).copy(), of[1], "")
+    reach = settling_samples(design) + more
+    impulse = np.zeros(2 * reach + 1)
+    impulse[reach] = 1.0
+    return apply_filter(design, impulse)
+
+
+def _scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
+    """Return the mean square of what the force differs by from cycle to cycle, N^2.
+
+    NaN for a single cycle, and where the filter holds another motion through most of it.
+    """
+    if stretch.n_cycles < 2:
+        return math.nan
+    starts = stretch.cycle_starts
+    n_phases = max(8, round(mean_of(np.diff(starts))))
+    phases = np.arange(n_phases) / n_phases
+    ahead, behind = stretch.smeared
+    phases = phases[(phases * n_phases >= ahead) & ((1.0 - phases) * n_phases > behind)]
+    if len(phases) < _FEWEST_PHASES:
+        return math.nan
+    (values,), weights = _folded(trace.force[None], starts, phases)
+    scatter = float(np.mean(np.var(values, axis=0, ddof=1)))
+    answer = _impulse(_white(trace), _TAPS)
+    sums = np.array([answer[: len(answer) - k] @ answer[k:] for k in range(_TAPS)])
+    # Sums of the products of weights that stand 0, 1, 2, 3 samples apart.
+    products = weights @ weights.T
+    lags = np.array([(2.0 if k else 1.0) * np.trace(products, k) for k in range(_TAPS)])
+    return float(scatter * weights.shape[1] / (lags @ (sums / sums[0])))
+
+
+def noise_beside_motion(trace: Trace) -> float:
+    """Return what is left of the fastest stretch's noise floor beside what its motion explains, %.
+
+    The force of each cycle, less the mean cycle, is laid upon what displacement, velocity and its
+    square differ by from theirs: a motion that drifts makes a force that does.
+    """
+    starts = clean_cycles(trace.fastest)
+    floor = noise_floor(trace)
+    if len(starts) < 3 or math.isnan(floor):
+        return math.nan
+    n_phases = max(8, round(mean_of(np.diff(starts))))
+    v = trace.velocity
+    channels = np.stack([trace.displacement, v, v * np.abs(v), trace.force])
+    read, _ = _folded(channels, starts, np.arange(n_phases) / n_phases)
+    off = (read - read.mean(axis=1, keepdims=True)).reshape(len(channels), -1)
+    products = off @ off.T
+    size = np.maximum(np.sqrt(np.diag(products)), 1e-300)
+    alike = products / size / size[:, np.newaxis]
+    explained = alike[:3, 3] @ np.linalg.lstsq(alike[:3, :3], alike[:3, 3], rcond=None)[0]
+    return floor * max(1.0 - float(explained), 0.0)
+
+
+def _folded(
+    channels: FloatArray, starts: FloatArray, phases: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return channels at each phase of each cycle, (k, cycles, phases), by a cubic through four.
+
+    And the weights of the four, (4, places). Beyond the ends the outermost four are read on.
+    """
+    at = (starts[:-1, None] + np.diff(starts)[:, None] * phases).ravel()
+    first = np.clip(at, 1.0, channels.shape[1] - 3.0).astype(np.int64) - 1
+    u = at - first - 1.0
+    less, more, most = u - 1.0, u + 1.0, u - 2.0
+    weights = np.array(
+        [-u * less * most / 6.0, more * less * most / 2.0, -more * u * most / 2.0,
+         more * u * less / 6.0]
+    )  # fmt: skip
+    rows = np.ascontiguousarray(channels.T)  # side by side, for all are read at each place
+    read = weights[0, :, None] * rows[first]
+    for tap in range(1, _TAPS):
+        read += weights[tap, :, None] * rows[first + tap]
+    return read.T.reshape(len(channels), len(starts) - 1, len(phases)), weights
+
+
+# Whether a log looks as if the rig had filtered it.
+#
+# Sensor noise is about as strong just above the motion as near half the sample rate; a low-pass in
+# the rig takes it away up there. Of steady cycles noise is what differs from cycle to cycle. The
+# ratio of its two levels, as medians over the lines of the spectrum, is 0.1 to 9 in logs that
+# nobody filtered, of real rigs too, where the lower band also has the motion's own unrest. A 30 or
+# 60 Hz filter makes it 80 to 25 000 in the force and 4 to 1700 in the displacement, by the last
+# digit of the log (`python -m tests.conditioning.limits --filters`); a running mean over 50 ms 50.
+#
+# Where nothing repeats, motion and force have content just above the motion. There the noise is
+# looked at by itself: two bands far above the motion, the upper one twice as high, of which a
+# low-pass leaves less: of the force at least 47 times, mostly a thousand times. Of a raw road or
+# sweep the force has up to 5 times as much in the lower one (its friction jumps), the
+# displacement 1.4 times; where speeds jump, or turn within 20 ms, the force has up to 34 times.
+
+_NEAR = (10.0, 25.0)  # Hz, below any low-pass that a damper rig uses
+_BEYOND_MOTION = 3.0  # times its frequency
+_FAR = (0.3, 0.45)  # of the sample rate
+_LEAST_FAR = 60.0  # Hz
+_FEWEST_LINES = 5
+_LOUD = 20.0  # times the median power of half a cycle
+_LOWER, _UPPER = (0.15, 0.2), (0.4, 0.45)  # of the sample rate
+_MORE_DISPLACEMENT, _MORE_FORCE = 4.0, 40.0  # by how much the lower band has more
+_FEWEST_OF_NOISE = 50  # lines of each band
+
+
+def noise_ratio(
+    signal: FloatArray,
+    starts: FloatArray,
+    interval: float,
+    *,
+    beyond: tuple[float, float] | None = None,
+) -> float:
+    """Return the noise just above the motion over that far above it; NaN where none can tell.
+
+    Of a channel as logged, whose cycles begin at `starts`, samples; `beyond` is the upper band, Hz,
+    0.3 to 0.45 of the sample rate.
+    """
+    if len(starts) < 3:
+        return math.nan
+    unlike, begins, period = _unlike_cycles(signal, starts)
+    # A half cycle that is far louder than most holds a blow, which is no noise.
+    lengths = np.diff([*begins, len(unlike)])
+    power = np.add.reduceat(unlike * unlike, begins) / lengths
+    unlike[np.repeat(power > _LOUD * median(power), lengths)] = 0.0
+    low = max(_NEAR[0], _BEYOND_MOTION / (period * interval))
+    near = (low, low + _NEAR[1] - _NEAR[0])
+    far = beyond or (max(_LEAST_FAR, _FAR[0] / interval), _FAR[1] / interval)
+    if near[1] >= far[0]:
+        return math.nan
+    return _ratio_of_bands(unlike, interval, near, far, fewest=_FEWEST_LINES)
+
+
+def _unlike_cycles(signal: FloatArray, starts: FloatArray) -> tuple[FloatArray, IntArray, float]:
+    """Return what a signal differs by from one cycle to the next, its half cycles, and a cycle.
+
+    What is another level or size of each half cycle is taken off: it is no noise.
+    """
+    period = float(starts[-1] - starts[0]) / (len(starts) - 1)
+    at = np.arange(math.ceil(starts[0]), math.floor(starts[-1] - period))
+    unlike = np.interp(at + period, np.arange(len(signal)), signal) - signal[at]
+    begins = np.arange(0, len(unlike), round(period / 2.0))
+    lengths = np.diff([*begins, len(unlike)])
+
+    def level(values: FloatArray) -> FloatArray:
+        return np.repeat(np.add.reduceat(values, begins) / lengths, lengths)
+
+    unlike -= level(unlike)
+    form = signal[at] - level(signal[at])
+    power = np.maximum(np.add.reduceat(form * form, begins), 1e-300)
+    unlike -= np.repeat(np.add.reduceat(form * unlike, begins) / power, lengths) * form
+    return unlike, begins, period
+
+
+def falls_off(displacement: FloatArray, force: FloatArray, interval: float) -> bool:
+    """Whether the noise of both channels falls off far above a motion that does not repeat."""
+    if _LOWER[0] / interval < _LEAST_FAR:
+        return False
+    bands = [(low / interval, high / interval) for low, high in (_LOWER, _UPPER)]
+    return all(
+        _ratio_of_bands(signal, interval, *bands, fewest=_FEWEST_OF_NOISE) > more
+        for signal, more in ((displacement, _MORE_DISPLACEMENT), (force, _MORE_FORCE))
+    )
+
+
+def _ratio_of_bands(
+    signal: FloatArray,
+    interval: float,
+    below: tuple[float, float],
+    above: tuple[float, float],
+    *,
+    fewest: int,
+) -> float:
+    """Return the level of a signal in one band over that in another, Hz; NaN where not known."""
+    n = len(signal)
+    length = n * interval
+    lines = [_lines(*band, length, n) for band in (below, above)]
+    if min(map(len, lines)) < fewest:
+        return math.nan
+    spectrum = np.fft.rfft((signal - mean_of(signal)) * _window(n))
+    lower, upper = (median(np.abs(spectrum[some]) ** 2) for some in lines)
+    return lower / upper if upper > 0.0 else math.nan
+
+
+def _lines(above: float, below: float, length: float, n: int) -> IntArray:
+    """Return the lines of the spectrum of a log between two frequencies."""
+    some = np.arange(int(above * length), min(math.ceil(below * length), n // 2) + 1)
+    return some[(some / length > above) & (some / length < below)]
+
+
+@lru_cache(maxsize=2)
+def _window(n: int) -> FloatArray:
+    """Blackman's: logs of one rig are of one length, and its cosines cost more than a spectrum."""
+    return np.blackman(n)
+
+
+# A line of the spectrum that is no harmonic of the motion: hum of the mains, a pump, a loose
+# fixture. What repeats cancels in the difference of one cycle to the next. The highest of a hundred
+# lines of white noise is 8 times their median; a tone of 1 % of the force, 8 cycles of 300 lines
+# and noise of 0.3 % is 400 times.
+_TONE, _TONE_BESIDE = 60.0, 3
+_FEWEST_OF_TONES = 20  # lines
+_TONE_SEEN = 0.35  # of its size, at least, is in that difference
+
+
+def tone(
+    signal: FloatArray, starts: FloatArray, interval: float, corner: float
+) -> tuple[float, float]:
+    """Return frequency, Hz, and amplitude of a line off the harmonics; zeros where there is none.
+
+    Of a channel as logged, whose cycles begin at `starts`, samples; below a corner, Hz.
+    """
+    unlike, _, period = _unlike_cycles(signal, starts)
+    n = len(unlike)
+    window = _window(n)
+    spectrum = np.abs(np.fft.rfft((unlike - mean_of(unlike)) * window))
+    lines = _lines(_BEYOND_MOTION / (period * interval), corner, n * interval, n)
+    if len(lines) < _FEWEST_OF_TONES:
+        return 0.0, 0.0
+    peak = int(lines[np.argmax(spectrum[lines])])
+    others = lines[np.abs(lines - peak) > _TONE_BESIDE]
+    # Between two lines both have a part of it: the top of a parabola through three.
+    below, at, above = np.log(np.maximum(spectrum[peak - 1 : peak + 2], 1e-300)).tolist()
+    bend = below - 2.0 * at + above
+    off = min(max(0.5 * (below - above) / bend, -0.5), 0.5) if bend < 0.0 else 0.0
+    frequency = (peak + off) / (n * interval)
+    seen = 2.0 * abs(math.sin(math.pi * frequency * period * interval))
+    is_clear = spectrum[peak] ** 2 > _TONE * median(spectrum[others] ** 2)
+    if not is_clear or seen < _TONE_SEEN:
+        return 0.0, 0.0
+    return frequency, 2.0 * float(spectrum[peak]) / float(window.sum()) / seen
