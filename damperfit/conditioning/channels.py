@@ -33,14 +33,8 @@ from damperfit.statistics import mean_of, median, percentiles
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray
     from damperfit.recording import Recording
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-
-__all__ = ["bridge_spikes", "examine_channels"]
 
 
 class _Channel(NamedTuple):
@@ -135,7 +129,7 @@ class _Runs(NamedTuple):
     least_leap: FloatArray  # the smaller of both sides
     greatest_leap: FloatArray
 
-    def where(self, mask: NDArray[np.bool_]) -> _Runs:
+    def where(self, mask: BoolArray) -> _Runs:
         return _Runs._make(values[mask] for values in self)
 
     @property

@@ -21,29 +21,9 @@ from damperfit.statistics import mean_of, median, percentiles
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from damperfit.conditioning.signals import FloatArray, IntArray
     from damperfit.recording import Stretch
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-
-__all__ = [
-    "MIN_CYCLES",
-    "TURN",
-    "Cycles",
-    "SteadyRun",
-    "Turns",
-    "clean_cycles",
-    "crossings",
-    "cycles_of",
-    "ends_in_motion",
-    "fastest_frequency",
-    "find_cycles",
-    "harmonic_powers",
-    "runs_of",
-    "turning_points",
-]
 
 MIN_CYCLES = 3  # whole ones, of a test
 _HYSTERESIS = 0.25  # of the amplitude

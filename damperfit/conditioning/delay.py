@@ -38,15 +38,11 @@ from damperfit.statistics import mean_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.signals import FloatArray
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Trace
 
-    FloatArray = NDArray[np.float64]
-
-__all__ = ["estimate_delay", "find_delay"]
 
 _REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
 _FARTHEST = 0.010  # s

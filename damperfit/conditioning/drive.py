@@ -42,24 +42,13 @@ from damperfit.statistics import mean_of, median, variance_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from damperfit.conditioning.filters import FilteredLog
     from damperfit.conditioning.options import ConditionOptions
     from damperfit.conditioning.segments import FoundStretch
+    from damperfit.conditioning.signals import BoolArray, FloatArray
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Stretch
 
-    FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "content_beyond",
-    "drive_of_lines",
-    "dwell_lengths",
-    "dwells_of",
-    "make_drive",
-    "unclear_turns",
-]
 
 # Where a motion rests: a dwell between strokes, in which noise of the displacement is no speed.
 #
@@ -144,7 +133,7 @@ def _is_level(part: FloatArray, noise: float) -> bool:
     return float(np.std(part)) <= allowed * noise
 
 
-def _before_two(far: NDArray[np.bool_]) -> int:
+def _before_two(far: BoolArray) -> int:
     """Return how many come before two that are far: one alone is noise, once in 400."""
     places = np.flatnonzero(far & np.append(far[1:], True))
     return int(places[0]) if len(places) else len(far)

@@ -7,37 +7,20 @@ the peak forces differ by more than cycles scatter and rigs repeat.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections import defaultdict
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import combinations, product
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from damperfit.conditioning.signals import FloatArray
     from damperfit.damper.model import Model
     from damperfit.recording import Stretch, Trace
     from damperfit.tested.setting import Setting
-
-    FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "REPEATS",
-    "SCATTERS",
-    "Contradiction",
-    "are_unlike",
-    "contradiction",
-    "copies_in",
-    "is_same_test",
-    "moves_alike",
-    "rod_area_ratio",
-    "share_a_motion",
-]
 
 # Of the range: text of four digits stands 1e-4 beside the binary file, and noise of 4 N in 1300 N
 # makes two tests differ by 4e-3. Two tests of an adjuster that does nothing differ by their noise
@@ -58,37 +41,23 @@ _APART = 0.1  # gas pressures nearer than this tell the rod's area badly
 def copies_in(traces: Sequence[Trace], files: Mapping[str, str]) -> dict[str, list[Trace]]:
     """Return the logs that hold the same test as an earlier one, by the earlier one's name.
 
-    Parameters
-    ----------
-    traces : sequence of Trace
-        Of one run.
-    files : mapping of str to str
-        The file of each, by its name: tests in one file are no copies.
+    `files` has the file of each by its name: tests in one file are no copies.
     """
     copies: dict[str, list[Trace]] = defaultdict(list)
     by_length: dict[int, list[tuple[Trace, float]]] = defaultdict(list)
     for trace in traces:
         norm, alike = float(np.linalg.norm(trace.force)), by_length[len(trace.force)]
-        first = next(
-            (
-                one
-                for one, its_norm in alike
-                if abs(norm - its_norm) <= (1.0 + _ROUNDING) * _reach(one)  # no further than forces
-                and files.get(one.name) != files.get(trace.name)
-                and is_same_test(one, trace)
-            ),
-            None,
-        )
-        if first is None:
-            alike.append((trace, norm))
+        reach = (1.0 + _ROUNDING) * math.sqrt(len(trace.force)) * _SAME
+        for other, its_norm in alike:
+            # No further than forces of the same test may lie from each other, as vectors.
+            is_near = abs(norm - its_norm) <= reach * float(np.ptp(other.force) or 1.0)
+            is_other_file = files.get(other.name) != files.get(trace.name)
+            if is_near and is_other_file and is_same_test(other, trace):
+                copies[other.name].append(trace)
+                break
         else:
-            copies[first.name].append(trace)
+            alike.append((trace, norm))
     return dict(copies)
-
-
-def _reach(trace: Trace) -> float:
-    """How far another force of the same test may lie from this one, as vectors, N."""
-    return math.sqrt(len(trace.force)) * _SAME * float(np.ptp(trace.force) or 1.0)
 
 
 def is_same_test(one: Trace, other: Trace) -> bool:
@@ -102,8 +71,8 @@ def is_same_test(one: Trace, other: Trace) -> bool:
     limit = _SAME * span
     if noise > 0.0:
         limit = min(limit, max(_OF_NOISE * noise, _DIGITS * span))
-    is_near = _rms(one.force - other.force) <= limit
     reach = _SAME * (float(np.ptp(one.displacement)) or 1.0)
+    is_near = _rms(one.force - other.force) <= limit
     return is_near and _rms(one.displacement - other.displacement) <= reach
 
 
@@ -113,12 +82,8 @@ def _rms(values: FloatArray) -> float:
 
 def share_a_motion(first: Trace, second: Trace) -> bool:
     """Whether two logs hold one steady motion, so that their peak forces can be compared."""
-    return first.gas_pressure == second.gas_pressure and moves_alike(first, second)
-
-
-def moves_alike(first: Trace, second: Trace) -> bool:
-    """Whether two logs hold one steady motion, whatever the damper was filled to."""
-    return any(True for _ in _common_motions(first, second))
+    is_filled_alike = first.gas_pressure == second.gas_pressure
+    return is_filled_alike and any(True for _ in _common_motions(first, second))
 
 
 def are_unlike(first: Trace, second: Trace) -> bool:
@@ -132,36 +97,22 @@ def _common_motions(first: Trace, second: Trace) -> Iterator[tuple[Stretch, Stre
         [one for one in trace.stretches if one.kind == "steady" and one.figures is not None]
         for trace in (first, second)
     ]
-    for a, b in itertools.product(*steady):
+    for a, b in product(*steady):
         ratios = (a.peak_speed / b.peak_speed, a.amplitude / b.amplitude)
         if all(abs(ratio - 1.0) <= _ALIKE for ratio in ratios):
             yield a, b
 
 
-@dataclass(frozen=True, slots=True)
-class Contradiction:
-    """Two tests of one motion whose forces differ by more than their scatter.
-
-    Attributes
-    ----------
-    first, second : Trace
-        The tests.
-    stroke : str
-        rebound or bump.
-    forces : (float, float)
-        Peak forces, N.
-    speed : float
-        m/s.
-    excess, beyond_scatter : float
-        The difference, times what tests of one setting may differ by, and times what the scatter
-        of their cycles explains.
-    """
+class Contradiction(NamedTuple):
+    """Two tests of one motion whose forces differ by more than their scatter."""
 
     first: Trace
     second: Trace
-    stroke: str
-    forces: tuple[float, float]
-    speed: float
+    stroke: str  # rebound or bump
+    forces: tuple[float, float]  # peaks, N
+    speed: float  # m/s
+    # The difference, times what tests of one setting may differ by, and times what the scatter of
+    # their cycles explains.
     excess: float
     beyond_scatter: float
 
@@ -170,37 +121,32 @@ class Contradiction:
         """What differs, and where."""
         a, b = self.forces
         size = 200.0 * abs(a - b) / (abs(a) + abs(b))
-        warmth = (self.first.temperature, self.second.temperature)
-        how = "differ by more than their cycles scatter"
-        said = (
-            f"{self.first.name} and {self.second.name} "
-            f"{'contradict each other' if self.excess > 1.0 else how}: peak force in "
-            f"{self.stroke} {a:.4g} N and {b:.4g} N at {self.speed:.3g} m/s, {size:.3g} % apart"
+        degrees = (self.first.temperature, self.second.temperature)
+        how = "contradict each other"
+        if not self.excess > 1.0:
+            how = "differ by more than their cycles scatter"
+        text = (
+            f"{self.first.name} and {self.second.name} {how}: peak force in {self.stroke} {a:.4g} "
+            f"N and {b:.4g} N at {self.speed:.3g} m/s, {size:.3g} % apart"
         )
-        if None not in warmth and abs((warmth[0] or 0.0) - (warmth[1] or 0.0)) > _WARMER:
-            said += (
-                f", at {warmth[0]:.3g} and {warmth[1]:.3g} degC (covariate temperature fits both)"
-            )
-        return said
+        if None not in degrees and abs((degrees[0] or 0.0) - (degrees[1] or 0.0)) > _WARMER:
+            text += f", at {degrees[0]:.3g} and {degrees[1]:.3g} degC "
+            text += "(covariate temperature fits both)"
+        return text
 
 
 def contradiction(traces: Sequence[Trace], *, is_warmed: bool) -> Contradiction | None:
     """Return the largest difference between tests of one motion; None within their scatter.
 
-    Parameters
-    ----------
-    traces : sequence of Trace
-        Of one setting.
-    is_warmed : bool
-        What temperature does is fitted: logs of different temperatures may differ.
+    Of one setting. `is_warmed`: logs of different temperatures may differ, for that is fitted.
     """
     found = (
-        one
-        for first, second in itertools.combinations(traces, 2)
+        difference
+        for first, second in combinations(traces, 2)
         if first.gas_pressure == second.gas_pressure
         and not (is_warmed and are_unlike(first, second))
         for a, b in _common_motions(first, second)
-        for one in _differences(first, second, a, b)
+        for difference in _differences(first, second, a, b)
     )
     return max(found, key=lambda one: (one.excess, one.beyond_scatter), default=None)
 
@@ -229,13 +175,6 @@ def rod_area_ratio(traces: Sequence[Trace], damper: Model) -> float | None:
 
     Of tests of one setting and one motion at gas pressures of their own: there the mean force
     differs by the gas alone. None where there are no such tests.
-
-    Parameters
-    ----------
-    traces : sequence of Trace
-        Of one damper.
-    damper : Model
-        As declared.
     """
     by_setting: dict[Setting | None, list[Trace]] = defaultdict(list)
     for trace in traces:
@@ -243,24 +182,17 @@ def rod_area_ratio(traces: Sequence[Trace], damper: Model) -> float | None:
             by_setting[trace.setting].append(trace)
     seen = expected = 0.0
     for logs in by_setting.values():
-        for first, second in itertools.combinations(logs, 2):
-            if not moves_alike(first, second):
+        for pair in combinations(logs, 2):
+            if not any(True for _ in _common_motions(*pair)):
                 continue
-            (level, gas), (other_level, other_gas) = (
-                _levels(trace, damper) for trace in (first, second)
-            )
-            if gas is None or other_gas is None:
-                continue
+            levels = [float(np.mean(log.force[log.compared])) for log in pair]
+            rests = [
+                damper.filled_to(log.gas_pressure).rest_force(log.displacement[log.compared])
+                for log in pair
+            ]
+            gas = [float(np.mean(rest)) for rest in rests if rest is not None]
             # Each pair by its own difference: a small one says little.
-            weight = gas - other_gas
-            if abs(weight) >= _APART * max(abs(gas), abs(other_gas)):
-                seen += weight * (level - other_level)
-                expected += weight**2
+            if len(gas) == len(pair) and abs(gas[0] - gas[1]) >= _APART * max(map(abs, gas)):
+                seen += (gas[0] - gas[1]) * (levels[0] - levels[1])
+                expected += (gas[0] - gas[1]) ** 2
     return seen / expected if expected else None
-
-
-def _levels(trace: Trace, damper: Model) -> tuple[float, float | None]:
-    """Mean force of the compared part, measured and that of the gas alone, N."""
-    part = trace.compared
-    gas = damper.filled_to(trace.gas_pressure).rest_force(trace.displacement[part])
-    return float(np.mean(trace.force[part])), None if gas is None else float(np.mean(gas))

@@ -43,29 +43,11 @@ from damperfit.errors import ConditioningError, ConfigurationError, did_you_mean
 from damperfit.recording import FilterDesign, Finding
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.signals import FloatArray
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Recording
 
-    FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "FilteredLog",
-    "apply_filter",
-    "behind_filter",
-    "complete_causal",
-    "completed",
-    "corner_of",
-    "design_filter",
-    "differentiate",
-    "fading_samples",
-    "fitting_corner",
-    "gain_at",
-    "settling_samples",
-    "with_corner",
-]
 
 # An edge left over at 1e-8 of the force moves no parameter by more than 1e-6.
 _SETTLED = 1e-8
@@ -85,26 +67,10 @@ def design_filter(
 ) -> FilterDesign:
     """Return a Butterworth low-pass of the kind "zero_phase", "causal" or "none".
 
-    Parameters
-    ----------
-    kind : str
-        "zero_phase": forward and backward, combined gain -3 dB at the corner. "causal": forward
-        only, -3 dB at the corner. "none": passes everything.
-    corner : float
-        Frequency of -3 dB, Hz.
-    sample_rate : float
-        Hz.
-    order : int
-        Order of one pass.
-    key : str
-        What the corner is called where a user says it, for the refusal.
-
-    Raises
-    ------
-    ConfigurationError
-        Unknown kind.
-    ConditioningError
-        The corner is not below half the sample rate.
+    "zero_phase": forward and backward, combined gain -3 dB at the corner, Hz. "causal": forward
+    only, -3 dB at the corner. "none": passes everything. The order is that of one pass, the sample
+    rate in Hz; `key` is what the corner is called where a user says it. A ConfigurationError:
+    unknown kind; a ConditioningError: the corner is not below half the sample rate.
 
     Examples
     --------
@@ -174,14 +140,8 @@ def completed(design: FilterDesign, corner: float, order: int) -> FilterDesign:
 def apply_filter(design: FilterDesign, signal: FloatArray, axis: int = -1) -> FloatArray:
     """Return a signal behind a filter: same shape, new memory.
 
-    Parameters
-    ----------
-    design : FilterDesign
-        From `design_filter` or a trace's ``model_filter``.
-    signal : numpy.ndarray
-        Any shape, at least two samples along ``axis``.
-    axis : int
-        Axis of time.
+    The design is from `design_filter`, or a trace's ``model_filter``; the signal of any shape, at
+    least two samples along the axis of time.
     """
     if not len(design.sections):
         return np.array(signal, dtype=np.float64)
@@ -283,14 +243,9 @@ def corner_of(design: FilterDesign, *, sample_rate: float) -> float:
 
 
 def differentiate(displacement: FloatArray, interval: float) -> FloatArray:
-    """Return the slope of the not-a-knot cubic spline at its samples, shape (n,), m/s.
+    """Return the slope of the not-a-knot cubic spline through uniform samples, m/s.
 
-    Parameters
-    ----------
-    displacement : numpy.ndarray
-        Shape (n,), n >= 4; m, uniformly sampled.
-    interval : float
-        s.
+    Displacement, m, of shape (n,), n >= 4; the interval in s.
 
     Examples
     --------
@@ -330,6 +285,9 @@ def differentiate(displacement: FloatArray, interval: float) -> FloatArray:
 # parameter at 500 Hz, 0.06 % at 1 kHz (`tests/test_told_figures.py`).
 
 
+_SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
+
+
 class FilteredLog(NamedTuple):
     """A log and what is seen of it behind the filter: m, N, m/s."""
 
@@ -348,9 +306,6 @@ class FilteredLog(NamedTuple):
     def edge(self) -> int:
         """Samples after which an end of the log is forgotten to 1e-8."""
         return max(settling_samples(self.model_filter), _SPLINE_EDGE)
-
-
-_SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
 
 
 def behind_filter(log: UniformLog, options: ConditionOptions) -> FilteredLog:

@@ -50,16 +50,11 @@ from damperfit.units.quantities import parse_quantity
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from numpy.typing import NDArray
-
     from damperfit.conditioning.cycles import Cycles
     from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.signals import FloatArray
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Recording, Stretch, Trace
-
-    FloatArray = NDArray[np.float64]
-
-__all__ = ["check_velocity", "examine", "examine_raw", "samples_a_cycle"]
 
 
 class _Seen:
@@ -363,8 +358,6 @@ _MANY_ELSEWHERE = 2  # steady cycles beyond a break; one may be chance in a run-
 
 def _stretches(seen: _Seen) -> Iterator[Finding]:
     trace = seen.trace
-    if seen.cycles is not None:
-        return
     parts = ", ".join(
         f"{one.n_cycles} cycles of {one.frequency:.3g} Hz to {one.peak_speed:.3g} m/s"
         if one.n_cycles
@@ -380,8 +373,6 @@ def _stretches(seen: _Seen) -> Iterator[Finding]:
 def _broken(seen: _Seen) -> Iterator[Finding]:
     """A run goes on after a moment as it was before: something broke it."""
     trace = seen.trace
-    if seen.cycles is not None:
-        return
     for before, behind in pairwise(trace.stretches):
         gap = (behind.first - before.stop) * trace.interval * before.frequency
         if _are_one_motion(before, behind) and gap < _SOON and not _is_other_force(before, behind):
@@ -396,8 +387,6 @@ def _broken(seen: _Seen) -> Iterator[Finding]:
 def _another_force(seen: _Seen) -> Iterator[Finding]:
     """A motion comes back with another force: two settings in one record."""
     trace = seen.trace
-    if seen.cycles is not None:
-        return
     for first, other in combinations(trace.stretches, 2):
         if _are_one_motion(first, other) and _is_other_force(first, other):
             time = trace.start_time + other.first * trace.interval
@@ -436,8 +425,6 @@ def _is_other_force(first: Stretch, other: Stretch) -> bool:
 
 
 def _cycles(seen: _Seen) -> Iterator[Finding]:
-    if seen.cycles is None:
-        return
     n = seen.trace.n_cycles
     text = (
         f"{n} of {seen.trace.n_cycles_found} whole cycles evaluated (left out: run-in, "
@@ -449,8 +436,7 @@ def _cycles(seen: _Seen) -> Iterator[Finding]:
 
 def _unsteady(seen: _Seen) -> Iterator[Finding]:
     trace, cycles = seen.trace, seen.cycles
-    if cycles is None:
-        return
+    assert cycles is not None
     steady, found = len(cycles.rising) - 1, cycles.n_found
     if steady + 1 < 0.5 * found:  # one more: the cycles at the log's ends may be cut
         begin = trace.start_time + trace.fastest.cycle_starts[0] * trace.interval
@@ -468,6 +454,15 @@ def _unsteady(seen: _Seen) -> Iterator[Finding]:
         yield Finding("unsteady_cycles", "warning", text, float(cycles.n_elsewhere))
 
 
+def _of_cycles(seen: _Seen) -> Iterator[Finding]:
+    """What is told of one steady run, and what of several stretches."""
+    looks = (_stretches, _broken, _another_force)
+    if seen.cycles is not None:
+        looks = (_cycles, _unsteady, _frequency_and_amplitude)
+    for look in looks:
+        yield from look(seen)
+
+
 _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
 _NEAR = 0.2  # of the nominal test: further off another test was meant
 
@@ -475,8 +470,6 @@ _NEAR = 0.2  # of the nominal test: further off another test was meant
 def _frequency_and_amplitude(seen: _Seen) -> Iterator[Finding]:
     """Beside what the log's preamble says, and beside the nominal test."""
     trace, nominal = seen.trace, seen.options.nominal
-    if seen.cycles is None:
-        return
     for name, value, unit, factor, meant, prefix, doubt in (
         ("frequency", trace.frequency, "Hz", 1.0, nominal.frequency, "", "clock and sample rate"),
         ("amplitude", trace.amplitude, "mm", 1e3, nominal.amplitude, "amplitude ",
@@ -860,12 +853,7 @@ _FINDINGS: tuple[Callable[[_Seen], Iterator[Finding]], ...] = (
     _displacement_noise,
     _drive,
     _rests,
-    _stretches,
-    _broken,
-    _another_force,
-    _cycles,
-    _unsteady,
-    _frequency_and_amplitude,
+    _of_cycles,
     _trimmed,
     _force_range,
     _harmonics,

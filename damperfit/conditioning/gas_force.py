@@ -36,22 +36,10 @@ from damperfit.passed_speeds import in_both_strokes
 from damperfit.statistics import mean_of, median
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from damperfit.conditioning.options import GasFacts
+    from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray
     from damperfit.recording import Trace
 
-    FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "YIELDS",
-    "ForceLevel",
-    "force_level",
-    "gas_force",
-    "held_share",
-    "held_shares",
-    "reversals",
-]
 
 # Whether a damper yields before it slides, as magneto-rheological ones and dry friction do.
 #
@@ -243,7 +231,7 @@ def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float
     return float(found[0]), float(found[5]), -float(found[6])
 
 
-def reversals(v: FloatArray) -> tuple[NDArray[np.int64], FloatArray, NDArray[np.bool_]]:
+def reversals(v: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
     """Return the samples before reversals, the part of a sample behind, and which end a rebound."""
     is_out = v > 0.0  # a sample at rest, v = 0, belongs to what follows a rebound
     before = np.flatnonzero(is_out[:-1] != is_out[1:])

@@ -33,11 +33,8 @@ from damperfit.statistics import mean_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from damperfit.conditioning.signals import FloatArray
 
-    FloatArray = NDArray[np.float64]
-
-__all__ = ["condition"]
 
 _MIN_SAMPLES = 20
 _ABSURD = 1e9  # N or m; no column of any rig, in whatever unit; its squares might overflow

@@ -19,21 +19,9 @@ from damperfit.recording import StretchFigures
 from damperfit.statistics import median
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from damperfit.conditioning.signals import FloatArray, IntArray
     from damperfit.recording import Stretch, Trace
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-
-__all__ = [
-    "counted_edges",
-    "figures_in",
-    "mean_energy",
-    "mean_extremes",
-    "peak_velocity_forces",
-    "with_figures",
-]
 
 # Of the peak speed: what is about the peak, and what lies between two strokes.
 _NEAR_PEAK, _SLOW = 0.9, 0.5

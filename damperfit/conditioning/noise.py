@@ -30,21 +30,9 @@ from damperfit.recording import FilterDesign
 from damperfit.statistics import mean_of, median, variance_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from damperfit.conditioning.signals import FloatArray, IntArray
     from damperfit.recording import Stretch, Trace
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-
-__all__ = [
-    "falls_off",
-    "noise_beside_motion",
-    "noise_floor",
-    "noise_ratio",
-    "tone",
-    "with_noise",
-]
 
 _FEWEST_PHASES = 8
 _TAPS = 4  # samples that a place between them is read from

@@ -9,8 +9,6 @@ from typing import NamedTuple
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Key
 
-__all__ = ["FILTER_KINDS", "ConditionOptions", "GasFacts", "NominalTest", "OffsetFacts"]
-
 FILTER_KINDS = ("zero_phase", "causal", "none")
 _SPIKES = ("keep", "bridge")
 _MAX_SKEW = 0.1  # s; more is no skew between channels but two clocks
@@ -60,66 +58,34 @@ class GasFacts(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionOptions:
-    """How a recording becomes a trace.
+    """How a recording becomes a trace."""
 
-    Attributes
-    ----------
-    filter : str
-        Our own low-pass on displacement and force: "zero_phase", "causal" or "none". See
-        `damperfit.conditioning.filters` for what each does. Not used when the rig has filtered.
-    filter_corner : float
-        Frequency of -3 dB, Hz.
-    auto_corner : bool
-        The corner follows the fastest motion of each log; `filter_corner` is not used.
-    filter_order : int
-        Order of one pass.
-    rig_filter : str
-        What the rig has already done to both channels, same words. "causal": an ordinary filter
-        in the rig's hardware or software, both channels late by its delay. "zero_phase": the
-        rig's software ran the filter forward and backward.
-    rig_filter_corner : float
-        Frequency at which one pass of the rig's filter has -3 dB, Hz.
-    rig_filter_order : int
-        Order of one pass of the rig's filter.
-    centre : float or None
-        Displacement that is x = 0 of the model, as the log counts it, m. None: mid-stroke.
-    skew : float or str
-        What the force is late against the displacement, s, beyond what a declared rig filter
-        does to both; corrected. "auto": as estimated, where the log can tell.
-    gas : GasFacts or None
-        With it the gas force tells the signs of the channels, and whether the force was tared.
-    offset : OffsetFacts
-        Whether and how a fit knows of a constant force of the rig's.
-    steadiness : float
-        A cycle is steady when amplitude and period are within this fraction of the medians.
-    chamber_lengths : tuple of float or None
-        l_1 and l_2 of the damper, m. With them a stroke beyond the chambers is refused.
-    min_amplitude, max_amplitude, max_force : float
-        Outside these, m and N, a unit was misread.
-    nominal : NominalTest
-        What the test was meant to be, for findings.
-    spikes : str
-        "keep", or "bridge": replace single samples that stand out by a straight line.
-    """
-
+    # Our own low-pass on displacement and force: "zero_phase", "causal" or "none"; what each does
+    # stands in `damperfit.conditioning.filters`. Not used when the rig has filtered.
     filter: str = "zero_phase"
-    filter_corner: float = 30.0
-    auto_corner: bool = False
-    filter_order: int = 4
+    filter_corner: float = 30.0  # frequency of -3 dB, Hz
+    auto_corner: bool = False  # it follows the fastest motion of each log
+    filter_order: int = 4  # of one pass
+    # What the rig has already done to both channels, same words. "causal": an ordinary filter in
+    # its hardware or software, both channels late by its delay. "zero_phase": forward and backward.
     rig_filter: str = "none"
-    rig_filter_corner: float = 30.0
+    rig_filter_corner: float = 30.0  # of one pass
     rig_filter_order: int = 4
-    centre: float | None = None
+    centre: float | None = None  # x = 0 of the model, as the log counts it, m; None: mid-stroke
+    # What the force is late against the displacement, s, beyond what a declared rig filter does to
+    # both; corrected. "auto": as estimated, where the log can tell.
     skew: float | str = 0.0
+    # With it the gas force tells the signs of the channels, and whether the force was tared.
     gas: GasFacts | None = None
-    offset: OffsetFacts = OffsetFacts()
-    steadiness: float = 0.05
+    offset: OffsetFacts = OffsetFacts()  # what a fit knows of a constant force of the rig's
+    steadiness: float = 0.05  # of the medians: amplitude and period of steady cycles
+    # l_1 and l_2 of the damper, m: a stroke beyond the chambers is refused.
     chamber_lengths: tuple[float, float] | None = None
-    min_amplitude: float = 2e-4
+    min_amplitude: float = 2e-4  # outside these, m and N, a unit was misread
     max_amplitude: float = 1.0
     max_force: float = 1e5
-    nominal: NominalTest = NominalTest()
-    spikes: str = "keep"
+    nominal: NominalTest = NominalTest()  # what the test was meant to be, for findings
+    spikes: str = "keep"  # or "bridge": single samples that stand out become a straight line
 
     def __post_init__(self) -> None:
         """Refuse options that mean nothing."""

@@ -41,17 +41,6 @@ if TYPE_CHECKING:
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Recording, Trace
 
-__all__ = [
-    "CONTRADICTED",
-    "UNKNOWN",
-    "Signs",
-    "describe_level",
-    "find_signs",
-    "level_of",
-    "rest_of",
-    "reversed_in",
-    "with_signs",
-]
 
 # Mean of f v over mean of |f v|: near -1 or 1 for a damper, less where elasticity rules.
 _CLEAR_ENERGY = 0.1

@@ -43,16 +43,11 @@ from damperfit.recording import Finding, Stretch
 from damperfit.statistics import median, percentiles
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Trace
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-
-__all__ = ["TRANSIENTS", "ComparedPart", "FoundStretch", "choose_compared", "transients"]
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
 _HYSTERESIS = 0.25  # of the run's amplitude
@@ -552,13 +547,13 @@ def transients(trace: Trace) -> Trace | None:
     )
 
 
-def _lasting(counts: NDArray[np.bool_], interval: float) -> list[tuple[int, int]]:
+def _lasting(counts: BoolArray, interval: float) -> list[tuple[int, int]]:
     """Return first and stop of what counts, where it lasts."""
     parts = zip(*(edges.tolist() for edges in parts_where(counts)), strict=True)
     return [(first, stop) for first, stop in parts if (stop - first) * interval >= _SHORTEST]
 
 
-def _is_steady(trace: Trace) -> NDArray[np.bool_]:
+def _is_steady(trace: Trace) -> BoolArray:
     """Where a passage from turn to turn is one of the steady motion's.
 
     The first and the last, from rest or to it, may be a part of one.

@@ -12,9 +12,9 @@ from damperfit.statistics import median
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.float64]
-
-__all__ = ["noise_of", "parts_where"]
+    IntArray = NDArray[np.int64]
 
 
 def noise_of(values: FloatArray) -> float:
@@ -25,7 +25,7 @@ def noise_of(values: FloatArray) -> float:
     return middle / (0.6745 * math.sqrt(252.0))
 
 
-def parts_where(is_so: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def parts_where(is_so: BoolArray) -> tuple[IntArray, IntArray]:
     """Return first and stop of each part in which something holds."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], is_so, [False]])))
     return edges[::2], edges[1::2]

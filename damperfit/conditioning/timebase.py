@@ -32,13 +32,9 @@ from damperfit.recording import Finding
 from damperfit.statistics import mean_of, median
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from damperfit.conditioning.signals import FloatArray
     from damperfit.recording import Recording
 
-    FloatArray = NDArray[np.float64]
-
-__all__ = ["UniformLog", "continue_log", "make_uniform", "without_delay"]
 
 _MAX_MISSING = 4  # consecutive samples; at 300 Hz, 17 ms, half a period of the 30 Hz corner
 _JITTER = 0.01  # share of the interval; what the filter does not notice
