@@ -88,7 +88,7 @@ _OF_GAS = 0.03
 # level, in both estimates alike: a share of the digressive curvature. So does what a filter takes
 # off the turns: a share for each harmonic that it passes fewer than these. Of synthetic digressive
 # and linear strokes at 1 to 12 Hz behind 30 Hz none is called tared that is not
-# (`tests/conditioning/test_false_alarms.py`).
+# (`tests/conditioning/test_findings.py`).
 _OF_DIGRESSION = 0.1
 _OF_HARMONICS = 0.15
 _ENOUGH_HARMONICS = 20.0

@@ -17,7 +17,7 @@ from damperfit.conditioning.timebase import make_uniform
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
-from tests.conditioning.test_corrections import MIRRORS, SLIM, SLIM_SETTING, gas_of, mirrored
+from tests.conditioning.test_signs import MIRRORS, SLIM, SLIM_SETTING, gas_of, mirrored
 from tests.conditioning.test_skew import late_log
 from tests.identification.rig import recording
 

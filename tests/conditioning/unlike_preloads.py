@@ -22,8 +22,7 @@ import numpy as np
 from damperfit.conditioning import condition, gas_force, polarity
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConditioningError
-from tests.conditioning.logs import recording
-from tests.conditioning.test_false_alarms import RATE, sine
+from tests.conditioning.logs import RATE, recording, sine
 
 ATMOSPHERE = 101325.0  # the cell is zeroed before the damper is mounted
 

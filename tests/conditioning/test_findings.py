@@ -1,0 +1,659 @@
+"""Findings: each fault at its limit, with number and place, and no alarm on what is sound."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+from damperfit.conditioning import (
+    ConditionOptions,
+    NominalTest,
+    apply_filter,
+    condition,
+    differentiate,
+    examine_raw,
+)
+from damperfit.conditioning.duplicates import copies_in
+from damperfit.configuration.loading import load_configuration
+from damperfit.damper.purdy.closed_forms import incompressible_force
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.errors import ConditioningError
+from tests.conditioning.limits import FAULTS as COSTS
+from tests.conditioning.limits import measured
+from tests.conditioning.logs import (
+    RATE,
+    found,
+    logged,
+    made,
+    moved,
+    moving,
+    random_motion,
+    recording,
+    sine,
+    sine_log,
+    static_force,
+    warned,
+)
+from tests.identification.rig import recording as rig_log
+
+TEST = NominalTest(frequency=1.5, amplitude=0.032, temperature=26.0, temperature_tolerance=1.0)
+OPTIONS = ConditionOptions(nominal=TEST)
+
+
+def changed(log, channel, change):
+    values = getattr(log, channel)
+    return replace(log, **{channel: change(values.copy())})
+
+
+def clipped(log, channel, share):
+    return changed(log, channel, lambda values: np.minimum(values, share * values.max()))
+
+
+def standing(log, channel, first, n):
+    def change(values):
+        values[first : first + n] = values[first]
+        return values
+
+    return changed(log, channel, change)
+
+
+def rounded(log, channel, n_steps):
+    return changed(log, channel, lambda y: np.rint(y * n_steps / np.ptp(y)) * np.ptp(y) / n_steps)
+
+
+def spiked(log, channel, rows, size):
+    def change(values):
+        values[rows] += size * np.ptp(values)
+        return values
+
+    return changed(log, channel, change)
+
+
+def drifting(log, channel, share):
+    line = 0.5 * share * np.linspace(-0.5, 0.5, len(log.time))
+    return changed(log, channel, lambda values: values + np.ptp(values) * line)
+
+
+def scattered(log, share):
+    """Each cycle has its own size of force."""
+    cycle = (log.time * 1.5).astype(int)
+    sizes = 1.0 + share * np.random.default_rng(5).normal(size=cycle.max() + 1)
+    return replace(log, force=log.force * sizes[cycle])
+
+
+def wrongly_stamped(log, share):
+    moved_by = np.random.default_rng(3).uniform(-share, share, len(log.time)) * 0.002
+    return replace(log, time=log.time + moved_by)
+
+
+def frozen(log, rows):
+    x, force = log.displacement.copy(), log.force.copy()
+    for first in range(1000, 9000, 1000):
+        x[first : first + rows], force[first : first + rows] = x[first], force[first]
+    return replace(log, displacement=x, force=force)
+
+
+LOG, STILL, SINE = made(), made(noise=(0.0, 0.0)), sine_log()
+SPEED = np.gradient(STILL.displacement, STILL.time)
+SPRING = 30_000.0 * (SINE.displacement - 0.0123)  # N; beside it a damper takes little energy
+LINE = np.linspace(-0.5, 0.5, len(LOG.time))
+FAST = {"frequency": 20.0, "amplitude": 0.004}
+# Finding: what spoils a log by so much; the most that is no warning, the least that is one.
+LIMITS = {
+    "force_drift": (lambda s: drifting(STILL, "force", s), 0.0120, 0.0130),  # 1 % of the peak
+    "stroke_drift": (lambda s: drifting(STILL, "displacement", s), 0.060, 0.064),
+    "cycle_scatter": (lambda s: scattered(STILL, s), 0.0155, 0.0162),  # 1 %, and what chance adds
+    "temperature": (lambda s: replace(STILL, temperature=26.0 + s + 0.0 * LINE), 0.99, 1.01),  # K
+    "temperature_drift": (lambda s: replace(STILL, temperature=26.0 + s * LINE), 2.35, 2.45),
+    "displacement_noise": (lambda s: made(noise=(4.0, s)), 28e-6, 30e-6),  # m
+    "displacement_steps": (lambda n: rounded(STILL, "displacement", n), 502, 496),
+    "force_steps": (lambda n: rounded(STILL, "force", n), 126, 123),
+    "force_clipping": (lambda s: clipped(LOG, "force", 1.0 - s), 0.0034, 0.0039),
+    "force_spikes": (lambda s: spiked(STILL, "force", [1500], s), 0.195, 0.207),
+    "force_range": (lambda s: replace(STILL, force=STILL.force * s), 0.0071, 0.0067),  # 10 N
+    "force_stuck": (lambda n: standing(LOG, "force", 2000, n), 10, 11),
+    "velocity_channel": (lambda s: replace(STILL, velocity=(1.0 + s) * SPEED), 0.08, 0.12),
+    "force_polarity": (lambda s: replace(SINE, force=SPRING + s * SINE.force), 0.3, 0.02),
+    "jitter": (lambda s: wrongly_stamped(LOG, s), 0.030, 0.045),  # of a step
+    "frozen_rows": (lambda n: frozen(SINE, n), 4, 30),
+    "filter_corner": (lambda f: sine_log(frequency=f, amplitude=0.01), 3.6, None),
+}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_a_fault_is_a_warning_from_its_limit_on(name) -> None:
+    spoil, inside, outside = LIMITS[name]
+    assert name not in warned(spoil(inside), OPTIONS)
+    if outside is not None:
+        assert name in warned(spoil(outside), OPTIONS)
+
+
+# The log; the warning, what its sentence says, and what else may be told of what the fault does.
+FAULTS = {
+    "clipped force": (clipped(LOG, "force", 0.95), "force_clipping", "clipped at"),
+    "clipped displacement": (clipped(LOG, "displacement", 0.97), "displacement_clipping", "row"),
+    "force at 12 bits clipped": (
+        clipped(made(bits=12, noise=(0.0, 0.0)), "force", 0.95),
+        "force_clipping",
+        "% of the evaluated samples",
+    ),
+    "stuck force": (standing(LOG, "force", 2000, 40), "force_stuck", "from row 2001 .* 40 rows"),
+    "stuck displacement": (standing(LOG, "displacement", 2030, 20), "displacement_stuck", "sensor"),
+    "slow displacement": (
+        changed(LOG, "displacement", lambda x: x[np.arange(len(x)) // 10 * 10]),
+        "displacement_stuck",
+        "every 10 rows",
+        "displacement_noise",
+        "displacement_steps",
+    ),
+    "coarse displacement": (
+        rounded(LOG, "displacement", 200),
+        "displacement_steps",
+        r"20\d over its range",
+        "displacement_noise",
+    ),
+    "spikes in force": (
+        spiked(LOG, "force", [1500, 2222, 3000], 0.5),
+        "force_spikes",
+        "3 spikes in the force, in rows 1501, 2223, 3001 of the data",
+        "cycle_scatter",
+    ),
+    "spike in displacement": (
+        spiked(LOG, "displacement", [2500], -0.4),
+        "displacement_spikes",
+        "1 spike in the displacement, in row 2501",
+    ),
+    "stamps of the computer": (
+        wrongly_stamped(LOG, 0.2),
+        "jitter",
+        "smoother without",
+        "displacement_noise",
+    ),
+    "hot": (replace(LOG, temperature=LOG.temperature + 2.3), "temperature", r"28\.3 degC .* 27"),
+    "no temperature": (replace(LOG, temperature=None), "temperature_missing", "no temperature"),
+    "another frequency than said": (
+        replace(LOG, metadata={"test frequency": "1.6 Hz"}),
+        "frequency",
+        "preamble says 1.6 Hz",
+    ),
+    "another amplitude than said": (
+        replace(LOG, metadata={"amplitude_mm": "25"}),
+        "amplitude",
+        "preamble says 25 mm",
+    ),
+    "fast": (made(cycles=60, noise=(4.0, 0.0), **FAST), "filter_loss", "raise its corner"),
+    "few samples a cycle": (
+        made(rate=100.0, cycles=90, noise=(0.0, 0.0), **FAST),
+        "sample_rate",
+        "% low",
+        "filter_loss",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_found_with_number_and_place_and_raises_no_other_alarm(fault):
+    log, name, says, *shadows = FAULTS[fault]
+    warnings = warned(log, OPTIONS)
+    assert {name} <= set(warnings) <= {name, *shadows}
+    assert re.search(says, warnings[name].sentence), warnings[name].sentence
+    assert (warnings[name].value is None) is (name == "temperature_missing")
+
+
+CLEAN = list(
+    itertools.product(
+        (300.0, 1000.0, 5000.0),
+        ("sine", "triangle", "crank"),
+        ((0.0, 0.0), (4.0, 8e-6)),
+        (0, 12, 16),
+    )
+)
+
+
+@pytest.mark.one_in(5)
+@pytest.mark.parametrize(("rate", "wave", "noise", "bits"), CLEAN)
+def test_a_clean_log_gives_no_warning(rate, wave, noise, bits):
+    setting = 1 if bits else 20
+    assert not warned(
+        made(wave, setting=setting, rate=rate, noise=noise, bits=bits, cycles=7), OPTIONS
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("setting", range(1, 21))
+def test_clean_logs_of_every_setting_rate_and_seed(setting):
+    for seed, (rate, wave, noise, bits) in enumerate(CLEAN):
+        log = made(wave, setting=setting, rate=rate, noise=noise, bits=bits, seed=seed)
+        assert not warned(log, OPTIONS), (rate, wave, noise, bits)
+
+
+def test_notes_carry_the_numbers():
+    notes = found(made("crank"), OPTIONS)
+    for name, value in {
+        "harmonics": pytest.approx(3.0, abs=0.05),
+        "frequency": pytest.approx(1.5, rel=1e-4),
+        "amplitude": pytest.approx(32.0, abs=0.05),
+        "displacement_noise": pytest.approx(8.0, rel=0.1),
+        "sample_rate": pytest.approx(500.0),
+        "temperature": 26.0,
+    }.items():
+        assert notes[name].value == value, name
+    assert "as of a crank" in notes["harmonics"].sentence
+    assert notes["cycles"].value >= 12
+    assert 0.7 < notes["trimmed"].value < 3.0
+    assert notes["cycle_scatter"].value < 0.5
+    assert all(one.severity == "note" for one in notes.values())
+    triangle = found(made("triangle"))["harmonics"]
+    assert triangle.value == pytest.approx(11.1, abs=0.2)
+    assert "triangle" in triangle.sentence
+
+
+def test_stamps_that_are_right_are_a_note_however_uneven():
+    t = LOG.time + np.random.default_rng(4).uniform(-0.3, 0.3, len(LOG.time)) * 0.002
+    x, v = moved("sine", t)
+    f = incompressible_force(reference_parameters(10), PURDY_DAMPER, x, v)
+    assert (
+        found(replace(LOG, time=t, displacement=x, force=f), OPTIONS)["jitter"].severity == "note"
+    )
+
+
+def test_spikes_are_bridged_only_when_declared():
+    """Also where one is beyond the limits of a log."""
+    clean, bridge = condition(LOG, OPTIONS), replace(OPTIONS, spikes="bridge")
+    log = FAULTS["spikes in force"][0]
+    bridged = condition(log, bridge)
+    told = found(bridged)["force_spikes_bridged"]
+    assert (told.severity, told.value) == ("note", 3.0)
+    assert bridged.warnings == ()
+    assert np.abs(bridged.force - clean.force).max() < 3.0
+    assert np.abs(condition(log, OPTIONS).force - clean.force).max() > 60.0
+    far = changed(LOG, "force", lambda force: np.where(np.arange(len(force)) == 2345, 4e5, force))
+    with pytest.raises(ConditioningError, match="expected at most"):
+        condition(far, OPTIONS)
+    assert np.abs(condition(far, bridge).force - clean.force).max() < 3.0
+
+
+def test_a_feature_of_every_cycle_is_no_spike():
+    knock = 600.0 * (np.abs(np.mod(LOG.time * 1.5, 1.0) - 0.3) < 0.0015)
+    assert "force_spikes" not in warned(replace(LOG, force=LOG.force + knock), OPTIONS)
+
+
+def test_rest_at_the_end_of_the_stroke_is_no_clipping_and_no_stand():
+    t = np.arange(9000) / 500.0
+    x, v = moved("sine", t - 4.0, phase=-0.5 * np.pi)
+    x, v = np.where(t < 4.0, -0.032, x), np.where(t < 4.0, 0.0, v)
+    f = incompressible_force(reference_parameters(10), PURDY_DAMPER, x, v)
+    log = recording(t, x, f, temperature=np.full(9000, 26.0))
+    assert not warned(log, OPTIONS)
+    assert not [one for one in examine_raw(log) if one.severity == "warning"]
+    assert found(log, OPTIONS)["trimmed"].value > 4.0
+    # Nor is it frozen.
+    assert "frozen_rows" not in warned(moving(0.032 * np.sin(3 * np.pi * np.maximum(t - 1, 0))))
+
+
+def test_unsteady_cycles_are_told():
+    t = np.arange(15_000) / 500.0
+    size = np.where((t > 10) & (t < 21), 1.0, 1.0 + 0.3 * np.sin(2 * np.pi * 0.37 * t))
+    told = warned(recording(t, 0.03 * size * np.sin(3 * np.pi * t), np.cos(3 * np.pi * t)))
+    finding = told["unsteady_cycles"]
+    (steady, all_of_them) = map(int, re.findall(r"only (\d+) of (\d+) cycles", finding.sentence)[0])
+    assert all_of_them == 45
+    assert 15 <= steady <= 17  # 11 s at 1.5 Hz
+    assert finding.value == pytest.approx(100.0 * (1.0 - steady / all_of_them))
+
+
+@pytest.mark.parametrize("rate", [500.0, 1000.0])
+def test_the_noise_told_is_that_of_the_velocity_behind_the_filter(rate):
+    """Beside noise that is filtered and differentiated; the formula has a wall at the corner."""
+    trace = condition(made(noise=(4.0, 40e-6), rate=rate), OPTIONS)
+    noise = 40e-6 * np.random.default_rng(5).normal(size=200_000)
+    seen = differentiate(apply_filter(trace.model_filter, noise), 1.0 / rate)[2000:-2000]
+    sentence = found(trace)["displacement_noise"].sentence
+    told = float(re.findall(r"um, ([\d.]+) % of the peak velocity", sentence)[0])
+    assert told == pytest.approx(100.0 * np.std(seen) / (2 * np.pi * 1.5 * 0.032), rel=0.1)
+
+
+@pytest.mark.parametrize(("noise", "severity"), [(0.3, "warning"), (0.6, "note"), (1.2, "note")])
+def test_noise_of_half_a_step_turns_coarse_steps_of_the_force_into_scatter(noise, severity):
+    log = made(noise=(0.0, 8e-6))
+    step = np.ptp(log.force) / 60.0
+    blurred = log.force + noise * step * np.random.default_rng(2).normal(size=len(log.force))
+    log = replace(log, force=step * np.rint(blurred / step))
+    assert found(log, OPTIONS)["force_steps"].severity == severity
+
+
+# What the texts of the modules say that faults cost: parameter and per cent.
+QUOTED = {
+    "force clipped at 98 %": {"r_m2": 0.6, "k_e": 1.7},
+    "force clipped at 95 %": {"r_m2": 2.0, "k_e": 8.0},
+    "displacement in 1000 steps": {"k_e": 0.4},
+    "displacement in 500 steps": {"k_e": 5.0},
+    "displacement in 250 steps": {"k_e": 6.0},
+    "force in 125 steps": {"k_e": 0.3},
+    "force in 62 steps": {"k_e": 0.4},
+    "1 spike of 100 % of the range": {"k_e": 4.0},
+    "20 spikes of 10 %": {"k_e": 4.0},
+    "5 spikes of 2 %": {"k_e": 0.3},
+    "force drifts by 1 %": {"k_e": 1.6},
+    "force drifts by 3 %": {"k_e": 5.0},
+    "stroke drifts by 5 %": {"k_e": 0.7},
+    "20 um on the displacement": {"k_e": 0.7},
+    "37 um on the displacement": {"k_e": 2.4},
+    "67 um on the displacement": {"k_e": 7.0},
+}
+NEXT_TO_NOTHING = {
+    "sound": 0.01,
+    "logged at 100 Hz": 0.01,
+    "logged at 66 Hz": 0.01,
+    "4 % of the rows missing": 0.1,
+}
+BY_NAME = {fault.name: fault for fault in COSTS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*QUOTED, *NEXT_TO_NOTHING])
+def test_what_a_fault_costs_is_what_the_text_says(name) -> None:
+    worst, warnings = measured(BY_NAME[name])
+    for parameter, percent in QUOTED.get(name, {}).items():
+        assert worst[parameter] == pytest.approx(percent, rel=0.15, abs=0.05)
+    assert max(worst.values()) < NEXT_TO_NOTHING.get(name, 100.0)
+    assert name != "sound" or not any("warning" in one for one in warnings)
+
+
+# An undeclared filter in the rig is remarked on; a raw log is not.
+
+
+def behind(log, order, corner, *, both=True):
+    """A log behind a filter of its rig, or its force alone."""
+    rate = 1.0 / (log.time[1] - log.time[0])
+    sections = butter(order, corner, fs=rate, output="sos")
+
+    def seen(values):
+        return values[0] + sosfilt(sections, values - values[0])
+
+    x = seen(log.displacement) if both else log.displacement
+    return replace(log, displacement=x, force=seen(log.force))
+
+
+@pytest.mark.parametrize("rate", [300.0, 1000.0])
+@pytest.mark.parametrize("setting", [1, 20])
+def test_a_raw_log_is_not_suspected(setting, rate) -> None:
+    assert condition(rig_log(setting, noise=4.0, rate=rate)).warnings == ()
+    assert condition(rig_log(setting, noise=0.5, rate=rate)).warnings == ()
+
+
+def wandering(*, force_noise=4.0, rate=1000.0):
+    """A log of random motion of the damper with friction."""
+    t, x, v = random_motion(2, highest=3.0, rate=rate, duration=15.0)
+    noise = np.random.default_rng(2).standard_normal((2, len(t)))
+    return recording(t, 0.5 * x + 3e-6 * noise[0], static_force(0.5 * v) + force_noise * noise[1])
+
+
+@pytest.mark.parametrize("corner", [30.0, 60.0, 100.0])
+@pytest.mark.parametrize("does_repeat", [True, False])
+def test_a_filtered_log_is_suspected_until_it_is_declared(corner, does_repeat) -> None:
+    if does_repeat and corner > 60.0:
+        return
+    log = (
+        behind(rig_log(10, noise=4.0), 4, corner) if does_repeat else behind(wandering(), 2, corner)
+    )
+    told = found(log)["rig_filter"]
+    assert told.severity == "warning"
+    # Where nothing repeats its noise is read far above the motion, where the filter has taken it.
+    assert ("errors are too small" in told.sentence) is not does_repeat
+    declared = ConditionOptions(rig_filter="causal", rig_filter_corner=corner)
+    assert "rig_filter" not in found(log, declared)
+
+
+@pytest.mark.parametrize("force_noise", [0.3, 4.0])
+def test_a_raw_motion_that_does_not_repeat_is_not_suspected(force_noise) -> None:
+    assert "rig_filter" not in found(wandering(force_noise=force_noise))
+
+
+@pytest.mark.parametrize(
+    ("order", "corner", "is_told"),
+    [(1, 10.0, True), (1, 20.0, True), (4, 30.0, True), (2, 100.0, False), (4, 120.0, False),
+     (0, 25, True)],
+)  # fmt: skip
+def test_a_force_that_is_smoothed_alone_is_told_where_it_does_harm(order, corner, is_told) -> None:
+    raw = rig_log(10, noise=4.0)
+    if order:
+        log = behind(raw, order, corner, both=False)
+    else:  # a running mean of so many samples
+        mean = np.convolve(raw.force, np.full(corner, 1.0 / corner))[: len(raw.force)]
+        log = replace(raw, force=mean)
+    assert ("force_smoothed" in found(log)) is is_told
+    assert "rig_filter" not in found(log)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 2.0, 3.0, 4.0, 5.0, 7.0])
+@pytest.mark.parametrize("cycles", [5, 12])
+def test_a_cut_of_a_record_was_not_filtered_in_the_rig(frequency, cycles):
+    crank = ((1, 1.0), (2, 0.03), (3, 0.003), (4, 0.001))
+    x = 0.02 * sum(size * sine(k * frequency, 1.0, k * cycles) for k, size in crank)
+    assert "rig_filter" not in warned(logged(x, noise=(1e-6, 1.0)))
+
+
+# A copy is told by its noise: tests of an adjuster that does nothing are tests of their own.
+
+
+def noisy(seed, newtons=0.3):
+    log = sine_log(rate=500.0)
+    random = np.random.default_rng(seed)
+    force = log.force + newtons * random.standard_normal(len(log.force))
+    displacement = log.displacement + 2e-6 * random.standard_normal(len(log.force))
+    return replace(log, name=f"log_{seed}.csv", displacement=displacement, force=force)
+
+
+@pytest.mark.parametrize("newtons", [0.2, 1.0, 4.0])
+def test_the_same_motion_recorded_twice_is_no_copy(newtons):
+    traces = [condition(noisy(seed, newtons)) for seed in (1, 2, 3)]
+    assert not copies_in(traces, {trace.name: trace.name for trace in traces})
+
+
+@pytest.mark.parametrize("digits", [1, 2, 6])
+def test_a_copy_of_fewer_digits_is_found(digits):
+    log = noisy(1)
+    copy = replace(log, name="copy.csv", force=np.round(log.force, digits))
+    traces = [condition(log), condition(copy)]
+    assert list(copies_in(traces, {trace.name: trace.name for trace in traces})) == ["log_1.csv"]
+
+
+# What sound logs show and was taken for a fault, each beside the true fault of that name.
+
+
+def opening(rebound, bump):
+    """Valves that open at 20 mm/s at so many newtons, and 130 N of gas."""
+
+    def law(_, v):
+        stiff = np.where(v > 0.0, rebound, bump) * np.tanh(v / 0.02)
+        return stiff + 1200.0 * v + 25.0 * np.tanh(v / 2e-3) - 130.4
+
+    return law
+
+
+@pytest.mark.parametrize("frequency", [1.0, 1.5, 2.0, 4.0, 7.0, 10.0])
+@pytest.mark.parametrize("forces", [(0.0, 0.0), (300.0, 180.0), (900.0, 300.0), (300.0, 700.0)])
+def test_valves_that_open_early_are_no_tare(frequency, forces):
+    """Unlike knees, and what a filter of 30 Hz leaves of 10 Hz, look like a level of the force."""
+    with_gas = load_configuration().conditioning
+    x, law = sine(frequency, min(0.03, 0.3 / (2.0 * np.pi * frequency)), 12), opening(*forces)
+    tare = found(logged(x, law, noise=(2e-6, 3.0)), with_gas)["tare"]
+    assert tare.severity == "note", tare.sentence
+    if (frequency in {1.0, 2.0, 4.0} and forces == (0.0, 0.0)) or (frequency, *forces) == (
+        1.0,
+        300.0,
+        180.0,
+    ):
+        tared = logged(x, lambda x, v: law(x, v) + 130.4, noise=(2e-6, 3.0))
+        tare = found(tared, with_gas)["tare"]
+        assert tare.severity == "warning"
+        assert "gas force tared away" in tare.sentence
+
+
+def relaxing(_, v):
+    """A force that follows the motion, and dies out at rest, within 30 ms."""
+    force, now = np.empty(len(v)), 0.0
+    for k, wanted in enumerate(static_force(v)):
+        now += (wanted - now) / (0.03 * RATE)
+        force[k] = now
+    return force
+
+
+def static(_, v):
+    return static_force(v)
+
+
+@pytest.mark.parametrize("n", [3, 4])
+def test_equal_samples_at_a_smooth_crest_are_no_clipping(n):
+    log = logged(sine(1.5, 0.032, 12), lambda _, v: 3000.0 * v, noise=(2e-6, 0.0))
+    crests = replace(log, force=np.array([float(f"%.{n}g" % value) for value in log.force]))
+    runs = np.flatnonzero(crests.force == crests.force.max())
+    assert (np.diff(runs, 2) == 0).any(), "three equal samples at the top"
+    assert "force_clipping" not in warned(crests)
+    cut = np.clip(crests.force, -2000.0, 0.985 * crests.force.max())
+    assert "force_clipping" in warned(replace(crests, force=cut))
+
+
+def dwelling():
+    """Half cosines of 0.5 s, with 0.2 s of rest at each end of the stroke."""
+    half = 0.03 * np.cos(np.pi * np.arange(500) / 500)
+    rest = 0.03 * np.ones(200)
+    return np.tile(np.concatenate([half, -rest, -half, rest]), 9)
+
+
+def with_play(gap=3e-4):
+    """A crank that goes through its play at each end: the damper stands until it is taken along."""
+    x, at = np.empty(8000), 0.0
+    for k, crank in enumerate(sine(1.5, 0.032, 12)):
+        at = x[k] = min(max(at, crank - gap), crank + gap)
+    return x
+
+
+def ended():
+    """Speeds, and then the piston stands at the end of its stroke."""
+    top = sine(1.0, 0.03, 1)[:250]
+    return np.concatenate([sine(0.5, 0.03, 4), sine(1.0, 0.03, 4), top, 0.03 * np.ones(1500)])
+
+
+@pytest.mark.parametrize("law", [static, relaxing])
+@pytest.mark.parametrize("step", [1e-6, 1e-5])
+@pytest.mark.parametrize("motion", [dwelling, with_play, ended])
+def test_what_stands_is_neither_clipped_nor_stuck(motion, step, law):
+    names = warned(logged(motion(), law, steps=(step, 0.0)))
+    assert not {name for name in names if name.startswith("displacement")}
+
+
+@pytest.mark.parametrize("law", [static, relaxing])
+def test_what_is_clipped_or_stuck_beside_them_is_told(law):
+    log = logged(sine(1.5, 0.032, 12), law, steps=(1e-6, 0.0))
+    cut = replace(log, displacement=np.minimum(log.displacement, 0.031))
+    assert "displacement_clipping" in warned(cut)
+    assert "displacement_stuck" in warned(standing(log, "displacement", 4100, 40))
+    play = logged(with_play(), law, steps=(1e-6, 0.0))
+    cut = replace(play, displacement=np.clip(play.displacement, -0.0305, 0.0305))
+    assert "displacement_clipping" in warned(cut)
+
+
+def test_a_triangle_that_is_cut_is_clipped_and_a_trapezoid_is_not():
+    turns = np.arange(12000) / 1000.0
+    triangle = 0.03 * (2.0 / np.pi) * np.arcsin(np.sin(2.0 * np.pi * turns))
+    log = logged(triangle, steps=(1e-6, 0.0))
+    cut = replace(log, displacement=np.clip(log.displacement, -0.027, 0.027))
+    assert "displacement_clipping" in warned(cut)
+    trapezoid = logged(np.clip(triangle, -0.027, 0.027), steps=(1e-6, 0.0))
+    assert "displacement_clipping" not in warned(trapezoid)
+
+
+def blows(size, width, seed=3):
+    """Play that closes some 12 ms after each turn, a little earlier or later, with a ring."""
+
+    def law(_, v):
+        random = np.random.default_rng(seed)
+        time, force = np.arange(len(v)) / RATE, static_force(v)
+        for k in np.flatnonzero(v[:-1] * v[1:] < 0.0):
+            since = time - time[k] - 0.012 - 0.004 * random.standard_normal()
+            ring = np.exp(-np.maximum(since, 0.0) / width) * np.sin(since / width * 2.1)
+            height = size * (1.0 + 0.2 * random.standard_normal())
+            force = force + np.sign(v[min(k + 20, len(v) - 1)]) * height * ring * (since >= 0.0)
+        return force
+
+    return law
+
+
+@pytest.mark.parametrize("size", [200.0, 500.0])
+@pytest.mark.parametrize("width", [5e-4, 1e-3, 2e-3])
+def test_blows_where_play_closes_are_no_spikes_and_a_spike_among_them_is(size, width):
+    log = logged(sine(1.5, 0.032, 12), blows(size, width), noise=(2e-6, 3.0))
+    assert "force_spikes" not in warned(log)
+    log.force[4000] += 2.5 * size + 300.0
+    assert "1 spike in the force, in row 4001" in warned(log)["force_spikes"].sentence
+
+
+@pytest.mark.one_in(4)
+@pytest.mark.parametrize(("highest", "rate"), [(15.0, 1000.0), (15.0, 300.0), (5.0, 100.0)])
+@pytest.mark.parametrize("seed", range(3))
+def test_random_motion_has_no_spikes(seed, highest, rate):
+    t, x, v = random_motion(seed, highest=highest, rate=rate)
+    noise = np.random.default_rng(seed).standard_normal((2, len(t)))
+    log = recording(t, 0.75 * x + 2e-6 * noise[0], static_force(0.75 * v) + 3.0 * noise[1])
+    assert not warned(log)
+    log.force[len(t) // 2] += 2000.0
+    told = warned(log)["force_spikes"].sentence
+    assert f"row{'s' * told.startswith('2')} {len(t) // 2 + 1}" in told
+
+
+def test_a_mean_force_that_goes_with_the_peaks_and_the_temperature_is_told_once():
+    """Rebound loses 140 N and bump 80 N: the mean drifts by 22 N, and no amplifier is at fault."""
+    x = sine(2.0, 0.02, 60)
+    share = np.linspace(1.0, 0.8, len(x))
+
+    def law(_, v):
+        return share * np.where(v > 0.0, 2600.0, 1800.0) * v
+
+    warm = 38.0 + 36.0 * np.linspace(0.0, 1.0, len(x))
+    assert set(warned(logged(x, law, noise=(2e-6, 0.3), warm=warm))) == {"force_trend"}
+    unknown = warned(logged(x, law, noise=(2e-6, 0.3)))
+    assert "check amplifier and temperature" in unknown["force_drift"].sentence
+
+
+SCATTER = np.repeat(1.0 + 0.03 * np.random.default_rng(1).standard_normal(60), 500)
+TREND = np.linspace(0.0, 1.0, 30000)
+
+
+@pytest.mark.parametrize(
+    ("size", "warm", "names"),
+    [
+        (86.7 - 14.9 * TREND, 38.0 + 36.0 * TREND, {"force_trend"}),
+        (86.7 - 14.9 * TREND**2, 38.0 + 36.0 * TREND**2, {"force_trend"}),
+        (80.0 * SCATTER, 38.0 + 36.0 * TREND, {"cycle_scatter"}),
+        ((86.7 - 14.9 * TREND) * SCATTER, 38.0 + 36.0 * TREND, {"cycle_scatter", "force_trend"}),
+        # Evenly distributed, a trend deviates by 0.29 of itself; 1 % and two errors are 1.2 %.
+        (80.0 * (1.0 - 0.025 * TREND), None, set()),
+        (80.0 * (1.0 - 0.06 * TREND), None, {"force_trend"}),
+    ],
+)
+def test_a_trend_of_the_peaks_is_told_from_their_scatter(size, warm, names):
+    def law(_, v):
+        return size * v / np.abs(v).max()
+
+    assert set(warned(logged(sine(2.0, 0.01, 60), law, noise=(2e-6, 0.3), warm=warm))) == names
+
+
+@pytest.mark.parametrize(
+    ("frequency", "size", "is_told"),
+    [(17.3, 25.0, True), (9.1, 20.0, True), (18.0, 60.0, False), (17.3, 2.0, False)],
+)
+def test_a_line_off_the_harmonics_is_told(frequency, size, is_told):
+    x = sine(1.5, 0.03, 14)
+    hum = size * np.sin(2.0 * np.pi * frequency * np.arange(len(x)) / RATE)
+    warnings = warned(logged(x, lambda _, v: static_force(v) + hum, noise=(2e-6, 3.0)))
+    assert ("force_line" in warnings) is is_told
+    if is_told:
+        assert warnings["force_line"].value == pytest.approx(frequency, abs=0.03)
