@@ -348,6 +348,11 @@ class Run:
             return cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
         if place.is_file() or place.suffix in {".csv", ".parquet"}:
             record, quantities, rows, source = read_table(place)
+            edited: list[str] = []
+            check_files(
+                place.parent, read_record(place.parent / "run.json", []), edited, [place.stem]
+            )
+            more["remarks"] = edited
             run = cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
             run._source = source
             return run

@@ -72,6 +72,7 @@ _LONG = 10.0  # s of a record
 _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
 _USEFUL = 0.8  # of the interval: what a test that helps leaves at most
+_SPOILT = 1e6  # times the largest plausible value
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
 _MOTION_COLUMNS = (
     Column("amplitude", "mm", lambda test: f"{1e3 * test.amplitude:.3g}"),
@@ -315,13 +316,8 @@ def advise(
     run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
 ) -> Advice:
     """Return which sine tells most about a question, at the settings together."""
-    has_errors = (
-        one
-        for one in settings
-        if one.covariance is not None and one.names and np.isfinite(one.covariance).all()
-        if all(math.isfinite(getattr(one.parameters, name)) for name in one.parameters.names)
-    )
-    known = [one for setting in has_errors if (one := _Known(run, setting, question)).now > 0.0]
+    whole = filter(_has_errors, settings)
+    known = [one for setting in whole if (one := _Known(run, setting, question)).now > 0.0]
     if not known:
         raise ConfigurationError(
             f"{run.name}: no setting has an error of {question.title}: it is held, or the fit "
@@ -342,15 +338,24 @@ def advise(
         tuple(sorted(recorded, key=lambda test: test.rank)),
         {one.result.label: one.now for one in known},
         {one.result.label: one.floor for one in known},
-        (remark,) if speed > tested else (),
+        (*run.remarks, *[remark] * (speed > tested)),
     )
+
+
+def _has_errors(setting: SettingResult) -> bool:
+    """Whether a setting has errors, and no number of a table that somebody has spoilt."""
+    values, errors = setting.parameters, setting.covariance
+    if errors is None or not setting.names or not np.isfinite(errors).all():
+        return False
+    known = ((one, getattr(values, one.name)) for one in values.quantities)
+    return all(abs(value) < _SPOILT * max(map(abs, one.plausible)) for one, value in known)
 
 
 def advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> LawAdvice:
     """Return in which sine the structures that a run's logs leave open differ most."""
     rivals = remaining(run)
     law = Question(LAW)
-    known = [_Known(run, one, law) for one in settings if one.covariance is not None and one.names]
+    known = [_Known(run, one, law) for one in settings if _has_errors(one)]
     tests: list[Deciding] = []
     if rivals and known:
         rig, counted = _Rig(run, limits, known), run.record["law_choice"].get("effective_samples")

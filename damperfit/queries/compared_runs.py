@@ -29,6 +29,7 @@ from damperfit.tables.columns import (
     read_setting,
     setting_cells,
 )
+from damperfit.tables.files import json_values
 from damperfit.tables.reading import LogSignals, is_part
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import Setting, parse_place
@@ -133,7 +134,7 @@ def baseline_text(run: Run, *, is_measured: bool = False) -> str:
         ],
         "tests": [_test_record(test) for test in run.tests],
     }
-    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+    return json.dumps(json_values(document), indent=1, allow_nan=False) + "\n"
 
 
 def compared_record(record: Mapping[str, Any]) -> dict[str, Any]:

@@ -73,6 +73,7 @@ class ChosenParameters:
     # No log of the setting was fitted: they come from other settings with its clicks.
     is_combined: bool = False
     tested: Tested = Tested()  # what the logs of the run covered
+    remarks: tuple[str, ...] = ()  # what is wrong with the table
     fitted: SettingResult | None = None  # as the run judged it; None where values were replaced
 
     def warnings(
@@ -84,7 +85,7 @@ class ChosenParameters:
         frequency: float | None = None,
     ) -> tuple[str, ...]:
         """What to know before believing a force on such a motion (SI) at so many degC."""
-        warned, names = [], listed_names(self.unlimited)
+        warned, names = list(self.remarks), listed_names(self.unlimited)
         outside = self.tested.outside
         if beyond := list(outside(amplitude=amplitude, frequency=frequency, speed=peak_speed)):
             warned.append(f"never tested: {', '.join(beyond)}; there the force is extrapolated")
@@ -192,7 +193,10 @@ def _of_run(
         together, names = known[chosen], unlimited[chosen]
     left = tuple(name for name in together.names if name in names and name not in replaced)
     judged = None if replaced else fitted
-    return ChosenParameters(together, chosen, source, path, left, is_combined, run.tested, judged)
+    remarks = tuple(f"{path.parent}: {text}" for text in run.remarks)
+    return ChosenParameters(
+        together, chosen, source, path, left, is_combined, run.tested, remarks, judged
+    )
 
 
 def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:

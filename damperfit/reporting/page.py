@@ -167,7 +167,8 @@ class PlotData:
 
     def _array(self, values: NDArray[np.float64]) -> int:
         """Return the place of an array, kept as 32-bit floats: 7 digits, no loss seen."""
-        data = np.ascontiguousarray(values, dtype="<f4").tobytes()
+        with np.errstate(over="ignore"):  # of an edited table: infinite
+            data = np.ascontiguousarray(values, dtype="<f4").tobytes()
         return self.arrays.setdefault(data, len(self.arrays))
 
     def _line(self, line: Line) -> dict[str, Any]:
