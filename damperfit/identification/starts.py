@@ -101,7 +101,9 @@ def with_given(
     """A start with what somebody has said that the fit of a setting starts at."""
     said = given.options.start.of(setting)
     said = {name: said[name] for name in given.ordered(said) if name not in fixed}
-    return kept_within(start.replace(said), said)
+    # What stands at its default is held there, also at nothing, beyond what a fit may find.
+    moved = [name for name, x in said.items() if x != start.quantity(name).default]
+    return kept_within(start.replace(said), moved)
 
 
 # Detours: from a minimum that is not sound.
