@@ -174,6 +174,8 @@ def uncertainties(
     misfit = [nothing if one.misfit is None else row @ one.misfit @ row.T for row, one in both]
     supposed = sum(row @ one.supposed for row, one in both if one.supposed is not None)
     flawed: dict[str, FloatArray] = {}
+    repeating = sum(row @ one.repeating.T for row, one in both if one.repeating is not None)
+    pulls = np.asarray(repeating), np.asarray(supposed)
     for row, one in both:
         for name, pull in one.flawed.items():
             flawed[name] = flawed.get(name, 0.0) + row @ pull
@@ -181,7 +183,7 @@ def uncertainties(
     found = []
     for (row, one), of_others in zip(both, others, strict=True):
         with sparing(one.fit.setting, on_error):
-            found.append(_of_setting(one, row, sharing, of_others, np.asarray(supposed), flawed))
+            found.append(_of_setting(one, row, sharing, of_others, pulls, flawed))
     return tuple(found)
 
 
@@ -190,10 +192,13 @@ def _of_setting(
     rows: FloatArray,
     sharing: Sharing,
     others: tuple[FloatArray, FloatArray],
-    supposed: FloatArray,
+    pulls: tuple[FloatArray, FloatArray],
     flawed: Mapping[str, FloatArray],
 ) -> Uncertainty:
-    """The sandwich of one setting; ``others`` are T M T^T summed over all but it."""
+    """The sandwich of one setting; ``others`` are T M T^T summed over all but it.
+
+    ``pulls`` are T of what repeats in each block of phase and of defaults, summed over all.
+    """
     fit, values = one.fit, one.fit.parameters
     own, shared = own_names(fit, sharing), sharing.found_at(fit.setting)
     common = tuple(name for name in shared if name in sharing.common)
@@ -208,6 +213,12 @@ def _of_setting(
     misfit = np.diag(by_shared @ others[1] @ by_shared.T)
     if one.misfit is not None:
         misfit = misfit + np.diag(of_own @ one.misfit @ of_own.T)
+    repeating, supposed = pulls
+    if repeating.ndim:  # the same law misses every setting alike
+        alike = by_shared @ repeating
+        if one.repeating is not None:
+            alike = alike + direct[places] @ one.repeating.T
+        misfit = np.maximum(misfit, np.sum(alike**2, axis=1))
     if one.supposed is not None:
         shifts = direct[places] @ one.supposed + by_shared @ supposed
         misfit = misfit + np.sum(shifts**2, axis=1)

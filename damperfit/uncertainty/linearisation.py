@@ -18,6 +18,10 @@ much otherwise is seen inside the cycle: its blocks of phase pull the parameters
 their pulls, which cancel at the minimum, are taken for independent::
 
     M = B/(B - k) sum over blocks of s_b s_b'        s_b = sum over the block of w^2 J r_repeating
+
+A law that is not the damper's misses every log alike. Their pulls in the same block of phase are
+therefore summed, over the logs and over the settings, before they are squared, too; the larger of
+the two errors is given.
 """
 
 from __future__ import annotations
@@ -136,6 +140,8 @@ class Linearisation:
         Names of the columns of each log's `gas`.
     misfit : numpy.ndarray or None
         In place of `scores` what a misfit that repeats does; None where nothing repeats.
+    repeating : numpy.ndarray or None
+        What pulls in each block of phase, shape (B, k), all stretches summed; None likewise.
     supposed : numpy.ndarray or None
         Summed scores by what is held at a default that nobody has measured, each column for one
         standard error of that, and by other forms of the friction; None where there is none.
@@ -158,6 +164,7 @@ class Linearisation:
     logs: tuple[LogLinearisation, ...]
     conditions: tuple[str, ...] = ()
     misfit: FloatArray | None = None
+    repeating: FloatArray | None = None
     supposed: FloatArray | None = None
     flaws: tuple[str, ...] = ()
     precision: float = math.nan
@@ -185,10 +192,10 @@ class Linearisation:
         pulls : mapping of str to numpy.ndarray
             Of the flaws that explain it, (k,) each.
         """
-        misfit = _misfit_scores(self) if is_structured else None
+        misfit, repeating = _misfit_scores(self) if is_structured else (None, None)
         flawed = {name: np.asarray(pull / math.sqrt(len(pulls))) for name, pull in pulls.items()}
         flawed["drift"] = _drift_pull(self)
-        return replace(self, logs=(), misfit=misfit, flawed=flawed)
+        return replace(self, logs=(), misfit=misfit, repeating=repeating, flawed=flawed)
 
 
 def linearise_settings(
@@ -390,8 +397,8 @@ def _pressed_on(damper: Model, pressures: NDArray[np.floating[Any]]) -> dict[str
     return most
 
 
-def _misfit_scores(linearised: Linearisation) -> FloatArray:
-    """The matrix M of a setting's repeating misfit, see the module's docstring."""
+def _misfit_scores(linearised: Linearisation) -> tuple[FloatArray, FloatArray]:
+    """The matrix M of a setting's repeating misfit, and its pulls; see the module's docstring."""
     pulls: list[FloatArray] = []
     for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
         for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
@@ -400,7 +407,8 @@ def _misfit_scores(linearised: Linearisation) -> FloatArray:
             pulls.extend(scores[block == k].sum(axis=0) for k in range(_BLOCKS))
     table = np.array(pulls)
     few = len(table) / max(len(table) - len(linearised.names), 1)
-    return np.asarray(few * table.T @ table)
+    by_phase = table.reshape(-1, _BLOCKS, table.shape[1]).sum(axis=0)
+    return np.asarray(few * table.T @ table), np.asarray(math.sqrt(few) * by_phase)
 
 
 def _drift_pull(linearised: Linearisation) -> FloatArray:
