@@ -169,6 +169,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     rivals: bool = False,
     procedure: str | None = None,
     share: Sequence[str] | str | None = None,
+    untie: Sequence[str] | str | None = None,
     hold_out: Sequence[str] | str | None = None,
     hold_out_cycles: float | None = None,
     covariate: str | None = None,

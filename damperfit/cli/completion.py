@@ -71,6 +71,7 @@ _LOOKED_UP: dict[str, Callable[[typer.Context], Iterable[str]]] = {
     "procedure": _procedures,
     "free": _quantities,
     "share": _quantities,
+    "untie": _quantities,
     "profile": _quantities,
     "for_": _quantities,
     "setting": _settings,

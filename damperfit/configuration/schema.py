@@ -253,11 +253,13 @@ def _fit_options(
         from_closed=counted_from_closed(adjusters),
         solver=SolverOptions(tolerance=fit["tolerance"], dead_band=fit["dead_band"]),
         max_evaluations=fit["max_evaluations"],
+        untied=tuple(name.strip() for name in fit["untie"]),
         bulk_modulus=fit["bulk_modulus"],
         starts=fit["starts"],
         fallbacks={"r_m3": fit["fallback_r_m3"], "f_f": fit["fallback_f_f"]},
     )
-    check_options(options, damper)
+    # The law that --model auto chooses may have what the declared model has not.
+    check_options(replace(options, untied=()) if is_open else options, damper)
     return options
 
 

@@ -313,6 +313,10 @@ class IdentificationSection(Section):
         "parameters shared by all settings in a joint fit; detect, the default of every model "
         "but the paper's: what the logs show no adjuster to move",
         option="NAME,NAME", panel="Fit", kind="quantities")
+    untie: list[str] = key([],
+        "parameters of which each setting has its own value in a fit of all settings (joint, and "
+        "--model auto), although they are the damper's or the rig's",
+        option="NAME,NAME", panel="Fit", kind="quantities")
     bulk_modulus: str = key("free",
         "how K_e is fitted; free: at each setting; appendix1 (joint only): of all settings from a "
         "gas content, eq. (28) of the paper", option="NAME", panel="Fit")

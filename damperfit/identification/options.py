@@ -12,7 +12,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import nearest_setting
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
@@ -112,6 +112,8 @@ class FitOptions:
         Adjusters whose clicks count from closed: there the highest is the softest.
     start : GivenStart
         Where the fits start, as far as somebody has said so.
+    untied : tuple of str
+        What each setting has for itself in a joint fit although it is the damper's or the rig's.
     is_leaving_out : bool
         Whether a part of the law that does nothing at a setting is left out there (`plain`).
     """
@@ -128,6 +130,7 @@ class FitOptions:
     starts: int = 1
     from_closed: tuple[str, ...] = ()
     start: GivenStart = GivenStart()
+    untied: tuple[str, ...] = ()
     is_leaving_out: bool = False
 
     @property
@@ -154,6 +157,7 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
         )
     share = shared_names(options, damper)
     asked = {"free": options.free or (), "fix": options.fixed, "share": share}
+    asked["untie"] = options.untied
     for key, names in asked.items():
         for name in names:
             with blamed_on(Key(("identification", key))):
@@ -207,10 +211,10 @@ def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
 
     Where it is to detect them, those that no adjuster could move.
     """
-    if options.share is not None and not options.is_detecting:
-        return options.share
-    shared = (one for one in damper.quantities if one.is_shared and one.default is None)
-    return tuple(one.name for one in shared)
+    shared: Iterable[str] = options.share or ()
+    if options.share is None or options.is_detecting:
+        shared = (q.name for q in damper.quantities if q.is_shared and q.default is None)
+    return tuple(name for name in shared if name not in options.untied)
 
 
 def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:

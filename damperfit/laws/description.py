@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.identification import Campaign
-    from damperfit.laws.law_fit import LawFit, LawSearch, SettingLogs
+    from damperfit.laws.law_fit import Exchange, LawFit, LawSearch, SettingLogs
     from damperfit.recording import Stretch
     from damperfit.tested.setting import Setting
 
@@ -173,6 +173,12 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
         if known:
             said.append(words.format(_range([factor * one for one in known])) + _where(fits, name))
     said.extend((*_oil_seen(model, fits), *_gas_seen(model, fits)))
+    said.extend(
+        f"the {one.label} is not determined: none is taken, and what up to "
+        f"{2.0 * one.ignorance:.2g} {one.shown_unit} would change is in the intervals"
+        for one in model.quantities
+        if one.ignorance and one.may_vanish and not any(getattr(at.values, one.name) for at in fits)
+    )
     return tuple(f"{one[0].upper()}{one[1:]}." for one in said)
 
 
@@ -345,6 +351,7 @@ def interchangeable_parts(
     return (
         *_of_yielding(search, tests),
         *_of_layouts(search, tests),
+        *_of_exchanges(search, tests),
         *_of_mounting(fits[0], tests),
         *_of_moving_mass(fits[0], evidence),
     )
@@ -383,6 +390,20 @@ def _runs_empty(model: Model, names: Sequence[str]) -> str:
         f"a test with more than {force:.0f} N of damping in compression, by a higher speed or less "
         "gas pressure: at the gas pressure times the annulus the rod side of a monotube is empty"
     )
+
+
+def _of_exchanges(search: LawSearch, tests: _Tests) -> Iterator[str]:
+    others: dict[str, list[Exchange]] = defaultdict(list)
+    for one in search.exchanges:
+        others[one.part].append(one)
+    for part, known in others.items():
+        times = max(one.times for one in known)
+        yield (
+            f"Whether it is {part} or {' or '.join(one.instead for one in known)}: with that in "
+            f"its place the logs are fitted at {times:.2g} times the MSE (intervals of identify "
+            f"hold both). {tests.faster[0].upper()}{tests.faster[1:]}, another gas pressure, or "
+            "a rigid bar in the damper's place would decide it."
+        )
 
 
 def _of_yielding(search: LawSearch, tests: _Tests) -> Iterator[str]:

@@ -36,6 +36,7 @@ __all__ = [
     "PREDICTED_PERCENT",
     "SEEN_APART",
     "UNDETERMINED",
+    "Exchange",
     "JudgedLaw",
     "LawFit",
     "LawSearch",
@@ -506,6 +507,25 @@ class JudgedLaw:
     gain: float = math.nan
 
 
+class Exchange(NamedTuple):
+    """A structure that fits about as well as the chosen one, with one part in place of another.
+
+    Attributes
+    ----------
+    part, instead : str
+        What is given up, and what stands for it, in words.
+    times : float
+        Its MSE over that of the chosen structure.
+    values : mapping of Setting to Values
+        What was found.
+    """
+
+    part: str
+    instead: str
+    times: float
+    values: Mapping[Setting, Values]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LawSearch:
     """All laws tried, in their order, and the one to take.
@@ -536,6 +556,10 @@ class LawSearch:
         setting, whose offset is fitted. A cell is zeroed anew.
     follows : mapping of str to tuple of str
         Adjusters that what is free follows, of one model; what is not named has one value.
+    exchanges : tuple of Exchange
+        What of it may be taken for another thing that gives.
+    spread : mapping of Setting to mapping of str to float
+        Deviation of the logarithms over the structures that are about as likely, where compared.
     """
 
     laws: tuple[JudgedLaw, ...]
@@ -549,3 +573,5 @@ class LawSearch:
     doubt: str = ""
     offsets: Mapping[str, float] = field(default_factory=dict)
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    exchanges: tuple[Exchange, ...] = ()
+    spread: Mapping[Setting, Mapping[str, float]] = field(default_factory=dict)

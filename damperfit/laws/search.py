@@ -52,6 +52,7 @@ from damperfit.laws.law_fit import (
     GAIN,
     SEEN_APART,
     UNDETERMINED,
+    Exchange,
     JudgedLaw,
     LawFit,
     LawSearch,
@@ -70,6 +71,7 @@ from damperfit.laws.structures import (
     STROKES,
     Structure,
     everything,
+    exchanges,
     in_words,
     moves,
     times_in,
@@ -79,7 +81,7 @@ from damperfit.tested.setting import nearest_setting
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -113,8 +115,10 @@ _FOLLOWED = 4
 # A screened candidate may promise so much more misfit, in logarithms, than would be a gain.
 _MARGIN = 0.05
 # Candidates that are looked at beside all settings, of those that two settings show.
-_LOOKED_AT = 12
+_LOOKED_AT = 8
 _ROUNDS = 20
+# Beside the best a structure with less than so much of its weight, exp(-C/2), moves no interval.
+_UNLIKELY = 0.01
 # Numbers that a blow-off has beside its opening and slope: one for all settings until the logs ask.
 _OF_STACK = {"port", "width", "lift"}
 _STEP = 1e-8
@@ -186,6 +190,8 @@ class _Search:
         self._readings: dict[tuple[object, ...], list[ValveReading]] = {}
         self._misfits: dict[Setting, Block] = {}
         self._judged: dict[int, tuple[_Fit, Tried]] = {}
+        self.ends: list[_Fit] = []
+        self.spread: dict[Setting, dict[str, float]] = {}
 
     # fits
 
@@ -422,29 +428,55 @@ class _Search:
         """Take moves until none is better by the criterion.
 
         First those that do not make the structure smaller: a part is missed where another one's
-        absence hides it. Moves that were far from a gain are left aside until no other gains; then
-        all are screened again, at all settings, beside the parts that were taken since.
+        absence hides it. Moves that were far from a gain are left aside until no other gains, and
+        so are those that were refused beside a structure with more: then all are screened again.
         """
         above: dict[str, float] = {}
-        pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
+        refused, refused_here = set[str](), set[str]()
         for _ in range(_ROUNDS):
             known = {w: one for w, one in moves(fit.structure).items() if self.may_gain(one, fit)}
-            margin = _MARGIN * sum(self.n_eff[s] for s in fit.values)
-            near = {w: one for w, one in known.items() if above.get(w, 0.0) <= margin}
-            if len(fit.values) > len(pair):
-                few = self.screened(near, self.at(fit, pair, _ONE))
-                above |= {words: rise for rise, words, _ in few}
-                near = {words: near[words] for rise, words, _ in few[:_LOOKED_AT]}
             size = len(fit.structure.free)
-            larger = {w: one for w, one in near.items() if len(one.free) >= size}
-            smaller = {w: one for w, one in near.items() if len(one.free) < size}
-            far = {w: one for w, one in known.items() if w not in near}
-            ended = self.followed(fit, larger, above) or self.with_ties(fit)
-            ended = ended or self.followed(fit, smaller, above) or self.followed(fit, far, above)
-            if ended is None:
-                break
+            smaller = {w: known.pop(w) for w, one in [*known.items()] if len(one.free) < size}
+            margin = self.margin(fit)
+            left = {w for w, rise in above.items() if rise > margin} | refused
+            near = {w: one for w, one in known.items() if w not in left}
+            ended = self.followed(fit, near, above)
+            refused |= {*near}
+            refused_here |= {*near}
+            if (ended := ended or self.with_ties(fit)) is not None:
+                refused.clear()
+            elif (ended := self.followed(fit, smaller, above)) is None:
+                far = {w: one for w, one in known.items() if w not in refused_here}
+                if (ended := self.followed(fit, far, above)) is None:
+                    break
+                refused.clear()
+            refused_here.clear()
             fit = ended
+        self.spread = self.between(fit)
         return fit
+
+    def between(self, fit: _Fit) -> dict[Setting, dict[str, float]]:
+        """Deviation of each ln y over the structures that were tried, by what each is likely."""
+        here, likely = self.criterion(fit), dict[Structure, tuple[float, _Fit]]()
+        for one in (one for one in self.ends if one.model.settings == fit.model.settings):
+            weight = math.exp(-0.5 * max(self.criterion(one) - here, 0.0))
+            if weight > max(_UNLIKELY, likely.get(one.structure, (0.0, one))[0]):
+                likely[one.structure] = weight, one
+        total, found = 1.0 + sum(weight for weight, _ in likely.values()), {}
+        for setting, values in fit.values.items():
+            squares = dict.fromkeys(fit.model.free, 0.0)
+            for weight, one in likely.values():
+                there = one.values[setting]
+                for name in (n for n in squares if n in one.model.free):
+                    if values.quantity(name).is_logarithmic:
+                        away = math.log(getattr(there, name) / getattr(values, name))
+                        squares[name] += weight / total * away**2
+            found[setting] = {name: math.sqrt(one) for name, one in squares.items()}
+        return found
+
+    def margin(self, fit: _Fit) -> float:
+        """By how much a screened candidate may promise to be worse, and is followed."""
+        return _MARGIN * sum(self.n_eff[s] for s in fit.values)
 
     def followed(
         self, fit: _Fit, candidates: Mapping[str, Structure], above: dict[str, float]
@@ -453,14 +485,16 @@ class _Search:
 
         What is better beside the best is tried on top of it.
         """
-        if not candidates:
-            return None
+        pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
+        if len(fit.values) > len(pair) and candidates:
+            few = self.screened(candidates, self.at(fit, pair, _ONE))
+            above |= {words: rise for rise, words, _ in few}
+            candidates = {words: candidates[words] for _, words, _ in few[:_LOOKED_AT]}
         screened = self.screened(candidates, fit)
         above |= {words: rise for rise, words, _ in screened}
-        margin = _MARGIN * sum(self.n_eff[s] for s in fit.values)
         ends = []
         for rise, words, glance in screened[:_FOLLOWED]:
-            if rise > margin:
+            if rise > self.margin(fit):
                 break
             if (ended := self.candidate(glance, fit, words)) is not None:
                 ends.append((self.criterion(ended), words, ended))
@@ -484,6 +518,7 @@ class _Search:
         except SimulationError:
             return None
         self.record(ended, beside, words, gain, is_taken=gain > 1e-6)
+        self.ends.append(ended)
         return ended
 
     def may_gain(self, structure: Structure, fit: _Fit) -> bool:
@@ -597,13 +632,13 @@ class _Search:
         for one in told:
             reason = _of_layout(best, one, is_alone=False, is_near=one in alike)
             self.judge(one, reason, is_taken=one is best, change="layout")
-        self.alike = tuple(one.fits[0].model.name for one in alike)
         fits = {id(law): fit, **others}
-        self.fits_alike = [fits[id(one)] for one in alike]
-        if best is law:
-            return fit
-        other = others[id(best)]
-        return other if law in alike else self.improved(other)
+        near = [fits[id(one)] for one in (best, *alike)]
+        # Of layouts that do as well, that which takes the least for it.
+        taken = min(near, key=self.criterion)
+        self.fits_alike = [one for one in near if one is not taken]
+        self.alike = tuple(one.structure.damper.name for one in self.fits_alike)
+        return taken if fit in near else self.improved(taken)
 
     def laid_out(self, fit: _Fit, layout: ValveDamper) -> _Fit:
         """The parts of a fit in another layout, from valves that press as hard there."""
@@ -735,8 +770,23 @@ class _Search:
         if fit is None or not is_of_one_model:
             return found
         return replace(
-            found, is_of_one_model=True, follows=fit.model.follows, offsets=self.offsets(whole)
-        )
+            found, is_of_one_model=True, follows=fit.model.follows, offsets=self.offsets(whole),
+            exchanges=tuple(self.exchanged(fit)), spread=self.spread,
+        )  # fmt: skip
+
+    def exchanged(self, fit: _Fit) -> Iterator[Exchange]:
+        """Yield what one part in place of another fits about as well."""
+        for part, instead, structure in exchanges(fit.structure):
+            glance = self.glanced(structure, fit)
+            if glance is None or glance.promised > GAIN * fit.minimum.cost:
+                continue
+            with suppress(SimulationError):
+                ended = self.ended_at(glance)
+                here, there = fit.percent, ended.percent
+                rises = [math.log((there[s] + FLOOR_PERCENT) / (here[s] + FLOOR_PERCENT))
+                         for s in here]  # fmt: skip
+                if (times := math.exp(np.mean(rises))) < GAIN:
+                    yield Exchange(part, instead, times, ended.values)
 
     def offsets(self, law: Tried) -> dict[str, float]:
         """By how much each log's offset lies beside the mean one of its setting."""

@@ -8,6 +8,7 @@ removes or replaces one of them, in one stroke or in both.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any, cast
 
 from damperfit.damper.mounting import FIT, NONE, Mounting
@@ -30,6 +31,7 @@ __all__ = [
     "STROKES",
     "Structure",
     "everything",
+    "exchanges",
     "in_other_layouts",
     "in_words",
     "moves",
@@ -145,7 +147,8 @@ _INSTEAD = {
     "with an orifice instead of a blow-off": Valve("orifice", NONE),
     "with a laminar bleed instead of a blow-off": Valve("leak", NONE),
 }
-_FREED = ("return_slope", "drag", "gas_volume", "free_gas")
+_GIVING = ("return_slope", "gas_volume", "free_gas")
+_FREED = ("drag", *_GIVING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,6 +247,28 @@ def _all_moves(structure: Structure) -> Iterator[tuple[str, Structure]]:
             yield f"without {label}", Structure(damper, tuple(x for x in freed if x != name))
         elif name in damper.names and damper.quantity(name).default is not None:
             yield f"with {damper.quantity(name).label}", Structure(damper, (*freed, name))
+
+
+def exchanges(structure: Structure) -> Iterator[tuple[str, str, Structure]]:
+    """Yield structures in which one thing that gives stands for another, and what both are called.
+
+    The mounting, oil and chambers, the gas, and return checks that are late look alike.
+    """
+    damper, freed = structure.damper, structure.freed
+    oil = next(one for one in damper.quantities if one.role == STIFFNESS)
+    mounting, words = damper.mounting, "elasticity of the mounting"
+    if mounting.series_stiffness == FIT and mounting.play == mounting.rubber == NONE:
+        rigid = replace(damper, mounting=replace(mounting, series_stiffness=NONE))
+        yield words, oil.label, replace(_without_lost(rigid, freed), ties=structure.ties)
+    elif mounting.series_stiffness == NONE:
+        elastic = replace(damper, mounting=replace(mounting, series_stiffness=FIT))
+        yield oil.label, words, Structure(elastic, freed, structure.ties)
+    giving = [n for n in (oil.name, *_GIVING) if n in damper.names]
+    known = [n for n in giving if n not in freed and damper.quantity(n).default is not None]
+    for name, other in product([n for n in giving if n in freed], known):
+        left = (*(n for n in freed if n != name), other)
+        labels = damper.quantity(name).label, damper.quantity(other).label
+        yield *labels, Structure(damper, left, structure.ties)
 
 
 def _other_valves(damper: ValveDamper) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -37,7 +37,7 @@ from damperfit.tables.files import json_values
 from damperfit.workers import available_cores
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
@@ -250,7 +250,7 @@ def ties_of(
         if is_adjusted and said:  # what is not declared to follow one is the damper's
             found = {name: adjusters for name in free if model.quantity(name).is_offset}
             found |= {n: tuple(a for a in adjusters if a in said[n]) for n in free if n in said}
-        return found
+        return found | {name: adjusters for name in free if name in options.untied}
 
     return follows
 
@@ -343,6 +343,16 @@ class LawChoice(Answer):
             "lost_settings": [one.cell for one in self.lost],
             "rivals": rival_records(self.rivals),
             "layouts_alike": list(self.layouts_alike),
+            "spread": {str(s.cell): dict(one) for s, one in self.search.spread.items()},
+            "exchanges": [
+                {
+                    "part": one.part,
+                    "instead": one.instead,
+                    "times_mse": one.times,
+                    "values": {str(s.cell): asdict(values) for s, values in one.values.items()},
+                }
+                for one in self.search.exchanges
+            ],
             "sentences": list(self.sentences),
             "doubt": self.search.doubt,
             "undecided": list(self.undecided),
@@ -470,12 +480,23 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         tuple(batch.failures),
         tuple(one.setting for one in evidence if one.setting not in fitted),
         rivals,
-        (*batch.remarks, *assumed_gas(configuration, [one.tried for one in search.laws])),
+        (
+            *batch.remarks,
+            *assumed_gas(configuration, [one.tried for one in search.laws]),
+            *_tied_still(configuration.identification.untied, best),
+        ),
         (*doubts, *undecided(search, found, evidence)),
         (*doubts, *interchangeable_parts(search, found, evidence)),
         (Monotube.name,) if is_open else (),
         configuration.notes,
     )
+
+
+def _tied_still(untied: Sequence[str], best: LawFit) -> Iterator[Problem]:
+    """What was to be each setting's own, and is no part of the law."""
+    if lost := [name for name in untied if name not in best.free]:
+        text = f"{_listed(lost)} cannot be untied: the law that was chosen fits none of that name"
+        yield Problem("nothing-to-untie", text)
 
 
 def _is_tying(configuration: Configuration) -> bool:
@@ -575,6 +596,7 @@ def _options_of(configuration: Configuration, best: LawFit) -> FitOptions:
         free=None,
         fixed={name: one for name, one in options.fixed.items() if name in model.names},
         bulk_modulus=options.bulk_modulus if options.bulk_modulus in model.bulk_moduli else "free",
+        untied=tuple(name for name in options.untied if name in model.names),
     )
     if not _freed(best):
         return options

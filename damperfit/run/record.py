@@ -64,7 +64,7 @@ from damperfit.units.quantities import engineering
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
@@ -213,8 +213,11 @@ def judge(  # noqa: PLR0913 - what a judgement takes
             whose=configuration.whose if configuration.is_assumed else "",
         )
         checks = spared("checking the run", lambda: run_checks(subject), unchecked())
+        assessment = _with_spread(assessment, configuration.chosen_law.get("spread", {}))
         alike = configuration.chosen_law.get("layouts_alike", ())
         assessment = with_other_layouts(assessment, damper, alike)
+        for exchange in configuration.chosen_law.get("exchanges", ()):
+            assessment = _with_exchange(assessment, damper, exchange["values"])
     return judged, Judgement(assessment, adjustment, checks, predictions)
 
 
@@ -289,6 +292,53 @@ def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[
         replace(one, intervals={k: reaching(k, own) for k, own in one.intervals.items()})
         for one in assessment.uncertainties
     )
+    return replace(assessment, uncertainties=tuple(wider))
+
+
+def _with_spread(assessment: Assessment, spread: Mapping[str, Mapping[str, float]]) -> Assessment:
+    """The assessment with what the structures about as likely as the chosen one differ by.
+
+    A setting that was not compared has the most of the others.
+    """
+    from damperfit.uncertainty.covariance import make_interval
+
+    most: dict[str, float] = {}
+    for own in spread.values():
+        most |= {name: max(one, most.get(name, 0.0)) for name, one in own.items()}
+    wider = []
+    for known in assessment.uncertainties:
+        own, intervals = spread.get(str(known.setting.cell), most), dict(known.intervals)
+        for name in (name for name in own if own[name] and name in intervals):
+            before = intervals[name]
+            value = math.sqrt(before.low * before.high)
+            misfit = math.hypot(before.misfit / value, own[name])
+            intervals[name] = make_interval(
+                value, before.error / value, before.cycle_ratio, misfit=misfit
+            )
+        wider.append(replace(known, intervals=intervals))
+    return replace(assessment, uncertainties=tuple(wider))
+
+
+def _with_exchange(
+    assessment: Assessment, damper: Model, values: Mapping[str, Mapping[str, float]]
+) -> Assessment:
+    """The assessment with intervals that reach to the values of another structure by setting.
+
+    What that one has not is there where it does nothing.
+    """
+
+    def reaching(name: str, own: Interval, there: Mapping[str, float]) -> Interval:
+        one = damper.quantity(name)
+        away = there.get(name, one.vanishes_at)
+        if one.is_offset:
+            return own
+        return replace(own, low=min(own.low, away), high=max(own.high, away))
+
+    wider = []
+    for known in assessment.uncertainties:
+        there = values.get(str(known.setting.cell), {})
+        intervals = {k: reaching(k, own, there) for k, own in known.intervals.items()}
+        wider.append(replace(known, intervals=intervals) if there else known)
     return replace(assessment, uncertainties=tuple(wider))
 
 

@@ -38,6 +38,7 @@ from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
 from damperfit.uncertainty.verdicts import (
     doubts,
     motions_apart,
+    shared_apart,
     undetermined,
     verdicts,
     with_least_openings,
@@ -353,7 +354,11 @@ def assess(
         profiles=profiles,
         gas=gas_content(linearised, campaign.sharing),
         forces=forces,
-        apart=(*motions_apart(campaign), *told_together),
+        apart=(
+            *motions_apart(campaign),
+            *shared_apart(linearised, campaign.sharing),
+            *told_together,
+        ),
     )
 
 

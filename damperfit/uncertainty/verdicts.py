@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from dataclasses import replace
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +15,9 @@ from damperfit.identification.fit_problem import is_nothing
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.sharing import of_settings, unknown_at
-from damperfit.problem import Problem, warning
+from damperfit.problem import Option, Problem, warning
 from damperfit.statistics import NORMAL_95
+from damperfit.uncertainty.covariance import own_names, solved
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -37,6 +39,7 @@ __all__ = [
     "doubts",
     "motions_apart",
     "reconsider",
+    "shared_apart",
     "undetermined",
     "verdicts",
     "with_least_openings",
@@ -47,6 +50,9 @@ _CORRELATED = 0.95
 # Rigs repeat frequency and stroke to parts in a thousand: one log of at least so many that is off
 # by more than so much, and by so many times what the others differ by, was logged otherwise.
 _ENOUGH_LOGS, _APART, _FAR = 4, 5e-3, 10.0
+# Settings disagree about a shared value from this factor and so many errors on, of those whose own
+# logs tell it better than by this error of its logarithm, where that is half of what they miss.
+_UNLIKE, _SURELY, _TELLING, _MOST_OF_IT = 1.5, 3.0, 0.3, 0.5
 # What oil meets once a blow-off is open.
 # Of a stroke's oil: a share below it is that of a passage which the logs do not show.
 _UNNOTICED = 0.01
@@ -264,6 +270,44 @@ def motions_apart(campaign: Campaign) -> Iterator[Problem]:
                 unit=unit,
                 what=what,
                 percent=f"{100.0 * most:.2g}",
+            )
+
+
+def shared_apart(linearised: Sequence[Linearisation], sharing: Sharing) -> Iterator[Problem]:
+    """Yield what the logs of two settings, each alone, would have otherwise than all together."""
+    for name in sharing.common if sharing.jointly else ():
+        alone, mine = [], [one for one in linearised if one.fit.setting in sharing.settings]
+        if len(mine) < 2:
+            continue
+        quantity = mine[0].fit.parameters.quantity(name)
+        for one in mine:
+            row = solved(one, (*own_names(one.fit, sharing), name))[-1]
+            step, error = float(row @ one.gradient), math.sqrt(abs(float(row @ one.scores @ row)))
+            if quantity.is_logarithmic and 0.0 < error < _TELLING:
+                n = sum(log.trace.n_samples for log in one.fit.logs)
+                fall = step**2 / float(row[one.places([name])[0]]) * one.precision / n
+                alone.append((step, error, fall, one.fit))
+        low, high = (end(alone, key=itemgetter(0), default=None) for end in (min, max))
+        if low is None or high is None:
+            continue
+        apart, fall = high[0] - low[0], 0.5 * (low[2] + high[2])
+        is_sure = apart > _SURELY * math.hypot(low[1], high[1]) and fall > _MOST_OF_IT
+        if is_sure and apart > math.log(_UNLIKE):
+            scale, unit = 10.0**quantity.power, quantity.shown_unit or quantity.unit
+            known = [getattr(fit.parameters, name) / scale * math.exp(min(step, 5.0))
+                     for step, *_, fit in (low, high)]  # fmt: skip
+            yield warning(
+                "shared-apart",
+                "{label}: the logs of setting {first} by themselves ask for about {low}, those of "
+                "setting {second} for {high} {unit}: they disagree about the one value that all "
+                "settings have; part of it is something else{untie}",
+                label=quantity.label,
+                first=low[-1].setting,
+                second=high[-1].setting,
+                low=f"{known[0]:.2g}",
+                high=f"{known[1]:.2g}",
+                unit=unit,
+                untie=Option("untie", name, is_aside=True),
             )
 
 

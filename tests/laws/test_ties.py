@@ -6,6 +6,7 @@ import csv
 
 import pytest
 
+from damperfit.errors import ConfigurationError
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, log_text, moved
 
@@ -58,3 +59,39 @@ def test_numbers_are_tied_and_true(run) -> None:
     assert "The logs show that" in report
     assert "follow L" in report
     assert "follow H" in report
+
+
+@pytest.fixture(scope="module")
+def unlike(tmp_path_factory):
+    """Two settings of a damper whose friction follows the click."""
+    folder = tmp_path_factory.mktemp("unlike")
+    (folder / "damper.toml").write_text(DAMPER_TOML + 'model = "through_flow"\n')
+    model = damper(has_play_and_lag=False)
+    for place, friction in enumerate((12.0, 36.0), start=1):
+        known = {name: x for name, x in VALUES.items() if name in model.names}
+        text = log_text(model, {**known, "f_f": friction}, moved((0.06, 0.24)), setting=place)
+        (folder / f"log_{place}.csv").write_text(text)
+    return folder
+
+
+def test_what_settings_disagree_about_is_said_with_the_numbers(unlike) -> None:
+    import damperfit
+
+    logs, config = sorted(unlike.glob("log_*.csv")), unlike / "damper.toml"
+    run = damperfit.identify(logs, config=config, procedure="joint", share="f_f,k_s")
+    said = [one for one in run.document()["problems"] if one["code"] == "shared-apart"]
+    assert [one["values"]["label"] for one in said] == ["friction"]
+    low, high = (float(said[0]["values"][name]) for name in ("low", "high"))
+    assert (low, high) == pytest.approx((12.0, 36.0), rel=0.3)
+
+
+def test_what_is_untied_has_its_own_value_at_each_setting(unlike) -> None:
+    import damperfit
+
+    logs, config = sorted(unlike.glob("log_*.csv")), unlike / "damper.toml"
+    run = damperfit.identify(logs, config=config, procedure="joint", share="f_f,k_s", untie="f_f")
+    assert [one.values.f_f for one in run.settings] == pytest.approx([12.0, 36.0], rel=0.03)
+    assert {one.status["f_f"] for one in run.settings} == {"fitted"}
+    assert {one.status["k_s"] for one in run.settings} == {"shared"}
+    with pytest.raises(ConfigurationError, match="nothing_known"):
+        damperfit.identify(logs, config=config, procedure="joint", untie="nothing_known")
