@@ -380,7 +380,7 @@ def _forces_of(
                 friction=float(curve.friction[k]),
                 is_cavitating=bool(curve.is_cavitating[k]),
                 is_tested=not speed > (1.0 + REPEATS) * stage.top_speed,
-                measured=pick and replace(pick, error=math.hypot(pick.error, bends[k] / NORMAL_95)),
+                measured=pick and replace(pick, error=_with_bend(pick.error, bends[k])),
                 half_range=math.nan if test is None else test.half_range,
                 tare=stage.offset,
                 tare_out=tare_out,
@@ -412,6 +412,12 @@ def _errors(stage: Stage, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
     by_own, by_shared = slopes[:n].T, slopes[n:].T
     rest = np.einsum("ij,ij->i", by_own @ (own - follow @ cross.T), by_own)
     return np.sqrt(np.maximum(rest, 0.0)), np.asarray((by_shared + by_own @ follow) @ root)
+
+
+def _with_bend(error: float, bend: float) -> float:
+    """The standard error of an interpolated force; of few cycles the bend alone is known."""
+    known = 0.0 if math.isnan(error) and bend > 0.0 else error
+    return math.hypot(known, bend / NORMAL_95)
 
 
 def _bends(
