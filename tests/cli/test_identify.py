@@ -71,13 +71,6 @@ def test_run_json_tells_the_whole_story(logs, results) -> None:
         assert hashlib.sha256((results / name).read_bytes()).hexdigest() == known
 
 
-def test_the_number_of_workers_and_the_order_of_logs_change_no_byte(run, logs, tmp_path) -> None:
-    names = [logs / f"setting_0{i}.csv" for i in (1, 2, 3)]
-    run("identify", *names, "--jobs", "1", "--out", "one", "--quiet")
-    run("identify", *reversed(names), "--jobs", "4", "--out", "four", "--quiet")
-    assert _bytes(tmp_path / "one") == _bytes(tmp_path / "four")
-
-
 def test_when_every_log_fails_the_code_is_3_and_the_tables_are_empty(run, tmp_path) -> None:
     (tmp_path / "setting_1.csv").write_bytes(b"")
     ended = run("identify", "setting_1.csv")

@@ -181,15 +181,6 @@ def test_rig_filter_is_a_causal_butterworth_on_both_channels(tmp_path):
         assert np.max(np.abs(found[: len(slow)] - slow)) < bar
 
 
-def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path):
-    options = SampleOptions(settings=(4, 11))
-    first = [log.read_bytes() for log in make_samples(tmp_path / "a", options)]
-    again = [log.read_bytes() for log in make_samples(tmp_path / "b", options)]
-    other = make_samples(tmp_path / "c", dataclasses.replace(options, seed=1))
-    assert first == again
-    assert all(log.read_bytes() != before for log, before in zip(other, first, strict=True))
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [

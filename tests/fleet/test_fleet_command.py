@@ -282,19 +282,6 @@ def test_a_log_that_cannot_be_read_has_the_setting_that_is_told_from_outside(tmp
     assert bad == {"clicks_7.csv": "8", "bad.csv": "9"}
 
 
-@pytest.mark.skipif(os.name != "posix", reason="pipes")
-def test_a_pipe_among_the_logs_is_a_row_and_holds_nobody_up(tmp_path, texts, here):
-    logs, out = tmp_path / "logs", tmp_path / "out"
-    put(logs / "D1", texts)
-    os.mkfifo(logs / "D1" / "pipe_s3.csv")
-    for _ in range(2):
-        assert run(logs, "--out", out, "--collect") == 1
-    table = table_of(out)
-    (bad,) = table[table["error"].notna()].to_dict("records")
-    assert (bad["log"], bad["setting"]) == ("pipe_s3.csv", "3")
-    assert table["r_m1"].notna().sum() == 2
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="names that are no Unicode")
 def test_a_folder_whose_name_is_no_unicode_is_a_damper_like_the_others(tmp_path, texts, here):
     logs, out = tmp_path / "logs", tmp_path / "out"

@@ -86,14 +86,6 @@ def test_a_part_is_no_folder_that_the_door_loads(taken):
         damperfit.load(part)
 
 
-def test_figures_and_another_place_are_as_of_a_results_folder(taken, tmp_path):
-    _, part = taken
-    (file,) = part.glob("part-*.parquet")
-    assert main(["report", str(file), "--figures", "png", "--out", str(tmp_path), "--quiet"]) == 0
-    drawn = {path.name for path in (tmp_path / "figures").iterdir()}
-    assert {"parameter_r_m1.png", "parameter_k_e.png"} <= drawn
-
-
 @pytest.mark.parametrize("command", [("settings", "--velocity", "0.2m/s"), ("settings",)])
 def test_forces_by_setting_are_those_of_the_results_folder(taken, capsys, command):
     documents = []
