@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 
@@ -46,6 +47,18 @@ def test_the_sample_runs_get_what_the_paper_found_by_hand(samples) -> None:
     report = (samples / "report.md").read_text(encoding="utf-8")
     assert "16 of 19 checks passed" in report
     assert "## Across the settings" in report
+
+
+def test_a_click_is_the_difference_of_two_forces_with_its_interval_around_it(samples) -> None:
+    rows = pq.read_table(samples / "adjustment.parquet").to_pylist()
+    assert len(rows) == 20 * 5 * 2
+    table = {(r["setting"], r["speed_m_per_s"], r["stroke"]): r for r in rows}
+    for click in record(samples)["clicks"]:
+        place = (click["speed_m_per_s"], click["stroke"])
+        a, b = table[click["from"], *place], table[click["to"], *place]
+        assert click["change_N"] == b["change_N"] == pytest.approx(b["force_N"] - a["force_N"])
+        assert click["low_N"] < click["change_N"] < click["high_N"]
+        assert click["change_N"] == pytest.approx(0.5 * (click["low_N"] + click["high_N"]))
 
 
 @pytest.mark.parametrize(

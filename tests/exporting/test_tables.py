@@ -130,6 +130,10 @@ def test_the_speed_up_to_which_a_force_is_determined_is_told_and_rows_beyond_are
     assert table.tested <= table.determined < 0.2
     assert np.max(table.high - table.forces) < 0.5
     (more,) = force_tables(run, extend=0.3)
+    moving = more.speeds != 0.0
+    v, force, low, high = (one[moving] for one in (more.speeds, more.forces, more.low, more.high))
+    reach = np.maximum(high - force, force - low) / np.abs(force)
+    assert np.max(reach[np.abs(v) <= table.determined]) < 0.05 < np.max(reach)
     between = "untested" if table.determined >= 0.061 else "not determined"
     ranges = [more.range_of(v) for v in (0.05, -0.061, -0.25)]
     assert ranges == ["tested", between, "not determined"]
