@@ -5,6 +5,8 @@ import math
 import shutil
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import damperfit
@@ -188,6 +190,20 @@ def test_an_edited_record_is_no_bug(results, tmp_path, key, words, value) -> Non
     record = json.loads((edited / "run.json").read_text(encoding="utf-8"))
     (edited / "run.json").write_text(json.dumps(record | {key: value}), encoding="utf-8")
     assert main(words.format(edited).split()) == {"stretches": 2, "inputs": 0}[key]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e200])
+@pytest.mark.parametrize("words", ["advise {0} --for k_e", "passport {0} --out {0}"])
+def test_an_edited_table_is_no_bug(results, tmp_path, value, words) -> None:
+    edited = tmp_path / "edited"
+    shutil.copytree(results, edited)
+    table = pq.read_table(edited / "parameters.parquet")
+    place = table.schema.names.index("r_m2")
+    values = table["r_m2"].to_pylist()
+    column = pa.array([value, *values[1:]])
+    table = table.set_column(place, table.schema.field(place), column)
+    pq.write_table(table, edited / "parameters.parquet")
+    assert main(words.format(edited).split()) in {0, 1, 2}
 
 
 def test_a_larger_rig_is_no_hindrance(fitted) -> None:
