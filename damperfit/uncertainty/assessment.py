@@ -273,8 +273,8 @@ def _with_hidden_friction(
     if named:
         return linearised, ()
     text = (
-        "{settings}: their misfits, each too small to be seen, are together as from {words}; the "
-        "intervals allow for it."
+        "{settings}: a misfit that is too small to show at a setting by itself is as from {words}; "
+        "the intervals allow for it."
     )
     where = of_settings(one.diagnosis.setting for one in found)
     told = warning("misfit-of-all", text, settings=where, words=words_of(name, amount), flaw=name)

@@ -467,7 +467,8 @@ def _absorbed(linearised: Linearisation, statuses: set[str], counts: FloatArray)
 # between blocks where nothing repeats; the settings together make it sure.
 
 _SURE = 4.5  # standard errors; the best of three speeds has it by chance once in 50 000
-_LEAST = 0.02  # of the friction; less moves no parameter by 1 %
+# Of the friction: less moves no parameter by 1 %, more is no friction.
+_LEAST, _MOST = 0.02, 2.0
 _BLOCKS = 16  # of a stretch in which nothing repeats
 
 
@@ -543,7 +544,8 @@ def hidden_friction(each: Sequence[BySpeed]) -> tuple[int, float]:
     sureness = amounts * np.sqrt(total)
     best = int(np.argmax(np.abs(sureness)))
     amount = float(amounts[best])
-    is_sure = abs(sureness[best]) > _SURE and abs(amount) > _LEAST * each[0].fitted
+    fitted = each[0].fitted
+    is_sure = abs(sureness[best]) > _SURE and _LEAST * fitted < abs(amount) < _MOST * fitted
     return best, amount if is_sure else 0.0
 
 
