@@ -308,25 +308,26 @@ class FilteredLog(NamedTuple):
         return max(settling_samples(self.model_filter), _SPLINE_EDGE)
 
 
+def passed_filter(options: ConditionOptions, sample_rate: float) -> FilterDesign:
+    """Return what both channels have passed in the end, and a model's force must (table above)."""
+    is_rig = options.rig_filter != "none"
+    kind, corner = "causal" if is_rig else options.filter, options.declared_corner
+    order = options.rig_filter_order if is_rig else options.filter_order
+    key = f"{'rig' if is_rig else 'conditioning'}.filter_corner"
+    design = design_filter(kind, corner, sample_rate=sample_rate, order=order, key=key)
+    return completed(design, corner, order) if kind == "causal" else design
+
+
 def behind_filter(log: UniformLog, options: ConditionOptions) -> FilteredLog:
-    """Return both channels behind the filter, and the filter for the model (table above)."""
-    rate = 1.0 / log.interval
+    """Return both channels behind the filter, and the filter for the model."""
+    design = passed_filter(options, 1.0 / log.interval)
+    once = design._replace(is_zero_phase=False)
     channels = np.stack([log.displacement, log.force])
+    is_causal = "causal" in {options.rig_filter, options.filter}
     if options.rig_filter == "none":
-        corner, order, section = options.filter_corner, options.filter_order, "conditioning"
-    else:
-        corner, order, section = options.rig_filter_corner, options.rig_filter_order, "rig"
-    key = f"{section}.filter_corner"
-    if options.rig_filter == "none" and options.filter != "causal":
-        design = design_filter(options.filter, corner, sample_rate=rate, order=order, key=key)
-        channels = apply_filter(design, channels)
-    else:
-        causal = design_filter("causal", corner, sample_rate=rate, order=order, key=key)
-        if options.rig_filter == "none":
-            channels = apply_filter(causal, channels)
-        if options.rig_filter != "zero_phase":
-            channels = complete_causal(causal, channels)
-        design = completed(causal, corner, order)
+        channels = apply_filter(once if is_causal else design, channels)
+    if is_causal and options.rig_filter != "zero_phase":
+        channels = complete_causal(once, channels)
     displacement, force = channels
     return FilteredLog(log, displacement, force, differentiate(displacement, log.interval), design)
 

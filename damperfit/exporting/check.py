@@ -21,7 +21,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from damperfit.conditioning.filters import apply_filter, completed, design_filter
+from damperfit.conditioning.filters import apply_filter, passed_filter
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.exporting.fmu import PLATFORMS, exported_damper
@@ -153,7 +153,7 @@ def _segments(time: FloatArray) -> Iterator[slice]:
 
 
 def _filter(record: Mapping[str, Any], sample_rate: float) -> FilterDesign:
-    """What the measured force of the run has passed: `conditioning.behind_filter`."""
+    """What the measured force of the run has passed."""
     document = record.get("configuration") or {}
     names = ("filter", "filter_corner", "filter_order")
     overlay = {
@@ -161,14 +161,7 @@ def _filter(record: Mapping[str, Any], sample_rate: float) -> FilterDesign:
         for section in ("conditioning", "rig")
         if set(names) <= (document.get(section) or {}).keys()
     }
-    options = load_configuration(overlay=overlay).conditioning
-    corner, order = options.filter_corner, options.filter_order
-    if options.rig_filter == "none" and options.filter != "causal":
-        return design_filter(options.filter, corner, sample_rate=sample_rate, order=order)
-    if options.rig_filter != "none":
-        corner, order = options.rig_filter_corner, options.rig_filter_order
-    causal = design_filter("causal", corner, sample_rate=sample_rate, order=order)
-    return completed(causal, corner, order)
+    return passed_filter(load_configuration(overlay=overlay).conditioning, sample_rate)
 
 
 # Tables, read back from the files that were written

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, condition
@@ -23,6 +25,11 @@ def static_force(velocity):
 def recording(time, displacement, force, *, temperature=None):
     """A recording with nothing said about its origin."""
     return Recording("log.csv", "log.csv", "", 1, time, displacement, force, temperature)
+
+
+def changed(log, channel, change):
+    """A log with a channel that a function has changed."""
+    return replace(log, **{channel: change(getattr(log, channel).copy())})
 
 
 def moving(x, *, rate=RATE):

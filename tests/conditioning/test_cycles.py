@@ -142,47 +142,49 @@ def test_signals_at_speeds_are_those_of_the_slow_twin(of, sign: float) -> None:
                 assert squares[way, k, row] == pytest.approx(about, rel=1e-9, abs=1e-12)
 
 
+# Sizes of the buffers that fit each other, and what comes behind them.
+BUFFERS = {
+    "turns": ((9, 9), (0.1,)),
+    "without_smooth": ((9, 9, 45, 50), (1.0, 0.0)),
+    "steps": ((9, 45, 50, 3, 3, 3, 9), (1.0, 0.0, 0.1)),
+    "at_speeds": ((9, 1, 18, 2, 4, 4), (1.0,)),
+    "spline_slopes": ((5, 5, 5), ()),
+    "between": ((16, 2, 4), (2,)),
+    "lag_slope": ((5, 5, 5), (0.5, 0.1, 0.1)),
+    "behind_lag": ((6, 6), (2, 0.5, 0.3, 0.2)),
+    "run_filter": ((6, 2, 9, 9, 9), (1, 0, 0)),
+}
+
+
+@pytest.mark.parametrize("name", BUFFERS)
+def test_a_buffer_of_another_size_is_refused(name: str) -> None:
+    sizes, others = BUFFERS[name]
+    call = getattr(compiled_core(), name)
+    kinds = [np.int64 if (name, k) == ("turns", 1) else np.float64 for k in range(len(sizes))]
+    buffers = [np.ones(n, kind) for n, kind in zip(sizes, kinds, strict=True)]
+    call(*buffers, *others)
+    for k in range(1 if name == "turns" else 0, len(sizes)):
+        with pytest.raises(ValueError, match=name):
+            call(*buffers[:k], buffers[k][1:].copy(), *buffers[k + 1 :], *others)
+
+
 @pytest.mark.parametrize(
-    ("name", "arguments"),
+    ("name", "sizes", "others"),
     [
-        ("run_filter", (np.ones(7), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 1, 0, 0)),
-        ("run_filter", (np.ones(6), np.ones(3), np.ones(9), np.ones(9), np.ones(9), 1, 0, 0)),
-        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(8), np.ones(9), 1, 0, 0)),
-        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 2, 0, 0)),
-        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 0, 0, 0)),
-        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 1, 9, 0)),
-        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 1, 1, 0)),
-        ("run_filter", (np.ones(198), np.ones(66), np.ones(9), np.ones(9), np.ones(9), 1, 0, 1)),
-        ("behind_lag", (np.ones(5), np.ones(5), 2, 0.5, 0.3, 0.2)),
-        ("behind_lag", (np.ones(6), np.ones(5), 2, 0.5, 0.3, 0.2)),
-        ("behind_lag", (np.ones(6), np.ones(6), -2, 0.5, 0.3, 0.2)),
-        ("lag_slope", (np.ones(5), np.ones(4), np.ones(5), 0.5, 0.1, 0.1)),
-        ("lag_slope", (np.ones(5), np.ones(5), np.ones(4), 0.5, 0.1, 0.1)),
-        ("spline_slopes", (np.ones(3), np.ones(3), np.ones(3))),
-        ("spline_slopes", (np.ones(5), np.ones(4), np.ones(5))),
-        ("spline_slopes", (np.ones(5), np.ones(5), np.ones(4))),
-        ("between", (np.ones(7), np.ones(2), np.ones(2), 1)),
-        ("between", (np.ones(16), np.ones(2), np.ones(2), 2)),
-        ("between", (np.ones(17), np.ones(2), np.ones(4), 2)),
-        ("turns", (np.ones(9), np.ones(8, np.int64), 0.1)),
-        ("without_smooth", (np.ones(9), np.ones(8), np.ones(45), np.ones(50), 1.0, 0.0)),
-        ("without_smooth", (np.ones(9), np.ones(9), np.ones(54), np.ones(60), 1.0, 0.0)),
-        ("without_smooth", (np.ones(9), np.ones(9), np.ones(46), np.ones(50), 1.0, 0.0)),
-        ("without_smooth", (np.ones(9), np.ones(9), np.ones(45), np.ones(49), 1.0, 0.0)),
-        ("without_smooth", (np.ones(0), np.ones(0), np.ones(0), np.ones(5), 1.0, 0.0)),
-        ("steps", (*map(np.ones, (9, 54, 60, 3, 3, 3, 9)), 1.0, 0.0, 0.1)),
-        ("steps", (*map(np.ones, (9, 46, 50, 3, 3, 3, 9)), 1.0, 0.0, 0.1)),
-        ("steps", (*map(np.ones, (9, 45, 49, 3, 3, 3, 9)), 1.0, 0.0, 0.1)),
-        ("steps", (*map(np.ones, (9, 45, 50, 3, 2, 3, 9)), 1.0, 0.0, 0.1)),
-        ("steps", (*map(np.ones, (9, 45, 50, 3, 3, 2, 9)), 1.0, 0.0, 0.1)),
-        ("steps", (*map(np.ones, (9, 45, 50, 3, 3, 3, 8)), 1.0, 0.0, 0.1)),
-        ("at_speeds", (*map(np.ones, (0, 1, 0, 2, 0, 0)), 1.0)),
-        ("at_speeds", (*map(np.ones, (9, 1, 17, 2, 2, 2)), 1.0)),
-        ("at_speeds", (*map(np.ones, (9, 1, 18, 3, 4, 4)), 1.0)),
-        ("at_speeds", (*map(np.ones, (9, 1, 18, 2, 3, 4)), 1.0)),
-        ("at_speeds", (*map(np.ones, (9, 1, 18, 2, 4, 5)), 1.0)),
+        ("run_filter", (6, 2, 9, 9, 9), (2, 0, 0)),
+        ("run_filter", (6, 2, 9, 9, 9), (0, 0, 0)),
+        ("run_filter", (6, 2, 9, 9, 9), (1, 9, 0)),
+        ("run_filter", (6, 2, 9, 9, 9), (1, 1, 0)),
+        ("run_filter", (198, 66, 9, 9, 9), (1, 0, 1)),
+        ("behind_lag", (6, 6), (-2, 0.5, 0.3, 0.2)),
+        ("spline_slopes", (3, 3, 3), ()),
+        ("between", (7, 2, 2), (1,)),
+        ("without_smooth", (9, 9, 54, 60), (1.0, 0.0)),
+        ("without_smooth", (0, 0, 0, 5), (1.0, 0.0)),
+        ("steps", (9, 54, 60, 3, 3, 3, 9), (1.0, 0.0, 0.1)),
+        ("at_speeds", (0, 1, 0, 2, 0, 0), (1.0,)),
     ],
 )
-def test_buffers_of_another_size_are_refused(name: str, arguments: tuple[object, ...]) -> None:
+def test_numbers_that_fit_no_buffer_are_refused(name, sizes, others) -> None:
     with pytest.raises(ValueError, match=name):
-        getattr(compiled_core(), name)(*arguments)
+        getattr(compiled_core(), name)(*map(np.ones, sizes), *others)

@@ -24,10 +24,10 @@ from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
-from tests.conditioning.limits import FAULTS as COSTS
 from tests.conditioning.limits import measured
 from tests.conditioning.logs import (
     RATE,
+    changed,
     found,
     logged,
     made,
@@ -44,11 +44,6 @@ from tests.identification.rig import recording as rig_log
 
 TEST = NominalTest(frequency=1.5, amplitude=0.032, temperature=26.0, temperature_tolerance=1.0)
 OPTIONS = ConditionOptions(nominal=TEST)
-
-
-def changed(log, channel, change):
-    values = getattr(log, channel)
-    return replace(log, **{channel: change(values.copy())})
 
 
 def clipped(log, channel, share):
@@ -353,13 +348,12 @@ NEXT_TO_NOTHING = {
     "logged at 66 Hz": 0.01,
     "4 % of the rows missing": 0.1,
 }
-BY_NAME = {fault.name: fault for fault in COSTS}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*QUOTED, *NEXT_TO_NOTHING])
 def test_what_a_fault_costs_is_what_the_text_says(name) -> None:
-    worst, warnings = measured(BY_NAME[name])
+    worst, warnings = measured(name)
     for parameter, percent in QUOTED.get(name, {}).items():
         assert worst[parameter] == pytest.approx(percent, rel=0.15, abs=0.05)
     assert max(worst.values()) < NEXT_TO_NOTHING.get(name, 100.0)
