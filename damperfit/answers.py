@@ -8,7 +8,6 @@ import os
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import cached_property
-from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from damperfit.exporting.check import SettingCheck
     from damperfit.fleets.run import Done
     from damperfit.fleets.survey import HeldFleet
-    from damperfit.queries.compared import Compared
     from damperfit.queries.simulations import ChosenParameters, SimulatedTest, Variation
     from damperfit.reporting.figures import Plot
     from damperfit.reporting.sheet import Sheet
@@ -40,7 +38,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "Comparison",
     "Files",
     "FirstConfiguration",
     "FleetDone",
@@ -99,96 +96,6 @@ class Inspection(Answer):
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
         """What their data show, a sentence each."""
         return self.findings
-
-
-class Comparison(Answer):
-    """What differs between results: every pair, and what it was held against, as it was given."""
-
-    def __init__(self, compared: Compared, tolerance: str = "") -> None:
-        self.compared, self.tolerance = compared, tolerance
-
-    def document(self) -> dict[str, Any]:
-        """Return all of it as JSON values."""
-        from damperfit.reporting import compared as shown
-
-        found = self.compared
-        return {
-            "comparisons": [shown.comparison_record(one) for one in found.comparisons],
-            "tolerance": self.tolerance or None,
-            "points": shown.tolerance_rows(found.points),
-            "alone": list(found.alone),
-            "remarks": list(found.remarks),
-        }
-
-    @property
-    def markdown(self) -> str:
-        """The comparison as a page of Markdown."""
-        from damperfit.reporting.compared import comparison_markdown
-
-        return self._told_by(comparison_markdown)
-
-    def _told_by(self, outlet: Any) -> str:
-        found = self.compared
-        text: str = outlet(
-            found.comparisons, found.points, source=self.tolerance, alone=found.alone
-        )
-        return text
-
-    def write(self, out: Path | None, junit: Path | None) -> None:
-        """Write page, Markdown, JSON and tables into a folder; the points as JUnit XML."""
-        from damperfit.reporting import compared as shown
-        from damperfit.reporting.page import comparison_page
-
-        points = self.compared.points
-        if out is not None:
-            text = dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-            texts = {"html": self._told_by(comparison_page), "md": self.markdown, "json": text}
-            tables = {"differences": self._table()}
-            if points:
-                tables["tolerance"] = shown.tolerance_table(shown.tolerance_rows(points))
-            with file_set(out) as files:
-                for suffix, one in texts.items():
-                    path = files.path(f"comparison.{suffix}")
-                    path.write_bytes(one.encode("utf-8", "backslashreplace"))
-                for name, table in tables.items():
-                    for suffix in (".csv", ".parquet"):
-                        write_table(files.path(name + suffix), table, suffix=suffix)
-        if junit is not None:
-            with file_set(junit.parent) as files:
-                report = shown.junit_report(points, source=self.tolerance)
-                files.path(junit.name).write_bytes(report)
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """Verdicts in words."""
-        return tuple(line for one in self.compared.comparisons for line in one.sentences)
-
-    @property
-    def is_met(self) -> bool:
-        """Whether every force is within its band, where a tolerance was given."""
-        return all(point.is_met for point in self.compared.points)
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a difference: values of both, interval of the difference, verdict."""
-        frame: pd.DataFrame = self._table().to_pandas()
-        return frame
-
-    def _table(self) -> Any:
-        from damperfit.reporting.compared import comparison_rows, comparison_table
-
-        rows = [row for one in self.compared.comparisons for row in comparison_rows(one)]
-        return comparison_table(rows)
-
-    def sheets(self) -> tuple[Sheet, ...]:
-        """Return the forces of each pair."""
-        from damperfit.reporting.compared import comparison_force_sheet
-
-        return tuple(comparison_force_sheet(one) for one in self.compared.comparisons)
-
-    @property
-    def sentence(self) -> str:  # type: ignore[override]
-        """The verdicts, a line each."""
-        return "\n".join(self.sentences)
 
 
 class Simulation(Answer):

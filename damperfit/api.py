@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from damperfit.answers import (
-        Comparison,
         Files,
         FirstConfiguration,
         FleetDone,
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
     )
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
-    from damperfit.queries.compared import CurveForces
+    from damperfit.queries.compared import Comparison, CurveForces
     from damperfit.queries.settings import SettingForces
     from damperfit.recording import Recording
     from damperfit.results import Run
@@ -803,9 +802,8 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         As in ``["0.1m/s", "0.3m/s"]``.
     """
     given = dict(locals())
-    from damperfit.answers import Comparison
     from damperfit.comparison import parse_bands
-    from damperfit.queries.compared import Compared, compare_all, comparison_options, one_run
+    from damperfit.queries.compared import Comparison, compare_all, comparison_options, one_run
     from damperfit.queries.compared_runs import baseline_text
     from damperfit.results import Run
     from damperfit.store import write_text
@@ -853,12 +851,11 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         run = one_run(places[0], options, config=file, reading=reading)
         write_text(paths["save"], baseline_text(run, is_measured=measured))
         if len(places) == 1 and bands is None:
-            return Comparison(Compared((), (), ()))
+            return Comparison()
     repeated = [Path(one) for one in repeats or ()]
-    compared = compare_all(
+    done = compare_all(
         places, options, repeats=repeated, tolerance=bands, config=file, reading=reading
     )
-    done = Comparison(compared, _text(tolerance) or "")
     done.write(paths["out"], paths["junit"])
     return done
 

@@ -362,30 +362,30 @@ def compare(how: Shown, runs: list[Path], **given: Any) -> int:
     done = api.compare(*runs, **given)
     if given["save"] is not None:
         _done(how, f"{given['save']} written: give it as A or B of a later comparison")
-    found, out = done.compared, given["out"]
-    if len(runs) == 1 and given["save"] is not None and not found.points:
+    out = given["out"]
+    if len(runs) == 1 and given["save"] is not None and not done.points:
         return 0
-    for remark in (*found.remarks, *found.alone):
+    for remark in (*done.remarks, *done.alone):
         say(f"damperfit: {remark}")
-    for trace in chain(*(one.traces for one in found.comparisons)) if how.debug else ():
+    for trace in chain(*(one.traces for one in done.comparisons)) if how.debug else ():
         say_lines(trace)
     if how.json:
         print_json(done.document())
     else:
         from damperfit.reporting.compared import tolerance_outcome, tolerance_sheet
 
-        for one in found.comparisons:
+        for one in done.comparisons:
             _show_pair(one, how)
-        if found.points:
-            outcome = f"tolerance {done.tolerance}: {tolerance_outcome(found.points)}"
+        if done.points:
+            outcome = f"tolerance {done.tolerance}: {tolerance_outcome(done.points)}"
             print_lines([outcome, ""], of_checks=True)
             if not how.quiet:
-                print_table(tolerance_sheet(found.points, is_short=True))
+                print_table(tolerance_sheet(done.points, is_short=True))
     if summary is not None:
         append_summary(summary, done.markdown, instead="The comparison is too long for a summary.")
     if out is not None:
         _done(how, f"{out}/comparison.html written, with Markdown, JSON and tables")
-    return 1 if found.remarks else 0 if done.is_met else 4
+    return 1 if done.remarks else 0 if done.is_met else 4
 
 
 def _show_pair(comparison: RunComparison, how: Shown) -> None:

@@ -6,8 +6,9 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
+from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment.force_at import STROKE_WORDS, STROKES, Sine
 from damperfit.comparison import ComparisonOptions, bands_met, compare_runs, tolerated
@@ -25,20 +26,23 @@ from damperfit.queries.compared_runs import (
 )
 from damperfit.queries.settings import positive
 from damperfit.recording import natural_order
+from damperfit.reporting import compared as shown
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.inspection import curve_forces_sheet
 from damperfit.reporting.records import to_record
 from damperfit.run.log_files import expand
 from damperfit.simulation import NAMED_SPEEDS
-from damperfit.tables.files import json_values
+from damperfit.store import file_set
+from damperfit.tables.files import json_values, write_table
 from damperfit.tables.reading import is_part
 from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, parse_units
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     import pandas as pd
+    import pyarrow as pa
 
     from damperfit.comparison import Point, RunComparison, Tolerance
     from damperfit.configuration.options import Configuration
@@ -51,13 +55,83 @@ if TYPE_CHECKING:
 # Everything that one call of `compare` compares: which pairs, at what motion, by what measure
 
 
-class Compared(NamedTuple):
-    """What was compared."""
+@dataclass(frozen=True, repr=False, eq=False)
+class Comparison(Answer):
+    """What differs between results, pair by pair, and forces held against bands."""
 
-    comparisons: tuple[RunComparison, ...]  # one a pair
-    alone: tuple[str, ...]  # what has no partner
-    remarks: tuple[str, ...]  # what is missing or damaged in the runs, or could not be compared
+    comparisons: tuple[RunComparison, ...] = ()  # one a pair
+    alone: tuple[str, ...] = ()  # what has no partner
+    remarks: tuple[str, ...] = ()  # what is missing or damaged in the runs, or was not compared
     points: tuple[Point, ...] = ()  # forces held against their bands, where a tolerance was given
+    tolerance: str = ""  # as it was given
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        return {
+            "comparisons": [shown.comparison_record(one) for one in self.comparisons],
+            "tolerance": self.tolerance or None,
+            "points": shown.tolerance_rows(self.points),
+            "alone": list(self.alone),
+            "remarks": list(self.remarks),
+        }
+
+    @property
+    def markdown(self) -> str:
+        """The comparison as a page of Markdown."""
+        return self._told_by(shown.comparison_markdown)
+
+    def _told_by(self, outlet: Callable[..., str]) -> str:
+        return outlet(self.comparisons, self.points, source=self.tolerance, alone=self.alone)
+
+    def write(self, out: Path | None, junit: Path | None) -> None:
+        """Write page, Markdown, JSON and tables into a folder; the points as JUnit XML."""
+        from damperfit.reporting.page import comparison_page
+
+        if out is not None:
+            text = dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+            texts = {"html": self._told_by(comparison_page), "md": self.markdown, "json": text}
+            tables = {"differences": self._table()}
+            if self.points:
+                tables["tolerance"] = shown.tolerance_table(shown.tolerance_rows(self.points))
+            with file_set(out) as files:
+                for suffix, one in texts.items():
+                    path = files.path(f"comparison.{suffix}")
+                    path.write_bytes(one.encode("utf-8", "backslashreplace"))
+                for name, table in tables.items():
+                    for suffix in (".csv", ".parquet"):
+                        write_table(files.path(name + suffix), table, suffix=suffix)
+        if junit is not None:
+            with file_set(junit.parent) as files:
+                report = shown.junit_report(self.points, source=self.tolerance)
+                files.path(junit.name).write_bytes(report)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Verdicts in words."""
+        return tuple(line for one in self.comparisons for line in one.sentences)
+
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """The verdicts, a line each."""
+        return "\n".join(self.sentences)
+
+    @property
+    def is_met(self) -> bool:
+        """Whether every force is within its band, where a tolerance was given."""
+        return all(point.is_met for point in self.points)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a difference: values of both, interval of the difference, verdict."""
+        frame: pd.DataFrame = self._table().to_pandas()
+        return frame
+
+    def _table(self) -> pa.Table:
+        rows = [row for one in self.comparisons for row in shown.comparison_rows(one)]
+        return shown.comparison_table(rows)
+
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return the forces of each pair."""
+        return tuple(shown.comparison_force_sheet(one) for one in self.comparisons)
 
 
 def comparison_options(
@@ -93,8 +167,8 @@ def comparison_options(
     size = positive(amplitude, "length", "amplitude")
     rate = positive(frequency, "frequency", "frequency")
     sine = Sine(size, rate) if size and rate else None
-    shown = SI if units is None else parse_units(units)
-    return ComparisonOptions(sine, tuple(speeds), is_measured, jobs, shown)
+    wanted = SI if units is None else parse_units(units)
+    return ComparisonOptions(sine, tuple(speeds), is_measured, jobs, wanted)
 
 
 def compare_all(
@@ -105,7 +179,7 @@ def compare_all(
     tolerance: Tolerance | None = None,
     config: Path | None = None,
     reading: Configuration | None = None,
-) -> Compared:
+) -> Comparison:
     """Return every pair compared."""
     logs = _LogRuns([*paths, *repeats], options, config, reading)
     nominal = tolerance is not None and bool(tolerance.bands)
@@ -151,7 +225,10 @@ def compare_all(
         points = [p for place in places for p in bands_met(known[place], tolerance, options)]
     elif tolerance is not None:
         points = [p for one in comparisons for p in tolerated(one, tolerance)]
-    return Compared(comparisons, alone, tuple(dict.fromkeys(remarks)), tuple(points))
+    told = tuple(dict.fromkeys(remarks))
+    return Comparison(
+        comparisons, alone, told, tuple(points), tolerance.source if tolerance else ""
+    )
 
 
 def one_run(

@@ -199,7 +199,7 @@ def test_results_are_compared_by_their_place_in_the_call_where_they_are_unsaved(
     assert same.sentences[0].startswith("measured: identical")
     assert same.sentences[1].startswith("forces: all 20 the same")
     assert "same within errors" in same._repr_html_()
-    both = same.compared.comparisons[0]
+    both = same.comparisons[0]
     assert (both.first.name, both.second.name) == ("result 1", "result 2")
     saved = damperfit.compare(result.save(tmp_path / "kept"), copy)
     table = saved.to_frame()
