@@ -42,6 +42,7 @@ from damperfit.conditioning.noise import (
     tone,
 )
 from damperfit.conditioning.signals import noise_of, parts_where
+from damperfit.passed_speeds import cycle_energies
 from damperfit.problem import Option
 from damperfit.recording import Finding
 from damperfit.statistics import mean_of, median, percentiles
@@ -691,12 +692,8 @@ def _force_drift(seen: _Seen) -> Iterator[Finding]:
     trace, force = seen.trace, seen.trace.force
     if len(seen.starts) <= _ENOUGH or not float(np.ptp(force[trace.compared])) > 0.0:
         return
-    # The mean of each cycle between its fractional boundaries.
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (force[:-1] + force[1:]))])
-    at = np.clip(np.floor(seen.starts).astype(np.int64), 0, len(force) - 2)
-    u = seen.starts - at
-    area = total[at] + u * force[at] + 0.5 * u * u * (force[at + 1] - force[at])
-    drift, error = _drift(np.diff(area) / np.diff(seen.starts))
+    sums = cycle_energies(np.ones_like(force), force, seen.starts, 1.0)
+    drift, error = _drift(sums / np.diff(seen.starts))
     tops, bottoms = seen.extremes(force)
     share = 100.0 * drift / (0.5 * (mean_of(tops) - mean_of(bottoms)))
     text = (

@@ -32,15 +32,6 @@ def passages(x, turns):
     return np.array(found)
 
 
-def cycle_means(values, starts):
-    """Mean of the straight lines through samples between boundaries."""
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
-    at = np.clip(np.floor(starts).astype(np.int64), 0, len(values) - 2)
-    u = starts - at
-    reached = total[at] + u * values[at] + 0.5 * u**2 * (values[at + 1] - values[at])
-    return np.diff(reached) / np.diff(starts)
-
-
 def without_smooth(lag, force, reach, kink):
     """A smooth curve of the lag, taken out of a force by its columns made square to each other."""
     z = lag / reach
