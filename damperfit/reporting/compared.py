@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -265,78 +266,77 @@ def comparison_markdown(
 
 # Rows for files and programs
 
-_Described = tuple[str, pa.DataType, str]
 _TEXT, _FLOAT, _TRUTH = pa.string(), pa.float64(), pa.bool_()
-# Name, kind and meaning of each column; what is compared tells its unit.
-_COLUMNS: tuple[_Described, ...] = (
-    ("first", _TEXT, "the reference"),
-    ("second", _TEXT, "the run beside it"),
-    ("kind", _TEXT, "force, parameter or figure"),
-    ("name", _TEXT, "what is compared"),
-    ("setting", _TEXT, "adjuster setting; empty: of all settings"),
-    ("speed_m_per_s", _FLOAT, "of a force, positive"),
-    ("stroke", _TEXT, "rebound or bump"),
-    ("unit", _TEXT, "of the values and their difference"),
-    ("first_value", _FLOAT, "of the reference"),
-    ("second_value", _FLOAT, "of the run beside it"),
-    ("difference", _FLOAT, "second less first"),
-    ("difference_ci_low", _FLOAT, "95 % interval of the difference"),
-    ("difference_ci_high", _FLOAT, "95 % interval of the difference"),
-    ("percent", _FLOAT, "difference in % of the first; of its damping, or half the force's range"),
-    ("percent_ci_low", _FLOAT, "95 % interval of percent"),
-    ("percent_ci_high", _FLOAT, "95 % interval of percent"),
-    ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1"),
-    ("verdict", _TEXT, "same, different or not determined"),
-    ("is_sure", _TRUTH, "different even when the number of lines is allowed for"),
-    ("source", _TEXT, "model or measured"),
-    ("words", _TEXT, "the verdict in words"),
-)
-_POINT_COLUMNS: tuple[_Described, ...] = (
-    ("run", _TEXT, "whose force it is"),
-    ("setting", _TEXT, "adjuster setting"),
-    ("speed_m_per_s", _FLOAT, "positive; empty where a whole setting is missing"),
-    ("stroke", _TEXT, "rebound or bump"),
-    ("force_N", _FLOAT, "positive in rebound"),
-    ("low_N", _FLOAT, "lower limit of the band"),
-    ("high_N", _FLOAT, "upper limit of the band"),
-    ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
-    ("half_interval_N", _FLOAT, "half the 95 % interval of the force that is checked"),
-    ("source", _TEXT, "model or measured"),
-    ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated"),
-    ("words", _TEXT, "the result in words"),
-)
+_Columns = tuple[tuple[str, pa.DataType, str, Callable[[Any], Any]], ...]
+
+
+def _source(one: Difference | Point) -> str:
+    return "measured" if one.is_measured else "model"
+
+
+# Name, kind, meaning and value of each column; what is compared tells its unit.
+_COLUMNS: _Columns = (
+    ("kind", _TEXT, "force, parameter or figure", lambda d: d.subject.kind),
+    ("name", _TEXT, "what is compared", lambda d: d.subject.name),
+    ("setting", _TEXT, "adjuster setting; empty: of all settings", lambda d: d.subject.setting),
+    ("speed_m_per_s", _FLOAT, "of a force, positive", lambda d: d.subject.speed),
+    ("stroke", _TEXT, "rebound or bump", lambda d: d.subject.stroke or None),
+    ("unit", _TEXT, "of the values and their difference", lambda d: d.subject.unit),
+    ("first_value", _FLOAT, "of the reference", lambda d: d.first.value),
+    ("second_value", _FLOAT, "of the run beside it", lambda d: d.second.value),
+    ("difference", _FLOAT, "second less first", lambda d: d.difference),
+    ("difference_ci_low", _FLOAT, "95 % interval of the difference", lambda d: d.low),
+    ("difference_ci_high", _FLOAT, "95 % interval of the difference", lambda d: d.high),
+    ("percent", _FLOAT, "difference in % of the first; of its damping, or half the force's range",
+     lambda d: d.percent),
+    ("percent_ci_low", _FLOAT, "95 % interval of percent", lambda d: d.percent_low),
+    ("percent_ci_high", _FLOAT, "95 % interval of percent", lambda d: d.percent_high),
+    ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1",
+     lambda d: d.chance),
+    ("verdict", _TEXT, "same, different or untold", lambda d: d.verdict.value),
+    ("is_sure", _TRUTH, "different even when the number of lines is allowed for",
+     lambda d: d.is_sure),
+    ("source", _TEXT, "model or measured", _source),
+    ("words", _TEXT, "the verdict in words", verdict_of),
+)  # fmt: skip
+_POINT_COLUMNS: _Columns = (
+    ("run", _TEXT, "whose force it is", lambda p: p.run),
+    ("setting", _TEXT, "adjuster setting", lambda p: str(p.setting)),
+    ("speed_m_per_s", _FLOAT, "positive; empty where a whole setting is missing",
+     lambda p: p.speed),
+    ("stroke", _TEXT, "rebound or bump", lambda p: p.stroke or None),
+    ("force_N", _FLOAT, "positive in rebound", lambda p: p.force),
+    ("low_N", _FLOAT, "lower edge of the band", lambda p: p.low),
+    ("high_N", _FLOAT, "upper edge of the band", lambda p: p.high),
+    ("margin_N", _FLOAT, "how far inside the band; negative: outside", lambda p: p.margin),
+    ("half_interval_N", _FLOAT, "half the 95 % interval of the force that is checked",
+     lambda p: p.reach),
+    ("source", _TEXT, "model or measured", _source),
+    ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated",
+     lambda p: p.is_met),
+    ("words", _TEXT, "the result in words", lambda p: p.words),
+)  # fmt: skip
+_NAMES = (("first", _TEXT, "the reference", str), ("second", _TEXT, "the run beside it", str))
 
 
 def comparison_rows(comparison: RunComparison) -> list[dict[str, Any]]:
     """Return the lines of a comparison as rows; what is not known is None."""
-    rows = []
-    for line in comparison.lines:
-        subject = line.subject
-        values = (
-            *(comparison.first.name, comparison.second.name, subject.kind, subject.name),
-            None if subject.setting is None else str(subject.setting),
-            *(subject.speed, subject.stroke or None, subject.unit),
-            *map(_finite, (line.first.value, line.second.value)),
-            *map(_finite, (line.difference, line.low, line.high)),
-            *map(_finite, (line.percent, line.percent_low, line.percent_high, line.chance)),
-            *(line.verdict.value, line.is_sure, "measured" if line.is_measured else "model"),
-            verdict_of(line),
-        )
-        rows.append(dict(zip((name for name, *_ in _COLUMNS), values, strict=True)))
-    return rows
+    names = {"first": comparison.first.name, "second": comparison.second.name}
+    return [names | row for row in _rows(comparison.lines, _COLUMNS)]
 
 
 def tolerance_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
     """Return forces held against bands as rows; what is not known is None."""
-    rows = []
-    for point in points:
-        values = (
-            *(point.run, str(point.setting), _finite(point.speed), point.stroke or None),
-            *map(_finite, (point.force, point.low, point.high, point.margin, point.reach)),
-            *("measured" if point.is_measured else "model", point.is_met, point.words),
-        )
-        rows.append(dict(zip((name for name, *_ in _POINT_COLUMNS), values, strict=True)))
-    return rows
+    return _rows(points, _POINT_COLUMNS)
+
+
+def _rows(things: Sequence[Any], columns: _Columns) -> list[dict[str, Any]]:
+    def cell(kind: pa.DataType, value: Any) -> Any:
+        if value is None or kind is _TRUTH:
+            return value
+        return str(value) if kind is _TEXT else _finite(value)
+
+    return [{name: cell(kind, get(one)) for name, kind, _, get in columns} for one in things]
 
 
 def _finite(value: float) -> float | None:
@@ -345,7 +345,7 @@ def _finite(value: float) -> float | None:
 
 def comparison_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     """Return rows of one or more comparisons as a table."""
-    return _table(rows, _COLUMNS)
+    return _table(rows, (*_NAMES, *_COLUMNS))
 
 
 def tolerance_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
@@ -353,8 +353,10 @@ def tolerance_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     return _table(rows, _POINT_COLUMNS)
 
 
-def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[_Described]) -> pa.Table:
-    fields = [pa.field(name, kind, metadata={"description": text}) for name, kind, text in columns]
+def _table(rows: Sequence[Mapping[str, Any]], columns: _Columns) -> pa.Table:
+    fields = [
+        pa.field(name, kind, metadata={"description": text}) for name, kind, text, _ in columns
+    ]
     return pa.Table.from_pylist([dict(row) for row in rows], schema=pa.schema(fields))
 
 
