@@ -114,6 +114,8 @@ _MOST_COMPARED = 4
 _FOLLOWED = 4
 # A screened candidate may promise so much more misfit, in logarithms, than would be a gain.
 _MARGIN = 0.05
+# One that promised so many times that to be worse is not screened again.
+_HOPELESS = 4.0
 # Candidates that are looked at beside all settings, of those that two settings show.
 _LOOKED_AT = 8
 _ROUNDS = 20
@@ -446,7 +448,9 @@ class _Search:
             if (ended := ended or self.with_ties(fit)) is not None:
                 refused.clear()
             elif (ended := self.followed(fit, smaller, above)) is None:
-                far = {w: one for w, one in known.items() if w not in refused_here}
+                hopeless = _HOPELESS * margin
+                left = {w for w, rise in above.items() if rise > hopeless} | refused_here
+                far = {w: one for w, one in known.items() if w not in left}
                 if (ended := self.followed(fit, far, above)) is None:
                     break
                 refused.clear()
@@ -489,7 +493,8 @@ class _Search:
         if len(fit.values) > len(pair) and candidates:
             few = self.screened(candidates, self.at(fit, pair, _ONE))
             above |= {words: rise for rise, words, _ in few}
-            candidates = {words: candidates[words] for _, words, _ in few[:_LOOKED_AT]}
+            near = (words for rise, words, _ in few[:_LOOKED_AT] if rise <= self.margin(fit))
+            candidates = {words: candidates[words] for words in near}
         screened = self.screened(candidates, fit)
         above |= {words: rise for rise, words, _ in screened}
         ends = []
