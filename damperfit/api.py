@@ -26,7 +26,13 @@ from damperfit.arguments import (
     starts_of,
     workers,
 )
-from damperfit.errors import ConfigurationError, DamperfitError, LogError, did_you_mean
+from damperfit.errors import (
+    ConfigurationError,
+    DamperfitError,
+    LogError,
+    blamed_on,
+    did_you_mean,
+)
 from damperfit.problem import Option, Words
 
 if TYPE_CHECKING:
@@ -331,6 +337,10 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
         ("start", "identification.start_values", None if is_open else start_values or None),
         is_law_open=is_open,
     )
+    if not is_open:  # the law that the logs choose may have what the declared model has not
+        for name in configuration.identification.untied:
+            with blamed_on(Option("untie")):
+                configuration.damper.quantity(name)
     procedure = configuration.identification.procedure
     if given.get("share") is not None and procedure != "joint":
         raise _usage(
