@@ -71,36 +71,25 @@ def clicks(forces: Sequence[Force]) -> tuple[Click, ...]:
 
 
 def _click(first: Force, second: Force, adjuster: str) -> Click:
+    def spread(ratio: float) -> float:
+        """Standard error of second - ratio first; NaN where one of both is not known."""
+        if len(first.carried) != len(second.carried):
+            return math.nan
+        own = math.hypot(second.rest, second.misfit, ratio * first.rest, ratio * first.misfit)
+        return math.hypot(own, *(second.carried - ratio * first.carried))
+
     change, damping = second.bare_force - first.bare_force, first.damping or math.nan
-    reach = NORMAL_95 * _spread(first, second, 1.0)
+    reach = NORMAL_95 * spread(1.0)
     if math.isfinite(reach):
         # What the logs leave open may be at one end here and at the other there.
         reach = max(reach, *first.undetermined, *second.undetermined)
     ratio = 1.0 + change / damping
     percent = 100.0 * (ratio - 1.0)
     # The first force is the denominator too: its error counts 1 + share times.
-    share = 100.0 * NORMAL_95 * _spread(first, second, ratio) / abs(damping)
-    return Click(
-        first.setting,
-        second.setting,
-        first.speed,
-        first.stroke,
-        change,
-        change - reach,
-        change + reach,
-        percent,
-        percent - share,
-        percent + share,
-        adjuster,
-    )
-
-
-def _spread(first: Force, second: Force, ratio: float) -> float:
-    """Return the standard error of second - ratio first; NaN where one of both is not known."""
-    if len(first.carried) != len(second.carried):
-        return math.nan
-    own = math.hypot(second.rest, second.misfit, ratio * first.rest, ratio * first.misfit)
-    return math.hypot(own, *(second.carried - ratio * first.carried))
+    share = 100.0 * NORMAL_95 * spread(ratio) / abs(damping)
+    of = (first.setting, second.setting, first.speed, first.stroke)
+    ends = (change, change - reach, change + reach)
+    return Click(*of, *ends, percent, percent - share, percent + share, adjuster)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,9 +109,8 @@ class Adjustment:
     @property
     def of_offset(self) -> tuple[str, ...]:
         """What became of the rigs' offsets in forces by setting; empty where there are none."""
-        sentence = offset_sentence(
-            [one.tare for one in self.forces], holds_gas=any(one.holds_gas for one in self.forces)
-        )
+        holds_gas = any(one.holds_gas for one in self.forces)
+        sentence = offset_sentence([one.tare for one in self.forces], holds_gas=holds_gas)
         return (f"forces by setting: {sentence}",) if sentence else ()
 
 
@@ -142,8 +130,9 @@ def compare_settings(
         return Adjustment()
     stages = [stage_of(fit, assessment) for fit in campaign.fits]
     reached = named_speeds(max(one.top_speed for one in stages), speeds)
+    measured = assessment.forces
     forces = credible_forces(
-        force_at(stages, damper, reached, measured=assessment.forces, on_error=on_error)
+        force_at(stages, damper, reached, measured=measured, on_error=on_error)
     )
     known = {one.setting: one for one in assessment.uncertainties}
     return Adjustment(find_trends(campaign.fits, known), forces, clicks(forces))

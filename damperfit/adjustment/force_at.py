@@ -18,6 +18,7 @@ K dtheta and a rest that is the setting's alone::
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -96,14 +97,6 @@ class Stage:
     def knows_offset(self) -> bool:
         """Whether an offset was found or given: one that is held at 0 tells of no tare."""
         return self.offset != 0.0 or any(name in self.names for name in self.offsets)
-
-    @property
-    def offset_error(self) -> float:
-        """Standard error of the offset by noise, N; 0 where it has none."""
-        at = [self.names.index(name) for name in self.offsets if name in self.names]
-        if self.covariance is None or not at:
-            return 0.0
-        return math.sqrt(max(float(self.covariance[np.ix_(at, at)].sum()), 0.0))
 
 
 def stage_of(fit: Fit, assessment: Assessment) -> Stage:
@@ -187,6 +180,11 @@ class Force:
     holds_gas: bool = False  # the model knows no gas: the offset holds it, and is in the force
 
     @property
+    def reach(self) -> float:
+        """Half the 95 % interval of noise and misfit, N."""
+        return NORMAL_95 * math.hypot(self.error, self.misfit)
+
+    @property
     def low(self) -> float:
         """Lower end of the 95 % interval, N."""
         return self.force - max(self.reach, self.undetermined[0])
@@ -195,11 +193,6 @@ class Force:
     def high(self) -> float:
         """Upper end of the 95 % interval, N."""
         return self.force + max(self.reach, self.undetermined[1])
-
-    @property
-    def reach(self) -> float:
-        """Half the 95 % interval of noise and misfit, N."""
-        return NORMAL_95 * math.hypot(self.error, self.misfit)
 
     @property
     def is_determined(self) -> bool:
@@ -327,6 +320,7 @@ def _forces_of(
     speeds: Sequence[float],
     by_stroke: Mapping[tuple[Setting, str], SpeedForces],
 ) -> list[Force]:
+    values, offsets = stage.parameters, stage.offsets
     places = [(speed, stroke) for speed in speeds for stroke in STROKES]
     tests = [by_stroke.get((stage.setting, stroke)) for _, stroke in places]
     picked = [
@@ -334,29 +328,27 @@ def _forces_of(
         for test, (speed, _) in zip(tests, places, strict=True)
     ]
     signed = [speed if stroke == STROKES[0] else -speed for speed, stroke in places]
-    curve = quasi_static(damper, stage.parameters, signed, sensitivities=stage.names)
-    is_offset = np.array([name in stage.offsets for name in stage.names], dtype=bool)[:, None]
-    rests, carried = _errors(stage, np.where(is_offset, 0.0, curve.slopes))
-    errors, whole_errors = (
-        np.hypot(own, np.linalg.norm(shared, axis=1))
-        for own, shared in (
-            _errors(stage, slopes)
-            for slopes in (curve.slopes, np.where(is_offset, 1.0, curve.slopes))
-        )
-    )
+    curve = quasi_static(damper, values, signed, sensitivities=stage.names)
+    is_offset = np.array([name in offsets for name in stage.names], dtype=bool)
+    rests, carried = _errors(stage, np.where(is_offset[:, None], 0.0, curve.slopes))
+    bare = np.hypot(rests, np.linalg.norm(carried, axis=1))
+    own, shared = _errors(stage, np.where(is_offset[:, None], 1.0, curve.slopes))
+    whole = np.hypot(own, np.linalg.norm(shared, axis=1))
     below, above = _undetermined(stage, damper, curve)
     bends = _bends(damper, stage, curve, picked)
-    tare_out = stage.offset if curve.knows_gas else 0.0
-    tare_error, tare_misfit = 0.0, 0.0
+    tare_out = tare_error = tare_misfit = 0.0
     if curve.knows_gas:
-        tare_error = stage.offset_error
-        tare_misfit = math.hypot(*(stage.misfits.get(name, 0.0) for name in stage.offsets))
+        tare_out = stage.offset
+        if stage.covariance is not None and is_offset.any():
+            variance = float(stage.covariance[np.ix_(is_offset, is_offset)].sum())
+            tare_error = math.sqrt(max(variance, 0.0))
+        tare_misfit = math.hypot(*(stage.misfits.get(name, 0.0) for name in offsets))
     # Error of the friction from the misfit, as a share of it.
-    seals = 0.0
-    for one in stage.parameters.quantities:
-        if one.is_friction:
-            size = abs(float(getattr(stage.parameters, one.name))) or 1.0
-            seals = max(seals, stage.misfits.get(one.name, 0.0) / size)
+    frictions = (one.name for one in values.quantities if one.is_friction)
+    seals = max(
+        (stage.misfits.get(n, 0.0) / (abs(float(getattr(values, n))) or 1.0) for n in frictions),
+        default=0.0,
+    )
     forces = []
     for k, ((speed, stroke), test, pick) in enumerate(zip(places, tests, picked, strict=True)):
         misfit = tare_misfit
@@ -370,7 +362,7 @@ def _forces_of(
                 speed,
                 stroke,
                 force=float(curve.forces[k]),
-                error=float(errors[k]),
+                error=float((bare if curve.knows_gas else whole)[k]),
                 rest=float(rests[k]),
                 carried=carried[k],
                 model_force=float(curve.forces[k]),
@@ -386,7 +378,7 @@ def _forces_of(
                 tare_out=tare_out,
                 tare_error=tare_error,
                 tare_misfit=tare_misfit,
-                whole_error=float(whole_errors[k]),
+                whole_error=float(whole[k]),
                 holds_gas=not curve.knows_gas,
             )
         )
@@ -445,13 +437,11 @@ def _undetermined(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray
     """
     spans = np.zeros((2, len(curve.speeds)))
     is_beyond = np.abs(curve.speeds) > (1.0 + REPEATS) * stage.top_speed
-    if not is_beyond.any():
-        return spans
-    speeds = curve.speeds[is_beyond]
-    for name, limits in stage.open_limits:
+    for name, limits in stage.open_limits if is_beyond.any() else ():
         for value in limits:
             values = stage.parameters.replace({name: value})
-            away = quasi_static(damper, values, speeds).forces - curve.forces[is_beyond]
+            there = quasi_static(damper, values, curve.speeds[is_beyond]).forces
+            away = there - curve.forces[is_beyond]
             spans[:, is_beyond] = np.maximum(spans[:, is_beyond], [-away, away])
     return spans
 
@@ -481,9 +471,9 @@ def credible_forces(forces: Sequence[Force]) -> tuple[Force, ...]:
     All settings there, so that a change from one to the next is of one kind; where one was not
     measured at that speed, they stay the model's.
     """
-    groups: dict[tuple[float, str], list[Force]] = {}
+    groups: dict[tuple[float, str], list[Force]] = defaultdict(list)
     for one in forces:
-        groups.setdefault((one.speed, one.stroke), []).append(one)
+        groups[one.speed, one.stroke].append(one)
     at = {
         key
         for key, group in groups.items()

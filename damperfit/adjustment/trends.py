@@ -78,26 +78,26 @@ _95_PERCENT = 0.05
 _WIDEST_RANGE = 200.0  # of settings; beyond it they are no clicks, and gaps are not filled
 _QUADRATIC_FROM = 6  # settings: three coefficients, three degrees of freedom
 
+# A curve and its fit
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Points:
+
+class Points(NamedTuple):
     """Values of one parameter over the settings, arrays of shape (n,)."""
 
     settings: FloatArray  # rising
     logs: FloatArray  # ln y
     errors: FloatArray  # standard errors of ln y
-    first: float  # ends of the adjuster's range, also of points kept from a larger set
-    last: float
+    ends: tuple[float, float]  # of the adjuster's range, also of points kept from a larger set
 
-    def __len__(self) -> int:
+    @property
+    def n(self) -> int:
+        """How many."""
         return len(self.settings)
 
     def without(self, places: Sequence[int]) -> Points:
         """Return the points but for those at some places."""
-        settings, logs, errors = (
-            np.delete(row, places) for row in (self.settings, self.logs, self.errors)
-        )
-        return Points(settings, logs, errors, self.first, self.last)
+        settings, logs, errors = (np.delete(row, places) for row in self[:3])
+        return Points(settings, logs, errors, self.ends)
 
 
 class Curve(NamedTuple):
@@ -117,11 +117,12 @@ class Curve(NamedTuple):
 
     def logs(self, settings: FloatArray) -> FloatArray:
         """Return ln y of the curve; NaN where a scale has no value."""
-        return _to_logs(self.scale, self.basis(settings) @ self.coefficients)
+        rows = _powers(settings, self.scale, self.degree, self.ends)
+        return _to_logs(self.scale, rows @ self.coefficients)
 
     def slopes(self, settings: FloatArray) -> FloatArray:
         """Return the derivative of ln y by the coefficients, shape (n, degree + 1)."""
-        rows = self.basis(settings)
+        rows = _powers(settings, self.scale, self.degree, self.ends)
         if self.scale not in _SIGN:
             return rows
         return (_SIGN[self.scale] / (rows @ self.coefficients))[:, None] * rows
@@ -133,10 +134,6 @@ class Curve(NamedTuple):
     def quantile(self, n: int) -> float:
         """Student's t that none of n steps exceeds by chance in 95 of 100 cases."""
         return student_quantile(max(self.freedom, 1), 1.0 - 0.5 * _95_PERCENT / n)
-
-    def basis(self, settings: FloatArray) -> FloatArray:
-        """Return the powers of the scaled setting, shape (n, degree + 1)."""
-        return _powers(settings, self.scale, self.degree, self.ends)
 
 
 def _powers(settings: FloatArray, scale: str, degree: int, ends: tuple[float, float]) -> FloatArray:
@@ -163,9 +160,8 @@ def _to_logs(scale: str, values: FloatArray) -> FloatArray:
 
 def fit_curve(points: Points, scale: str, degree: int) -> Curve:
     """Fit one curve by weighted least squares of relative residuals; tau is found from these."""
-    ends = (points.first, points.last)
-    rows = _powers(points.settings, scale, degree, ends)
-    freedom = len(points) - degree - 1
+    rows = _powers(points.settings, scale, degree, points.ends)
+    freedom = points.n - degree - 1
     # Values of one parameter may be 1e11; the level keeps every scale near one.
     level = float(np.mean(points.logs))
     logs = points.logs - level
@@ -184,7 +180,7 @@ def fit_curve(points: Points, scale: str, degree: int) -> Curve:
         coefficients, covariance = coefficients * factor, covariance * factor**2
     else:
         coefficients = coefficients + level * np.eye(degree + 1)[0]
-    return Curve(scale, coefficients, covariance, ends, tau, freedom)
+    return Curve(scale, coefficients, covariance, points.ends, tau, freedom)
 
 
 def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float:
@@ -211,6 +207,9 @@ def least_squares(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, Fl
     return np.asarray(inverse @ (q.T @ targets)), np.asarray(inverse @ inverse.T)
 
 
+# Which curve, and which settings are off it
+
+
 def choose(
     points: Points, families: Sequence[tuple[str, int]] | None = None
 ) -> tuple[Curve, tuple[int, ...]]:
@@ -218,17 +217,19 @@ def choose(
 
     It is chosen from scales and degrees, by default all that the number of settings allows.
     """
+    n = points.n
     if families is None:
-        highest = (len(points) - 1) // _SETTINGS_PER_DEGREE
         families = [("log", 0)]
-        families += [(s, d) for s in SCALES for d in range(1, min(highest, _HIGHEST[s]) + 1)]
+        for scale in SCALES:
+            highest = min((n - 1) // _SETTINGS_PER_DEGREE, _HIGHEST[scale])
+            families += [(scale, degree) for degree in range(1, highest + 1)]
     candidates = [
         (_criterion(points, curve, left_out), curve, left_out)
         for scale, degree in families
         for curve, left_out in _curves(points, scale, degree)
     ]
     for _, curve, left_out in sorted(candidates, key=lambda one: one[0]):
-        share = 1.0 - 0.5 * _FALSE_ALARM / len(points) / math.comb(len(points), len(left_out))
+        share = 1.0 - 0.5 * _FALSE_ALARM / n / math.comb(n, len(left_out))
         if all(
             _distance(points, curve, place) > student_quantile(curve.freedom, share)
             and _is_jump(points, curve, place, left_out)
@@ -240,7 +241,7 @@ def choose(
 
 def _curves(points: Points, scale: str, degree: int) -> Iterator[tuple[Curve, tuple[int, ...]]]:
     """Yield the best curve of a family for each number of settings left out."""
-    n = len(points)
+    n = points.n
     yield fit_curve(points, scale, degree), ()
     allowed = 0 if n < LEAST_FOR_OUTLIERS else 2 if n >= _LEAST_FOR_TWO else 1
     most = min(allowed, n - degree - 1 - _LEAST_FREEDOM)
@@ -264,8 +265,7 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     weights = 1.0 / np.sqrt(points.errors**2 + tau**2)
     if scale in _SIGN:  # weighed by the values themselves
         weights = weights / values
-    ends = (points.first, points.last)
-    rows = _powers(points.settings, scale, degree, ends) * weights[:, None]
+    rows = _powers(points.settings, scale, degree, points.ends) * weights[:, None]
     coefficients, covariance = least_squares(rows, values * weights)
     residuals = values * weights - rows @ coefficients
     left = np.eye(len(rows)) - rows @ covariance @ rows.T
@@ -286,7 +286,7 @@ def _criterion(points: Points, curve: Curve, left_out: Sequence[int]) -> float:
     variances = points.errors**2 + curve.scatter**2
     inside = kept.errors**2 + curve.scatter**2
     misfit = float(np.sum(np.log(variances)) + np.sum(residuals**2 / inside))
-    cost = math.log(len(points)) * (curve.degree + 2 + _OUTLIER_COST * len(left_out))
+    cost = math.log(points.n) * (curve.degree + 2 + _OUTLIER_COST * len(left_out))
     if curve.degree:
         cost += 2.0 * math.log(len(SCALES))
     return misfit + cost if math.isfinite(misfit + cost) else math.inf
@@ -299,22 +299,19 @@ def _is_jump(points: Points, curve: Curve, place: int, left_out: Sequence[int]) 
     polynomial on any scale. There the third divided difference of ln y grows from setting to
     setting, threefold at most with ln; at a jump it comes from nothing.
     """
-    kept = [k for k in range(len(points)) if k not in left_out]
+
+    def third_difference(settings: FloatArray, values: FloatArray) -> float:
+        for k in range(1, 4):
+            values = np.diff(values) / (settings[k:] - settings[:-k])
+        return abs(float(values[0]))
+
+    kept = [k for k in range(points.n) if k not in left_out]
     if kept[0] < place < kept[-1] or len(kept) < 4:
         return True
-    settings = points.settings[kept[:4] if place < kept[0] else kept[:-5:-1]]
-    smooth = curve.logs(settings)
-    own = _third_difference(
-        np.append(points.settings[place], settings[:3]), np.append(points.logs[place], smooth[:3])
-    )
-    return abs(own) > _STEEPENING * abs(_third_difference(settings, smooth))
-
-
-def _third_difference(settings: FloatArray, values: FloatArray) -> float:
-    """Divided difference of four values."""
-    for k in range(1, 4):
-        values = np.diff(values) / (settings[k:] - settings[:-k])
-    return float(values[0])
+    beside = points.settings[kept[:4] if place < kept[0] else kept[:-5:-1]]
+    smooth = curve.logs(beside)
+    own = np.append(points.settings[place], beside[:3]), np.append(points.logs[place], smooth[:3])
+    return third_difference(*own) > _STEEPENING * third_difference(beside, smooth)
 
 
 def _distance(points: Points, curve: Curve, place: int) -> float:
@@ -324,6 +321,9 @@ def _distance(points: Points, curve: Curve, place: int) -> float:
     own = float(curve.errors_of(curve.slopes(at))[0])
     variance = float(points.errors[place]) ** 2 + curve.scatter**2 + own**2
     return distance / math.sqrt(variance) if math.isfinite(distance) else 0.0
+
+
+# The trend of a parameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,58 +386,44 @@ def find_trends(
     an interval does not count.
     """
     own = {Status.FITTED, Status.AT_BOUND, Status.NOT_IDENTIFIABLE}
-    quantities = fits[0].parameters.quantities if fits else ()
-    followed = [
-        one
-        for one in quantities
-        if one.is_logarithmic and any(fit.status[one.name] in own for fit in fits)
-    ]
     trends = []
     for line in lines_of(fit.setting for fit in fits):
-        for quantity in followed:
-            rows = []
+        for quantity in fits[0].parameters.quantities:
+            name, rows = quantity.name, []
+            if not quantity.is_logarithmic or all(fit.status[name] not in own for fit in fits):
+                continue
             for fit in fits:
                 known = uncertainties.get(fit.setting)
-                interval = known.intervals.get(quantity.name) if known else None
-                value = getattr(fit.parameters, quantity.name)
-                if (
-                    fit.status[quantity.name] != Status.FITTED
-                    or interval is None
-                    or not value > 0.0
-                ):
-                    continue
-                if fit.setting in line.numbers and math.isfinite(interval.error):
+                interval = known.intervals.get(name) if known else None
+                value = getattr(fit.parameters, name)
+                is_fitted = fit.status[name] == Status.FITTED and fit.setting in line.numbers
+                if is_fitted and interval and math.isfinite(interval.error) and value > 0.0:
                     number = line.numbers[fit.setting]
                     rows.append((number, math.log(value), interval.error / value))
             rows.sort()
             settings, logs, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
             ends = (settings[0], settings[-1]) if rows else (0.0, 0.0)
-            trends.append(_trend(quantity, Points(settings, logs, errors, *ends), line))
+            trends.append(_trend(quantity, Points(settings, logs, errors, ends), line))
     return tuple(trends)
 
 
 def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
-    if len(points) < LEAST_FOR_TREND:
-        n = len(points)
+    n = points.n
+    if n < LEAST_FOR_TREND:
         count = f"{n} setting{'' if n == 1 else 's'} with a sound value"
-        sentence = f"{quantity.symbol}: {count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
+        why = f"{count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
         if not line.numbers:
-            sentence = f"{quantity.symbol}: the settings are words, along which there is no trend"
-        nan = math.nan
-        if line.held:
-            sentence = f"{sentence}, along {line.adjuster} with {line.held}"
-        return Trend(
-            *(quantity.name, None, None, nan, False, None, None, (), (), False, (), sentence),
-            adjuster=line.adjuster,
-            held=line.held,
-        )
+            why = "the settings are words, along which there is no trend"
+        along = f", along {line.adjuster} with {line.held}" if line.held else ""
+        nothing = (None, None, math.nan, False, None, None, (), (), False, ())
+        sentence = f"{quantity.symbol}: {why}{along}"
+        return Trend(quantity.name, *nothing, sentence, line.adjuster, line.held)
     families = None
     if quantity.trend_degree is not None:
-        degree = quantity.trend_degree if len(points) >= _QUADRATIC_FROM else 1
+        degree = quantity.trend_degree if n >= _QUADRATIC_FROM else 1
         families = [("linear", min(degree, quantity.trend_degree))]
     curve, left_out = choose(points, families)
-    kept = points.without(left_out)
-    outliers = []
+    kept, outliers = points.without(left_out), []
     for at, log in zip(points.settings[[*left_out]], points.logs[[*left_out]], strict=True):
         value, expected = math.exp(log), float(_exp(curve.logs(np.array([at])))[0])
         outliers.append(Outlier(_clicks(at), value, expected, value / expected - 1.0))
@@ -449,7 +435,12 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     if not quantity.is_open:
         allowed = LEAST_SCATTER if is_wild else _usual_scatter(kept, curve)
         if direction == "mixed" or (is_wild and direction == "flat"):
-            direction = _direction_of_values(points, curve, allowed)
+            # By the values themselves: a curve may turn about a kink where no value does.
+            first, second = np.triu_indices(n, 1)
+            variances = points.errors**2 + allowed**2
+            spread = np.sqrt(variances[first] + variances[second])
+            steps = points.logs[second] - points.logs[first]
+            direction = _way(steps, curve.quantile(len(steps)) * spread)
     reversals = _reversals(points, curve, direction, allowed)
     has_direction = not quantity.is_open or curve.scatter <= _TOO_UNCERTAIN
     if direction == "flat" and math.hypot(curve.scatter, own) > _TOO_UNCERTAIN:
@@ -466,13 +457,13 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         monotone=monotone,
         reversals=reversals,
         outliers=tuple(outliers),
-        outliers_judged=len(points) >= LEAST_FOR_OUTLIERS and not is_mixed_up,
+        outliers_judged=n >= LEAST_FOR_OUTLIERS and not is_mixed_up,
         points=_curve_points(points, curve),
         sentence="",
         adjuster=line.adjuster,
         held=line.held,
     )
-    return replace(trend, sentence=_sentence(trend, quantity, own, len(points)))
+    return replace(trend, sentence=_sentence(trend, quantity, own, n))
 
 
 def _direction(curve: Curve, settings: FloatArray) -> str:
@@ -490,26 +481,13 @@ def _way(steps: FloatArray, reach: FloatArray) -> str:
     return "mixed" if rises and falls else "rising" if rises else "falling" if falls else "flat"
 
 
-def _direction_of_values(points: Points, curve: Curve, scatter: float) -> str:
-    """Which way the values themselves go: a curve may turn about a kink where no value does."""
-    first, second = np.triu_indices(len(points), 1)
-    variances = points.errors**2 + scatter**2
-    steps = points.logs[second] - points.logs[first]
-    reach = curve.quantile(len(steps)) * np.sqrt(variances[first] + variances[second])
-    return _way(steps, reach)
-
-
 def _usual_scatter(kept: Points, curve: Curve) -> float:
     """Return the scatter of most settings: a few that were swapped must not excuse themselves."""
-    if len(kept) < _USUAL_FROM:
+    if kept.n < _USUAL_FROM:
         return curve.scatter
     middle = median(np.abs(kept.logs - curve.logs(kept.settings))) / _MEDIAN_OF_NORMAL
-    square = middle**2 * len(kept) / curve.freedom - median(kept.errors) ** 2
+    square = middle**2 * kept.n / curve.freedom - median(kept.errors) ** 2
     return min(curve.scatter, math.sqrt(max(square, LEAST_SCATTER**2)))
-
-
-def _clicks(number: float) -> int | float:
-    return int(number) if float(number).is_integer() else float(number)
 
 
 def _reversals(
@@ -541,6 +519,10 @@ def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
     )
 
 
+def _clicks(number: float) -> int | float:
+    return int(number) if float(number).is_integer() else float(number)
+
+
 def _exp(logs: FloatArray) -> FloatArray:
     with np.errstate(over="ignore"):
         return np.asarray(np.exp(logs))
@@ -558,9 +540,8 @@ _ON = {
 
 def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
     """Direction and range, scatter, outliers, reversals."""
-    assert trend.degree is not None
-    first, last = trend.points[0], trend.points[-1]
-    by = "the setting" if trend.adjuster == ADJUSTER else trend.adjuster
+    first, last, adjuster = trend.points[0], trend.points[-1], trend.adjuster
+    by = "the setting" if adjuster == ADJUSTER else adjuster
     words = {
         "rising": f"rises with {by}",
         "falling": f"falls with {by}",
@@ -570,30 +551,25 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
     }[trend.direction]
     if trend.direction == "flat" and trend.degree == 0:
         words = f"does not change with {by}"
-    kind = f"{_DEGREE_NAMES[trend.degree]}{_ON[trend.scale or 'linear'] if trend.degree else ''}"
+    kind = f"{_DEGREE_NAMES[trend.degree or 0]}{_ON[trend.scale or ''] if trend.degree else ''}"
     unit = f" {quantity.unit}" if quantity.unit else ""
     said = (
-        f"{quantity.symbol} {words}, {engineering(first.value)}{unit} at {trend.adjuster} "
+        f"{quantity.symbol} {words}, {engineering(first.value)}{unit} at {adjuster} "
         f"{first.setting}, {engineering(last.value)}{unit} at {last.setting} ({kind})"
     )
     if trend.held:
         said += f" with {trend.held}"
     scatter = f"{100.0 * trend.scatter:.2g} %"
-    if trend.is_erratic:
-        said += (
-            f"; it is erratic: it scatters by {scatter} from {trend.adjuster} to {trend.adjuster}, "
-            f"{trend.scatter / own:.0f} times its own error"
-        )
-    else:
-        said += f", within {scatter}"
+    said += f", within {scatter}" if not trend.is_erratic else (
+        f"; it is erratic: it scatters by {scatter} from {adjuster} to {adjuster}, "
+        f"{trend.scatter / own:.0f} times its own error"
+    )  # fmt: skip
     for one in trend.outliers:
-        said += (
-            f"; {trend.adjuster} {one.setting} is off the trend by {100.0 * one.deviation:+.1f} %"
-        )
+        said += f"; {adjuster} {one.setting} is off the trend by {100.0 * one.deviation:+.1f} %"
     if trend.reversals:
         pairs = [f"{a} to {b}" for a, b in trend.reversals]
         more = f" and {len(pairs) - _MOST_PAIRS} more" if len(pairs) > _MOST_PAIRS else ""
-        said += f"; against the trend from {trend.adjuster} {', '.join(pairs[:_MOST_PAIRS])}{more}"
+        said += f"; against the trend from {adjuster} {', '.join(pairs[:_MOST_PAIRS])}{more}"
     if n < LEAST_FOR_OUTLIERS:
         said += f"; too few settings to find one off the trend ({LEAST_FOR_OUTLIERS} are needed)"
     elif not trend.outliers_judged:

@@ -141,30 +141,13 @@ def which_setting(
     They are looked for along a line of two settings or more, by default that of the only adjuster.
     """
     along = line or lines_of(one.setting for one in forces)[0]
-    wanted = _wanted([one for one in forces if one.setting in along.numbers], force, along)
-    if not wanted.answers:
-        measured = [one.as_measured for one in forces if one.measured is not None]
-        measured = [one for one in measured if one.setting in along.numbers]
-        if len(measured) > 1 and (as_measured := _wanted(measured, force, along)).answers:
-            return as_measured
+    mine = [one for one in forces if one.setting in along.numbers]
+    wanted = _Curve(mine, along).wanted(force)
+    measured = [one.as_measured for one in mine if one.measured is not None]
+    if not wanted.answers and len(measured) > 1:
+        as_measured = _Curve(measured, along).wanted(force)
+        return as_measured if as_measured.answers else wanted
     return wanted
-
-
-def _wanted(forces: Sequence[Force], force: float, line: SettingLine) -> Wanted:
-    curve = _Curve(forces, line)
-    by_strength = sorted(forces, key=lambda one: one.force * (-1.0 if one.stroke == "bump" else 1))
-    weakest, hardest = by_strength[0], by_strength[-1]
-    return Wanted(
-        force=force,
-        speed=weakest.speed,
-        stroke=weakest.stroke,
-        answers=tuple(curve.answer(position, force) for position in curve.positions(force)),
-        weakest=(weakest.setting, weakest.force),
-        hardest=(hardest.setting, hardest.force),
-        adjuster=line.adjuster,
-        held=line.held,
-        origin=weakest.origin,
-    )
 
 
 class _Curve:
@@ -173,12 +156,30 @@ class _Curve:
     def __init__(self, forces: Sequence[Force], line: SettingLine) -> None:
         from scipy.interpolate import PchipInterpolator
 
-        ordered = sorted(forces, key=lambda one: line.numbers[one.setting])
-        self.settings = [one.setting for one in ordered]
-        self.places = np.array([line.numbers[one.setting] for one in ordered])
-        self.forces = np.array([one.force for one in ordered])
-        self.reaches = np.array([max(one.high - one.force, one.force - one.low) for one in ordered])
+        self.line, self.ordered = line, sorted(forces, key=lambda one: line.numbers[one.setting])
+        self.places = np.array([line.numbers[one.setting] for one in self.ordered])
+        self.forces = np.array([one.force for one in self.ordered])
+        reaches = [max(one.high - one.force, one.force - one.low) for one in self.ordered]
+        self.reaches = np.array(reaches)
         self.cubic = PchipInterpolator(self.places, self.forces)
+
+    def wanted(self, force: float) -> Wanted:
+        """Answer where the curve has a force, else a setting that has it within its interval."""
+        sign = -1.0 if self.ordered[0].stroke == "bump" else 1.0
+        weakest, *_, hardest = sorted(self.ordered, key=lambda one: sign * one.force)
+        exact = [*self.places[self.forces == force].tolist(), *self.crossings(force)]
+        near = self.places[np.abs(self.forces - force) <= self.reaches].tolist()
+        return Wanted(
+            force=force,
+            speed=weakest.speed,
+            stroke=weakest.stroke,
+            answers=tuple(self.answer(position, force) for position in sorted(exact or near)),
+            weakest=(weakest.setting, weakest.force),
+            hardest=(hardest.setting, hardest.force),
+            adjuster=self.line.adjuster,
+            held=self.line.held,
+            origin=weakest.origin,
+        )
 
     def crossings(self, *forces: float) -> list[float]:
         """Every place between settings where the curve passes one of the forces."""
@@ -192,11 +193,6 @@ class _Curve:
                 roots.append(float(brentq(lambda at, f=force: float(self.cubic(at)) - f, *ends)))
         return roots
 
-    def positions(self, force: float) -> list[float]:
-        """Where the curve has the force, else a setting that has it within its interval."""
-        exact = [*self.places[self.forces == force].tolist(), *self.crossings(force)]
-        return sorted(exact or self.places[np.abs(self.forces - force) <= self.reaches].tolist())
-
     def answer(self, position: float, force: float) -> Answer:
         """Return what stands beside a position of the curve, and its interval."""
         above = int(np.searchsorted(self.places, position))
@@ -207,17 +203,19 @@ class _Curve:
         low = high = math.nan
         if math.isfinite(reach):
             if gap > 1.0:
-                reach += 4.0 * share * (1.0 - share) * self._bend(below, gap)
+                reach += 4.0 * share * (1.0 - share) * self.bend(below, gap)
             has_curve = len(self.places) > 2 or gap <= 1.0  # two settings tell none
             edges = self.crossings(force - reach, force + reach) if has_curve else []
             low = max((s for s in edges if s < position), default=float(self.places[0]))
             high = min((s for s in edges if s > position), default=float(self.places[-1]))
         nearest = min(below, above, key=lambda k: abs(self.forces[k] - force))
-        closest, first, second = (Setting.of(self.settings[k]) for k in (nearest, below, above))
+        closest, first, second = (
+            Setting.of(self.ordered[k].setting) for k in (nearest, below, above)
+        )
         ends = float(self.forces[below]), float(self.forces[above])
         return Answer(position, low, high, closest, first, second, *ends)
 
-    def _bend(self, below: int, gap: float) -> float:
+    def bend(self, below: int, gap: float) -> float:
         """How far the force may lie from the curve in the middle of a gap, N: see the top."""
         shares = np.linspace(0.0, 1.0, 41)
         bends = []

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from damperfit.uncertainty.assessment import *  # noqa: F403
     from damperfit.uncertainty.covariance import *  # noqa: F403
-    from damperfit.uncertainty.flaws import Hint as Hint
     from damperfit.uncertainty.grades import *  # noqa: F403
     from damperfit.uncertainty.linearisation import *  # noqa: F403
     from damperfit.uncertainty.options import *  # noqa: F403
@@ -24,14 +23,13 @@ if TYPE_CHECKING:
 _NAMES = {
     "assessment": "METHOD Assessment assess profile_campaign",
     "covariance": "GasContent Interval Uncertainty uncertainties",
-    "flaws": "Hint",
     "grades": "Objection objections",
-    "linearisation": "Linearisation LogLinearisation linearise_at_fit linearise_settings",
+    "linearisation": "linearise_settings",
     "options": "HoldOutOptions check_profile_names",
     "prediction": "Prediction SegmentRange missed_predictions predict prediction_warnings "
     "split_cycles",
-    "profiles": "Bench MisfitProfile ProfilePoint Stride",
-    "residuals": "Diagnosis diagnose",
+    "profiles": "Bench MisfitProfile",
+    "residuals": "Diagnosis",
     "speed_forces": "SpeedForces",
     "verdicts": "reconsider",
 }

@@ -24,14 +24,12 @@ from damperfit.uncertainty.options import check_profile_names
 from damperfit.uncertainty.profiles import (
     Bench,
     MisfitProfile,
-    ProfileLine,
     Stride,
     doubtful_profiles,
     is_doubtful,
+    profile_at,
     profile_jointly,
-    profile_lines,
     shared_limits,
-    trace_profile,
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose, group_warning, reconciled
 from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
@@ -58,14 +56,6 @@ if TYPE_CHECKING:
 
 # Of an MSE in per cent: a misfit of 1 % of the force.
 _MATTERS = 0.01
-
-__all__ = [
-    "METHOD",
-    "Assessment",
-    "assess",
-    "profile_campaign",
-]
-
 # A jackknife over 15 cycles scatters by a fifth; below this it misses something.
 _BLIND = 0.4
 
@@ -79,42 +69,39 @@ METHOD = (
 
 @dataclass(frozen=True, eq=False)  # no slots: what is asked for by each setting is kept
 class Assessment:
-    """How far the numbers of a campaign may be trusted; by rising setting.
+    """How far the numbers of a campaign may be trusted; by rising setting."""
 
-    Attributes
-    ----------
-    uncertainties : tuple of Uncertainty
-        Errors, intervals, correlations.
-    diagnoses : tuple of Diagnosis
-        What the residuals say.
-    profiles : tuple of MisfitProfile
-        Of the parameters that were in doubt, and of those asked for (see `profile_campaign`).
-    gas : GasContent or None
-        The gas content that K_e follows from, in a joint fit that asked for it.
-    forces : tuple of SpeedForces
-        Measured forces over speed, and what the model misses there.
-    objections : mapping of Setting to tuple of Objection
-        Why grades are withheld: `damperfit.uncertainty.grades.objections`.
-    apart : tuple of Problem
-        A log whose clock or stroke is off those of all others.
-    """
-
-    uncertainties: tuple[Uncertainty, ...] = ()
-    diagnoses: tuple[Diagnosis, ...] = ()
+    uncertainties: tuple[Uncertainty, ...] = ()  # errors, intervals, correlations
+    diagnoses: tuple[Diagnosis, ...] = ()  # what the residuals say
+    # Of the parameters that were in doubt, and of those asked for (see `profile_campaign`).
     profiles: tuple[MisfitProfile, ...] = ()
-    gas: GasContent | None = None
-    forces: tuple[SpeedForces, ...] = ()
+    gas: GasContent | None = None  # what K_e follows from, in a joint fit that asked for it
+    forces: tuple[SpeedForces, ...] = ()  # measured over speed, and what the model misses there
+    # Why grades are withheld: `damperfit.uncertainty.grades.objections`.
     objections: Mapping[Setting, tuple[Objection, ...]] = field(default_factory=dict)
-    apart: tuple[Problem, ...] = ()
+    apart: tuple[Problem, ...] = ()  # a log whose clock or stroke is off those of all others
 
     @cached_property
     def _known(self) -> dict[Setting, Uncertainty]:
         return {one.setting: one for one in self.uncertainties}
 
+    def uncertainty(self, setting: Setting) -> Uncertainty | None:
+        """Return the errors of a setting; None where none are known."""
+        return self._known.get(setting)
+
     def profile(self, setting: Setting, name: str) -> MisfitProfile | None:
         """Return the closest finished profile of a parameter at a setting, if there is one."""
         mine = [p for p in self.profiles if (p.setting, p.name) == (setting, name)]
         return max(mine, key=lambda p: (p.is_complete, len(p.points)), default=None)
+
+    def telling(self, setting: Setting) -> dict[str, MisfitProfile]:
+        """Return the profiles that speak of a setting: its own, and R_m3's from its source."""
+        found = {p.name: p for p in self.profiles if p.name == TAKEN and p.is_shared}
+        for name in {p.name for p in self.profiles}:
+            own = self.profile(setting, name)
+            if own is not None and not own.is_partial:
+                found[name] = own
+        return found
 
     def limits(self, setting: Setting, name: str) -> tuple[float | None, float | None]:
         """Return the 95 % limits to print, SI; None where the logs set none.
@@ -122,8 +109,7 @@ class Assessment:
         Those of the covariances, or of the profile where the quadratic approximation was in doubt
         or the profile is flat. A profile follows noise: with a misfit the wider limits hold.
         """
-        profile = self.telling(setting).get(name)
-        errors = self._known.get(setting)
+        profile, errors = self.telling(setting).get(name), self.uncertainty(setting)
         known = None if errors is None else errors.intervals.get(name)
         if profile is not None and (
             profile.is_flat or (profile.is_complete and profile.is_doubtful)
@@ -145,7 +131,7 @@ class Assessment:
             least, most = fit.parameters.quantity(name).plausible
             low = None if low is None or low < least else low
             high = None if high is None or high > most else high
-            errors = self._known.get(fit.setting)
+            errors = self.uncertainty(fit.setting)
             above = math.inf if errors is None else errors.unopened.get(name, math.inf)
             low = above if low is None and above < getattr(fit.parameters, name) else low
         return low, high
@@ -180,15 +166,6 @@ class Assessment:
     def undetermined(self, campaign: Campaign) -> tuple[Problem, ...]:
         """Return the part of the doubts on parameters at a bound or not identifiable."""
         return undetermined(campaign, self)
-
-    def telling(self, setting: Setting) -> dict[str, MisfitProfile]:
-        """Return the profiles that speak of a setting: its own, and R_m3's from its source."""
-        found = {p.name: p for p in self.profiles if p.name == TAKEN and p.is_shared}
-        for name in {p.name for p in self.profiles}:
-            own = self.profile(setting, name)
-            if own is not None and not own.is_partial:
-                found[name] = own
-        return found
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
@@ -232,9 +209,8 @@ class Assessment:
         quiet = [d for d in self.diagnoses if not d.is_structured and d not in single]
         if quiet:
             least = min(100.0 * d.noise_percent / max(d.mse_percent, 1e-300) for d in quiet)
-            where = of_settings(d.setting for d in quiet)
             said.append(
-                f"{where}: no misfit repeats from cycle to "
+                f"{of_settings(d.setting for d in quiet)}: no misfit repeats from cycle to "
                 f"cycle; noise makes up {least:.0f} % of the MSE or more"
             )
         said.extend(f"setting {d.setting}: {d.sentence}" for d in single)
@@ -265,10 +241,9 @@ def _with_hidden_friction(
     place, amount = hidden_friction(known)
     if others or len(known) < len(found) or not amount:
         return linearised, ()
-    pulls = [amount * friction.pulls[place] for friction in known]
     linearised = [
-        replace(one, flawed={name: pull, **one.flawed})
-        for one, pull in zip(linearised, pulls, strict=True)
+        replace(one, flawed={name: amount * friction.pulls[place], **one.flawed})
+        for one, friction in zip(linearised, known, strict=True)
     ]
     if named:
         return linearised, ()
@@ -311,7 +286,8 @@ def assess(
         Told of a setting and the error that judging it has met; without it such an error is raised.
     """
     frictions = tuple(one.name for one in damper.quantities if one.is_friction)
-    doubted = frictions if campaign.sharing.friction_varies else ()
+    sharing = campaign.sharing
+    doubted = frictions if sharing.friction_varies else ()
     take = None if on_error is None else told_here(on_error)
 
     def alone(fit: Fit) -> _Alone | None:
@@ -327,36 +303,29 @@ def assess(
 
     each = apart(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
     found = [one for one in each if one is not None]
-    diagnoses = [one.diagnosis for one in found]
-    forces = tuple(force for one in found for force in one.forces)
-    linearised, told_together = _with_hidden_friction(found)
-    errors = uncertainties(linearised, campaign.sharing, on_error=on_error)
-    judged = {one.setting for one in errors}
-    all_settings = linearised
-    linearised = [one for one in linearised if one.fit.setting in judged]
-    diagnoses = [one for one in diagnoses if one.setting in judged]
-    known = with_least_openings(errors, all_settings, campaign.sharing, damper)
+    everywhere, told_together = _with_hidden_friction(found)
+    errors = uncertainties(everywhere, sharing, on_error=on_error)
+    known = {one.setting: one for one in with_least_openings(errors, everywhere, sharing, damper)}
+    linearised = [one for one in everywhere if one.fit.setting in known]
     bench = Bench(damper, solver, cancelled, jobs)
 
-    def doubtful(pair: tuple[Linearisation, Uncertainty]) -> tuple[MisfitProfile, ...]:
-        with sparing(pair[1].setting, on_error), suppress(SimulationError, FitCancelledError):
-            return doubtful_profiles(*pair, campaign.sharing, bench)
+    def doubtful(one: Linearisation) -> tuple[MisfitProfile, ...]:
+        setting = one.fit.setting
+        with sparing(setting, on_error), suppress(SimulationError, FitCancelledError):
+            return doubtful_profiles(one, known[setting], sharing, bench)
         return ()
 
     with executor(jobs) as pool, one_blas_thread():
-        pairs = zip(linearised, known, strict=True)
-        profiles = tuple(p for several in pool.map(doubtful, pairs) for p in several)
-    by_setting = {one.setting: one for one in known}
-    profiles += tuple(shared_limits(linearised, by_setting, campaign.sharing, bench))
+        profiles = tuple(p for several in pool.map(doubtful, linearised) for p in several)
     return Assessment(
-        uncertainties=known,
-        diagnoses=reconciled(diagnoses),
-        profiles=profiles,
-        gas=gas_content(linearised, campaign.sharing),
-        forces=forces,
+        uncertainties=tuple(known.values()),
+        diagnoses=reconciled(one.diagnosis for one in found if one.diagnosis.setting in known),
+        profiles=(*profiles, *shared_limits(linearised, known, sharing, bench)),
+        gas=gas_content(linearised, sharing),
+        forces=tuple(force for one in found for force in one.forces),
         apart=(
             *motions_apart(campaign),
-            *shared_apart(linearised, campaign.sharing),
+            *shared_apart(linearised, sharing),
             *told_together,
         ),
     )
@@ -378,10 +347,8 @@ def profile_campaign(
 
     Parameters
     ----------
-    campaign : Campaign
-        The fits.
-    assessment : Assessment
-        Their errors.
+    campaign, assessment : Campaign, Assessment
+        The fits and their errors.
     bench : Bench
         Damper, solver, threads, cancellation.
     names : sequence of str
@@ -397,9 +364,8 @@ def profile_campaign(
         A name is not known.
     """
     check_profile_names(names, bench.damper.names)
-    known = {one.setting: one for one in assessment.uncertainties}
+    sharing, known = campaign.sharing, {one.setting: one for one in assessment.uncertainties}
     judged = tuple(fit for fit in campaign.fits if fit.setting in known)
-    campaign = replace(campaign, fits=judged)
     structured = {one.setting for one in assessment.diagnoses if one.is_structured}
 
     def seen(fit: Fit) -> list[Linearisation]:
@@ -408,38 +374,33 @@ def profile_campaign(
         return [one.summed(is_structured=fit.setting in structured) for one in found]
 
     each = apart(seen, judged, jobs=bench.jobs, known=(*judged, bench.damper))
-    linearised = [one for few in each for one in few]
-    mine = {one.fit.setting: one for one in linearised}
-    sharing = campaign.sharing
+    linearised = {one.fit.setting: one for few in each for one in few}
     found: list[MisfitProfile] = []
 
-    def one(line: ProfileLine) -> MisfitProfile | None:
-        with sparing(line.setting, on_error), suppress(SimulationError, FitCancelledError):
-            return trace_profile(line, stride)
+    def traced(name: str, one: Linearisation) -> MisfitProfile | None:
+        setting = one.fit.setting
+        with sparing(setting, on_error), suppress(SimulationError, FitCancelledError):
+            return profile_at(name, one, known[setting], sharing, bench, stride)
         return None
+
+    def together(name: str) -> None:
+        for unknown in (one for one in sharing.unknowns if one.name == name):
+            first = next(one for one in sharing.settings if unknown.holds_at(one))
+            with sparing(first, on_error), suppress(SimulationError, FitCancelledError):
+                every = list(linearised.values())
+                for one in profile_jointly(
+                    unknown, every, known[first], sharing, bench, stride=stride
+                ):
+                    fit = linearised[one.setting].fit
+                    is_so = is_doubtful(name, fit, known[one.setting])
+                    found.append(replace(one, is_doubtful=is_so))
 
     with executor(bench.jobs) as pool, one_blas_thread():
         for name in dict.fromkeys(names):
-            traced: tuple[MisfitProfile, ...] = ()
             if name in sharing.jointly:
-                for unknown in (one for one in sharing.unknowns if one.name == name):
-                    lowest = next(one for one in sharing.settings if unknown.holds_at(one))
-                    with sparing(lowest, on_error), suppress(SimulationError, FitCancelledError):
-                        traced += profile_jointly(
-                            unknown, linearised, known[lowest], sharing, bench, stride=stride
-                        )
-            else:
-                lines = profile_lines(name, mine, known, sharing, bench)
-                traced = tuple(p for p in pool.map(one, lines) if p is not None)
-            found.extend(
-                replace(
-                    profile,
-                    is_shared=name in sharing.found,
-                    is_partial=sharing.is_mean(name),
-                    is_doubtful=is_doubtful(
-                        name, mine[profile.setting].fit, known[profile.setting]
-                    ),
-                )
-                for profile in traced
-            )
+                together(name)
+                continue
+            settings = [linearised[setting] for setting in sorted(linearised)]
+            profiles = pool.map(lambda one, name=name: traced(name, one), settings)
+            found.extend(one for one in profiles if one is not None)
     return replace(assessment, profiles=(*assessment.profiles, *found))

@@ -19,7 +19,8 @@ autocovariance c over the whole stretch knows better how strong the noise is::
 
 It takes the noise to be alike everywhere; `larger` of both, direction by direction, errs least.
 
-Numbers with the autocorrelation rho are worth n / (2 sum of rho^2 - 1) independent ones.
+Numbers with the autocorrelation rho are worth n / (2 sum of rho^2 - 1) independent ones. Lags and
+lengths are in samples, matrices (k, k) and positive semi-definite.
 """
 
 from __future__ import annotations
@@ -41,19 +42,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "autocorrelation",
-    "correlation_length",
-    "cycle_covariance",
-    "independent",
-    "independent_samples",
-    "larger",
-    "score_covariance",
-    "stationary_covariance",
-    "sums_by_cycle",
-    "widening",
-]
 
 # A sample autocorrelation within this many of its standard errors counts as none.
 _NO_CORRELATION = 2.5
@@ -99,15 +87,10 @@ def _behind(sections: bytes, n: int, is_zero_phase: bool) -> FloatArray:  # noqa
 
 
 def correlation_length(residuals: FloatArray, *, longest: int) -> int:
-    """Return the lag, in samples, beyond which the residuals are not correlated.
+    """Return the lag beyond which residuals are not correlated.
 
-    Parameters
-    ----------
-    residuals : numpy.ndarray
-        Shape (n,).
-    longest : int
-        What to return when the correlation does not end before: a misfit that repeats with every
-        cycle never does.
+    `longest` where the correlation does not end before, as that of a misfit that repeats with every
+    cycle never does.
     """
     n = len(residuals)
     longest = max(1, min(longest, n // 4))
@@ -122,20 +105,7 @@ def correlation_length(residuals: FloatArray, *, longest: int) -> int:
 
 
 def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
-    """Return the covariance of the sum of scores that are correlated up to a lag.
-
-    Parameters
-    ----------
-    scores : numpy.ndarray
-        Shape (n, k), of one stretch.
-    lag : int
-        Correlation length, samples.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (k, k), positive semi-definite.
-    """
+    """Return M of the scores of one stretch, (n, k), that are correlated up to a lag."""
     n = len(scores)
 
     def windowed(window: FloatArray) -> FloatArray:
@@ -155,22 +125,7 @@ def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
 
 
 def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int) -> FloatArray:
-    """Return the covariance of the summed scores of noise that is alike everywhere.
-
-    Parameters
-    ----------
-    jacobian : numpy.ndarray
-        Shape (n, k), one stretch's.
-    residuals : numpy.ndarray
-        Shape (n,).
-    lag : int
-        Correlation length, samples.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (k, k), positive semi-definite.
-    """
+    """Return M' of one stretch: slopes (n, k) and residuals (n,) that are alike everywhere."""
     n = len(residuals)
     window = _flat_topped(lag, n)
     covariance = autocorrelation(residuals, len(window) - 1) * window
@@ -208,19 +163,16 @@ def _frequency_weights(taps: bytes, length: int) -> FloatArray:
     return np.repeat(weight, 2)
 
 
+def _is_positive(matrix: FloatArray) -> bool:
+    variances = matrix.diagonal()
+    if not all(variance > 0.0 for variance in variances.tolist()):  # NaN is not
+        return False
+    scale = np.sqrt(variances)
+    return bool(np.linalg.eigvalsh(matrix / (scale[:, None] * scale))[0] > 0.0)
+
+
 def larger(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the covariance that has the larger variance of two in every direction.
-
-    Parameters
-    ----------
-    one, other : numpy.ndarray
-        Shape (k, k), positive semi-definite.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (k, k): in the directions in which both are independent, the larger of each.
-    """
+    """Return the larger of two covariances in each direction in which both are independent."""
     scale = np.sqrt(np.maximum(np.diag(one), np.diag(other)))
     scale = np.where(scale > 0.0, scale, 1.0)
     unit = np.outer(scale, scale)
@@ -238,14 +190,10 @@ def larger(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def cycle_covariance(sums: Sequence[FloatArray]) -> FloatArray:
-    """Return the same from sums over whole cycles: the jackknife over cycles, linearised.
+    """Return M from the sums of the scores over whole cycles, (cycles, k) for each stretch.
 
-    Leaving one cycle out moves the fit by the sum of its scores, to first order.
-
-    Parameters
-    ----------
-    sums : sequence of numpy.ndarray
-        Sums of the scores over each cycle, (cycles, k) for each stretch; none where none is whole.
+    It is the jackknife over cycles, linearised: leaving one out moves the fit by the sum of its
+    scores. NaN for less than two cycles.
     """
     table = np.concatenate(sums)
     n = len(table)
@@ -256,15 +204,7 @@ def cycle_covariance(sums: Sequence[FloatArray]) -> FloatArray:
 
 
 def sums_by_cycle(scores: FloatArray, edges: FloatArray) -> FloatArray:
-    """Return the sums of scores (n, k) over cycles, one of which may be cut: (cycles, k).
-
-    Parameters
-    ----------
-    scores : numpy.ndarray
-        Of a stretch.
-    edges : numpy.ndarray
-        Boundaries of its cycles, in scores; one alone, or none, where it has no cycle.
-    """
+    """Return the sums of scores (n, k) between edges of cycles, in samples: (cycles, k)."""
     if len(edges) < 2:
         return np.empty((0, scores.shape[1]))
     n = len(scores)
@@ -281,31 +221,16 @@ def widening(stretches: Sequence[tuple[int, float, int]], n_fitted: int) -> floa
     A fit takes out of the residuals what its parameters can follow: of N independent samples k
     parameters take k/N of the noise. And a variance that a window w sums over n samples has only
     n / sum w^2 degrees of freedom: the factor makes 1.96 errors hold 95 % of Student's t
-    (`python -m tests.uncertainty.few_cycles`).
-
-    Parameters
-    ----------
-    stretches : sequence of (int, float, int)
-        Samples, independent ones among them and correlation length of each.
-    n_fitted : int
-        Parameters that the fit found.
+    (`python -m tests.uncertainty.few_cycles`). Of each stretch samples, independent ones among them
+    and correlation length.
     """
     n_independent = sum(worth for _, worth, _ in stretches)
     if not n_fitted or n_independent > _ENOUGH * n_fitted:
         return 1.0
-    sizes = sum(n for n, _, _ in stretches)
-    spread = sum(n * (2.0 * float(w @ w) - 1.0) for n, w in _windows(stretches))
+    sizes, spread = 0, 0.0
+    for n, _, lag in stretches:
+        window = _flat_topped(lag, n)
+        sizes += n
+        spread += n * (2.0 * float(window @ window) - 1.0)
     student = student_quantile(max(sizes * sizes / spread, 1.0), 0.975) / NORMAL_95
     return student**2 * n_independent / max(n_independent - n_fitted, 0.5 * n_independent)
-
-
-def _windows(stretches: Sequence[tuple[int, float, int]]) -> list[tuple[int, FloatArray]]:
-    return [(n, _flat_topped(lag, n)) for n, _, lag in stretches]
-
-
-def _is_positive(matrix: FloatArray) -> bool:
-    variances = matrix.diagonal()
-    if not all(variance > 0.0 for variance in variances.tolist()):  # NaN is not
-        return False
-    scale = np.sqrt(variances)
-    return bool(np.linalg.eigvalsh(matrix / (scale[:, None] * scale))[0] > 0.0)

@@ -50,78 +50,41 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "GasContent",
-    "Interval",
-    "Uncertainty",
-    "gas_content",
-    "make_interval",
-    "own_names",
-    "shared_covariance",
-    "shared_curvature",
-    "solved",
-    "uncertainties",
-]
-
 # Of the largest eigenvalue, of matrices with a diagonal of ones: what is less is rounding.
 _ROUNDED_OFF = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """Standard error and 95 % interval of one parameter, SI.
+    """Standard error and 95 % interval of one parameter, SI."""
 
-    Attributes
-    ----------
-    error : float
-        Standard error of noise: y times that of ln y.
-    low, high : float
-        y exp(-+1.96 se(ln y)); an offset, which may be negative, has y -+ 1.96 se. The errors of
-        noise and misfit together.
-    cycle_ratio : float
-        The error from the scatter between whole cycles (linearised jackknife, the setting's own
-        logs only) over the same from the residuals' autocorrelation. 1 within about
-        1/sqrt(2 (cycles - 1)) when both are right; far below 1 where the residuals repeat with
-        the cycle; now and then far above 1 where noise of the displacement, which enters as its
-        derivative, leaves hardly more than their ends in the cycles' sums (Monte Carlo: the
-        errors given are right there). NaN for a shared parameter and for a single cycle.
-    misfit : float
-        Standard error from the model's misfit: from what repeats in the residual, and from what is
-        held at a default that nobody has measured; 0 where there is neither.
-    """
-
-    error: float
+    error: float  # of noise: y times that of ln y
+    # y exp(-+1.96 se(ln y)); an offset, which may be negative, has y -+ 1.96 se. The errors of
+    # noise and misfit together.
     low: float
     high: float
+    # The error from the scatter between whole cycles (linearised jackknife, the setting's own logs
+    # only) over the same from the residuals' autocorrelation. 1 within about
+    # 1/sqrt(2 (cycles - 1)) when both are right; far below 1 where the residuals repeat with the
+    # cycle; now and then far above 1 where noise of the displacement, which enters as its
+    # derivative, leaves hardly more than their ends in the cycles' sums (Monte Carlo: the errors
+    # given are right there). NaN for a shared parameter and for a single cycle.
     cycle_ratio: float
+    # From the model's misfit: what repeats in the residual, what is held at a default that nobody
+    # has measured, and flaws; 0 where there is none.
     misfit: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Uncertainty:
-    """How far the parameters of one setting may be trusted.
-
-    Attributes
-    ----------
-    setting : Setting
-        Adjuster setting.
-    intervals : dict of str to Interval
-        For every fitted or shared parameter that the logs gave.
-    names : tuple of str
-        Order of `covariance`: the setting's own, those of its clicks, those of all settings.
-    covariance : numpy.ndarray
-        Of ln y (an offset: of itself, N), shape (k, k).
-    shared : tuple of str
-        The last of `names`: one value for all settings, also where the logs do not determine it.
-    unopened : mapping of str to float
-        Openings that no log reaches, by name, and the pressure that each is above, Pa.
-    """
+    """How far the parameters of one setting may be trusted."""
 
     setting: Setting
-    intervals: Mapping[str, Interval]
-    names: tuple[str, ...]
-    covariance: FloatArray
-    shared: tuple[str, ...] = ()
+    intervals: Mapping[str, Interval]  # of what the logs gave, fitted or shared
+    names: tuple[str, ...]  # of `covariance`: own, those of its clicks, those of all settings
+    covariance: FloatArray  # of ln y (an offset: of itself, N) by noise, (k, k)
+    shared: tuple[str, ...] = ()  # the last of `names`: one value for all settings, told or not
+    # Openings that no log reaches, by name, and the pressure that each is above, Pa.
     unopened: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -134,6 +97,11 @@ class Uncertainty:
         """Return the standard error of noise of ln y, of an offset in its unit."""
         place = self.names.index(name)
         return math.sqrt(abs(float(self.covariance[place, place])))
+
+    def whole_error(self, name: str) -> float:
+        """Return the same with the share of the misfit."""
+        one, noise = self.intervals[name], self.error(name)
+        return noise * math.hypot(1.0, one.misfit / one.error) if one.error > 0.0 else noise
 
 
 def make_interval(
@@ -156,19 +124,11 @@ def make_interval(
 def uncertainties(
     linearised: Sequence[Linearisation], sharing: Sharing, *, on_error: OnError | None = None
 ) -> tuple[Uncertainty, ...]:
-    """Return errors and intervals for every setting.
+    """Return errors and intervals for every setting of a campaign.
 
-    Parameters
-    ----------
-    linearised : sequence of Linearisation
-        Of all settings of the campaign.
-    sharing : Sharing
-        How the shared parameters were found.
-    on_error : callable, optional
-        Told of a setting and the error that it met; the setting is then left out.
+    A setting that meets an error is left out where `on_error` is there to be told of it.
     """
-    rows = _shared_rows(linearised, sharing)
-    both = list(zip(rows, linearised, strict=True))
+    both = list(zip(_shared_rows(linearised, sharing), linearised, strict=True))
     nothing = np.zeros((len(sharing.variables),) * 2)
     noise = [row @ one.scores @ row.T for row, one in both]
     misfit = [nothing if one.misfit is None else row @ one.misfit @ row.T for row, one in both]
@@ -204,11 +164,11 @@ def _of_setting(
     common = tuple(name for name in shared if name in sharing.common)
     names = (*own, *(name for name in shared if name not in common), *common)
     places = one.places(names)
-    direct = np.zeros((len(one.names),) * 2)
-    direct[one.places(own)] = solved(one, own)
+    whole = np.zeros((len(one.names),) * 2)
+    whole[one.places(own)] = solved(one, own)
     slopes = _shared_slopes(fit, sharing)
-    by_shared = (slopes - direct @ one.information @ slopes)[places]
-    of_own = direct[places] + by_shared @ rows
+    direct, by_shared = whole[places], (slopes - whole @ one.information @ slopes)[places]
+    of_own = direct + by_shared @ rows
     noise = of_own @ one.scores @ of_own.T + by_shared @ others[0] @ by_shared.T
     misfit = np.diag(by_shared @ others[1] @ by_shared.T)
     if one.misfit is not None:
@@ -217,19 +177,18 @@ def _of_setting(
     if repeating.ndim:  # the same law misses every setting alike
         alike = by_shared @ repeating
         if one.repeating is not None:
-            alike = alike + direct[places] @ one.repeating.T
+            alike = alike + direct @ one.repeating.T
         misfit = np.maximum(misfit, np.sum(alike**2, axis=1))
     if one.supposed is not None:
-        shifts = direct[places] @ one.supposed + by_shared @ supposed
+        shifts = direct @ one.supposed + by_shared @ supposed
         misfit = misfit + np.sum(shifts**2, axis=1)
     for name, of_shared in flawed.items():
         shift = by_shared @ of_shared
         if name in one.flawed:
-            shift = shift + direct[places] @ one.flawed[name]
+            shift = shift + direct @ one.flawed[name]
         misfit = misfit + shift**2
     by_cycles, by_lags = (
-        np.diag(direct[places] @ scores @ direct[places].T)
-        for scores in (one.cycle_scores, one.scores)
+        np.diag(direct @ scores @ direct.T) for scores in (one.cycle_scores, one.scores)
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         ratios = np.sqrt(by_cycles / by_lags)
@@ -287,12 +246,7 @@ def _shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
 def solved(linearised: Linearisation, names: Sequence[str]) -> FloatArray:
     """Return H_ff^-1 E_f of some parameters f, shape (k, n); a pseudo-inverse where H is singular.
 
-    Parameters
-    ----------
-    linearised : Linearisation
-        H, shape (n, n), and its order.
-    names : sequence of str
-        The parameters f.
+    The diagonal of H is brought to ones first.
     """
     places = linearised.places(names)
     rows = np.zeros((len(places), len(linearised.names)))
@@ -301,7 +255,6 @@ def solved(linearised: Linearisation, names: Sequence[str]) -> FloatArray:
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
-    """The pseudo-inverse of a symmetric matrix, its diagonal brought to ones."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     unit = np.outer(scale, scale)
     return np.asarray(np.linalg.pinv(matrix * unit, rcond=_ROUNDED_OFF, hermitian=True) * unit)
@@ -314,12 +267,27 @@ def _shared_rows(linearised: Sequence[Linearisation], sharing: Sharing) -> list[
         return [np.asarray(inverse @ row) for row in rows]
     by_setting = {one.fit.setting: one for one in linearised}
     tables: dict[str, dict[Setting, FloatArray]] = {}
+
+    def row_of(one: Linearisation, free: tuple[str, ...], name: str) -> FloatArray:
+        return np.asarray(solved(one, free)[free.index(name)])
+
     for name, settings in sharing.means.items():
         used = [by_setting[setting] for setting in settings if setting in by_setting]
-        tables[name] = {one.fit.setting: _row(one, sharing.free, name) / len(used) for one in used}
+        tables[name] = {
+            one.fit.setting: row_of(one, sharing.free, name) / len(used) for one in used
+        }
     for name, setting in sharing.taken.items():
-        source = by_setting.get(setting)
-        tables[name] = {} if source is None else _taken_rows(name, source, sharing, tables)
+        tables[name] = {}
+        if (source := by_setting.get(setting)) is None:
+            continue
+        # What one setting gave has its own row, and the means that were held there move it.
+        row = row_of(source, tuple(one for one in sharing.free if one not in sharing.held), name)
+        moved = {setting: row}
+        for held in sharing.held:
+            carried = -float(row @ source.information[:, source.names.index(held)])
+            for other, mean in tables.get(held, {}).items():
+                moved[other] = moved.get(other, np.zeros(len(row))) + carried * mean
+        tables[name] = moved
     nothing = [np.zeros(len(one.names)) for one in linearised]
     return [
         np.array([tables[name].get(one.fit.setting, none) for name in sharing.found]).reshape(
@@ -327,22 +295,6 @@ def _shared_rows(linearised: Sequence[Linearisation], sharing: Sharing) -> list[
         )
         for one, none in zip(linearised, nothing, strict=True)
     ]
-
-
-def _taken_rows(
-    name: str,
-    source: Linearisation,
-    sharing: Sharing,
-    means: Mapping[str, Mapping[Setting, FloatArray]],
-) -> dict[Setting, FloatArray]:
-    """T of what one setting gave: its own row, and how the means that were held move it."""
-    row = _row(source, tuple(one for one in sharing.free if one not in sharing.held), name)
-    rows = {source.fit.setting: row}
-    for held in sharing.held:
-        carried = -float(row @ source.information[:, source.names.index(held)])
-        for setting, other in means.get(held, {}).items():
-            rows[setting] = rows.get(setting, np.zeros(len(row))) + carried * other
-    return rows
 
 
 def _joint_rows(
@@ -357,10 +309,6 @@ def _joint_rows(
         rows.append(weight * slopes.T @ (np.eye(len(one.names)) - carried))
         complement += rows[-1] @ one.information @ slopes
     return _inverse(0.5 * (complement + complement.T)), rows
-
-
-def _row(linearised: Linearisation, free: tuple[str, ...], name: str) -> FloatArray:
-    return np.asarray(solved(linearised, free)[free.index(name)])
 
 
 def shared_covariance(linearised: Sequence[Linearisation], sharing: Sharing) -> FloatArray:
@@ -378,31 +326,16 @@ def shared_curvature(linearised: Sequence[Linearisation], sharing: Sharing) -> F
 
 @dataclass(frozen=True, slots=True)
 class GasContent:
-    """Trapped gas and stiffness of the oil that K_e of a joint fit follows from, eq. (28).
+    """Trapped gas and stiffness of the oil that K_e of a joint fit follows from, eq. (28)."""
 
-    Attributes
-    ----------
-    volume_ratio : float
-        V_r, trapped gas over oil at the working pressure, dimensionless.
-    stiffness : float
-        K_B/C, bulk modulus of oil and tube without gas, Pa.
-    volume_ratio_interval, stiffness_interval : Interval
-        Their errors and 95 % intervals, as those of any shared parameter.
-    correlation : float
-        Of their logarithms.
-    pressures : mapping of Setting to float
-        Mean working pressure by setting, absolute, Pa.
-    rises : mapping of Setting to float
-        Misfit above that with a K_e of each setting's own, in units of the noise: 1 on average
-        where the law holds.
-    """
-
-    volume_ratio: float
-    stiffness: float
+    volume_ratio: float  # V_r, trapped gas over oil at the working pressure, dimensionless
+    stiffness: float  # K_B/C, bulk modulus of oil and tube without gas, Pa
     volume_ratio_interval: Interval
     stiffness_interval: Interval
-    correlation: float
-    pressures: Mapping[Setting, float]
+    correlation: float  # of their logarithms
+    pressures: Mapping[Setting, float]  # mean working pressure by setting, absolute, Pa
+    # Misfit above that with a K_e of each setting's own, in units of the noise: 1 on average where
+    # the law holds.
     rises: Mapping[Setting, float]
 
     @property
@@ -417,27 +350,17 @@ class GasContent:
 
 
 def gas_content(linearised: Sequence[Linearisation], sharing: Sharing) -> GasContent | None:
-    """Return the gas content of a campaign; None where K_e was not to follow from one.
-
-    Parameters
-    ----------
-    linearised : sequence of Linearisation
-        Of all settings.
-    sharing : Sharing
-        The law, and what was shared beside it.
-    """
+    """Return the gas content of a campaign; None where K_e was not to follow from one."""
     law = sharing.gas
     if law is None:
         return None
     covariance = shared_covariance(linearised, sharing)[-len(GAS_NAMES) :, -len(GAS_NAMES) :]
     errors = np.sqrt(np.diag(covariance))
-    values = zip((law.volume_ratio, law.stiffness), errors.tolist(), strict=True)
-    gas, oil = (make_interval(value, error) for value, error in values)
     return GasContent(
         volume_ratio=law.volume_ratio,
         stiffness=law.stiffness,
-        volume_ratio_interval=gas,
-        stiffness_interval=oil,
+        volume_ratio_interval=make_interval(law.volume_ratio, float(errors[0])),
+        stiffness_interval=make_interval(law.stiffness, float(errors[1])),
         correlation=float(covariance[0, 1] / np.prod(errors)),
         pressures=dict(law.pressures),
         rises=dict(sharing.gas_rises),

@@ -40,54 +40,27 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "LIMITS",
-    "GradeLimits",
-    "Objection",
-    "air_objections",
-    "doubted_cavitation",
-    "jump_ratio",
-    "objections",
-    "offset_mismatch",
-    "what_spreads",
-]
-
 
 class GradeLimits(NamedTuple):
-    """What a grade must not go beyond; ranges of single quantities stand with them.
+    """What a grade must not go beyond; ranges of single quantities stand with them."""
 
-    Attributes
-    ----------
-    cavitation : float
-        Share of the cycle with an empty chamber, in a model that misses the log.
-    offset : float
-        Distance of f_0 from the offset that the log shows, over what that may be wrong by.
-    jump : float
-        Jump of the friction at a reversal over the jump that the log has there.
-    dimensions : float
-        Share of what repeats that other dimensions of the gas or rod explain.
-    times_noise, misfit_percent : float
-        What repeats in the residual, over the noise and as a share of the force's variance, both
-        at once: rigs repeat so well that 0.05 % is many times their noise and of no consequence;
-        0.2 % is 4.5 % of the force's standard deviation, 3 % of its peak.
-    nothing_percent : float
-        An MSE that leaves nothing anyone would use, whatever repeats in it: such a fit knows the
-        offset and the friction better than the level and the jumps of the log do.
-    clipped_percent : float
-        Samples of a log at the end of a channel's range. With 4 % no number moves by half a per
-        cent; with 19 % a slope is 16 % off, at an MSE of 0.05 % (`tests.uncertainty.clipped_logs`).
-    predicted_percent, predicted_times : float
-        MSE of a test that was not fitted, in all and over the one expected, both at once.
-    """
-
-    cavitation: float = 0.05
-    offset: float = 1.0
-    jump: float = 1.25
-    dimensions: float = 0.9
+    cavitation: float = 0.05  # share of the cycle with an empty chamber, where the log is missed
+    offset: float = 1.0  # distance of f_0 from the log's offset, over what that may be wrong by
+    jump: float = 1.25  # jump of the friction at a reversal over the jump that the log has there
+    dimensions: float = 0.9  # of what repeats, the share that other dimensions explain
+    # What repeats in the residual, over the noise and as a share of the force's variance, both at
+    # once: rigs repeat so well that 0.05 % is many times their noise and of no consequence; 0.2 %
+    # is 4.5 % of the force's standard deviation, 3 % of its peak.
     times_noise: float = 30.0
     misfit_percent: float = 0.2
-    nothing_percent: float = 0.02  # as `laws.ENOUGH_PERCENT`, which takes too long to import here
+    # An MSE that leaves nothing anyone would use, whatever repeats in it: such a fit knows the
+    # offset and the friction better than the level and the jumps of the log do. As
+    # `laws.ENOUGH_PERCENT`, which takes too long to import here.
+    nothing_percent: float = 0.02
+    # Samples of a log at the end of a channel's range. With 4 % no number moves by half a per cent;
+    # with 19 % a slope is 16 % off, at an MSE of 0.05 % (`tests.uncertainty.clipped_logs`).
     clipped_percent: float = 4.0
+    # MSE of a test that was not fitted, in all and over the one expected, both at once.
     predicted_percent: float = 0.5
     predicted_times: float = 4.0
 
@@ -104,22 +77,13 @@ _REVERSAL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Objection:
-    """One reason to withhold a grade.
+    """One reason to withhold a grade."""
 
-    Attributes
-    ----------
-    kind : str
-        bound, beyond, cavitation, clipping, direction, offset, friction, dimensions, misfit,
-        prediction or delivery.
-    quantity : str
-        Name of the quantity it is about; empty where it is about none.
-    sentence : str
-        For people.
-    """
-
+    # bound, beyond, cavitation, clipping, direction, offset, friction, dimensions, misfit,
+    # prediction or delivery
     kind: str
-    quantity: str
-    sentence: str
+    quantity: str  # name of the quantity it is about; empty where it is about none
+    sentence: str  # for people
 
 
 def objections(
@@ -162,47 +126,79 @@ def doubted_cavitation(said: Mapping[Setting, Sequence[Objection]]) -> frozenset
     )
 
 
-def _of_fit(fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None) -> Iterator[Objection]:
-    yield from _bounds(fit)
-    yield from _beyond(fit)
-    yield from _clipping(fit)
-    yield from _direction(fit)
-    if diagnosis is not None:
-        yield from _misfit(diagnosis)
-    misses = _misses(fit, diagnosis)
-    if misses or (diagnosis is not None and _repeats(diagnosis)):
-        yield from _cavitation(fit)
-    if misses:
-        yield from _offset(fit, gas)
-        yield from _friction(fit)
-
-
-def _misses(fit: Fit, diagnosis: Diagnosis | None) -> bool:
-    """Whether the model is seen to miss the logs, or to miss much where noise is not known."""
-    if diagnosis is None or math.isnan(diagnosis.noise_percent):
-        return fit.mse_percent > LIMITS.misfit_percent
-    return diagnosis.is_structured and fit.mse_percent > LIMITS.nothing_percent
-
-
-def _bounds(fit: Fit) -> Iterator[Objection]:
-    for one in fit.parameters.quantities:
+def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
+    fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None
+) -> Iterator[Objection]:
+    values, findings = (
+        fit.parameters,
+        [(f, log.trace) for log in fit.logs for f in log.trace.findings],
+    )
+    found = [
+        (one, getattr(values, one.name))
+        for one in values.quantities
+        if fit.status[one.name] in {Status.FITTED, Status.SHARED}
+    ]
+    for one in values.quantities:
         if fit.status[one.name] == Status.AT_BOUND:
-            side, edge = edge_of(fit.parameters, one.name)
-            yield Objection(
-                "bound",
-                one.name,
-                f"{one.symbol} is at a bound of its range ({side} {edge:.3g} {one.unit})",
-            )
-
-
-def _beyond(fit: Fit) -> Iterator[Objection]:
-    for one, value in _found(fit):
+            side, edge = edge_of(values, one.name)
+            text = f"{one.symbol} is at a bound of its range ({side} {edge:.3g} {one.unit})"
+            yield Objection("bound", one.name, text)
+    for one, value in found:
         low, high = one.believable
         if not low <= value <= high:
-            yield Objection("beyond", one.name, beyond_sentence(one, value))
+            yield Objection("beyond", one.name, _beyond(one, value))
+    cut = [
+        (one.value, one.name.partition("_")[0], trace.name)
+        for one, trace in findings
+        if one.name in _CLIPPINGS and (one.value or 0.0) > LIMITS.clipped_percent
+    ]
+    if cut:
+        share, channel, name = max(cut)
+        text = f"the {channel} of {name} is clipped at {share:.2g} % of its samples: the numbers "
+        yield Objection("clipping", "", f"{text}lack what was cut off")
+    contradicted = [trace.name for one, trace in findings if one.name == CONTRADICTED]
+    if contradicted:
+        text = f"the gas force in {contradicted[0]} contradicts the signs of its channels"
+        yield Objection("direction", "", f"{text}: declare which way they are counted")
+    if diagnosis is None or math.isnan(diagnosis.noise_percent):
+        is_missed = fit.mse_percent > LIMITS.misfit_percent  # much, where noise is not known
+    else:
+        is_missed = diagnosis.is_structured and fit.mse_percent > LIMITS.nothing_percent
+        repeats, noise = diagnosis.repeating_percent, diagnosis.noise_percent
+        if repeats > LIMITS.misfit_percent and repeats > LIMITS.times_noise * noise:
+            times = "without any noise"
+            if noise > 0.0:  # two digits, and no power of ten
+                times = f"{float(f'{repeats / noise:.2g}'):.0f} times the noise"
+            text = f"a misfit of {repeats:.2g} % repeats from cycle to cycle, {times}"
+            yield Objection("misfit", "", text)
+    seen = fit.cavitation
+    is_doubted = is_missed or (diagnosis is not None and _repeats(diagnosis))
+    if is_doubted and seen.fraction > LIMITS.cavitation:
+        yield Objection(
+            "cavitation",
+            "",
+            f"chamber {seen.chamber} cavitates for {100.0 * seen.fraction:.0f} % of the cycle in a "
+            "model that does not match the log: no evidence supports it",
+        )
+    if not is_missed:
+        return
+    for one in values.quantities:
+        if one.is_offset and gas is not None:
+            apart = offset_mismatch(fit, one.name, gas)
+            if apart is not None and apart[0] > LIMITS.offset:
+                value = getattr(values, one.name)
+                text = f"{one.symbol} is {value:.0f} N where the log shows {apart[1]:.0f} N"
+                yield Objection("offset", one.name, text)
+    for one, value in found:
+        if one.is_friction and (ratio := jump_ratio(fit, value)) > LIMITS.jump:
+            text = (
+                f"{one.symbol} = {value:.3g} N would need a jump of the force at each reversal "
+                f"{ratio:.2g} times that of the log"
+            )
+            yield Objection("friction", one.name, text)
 
 
-def beyond_sentence(one: Quantity, value: float) -> str:
+def _beyond(one: Quantity, value: float) -> str:
     """Say of a value that no damper or rig has it."""
     low, high = (10.0**-one.power * edge for edge in one.believable)
     unit = one.shown_unit
@@ -211,47 +207,10 @@ def beyond_sentence(one: Quantity, value: float) -> str:
     return f"{one.symbol} = {10.0**-one.power * value:.3g} {unit} is beyond {span}{because}"
 
 
-def _found(fit: Fit) -> Iterator[tuple[Quantity, float]]:
-    """Yield what the logs show, with its value."""
-    for one in fit.parameters.quantities:
-        if fit.status[one.name] in {Status.FITTED, Status.SHARED}:
-            yield one, getattr(fit.parameters, one.name)
-
-
-def _clipping(fit: Fit) -> Iterator[Objection]:
-    cut = [
-        (one.value, one.name.partition("_")[0], log.trace.name)
-        for log in fit.logs
-        for one in log.trace.findings
-        if one.name in _CLIPPINGS and (one.value or 0.0) > LIMITS.clipped_percent
-    ]
-    if cut:
-        share, channel, name = max(cut)
-        yield Objection(
-            "clipping",
-            "",
-            f"the {channel} of {name} is clipped at {share:.2g} % of its samples: the numbers lack "
-            "what was cut off",
-        )
-
-
-def _direction(fit: Fit) -> Iterator[Objection]:
-    for log in fit.logs:
-        if any(finding.name == CONTRADICTED for finding in log.trace.findings):
-            text = f"the gas force in {log.trace.name} contradicts the signs of its channels"
-            yield Objection("direction", "", f"{text}: declare which way they are counted")
-            return
-
-
-def _misfit(diagnosis: Diagnosis) -> Iterator[Objection]:
+def _repeats(diagnosis: Diagnosis) -> bool:
+    """Whether it is many times the noise; never where that is not known."""
     repeats, noise = diagnosis.repeating_percent, diagnosis.noise_percent
-    if repeats > LIMITS.misfit_percent and repeats > LIMITS.times_noise * noise:
-        times = f"{_round(repeats / noise)} times the noise" if noise > 0.0 else "without any noise"
-        yield Objection(
-            "misfit",
-            "",
-            f"a misfit of {repeats:.2g} % repeats from cycle to cycle, {times}",
-        )
+    return diagnosis.is_structured and repeats > LIMITS.times_noise * noise
 
 
 def _doubted_dimensions(
@@ -262,76 +221,40 @@ def _doubted_dimensions(
     Dimensions are the damper's: where one setting has shown them to be wrong, the others in which
     the same repeats are bent by them too, however little it is there.
     """
-    lost = {
-        fit.setting
+
+    def is_of_gas(one: Diagnosis, *, or_offset: bool = False) -> bool:
+        """Whether what repeats is locked to the position as the force of another gas spring is.
+
+        What a wrong gas pressure does is an offset at soft settings.
+        """
+        if not one.hints:
+            return False
+        first = one.hints[0]
+        has_name = first.name.startswith("gas_") or (or_offset and first.name == "offset")
+        return has_name and first.share > LIMITS.dimensions
+
+    bent = [
+        diagnoses[fit.setting]
         for fit in campaign.fits
-        if fit.setting in diagnoses and _is_bent(fit, diagnoses[fit.setting])
-    }
+        if fit.setting in diagnoses
+        and _repeats(diagnoses[fit.setting])
+        and fit.mse_percent > LIMITS.nothing_percent
+    ]
     said = {}
-    for setting, one in diagnoses.items():
-        if not lost or not one.is_structured:
-            continue
+    for setting, one in diagnoses.items() if bent else ():
         misses = (
             f"the MSE is {one.mse_percent:.2g} %, of which only {one.noise_percent:.2g} % is noise"
         )
-        if assumed:
+        if one.is_structured and assumed:
             said[setting] = f"{assumed} {misses}"
-        elif _is_of_gas(one) and any(_is_of_gas(diagnoses[k], or_offset=True) for k in lost):
+        elif (
+            one.is_structured and is_of_gas(one) and any(is_of_gas(k, or_offset=True) for k in bent)
+        ):
             said[setting] = f"{misses}, and the rest is as from {one.hints[0].words}"
     return {
         setting: (Objection("dimensions", "", f"{words}: declare the damper as it is"),)
         for setting, words in said.items()
     }
-
-
-def _is_bent(fit: Fit, diagnosis: Diagnosis) -> bool:
-    return _repeats(diagnosis) and fit.mse_percent > LIMITS.nothing_percent
-
-
-def _repeats(diagnosis: Diagnosis) -> bool:
-    """Whether it is many times the noise; never where that is not known."""
-    repeats, noise = diagnosis.repeating_percent, diagnosis.noise_percent
-    return diagnosis.is_structured and repeats > LIMITS.times_noise * noise
-
-
-def _is_of_gas(diagnosis: Diagnosis, *, or_offset: bool = False) -> bool:
-    """Whether what repeats is locked to the position as the force of another gas spring is.
-
-    What a wrong gas pressure does is an offset at soft settings.
-    """
-    if not diagnosis.hints:
-        return False
-    first = diagnosis.hints[0]
-    is_of_gas = first.name.startswith("gas_") or (or_offset and first.name == "offset")
-    return is_of_gas and first.share > LIMITS.dimensions
-
-
-def _round(times: float) -> str:
-    return f"{float(f'{times:.2g}'):.0f}"  # two digits, and no power of ten
-
-
-def _cavitation(fit: Fit) -> Iterator[Objection]:
-    seen = fit.cavitation
-    if seen.fraction > LIMITS.cavitation:
-        yield Objection(
-            "cavitation",
-            "",
-            f"chamber {seen.chamber} cavitates for {100.0 * seen.fraction:.0f} % of the cycle in a "
-            "model that does not match the log: no evidence supports it",
-        )
-
-
-def _offset(fit: Fit, gas: GasFacts | None) -> Iterator[Objection]:
-    for one in fit.parameters.quantities:
-        if one.is_offset and gas is not None:
-            apart = offset_mismatch(fit, one.name, gas)
-            if apart is not None and apart[0] > LIMITS.offset:
-                value, seen = getattr(fit.parameters, one.name), apart[1]
-                yield Objection(
-                    "offset",
-                    one.name,
-                    f"{one.symbol} is {value:.0f} N where the log shows {seen:.0f} N",
-                )
 
 
 def offset_mismatch(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] | None:
@@ -351,19 +274,6 @@ def offset_mismatch(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] |
     return max(found, default=None)
 
 
-def _friction(fit: Fit) -> Iterator[Objection]:
-    for one, value in _found(fit):
-        if one.is_friction:
-            ratio = jump_ratio(fit, value)
-            if ratio > LIMITS.jump:
-                yield Objection(
-                    "friction",
-                    one.name,
-                    f"{one.symbol} = {value:.3g} N would need a jump of the force at each reversal "
-                    f"{ratio:.2g} times that of the log",
-                )
-
-
 def jump_ratio(fit: Fit, friction: float) -> float:
     """Return the jump of a Coulomb friction at the reversals over that of the logs.
 
@@ -372,22 +282,18 @@ def jump_ratio(fit: Fit, friction: float) -> float:
     """
     if what_spreads(fit):
         return math.nan
-    lag = _lag(fit)
-    ratios = [_jumps(log.trace, friction, lag) for log in fit.logs if log.trace.n_cycles]
-    known = [ratio for ratio in ratios if math.isfinite(ratio)]
-    return max(known, default=math.nan)
+    ratios = [_jumps(log.trace, friction, _lag(fit)) for log in fit.logs if log.trace.n_cycles]
+    return max((ratio for ratio in ratios if math.isfinite(ratio)), default=math.nan)
 
 
 def what_spreads(fit: Fit) -> str:
     """Say what spreads the jump of a friction beyond what it is read over; empty where nothing."""
-    is_elastic = any(one.unit == "N/m" for one in fit.parameters.quantities)
     lag = _lag(fit)
-    if is_elastic:
-        late = f" and the force channel lags by {1e3 * lag:.2g} ms" if lag else ""
-        return f"the mounting is elastic{late}, which spreads the jump at a reversal"
-    if lag <= _REVERSAL:
-        return ""
-    return f"the force channel lags by {1e3 * lag:.2g} ms, which spreads the jump at a reversal"
+    late = f"the force channel lags by {1e3 * lag:.2g} ms" if lag else ""
+    if any(one.unit == "N/m" for one in fit.parameters.quantities):
+        also = f" and {late}" if lag else ""
+        return f"the mounting is elastic{also}, which spreads the jump at a reversal"
+    return f"{late}, which spreads the jump at a reversal" if lag > _REVERSAL else ""
 
 
 def _lag(fit: Fit) -> float:
@@ -435,21 +341,8 @@ def air_objections(
 ) -> dict[Setting, Objection]:
     """Return why no grade stands where the logs of the paper's model show the air on the rod.
 
-    They are fitted again with 1.013 bar of air. Nothing of another model, where a free offset takes
-    the air's place, or where it is not needed.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The fits without it.
-    assessment : Assessment
-        What of their MSE is noise.
-    damper : Model
-        Without it.
-    options : FitOptions
-        How the campaign was fitted.
-    jobs : int
-        Threads.
+    They are fitted again, as the campaign without it was, with 1.013 bar of air. Nothing of another
+    model, where a free offset takes the air's place, or where it is not needed.
     """
     offsets = {one.name for one in damper.quantities if one.is_offset}
     has_offset = any(fit.status[name] != Status.FIXED for fit in campaign.fits for name in offsets)
@@ -457,12 +350,11 @@ def air_objections(
         return {}
     inside = replace(damper.plain, ambient_pressure=AMBIENT)  # type: ignore[type-var]
     with_air: Model = inside if damper.plain is damper else replace(damper, damper=inside)  # type: ignore[type-var]
-    idle = {Status.FIXED, Status.ABSENT}
     free = {
         fit.setting: {
             name: getattr(fit.parameters, name)
             for name, status in fit.status.items()
-            if status not in idle
+            if status not in {Status.FIXED, Status.ABSENT}
         }
         for fit in campaign.fits
     }

@@ -8,9 +8,10 @@ alike)::
     information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t
 
 A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f. The
-covariance of sum g has three terms, which `damperfit.uncertainty.covariance` carries to the
-parameters of all settings: noise (`Linearisation.scores`), lack of fit that repeats (`misfit`), and
-what is held at a default that nobody has measured (`supposed`).
+covariance of sum g has four terms, which `damperfit.uncertainty.covariance` carries to the
+parameters of all settings: noise (`Linearisation.scores`), lack of fit that repeats (`misfit`),
+what is held at a default that nobody has measured (`supposed`), and flaws that explain what repeats
+(`flawed`).
 
 Noise differs from cycle to cycle; what repeats does so in every one, and no number of cycles makes
 it less. Had the test been another (other speeds, another stroke), it would weigh otherwise. How
@@ -52,10 +53,9 @@ from damperfit.uncertainty.correlation import (
     sums_by_cycle,
     widening,
 )
-from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -65,8 +65,6 @@ if TYPE_CHECKING:
     from damperfit.recording import Stretch, Trace
 
     FloatArray = NDArray[np.float64]
-
-__all__ = ["Linearisation", "LogLinearisation", "linearise_at_fit", "linearise_settings"]
 
 # Blocks of a cycle whose pulls are taken for independent. Misfits behind a 30 Hz filter at 1.5 Hz
 # have some 20 independent values.
@@ -88,87 +86,42 @@ _FOUND = frozenset({Status.FITTED, Status.NOT_IDENTIFIABLE})
 
 
 class LogLinearisation(NamedTuple):
-    """One log at the fitted point, over its compared samples, n of them.
+    """One log at the fitted point, over its compared samples, n of them; SI."""
 
-    Attributes
-    ----------
-    residuals : numpy.ndarray
-        Shape (n,), measured minus modelled force, N.
-    weights : numpy.ndarray
-        Shape (n,), what the fit multiplied them by.
-    jacobian : numpy.ndarray
-        Shape (n, k), derivatives of the modelled force by u in the order of the model.
-    gas : numpy.ndarray
-        Shape (n, c), by the logarithms of the model's conditions, such as gas pressure.
-    force : numpy.ndarray
-        Shape (n,), modelled force behind the filter, N.
-    pressures : numpy.ndarray
-        Shape (3,), lowest absolute pressure of each chamber, Pa.
-    rounding : tuple of (numpy.ndarray, numpy.ndarray)
-        Of each stretch velocity, m/s, and what the filter takes off the model's force there, N;
-        of what repeats in one cycle.
-    """
-
-    residuals: FloatArray
-    weights: FloatArray
-    jacobian: FloatArray
-    gas: FloatArray
-    force: FloatArray
-    pressures: FloatArray
+    residuals: FloatArray  # (n,), measured minus modelled force
+    weights: FloatArray  # (n,), what the fit multiplied them by
+    jacobian: FloatArray  # (n, k), of the modelled force by u, in the order of the model
+    gas: FloatArray  # (n, c), by the logarithms of the model's conditions, such as gas pressure
+    force: FloatArray  # (n,), modelled, behind the filter
+    # Of each stretch velocity, and what the filter takes off the model's force there; of what
+    # repeats in one cycle.
     rounding: tuple[tuple[FloatArray, FloatArray], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation:
-    """The fit of one setting, made linear at its end; matrices are (k, k) in the model's order.
-
-    Attributes
-    ----------
-    fit : Fit
-        The fit it belongs to.
-    information : numpy.ndarray
-        H, N^2.
-    scores : numpy.ndarray
-        Covariance of the summed scores, correlation allowed for, N^4.
-    cycle_scores : numpy.ndarray
-        The same from the scatter between whole cycles; NaN for a single cycle.
-    gradient : numpy.ndarray
-        Shape (k,), sum of the scores.
-    logs : tuple of LogLinearisation
-        Log by log.
-    conditions : tuple of str
-        Names of the columns of each log's `gas`.
-    misfit : numpy.ndarray or None
-        In place of `scores` what a misfit that repeats does; None where nothing repeats.
-    repeating : numpy.ndarray or None
-        What pulls in each block of phase, shape (B, k), all stretches summed; None likewise.
-    supposed : numpy.ndarray or None
-        Summed scores by what is held at a default that nobody has measured, each column for one
-        standard error of that, and by other forms of the friction; None where there is none.
-    flaws : tuple of str
-        Which flaws its residuals may be said to show.
-    flawed : mapping of str to numpy.ndarray
-        Summed scores, (k,), by the flaws that they do show, by name; of several that cannot be
-        told apart each by the root of its share in the doubt.
-    precision : float
-        One over the mean square of the weighed residuals, 1/N^2.
-    pressed : mapping of str to float
-        Highest pressure across each blow-off in the compared samples, Pa, by its opening's name.
-    """
+    """The fit of one setting, made linear at its end; matrices are (k, k) in the model's order."""
 
     fit: Fit
-    information: FloatArray
-    scores: FloatArray
-    cycle_scores: FloatArray
-    gradient: FloatArray
+    information: FloatArray  # H, N^2
+    scores: FloatArray  # covariance of the summed scores, correlation allowed for, N^4
+    cycle_scores: FloatArray  # the same from the scatter of whole cycles; NaN for a single one
+    gradient: FloatArray  # (k,), sum of the scores
     logs: tuple[LogLinearisation, ...]
-    conditions: tuple[str, ...] = ()
+    conditions: tuple[str, ...] = ()  # of the columns of each log's `gas`
+    # In place of `scores` what a misfit that repeats does; None where nothing repeats.
     misfit: FloatArray | None = None
+    # What pulls in each block of phase, (B, k), all stretches summed; None likewise.
     repeating: FloatArray | None = None
+    # Summed scores by what is held at a default that nobody has measured, each column for one
+    # standard error of that, and by other forms of the friction; None where there is none.
     supposed: FloatArray | None = None
-    flaws: tuple[str, ...] = ()
-    precision: float = math.nan
+    flaws: tuple[str, ...] = ()  # which its residuals may be said to show
+    precision: float = math.nan  # one over the mean square of the weighed residuals, 1/N^2
+    # Highest pressure across each blow-off in the compared samples, Pa, by its opening's name.
     pressed: Mapping[str, float] = field(default_factory=dict)
+    # Summed scores, (k,), by the flaws that its residuals do show, by name; of several that cannot
+    # be told apart each by the root of its share in the doubt.
     flawed: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
@@ -180,21 +133,24 @@ class Linearisation:
         """Return the rows of some quantities."""
         return np.array([self.names.index(name) for name in names], dtype=np.intp)
 
+    def stretches(self) -> Iterator[tuple[Stretch, FloatArray, FloatArray, FloatArray]]:
+        """Yield each stretch with its residuals, squared weights and Jacobian."""
+        for log, seen in zip(self.fit.logs, self.logs, strict=True):
+            for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+                squares = seen.weights[place] ** 2
+                yield stretch, seen.residuals[place], squares, seen.jacobian[place]
+
     def summed(
         self, *, is_structured: bool, pulls: Mapping[str, FloatArray] = MappingProxyType({})
     ) -> Linearisation:
         """Return the same with what its misfit does, without curves, which fill the memory.
 
-        Parameters
-        ----------
-        is_structured : bool
-            Whether more of the residual repeats than noise can explain.
-        pulls : mapping of str to numpy.ndarray
-            Of the flaws that explain it, (k,) each.
+        `pulls`, (k,) each, are those of the flaws that explain it; structured is a residual of
+        which more repeats than noise can explain.
         """
-        misfit, repeating = _misfit_scores(self) if is_structured else (None, None)
         flawed = {name: np.asarray(pull / math.sqrt(len(pulls))) for name, pull in pulls.items()}
         flawed["drift"] = _drift_pull(self)
+        misfit, repeating = _misfit_scores(self) if is_structured else (None, None)
         return replace(self, logs=(), misfit=misfit, repeating=repeating, flawed=flawed)
 
 
@@ -203,7 +159,6 @@ def linearise_settings(
     damper: Model,
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
-    jobs: int = 1,
     on_error: OnError | None = None,
 ) -> tuple[Linearisation, ...]:
     """Linearise the fit of every setting, by rising setting; one simulation for each log.
@@ -211,14 +166,11 @@ def linearise_settings(
     A setting that cannot be simulated at its fitted point is left out. So is one with another
     error, where ``on_error`` is there to be told of it.
     """
-
-    def linearised(fit: Fit) -> Linearisation | None:
+    found = []
+    for fit in campaign.fits:
         with sparing(fit.setting, on_error), suppress(SimulationError):
-            return linearise_at_fit(fit, damper, solver=solver)
-        return None
-
-    with executor(jobs) as pool:
-        return tuple(at for at in pool.map(linearised, campaign.fits) if at is not None)
+            found.append(linearise_at_fit(fit, damper, solver=solver))
+    return tuple(found)
 
 
 def linearise_at_fit(
@@ -226,39 +178,53 @@ def linearise_at_fit(
 ) -> Linearisation:
     """Take the derivative of a fit's logs by every parameter, on mean cycles where they repeat.
 
-    Raises
-    ------
-    SimulationError
-        When the model cannot be integrated.
+    A SimulationError: the model cannot be integrated.
     """
     values = fit.parameters
     own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
     scales = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
-    n = len(own)
-    errors = _ignorance(fit)
-    sums: list[_StretchSums] = []
+    n, errors = len(own), _ignorance(fit)
+    information, covariance, gradient = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    supposed: FloatArray | None = None
+    cycles: list[FloatArray] = []
+    counted: list[tuple[int, float, int]] = []
     logs: list[LogLinearisation] = []
-    pressed: list[dict[str, float]] = []
+    pressed: dict[str, float] = {}
     squares = 0.0
-    traces = [log.trace for log in fit.logs]
-    for log, weight in zip(fit.logs, weights(traces), strict=True):
+    for log, weight in zip(fit.logs, weights([log.trace for log in fit.logs]), strict=True):
         trace, part = log.trace, log.trace.compared
         force, pressures, slopes, rounding = _simulated(log, values, damper, solver)
         others = _other_frictions(log, values, damper, solver, slopes)
-        pressed.append(_pressed_on(damper, pressures[:, part]))
+        for name, here in _pressed_on(damper, pressures[:, part]).items():
+            pressed[name] = max(here, pressed.get(name, here))
         own_weights = np.ones(trace.n_samples) if weight is None else weight
         residuals = trace.force[part] - force[part]
         squares += float(np.sum((own_weights * residuals) ** 2))
         by = [np.ascontiguousarray((rows * scales[:, None]).T) for rows in slopes]
         for k, (stretch, place) in enumerate(zip(trace.stretches, trace.places, strict=True)):
-            supposed = errors[:, None] * slopes[k][:n] if np.any(errors) else None
-            if others is not None:
-                supposed = np.vstack([errors[:, None] * slopes[k][:n], others[k]])
             jacobian, rest = by[k][:, :n], residuals[place]
+            unknown = errors[:, None] * slopes[k][:n] if np.any(errors) or others else None
+            if others is not None and unknown is not None:
+                unknown = np.vstack([unknown, others[k]])
             if weight is not None:
                 jacobian, rest = jacobian * weight[place, None], rest * weight[place]
-                supposed = None if supposed is None else supposed * weight[place]
-            sums.append(_summed(trace, stretch, jacobian, rest, supposed))
+                unknown = None if unknown is None else unknown * weight[place]
+            if unknown is not None:
+                pull = jacobian.T @ unknown.T
+                supposed = pull if supposed is None else supposed + pull
+            is_cyclic = bool(stretch.n_cycles)
+            longest = _LONGEST_CORRELATION / stretch.frequency if is_cyclic else _LONGEST_MOVING
+            lag = correlation_length(rest, longest=round(longest / trace.interval))
+            scores = jacobian * rest[:, None]
+            noise = score_covariance(scores, lag)
+            if not is_cyclic:
+                # Cycles repeat what a few samples tell; elsewhere those few may be all there is.
+                noise = larger(noise, stationary_covariance(jacobian, rest, lag))
+            information += jacobian.T @ jacobian
+            covariance += noise
+            gradient += scores.sum(axis=0)
+            cycles.append(sums_by_cycle(scores, stretch.cycle_starts - stretch.first))
+            counted.append((len(rest), independent_samples(trace.model_filter, len(rest)), lag))
         whole = np.vstack(by)
         logs.append(
             LogLinearisation(
@@ -267,65 +233,22 @@ def linearise_at_fit(
                 jacobian=whole[:, :n],
                 gas=whole[:, n:],
                 force=force[part],
-                pressures=pressures[:, part].min(axis=1).astype(np.float64),
                 rounding=tuple(rounding),
             )
         )
-    n_fitted = sum(status in _FOUND for status in fit.status.values())
-    wider = widening([(one.n, one.n_independent, one.lag) for one in sums], n_fitted)
-    pulls = [one.supposed for one in sums if one.supposed is not None]
+    wider = widening(counted, sum(status in _FOUND for status in fit.status.values()))
     return Linearisation(
         fit=fit,
-        information=np.asarray(sum(one.information for one in sums)),
-        scores=np.asarray(wider * sum(one.covariance for one in sums)),
-        cycle_scores=wider * cycle_covariance([one.cycles for one in sums]),
-        gradient=np.asarray(sum(one.gradient for one in sums)),
+        information=information,
+        scores=wider * covariance,
+        cycle_scores=wider * cycle_covariance(cycles),
+        gradient=gradient,
         logs=tuple(logs),
         conditions=damper.conditions,
-        supposed=np.asarray(sum(pulls)) if pulls else None,
+        supposed=supposed,
         flaws=damper.flaws,
-        precision=sum(one.n for one in sums) / max(squares, 1e-300),
-        pressed={name: max(one[name] for one in pressed) for name in pressed[0]},
-    )
-
-
-class _StretchSums(NamedTuple):
-    """What a stretch of n samples adds; nothing is correlated across a gap between stretches."""
-
-    n: int
-    n_independent: float
-    lag: int
-    information: FloatArray
-    covariance: FloatArray
-    gradient: FloatArray
-    cycles: FloatArray
-    supposed: FloatArray | None
-
-
-def _summed(
-    trace: Trace,
-    stretch: Stretch,
-    jacobian: FloatArray,
-    residuals: FloatArray,
-    supposed: FloatArray | None,
-) -> _StretchSums:
-    is_cyclic = bool(stretch.n_cycles)
-    longest = _LONGEST_CORRELATION / stretch.frequency if is_cyclic else _LONGEST_MOVING
-    lag = correlation_length(residuals, longest=round(longest / trace.interval))
-    scores = jacobian * residuals[:, None]
-    covariance = score_covariance(scores, lag)
-    if not is_cyclic:
-        # Cycles repeat what a few samples tell; elsewhere those few may be all there is.
-        covariance = larger(covariance, stationary_covariance(jacobian, residuals, lag))
-    return _StretchSums(
-        n=len(residuals),
-        n_independent=independent_samples(trace.model_filter, len(residuals)),
-        lag=lag,
-        information=jacobian.T @ jacobian,
-        covariance=covariance,
-        gradient=scores.sum(axis=0),
-        cycles=sums_by_cycle(scores, stretch.cycle_starts - stretch.first),
-        supposed=None if supposed is None else jacobian.T @ supposed.T,
+        precision=sum(size for size, *_ in counted) / max(squares, 1e-300),
+        pressed=pressed,
     )
 
 
@@ -397,55 +320,6 @@ def _pressed_on(damper: Model, pressures: NDArray[np.floating[Any]]) -> dict[str
     return most
 
 
-def _misfit_scores(linearised: Linearisation) -> tuple[FloatArray, FloatArray]:
-    """The matrix M of a setting's repeating misfit, and its pulls; see the module's docstring."""
-    pulls: list[FloatArray] = []
-    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
-        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
-            block, repeating = _blocks(stretch, seen.residuals[place])
-            scores = seen.jacobian[place] * (seen.weights[place] ** 2 * repeating)[:, None]
-            pulls.extend(scores[block == k].sum(axis=0) for k in range(_BLOCKS))
-    table = np.array(pulls)
-    few = len(table) / max(len(table) - len(linearised.names), 1)
-    by_phase = table.reshape(-1, _BLOCKS, table.shape[1]).sum(axis=0)
-    return np.asarray(few * table.T @ table), np.asarray(math.sqrt(few) * by_phase)
-
-
-def _drift_pull(linearised: Linearisation) -> FloatArray:
-    """Summed scores by a zero that moves: as much as a log drifts by may be in its mean force."""
-    pull = np.zeros(len(linearised.names))
-    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
-        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
-            if stretch.n_cycles < _SEEN_TO_DRIFT:
-                continue
-            residuals = seen.residuals[place]
-            starts = np.rint(stretch.cycle_starts - stretch.first).astype(np.intp)
-            starts = np.clip(starts, 0, len(residuals))
-            sums = np.add.reduceat(residuals[: starts[-1]], starts[:-1])
-            phase = np.linspace(-0.5, 0.5, len(sums))
-            means = sums / np.diff(starts)
-            drift = float(phase @ means / (phase @ phase))
-            rest = means - means.mean() - drift * phase
-            error = math.sqrt(float(rest @ rest / (phase @ phase)) / (len(means) - 2))
-            if abs(drift) > _SURE * error:
-                pull += drift * (seen.jacobian[place].T @ seen.weights[place] ** 2)
-    return pull
-
-
-def _blocks(stretch: Stretch, residuals: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the block of each sample, and the residual without what differs between cycles."""
-    n = len(residuals)
-    if stretch.n_cycles < 2:
-        return np.arange(n) * _BLOCKS // n, residuals
-    starts = stretch.cycle_starts - stretch.first
-    phase = np.interp(np.arange(n), starts, np.arange(len(starts))) % 1.0
-    n_bins = max(_BLOCKS, round(float(np.mean(np.diff(starts)))))
-    bins = np.minimum((phase * n_bins).astype(np.int64), n_bins - 1)
-    counts = np.maximum(np.bincount(bins, minlength=n_bins), 1)
-    mean = np.bincount(bins, weights=residuals, minlength=n_bins) / counts
-    return bins * _BLOCKS // n_bins, mean[bins]
-
-
 # What a fit supposes and nobody has measured: defaults of the model, each by one standard error;
 # the form in which friction turns; what the pressure on the seal adds to it.
 
@@ -502,3 +376,52 @@ def _other_frictions(
         for into, there, now, rows in zip(more, force(*pressed), here, slopes, strict=True):
             into[1] = there - now - at_rest * rows[own]
     return more
+
+
+# What a misfit, and a zero that drifts, do to the summed scores
+
+
+def _misfit_scores(linearised: Linearisation) -> tuple[FloatArray, FloatArray]:
+    """The matrix M of a setting's repeating misfit, and its pulls; see the module's docstring."""
+    pulls: list[FloatArray] = []
+    for stretch, residuals, squares, jacobian in linearised.stretches():
+        block, repeating = _blocks(stretch, residuals)
+        scores = jacobian * (squares * repeating)[:, None]
+        pulls.extend(scores[block == k].sum(axis=0) for k in range(_BLOCKS))
+    table = np.array(pulls)
+    few = len(table) / max(len(table) - len(linearised.names), 1)
+    by_phase = table.reshape(-1, _BLOCKS, table.shape[1]).sum(axis=0)
+    return np.asarray(few * table.T @ table), np.asarray(math.sqrt(few) * by_phase)
+
+
+def _blocks(stretch: Stretch, residuals: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the block of each sample, and the residual without what differs between cycles."""
+    n = len(residuals)
+    if stretch.n_cycles < 2:
+        return np.arange(n) * _BLOCKS // n, residuals
+    starts = stretch.cycle_starts - stretch.first
+    phase = np.interp(np.arange(n), starts, np.arange(len(starts))) % 1.0
+    n_bins = max(_BLOCKS, round(float(np.mean(np.diff(starts)))))
+    bins = np.minimum((phase * n_bins).astype(np.int64), n_bins - 1)
+    counts = np.maximum(np.bincount(bins, minlength=n_bins), 1)
+    mean = np.bincount(bins, weights=residuals, minlength=n_bins) / counts
+    return bins * _BLOCKS // n_bins, mean[bins]
+
+
+def _drift_pull(linearised: Linearisation) -> FloatArray:
+    """Summed scores by a zero that moves: as much as a log drifts by may be in its mean force."""
+    pull = np.zeros(len(linearised.names))
+    for stretch, residuals, squares, jacobian in linearised.stretches():
+        if stretch.n_cycles < _SEEN_TO_DRIFT:
+            continue
+        starts = np.rint(stretch.cycle_starts - stretch.first).astype(np.intp)
+        starts = np.clip(starts, 0, len(residuals))
+        sums = np.add.reduceat(residuals[: starts[-1]], starts[:-1])
+        phase = np.linspace(-0.5, 0.5, len(sums))
+        means = sums / np.diff(starts)
+        drift = float(phase @ means / (phase @ phase))
+        rest = means - means.mean() - drift * phase
+        error = math.sqrt(float(rest @ rest / (phase @ phase)) / (len(means) - 2))
+        if abs(drift) > _SURE * error:
+            pull += drift * (jacobian.T @ squares)
+    return pull

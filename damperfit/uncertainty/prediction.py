@@ -29,10 +29,9 @@ from damperfit.tested.setting import Setting
 from damperfit.uncertainty.grades import LIMITS, Objection
 from damperfit.uncertainty.residuals import residual_scatter
 from damperfit.units.quantities import parse_quantity
-from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -43,40 +42,22 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "Prediction",
-    "SegmentRange",
-    "missed_predictions",
-    "predict",
-    "prediction_warnings",
-    "split_cycles",
-]
+# What is held out
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentRange:
-    """The segments of a log that have a frequency, or a peak speed, within limits.
+    """The segments of a log that have a frequency, or a peak speed, within limits."""
 
-    Attributes
-    ----------
-    dimension : str
-        "frequency" or "velocity".
-    low, high : float
-        Limits, both included, Hz or m/s.
-    """
-
-    dimension: str
-    low: float
+    dimension: str  # "frequency" or "velocity"
+    low: float  # both limits are included, Hz or m/s
     high: float
 
     @classmethod
     def parse(cls, text: str) -> SegmentRange | None:
         """Return the range that a text says, as in "4Hz-10Hz" or "0.2m/s-"; None: it says none.
 
-        Raises
-        ------
-        ConfigurationError
-            The upper limit lies below the lower one.
+        A ConfigurationError: the upper limit lies below the lower one.
 
         Examples
         --------
@@ -125,48 +106,35 @@ def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
 
     The last ones of each stretch, in one piece: where a log drifts, from warming or gas, it shows
     there, and the filter's memory joins the two parts at one place only. A stretch with too few
-    cycles to part is fitted whole.
-
-    Parameters
-    ----------
-    trace : Trace
-        A log.
-    cycles : float
-        Whole number of cycles, or below 1 a share of them (one at least).
-
-    Raises
-    ------
-    LogError
-        No cycle would be left to fit.
-
-    Examples
-    --------
-    15 cycles with ``cycles=0.2`` or 3: twelve are fitted, three predicted.
+    cycles to part is fitted whole. Cycles are a whole number, or below 1 a share (one at least). A
+    LogError: no cycle would be left to fit.
     """
+
+    def held_of(n: int) -> int:
+        return max(1, round(cycles * n)) if cycles < 1.0 else round(cycles)
+
     fitted, held_out = [], []
     for stretch in trace.stretches:
-        n = stretch.n_cycles
-        held = max(1, round(cycles * n)) if cycles < 1.0 else round(cycles)
-        if held < n:
-            edge, starts = round(float(stretch.cycle_starts[n - held])), stretch.cycle_starts
-            ahead, behind = stretch.smeared
-            inner = starts[: n - held + 1]
-            fitted.append(replace(stretch, stop=edge, cycle_starts=inner, smeared=(ahead, 0)))
-            outer = starts[n - held :]
-            held_out.append(replace(stretch, first=edge, cycle_starts=outer, smeared=(0, behind)))
-        else:
+        left, starts = stretch.n_cycles - held_of(stretch.n_cycles), stretch.cycle_starts
+        if left <= 0:
             fitted.append(stretch)
+            continue
+        edge, (ahead, behind) = round(float(starts[left])), stretch.smeared
+        inner, outer = starts[: left + 1], starts[left:]
+        fitted.append(replace(stretch, stop=edge, cycle_starts=inner, smeared=(ahead, 0)))
+        held_out.append(replace(stretch, first=edge, cycle_starts=outer, smeared=(0, behind)))
     if not held_out:
         n = max(stretch.n_cycles for stretch in trace.stretches)
-        held = max(1, round(cycles))
         raise LogError(
-            f"{n} steady cycle{'s' if n > 1 else ''}, of which {held} are to be held "
-            "out: none is left to fit; hold out fewer, or give a longer log",
+            f"{n} steady cycle{'s' if n > 1 else ''}, of which {max(1, round(cycles))} are to be "
+            "held out: none is left to fit; hold out fewer, or give a longer log",
             subject=trace.name,
             code="nothing-to-fit",
         )
     return replace(trace, stretches=tuple(fitted)), replace(trace, stretches=tuple(held_out))
 
+
+# How it is predicted
 
 # Twice the expected square is beyond the scatter of an MSE over a cycle or more; ten times is a
 # misfit three times as large as where the model was fitted.
@@ -189,61 +157,43 @@ _SAME_MOTION = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """How the parameters of a setting meet what was not fitted.
-
-    Attributes
-    ----------
-    setting : Setting
-        Adjuster setting.
-    trace : Trace
-        What was predicted; its stretches hold the held-out cycles only.
-    is_part : bool
-        Whether the other cycles of the same log were fitted.
-    mse_percent, noise_floor_percent : float
-        Eq. (22) over them, and the part that is scatter between its cycles; NaN for a
-        single cycle.
-    fitted_mse_percent : float
-        Eq. (22) over the logs that were fitted.
-    expected_mse_percent : float
-        What the MSE would be with the lack of fit of the fitted logs and the noise, of both
-        channels, of this one; at another motion at least what matters, 0.05 %, for noise of the
-        displacement costs far more at low speed, and a single cycle does not tell how much.
-    is_same_motion : bool
-        Whether its strokes and speeds were all fitted too: then it tells of drift and scatter, and
-        every law that was bent to the one meets the other.
-    is_same_speed : bool
-        Whether its peak speeds were all fitted, at other strokes.
-    is_unseen : bool
-        No log of its setting was fitted: its values are put together from those of other settings
-        with the same clicks; a force offset, which is each test's own, is taken from the log.
-    unlimited : tuple of str
-        Of those the values to which the logs of these settings set no upper limit.
-    own_offset : float
-        N, of the log beyond the fitted one, where that is a number of each test and not counted:
-        of another log and another motion, whose rig may have been tared anew. 0: it is counted.
-    tested_share : float
-        Of the force's variance, in the samples that are compared: beside cycles those in which
-        the velocity is within its own noise are left out, for chance turns the friction there.
-    """
+    """How the parameters of a setting meet what was not fitted."""
 
     setting: Setting
-    trace: Trace
-    is_part: bool
-    mse_percent: float
-    noise_floor_percent: float
-    fitted_mse_percent: float
+    trace: Trace  # what was predicted; its stretches hold the held-out cycles only
+    is_part: bool  # whether the other cycles of the same log were fitted
+    mse_percent: float  # eq. (22) over them,
+    noise_floor_percent: float  # and the part that is scatter between its cycles; NaN for one
+    fitted_mse_percent: float  # eq. (22) over the logs that were fitted
+    # What the MSE would be with the lack of fit of the fitted logs and the noise, of both channels,
+    # of this one; at another motion at least what matters, 0.05 %, for noise of the displacement
+    # costs far more at low speed, and a single cycle does not tell how much.
     expected_mse_percent: float
+    # Whether its strokes and speeds were all fitted too: then it tells of drift and scatter, and
+    # every law that was bent to the one meets the other.
     is_same_motion: bool = False
-    is_same_speed: bool = False
+    is_same_speed: bool = False  # whether its peak speeds were all fitted, at other strokes
+    # No log of its setting was fitted: its values are put together from those of other settings
+    # with the same clicks; a force offset, which is each test's own, is taken from the log.
     is_unseen: bool = False
+    # Of those the values to which the logs of these settings set no upper limit.
     unlimited: tuple[str, ...] = ()
+    # N, of the log beyond the fitted one, where that is a number of each test and not counted: of
+    # another log and another motion, whose rig may have been tared anew. 0: it is counted.
     own_offset: float = 0.0
+    # Of the force's variance, in the samples that are compared: beside cycles those in which the
+    # velocity is within its own noise are left out, for chance turns the friction there.
     tested_share: float = 1.0
 
     @property
     def ratio(self) -> float:
         """MSE over the one expected; about 1 for a model that carries over."""
         return self.mse_percent / max(self.expected_mse_percent, 1e-300)
+
+    @property
+    def is_test(self) -> bool:
+        """Whether enough of the force lies where the model can be tested."""
+        return self.tested_share >= _LEAST_TESTED
 
     @property
     def is_failed(self) -> bool:
@@ -262,41 +212,33 @@ class Prediction:
     @property
     def verdict(self) -> str:
         """The ratio in words, and whether it tests the model at all."""
-        words = self._ratio_in_words
+        if not self.is_test:
+            share = 100.0 * (1.0 - self.tested_share)
+            words = (
+                f"no test: {share:.0f} % of the force's variance lies where the speed is within "
+                "its noise"
+            )
+        elif self.is_failed and self.ratio >= _NOT_PREDICTED:
+            words = f"not predicted: {float(f'{self.ratio:.2g}'):.0f} times the expected MSE"
+        elif self.is_failed:
+            # 9.96 rounded up would say that the log is not predicted.
+            words = f"worse than fitted: {min(self.ratio, 9.9):.2g} times the expected MSE"
+        elif self.mse_percent < _NOT_PREDICTED * self.fitted_mse_percent:
+            words = "predicted as well as fitted"
+        else:
+            words = f"predicted within the expected {self.expected_mse_percent:.2g} %"
         if self.is_unseen:
             words = f"{words}; parameters combined from settings that share its clicks"
             names = ", ".join(self.unlimited)
             return f"{words}, whose logs do not determine {names}" if names else words
-        if not self.is_same_motion:
-            own = float(f"{self.own_offset:.2g}")
-            if abs(own) >= _TOLD_OFFSET:
-                words = f"{words}; with its own force offset, {own:+g} N from the fitted"
-            if self.is_same_speed:
-                words = f"{words}; peak speeds are those of the fitted logs, so it proves little"
-            return words
-        return f"{words}; same stroke and speed as the fitted logs, so no test of the model"
-
-    @property
-    def is_test(self) -> bool:
-        """Whether enough of the force lies where the model can be tested."""
-        return self.tested_share >= _LEAST_TESTED
-
-    @property
-    def _ratio_in_words(self) -> str:
-        if not self.is_test:
-            share = 100.0 * (1.0 - self.tested_share)
-            return (
-                f"no test: {share:.0f} % of the force's variance lies where the speed is within "
-                "its noise"
-            )
-        if not self.is_failed:
-            if self.mse_percent < _NOT_PREDICTED * self.fitted_mse_percent:
-                return "predicted as well as fitted"
-            return f"predicted within the expected {self.expected_mse_percent:.2g} %"
-        if self.ratio >= _NOT_PREDICTED:
-            return f"not predicted: {_rounded(self.ratio)} times the expected MSE"
-        # 9.96 rounded up would say that the log is not predicted.
-        return f"worse than fitted: {min(self.ratio, 9.9):.2g} times the expected MSE"
+        if self.is_same_motion:
+            return f"{words}; same stroke and speed as the fitted logs, so no test of the model"
+        own = float(f"{self.own_offset:.2g}")
+        if abs(own) >= _TOLD_OFFSET:
+            words = f"{words}; with its own force offset, {own:+g} N from the fitted"
+        if self.is_same_speed:
+            words = f"{words}; peak speeds are those of the fitted logs, so it proves little"
+        return words
 
     def describe(self) -> dict[str, Any]:
         """Return the prediction for run.json."""
@@ -320,9 +262,179 @@ class Prediction:
         }
 
 
-def _rounded(ratio: float) -> str:
-    """Two digits without an exponent."""
-    return f"{float(f'{ratio:.2g}'):.0f}"
+def predict(
+    campaign: Campaign,
+    assessment: Assessment,
+    traces: Sequence[Trace],
+    *,
+    damper: Model,
+    solver: SolverOptions = SolverOptions(tolerance=1e-2),
+) -> tuple[Prediction, ...]:
+    """Predict logs with the parameters found for their settings; costs one simulation each.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Result of `identify`, made without these logs or cycles.
+    assessment : Assessment
+        What `assess` says of it; without it all misfit of the fitted logs counts as lack of fit.
+    traces : sequence of Trace
+        What was held out. Those of a setting without a fit are predicted where others of a joint
+        fit have its clicks; else, or where they cannot be simulated, they are left out of the
+        result.
+    damper : Model
+        The damper's model.
+    solver : SolverOptions
+        How exactly to integrate.
+
+    Returns
+    -------
+    tuple of Prediction
+        By setting, then in the order given.
+    """
+    fits = {fit.setting: fit for fit in campaign.fits}
+    parameters = {setting: fit.parameters for setting, fit in fits.items()}
+    noise = {one.setting: _known(one.noise_percent) for one in assessment.diagnoses}
+    unlimited = {fit.setting: assessment.unlimited(fit) for fit in campaign.fits}
+    lacks = [max(fit.mse_percent - noise.get(fit.setting, 0.0), 0.0) for fit in campaign.fits]
+    found = []
+    for trace in traces:
+        if trace.setting is None:
+            continue
+        fit = fits.get(trace.setting)
+        values = (
+            values_from_others(parameters, Setting.of(trace.setting))
+            if fit is None
+            else fit.parameters
+        )
+        if values is None:
+            continue
+        try:
+            seen = compare(values, trace, damper, solver=solver)
+        except SimulationError:
+            continue
+        if fit is not None:
+            found.append(_prediction(fit, trace, seen, noise.get(fit.setting, 0.0)))
+            continue
+        measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
+        if any(one.is_offset for one in values.quantities):
+            simulated = simulated + float(np.mean(measured - simulated))
+        lack = float(np.mean(lacks))
+        found.append(
+            Prediction(
+                setting=Setting.of(trace.setting),
+                trace=trace,
+                is_part=False,
+                mse_percent=normalised_mse(measured, simulated),
+                noise_floor_percent=noise_floor(trace),
+                fitted_mse_percent=float(np.mean([fit.mse_percent for fit in campaign.fits])),
+                expected_mse_percent=_expected(lack + _noise(trace, measured - simulated, 0.0)),
+                is_unseen=True,
+                unlimited=unlimited_in(values, parameters, unlimited),
+            )
+        )
+    return tuple(sorted(found, key=lambda prediction: prediction.setting))
+
+
+def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float) -> Prediction:
+    measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
+    fitted = np.concatenate([log.trace.force[log.trace.compared] for log in fit.logs])
+    elsewhere = 0.01 * fitted_noise * float(np.var(fitted))
+    noise = _noise(trace, measured - simulated, elsewhere)
+    is_part = any(log.trace.name == trace.name for log in fit.logs)
+    is_same_motion = _is_same_motion(fit, trace)
+    offset = 0.0
+    if not is_part and not is_same_motion and _is_offset_found(fit):
+        offset = float(np.mean(measured - simulated))
+        simulated = simulated + offset
+    share = 1.0
+    if is_part and not trace.n_cycles:
+        # The MSE below which no law is asked to explain more of what moves beside cycles.
+        least = _SMALL * float(np.std(fitted)) / float(np.std(measured))
+        noise = max(noise, 100.0 * least**2)
+        tested = _tested(trace)
+        spread = (measured - np.mean(measured)) ** 2
+        share = float(np.sum(spread[tested]) / max(float(np.sum(spread)), 1e-300))
+        if share >= _LEAST_TESTED:
+            measured, simulated = measured[tested], simulated[tested]
+    expected = max(fit.mse_percent - fitted_noise, 0.0) + noise
+    return Prediction(
+        setting=fit.setting,
+        trace=trace,
+        is_part=is_part,
+        mse_percent=normalised_mse(measured, simulated),
+        noise_floor_percent=noise_floor(trace),
+        fitted_mse_percent=fit.mse_percent,
+        expected_mse_percent=expected if is_same_motion else _expected(expected),
+        is_same_motion=is_same_motion,
+        is_same_speed=_is_same_motion(fit, trace, has_same_stroke=False),
+        own_offset=offset,
+        tested_share=share,
+    )
+
+
+def _expected(percent: float) -> float:
+    """Return the MSE that a model which carries over has, %; none below what matters is asked."""
+    from damperfit.laws.law_fit import PREDICTED_PERCENT
+
+    return max(percent, PREDICTED_PERCENT)
+
+
+def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
+    """What scatter between the cycles of a residual costs, in per cent of the force's variance.
+
+    A single cycle, or what does not repeat, has as much as there is `elsewhere`, N^2.
+    """
+    scatter = sum(
+        stretch.n_samples
+        * (residual_scatter(rest[place], stretch) if stretch.n_cycles > 1 else elsewhere)
+        for stretch, place in zip(trace.stretches, trace.places, strict=True)
+    )
+    variance = float(np.var(trace.force[trace.compared]))
+    return _known(100.0 * scatter / trace.n_samples / variance)
+
+
+def _known(percent: float) -> float:
+    """Nothing is known of the scatter of a single cycle: then all of the misfit is lack of fit."""
+    return 0.0 if math.isnan(percent) else percent
+
+
+def _is_offset_found(fit: Fit) -> bool:
+    """Whether the fit has found the offset of its own logs, which is no number of the damper."""
+    return any(
+        one.is_offset and fit.status[one.name] in {Status.FITTED, Status.SHARED}
+        for one in fit.parameters.quantities
+    )
+
+
+def _tested(trace: Trace) -> NDArray[np.bool_]:
+    """Return the compared samples whose speed is beyond its noise, which turns friction there."""
+    found = (one.value for one in trace.findings if one.name == "displacement_noise")
+    displacement = 1e-6 * (next(found, None) or 0.0)
+    corner = min(trace.drive.corner, 0.5 / trace.interval)
+    passed = math.sqrt(2.0 * corner * trace.interval) * 2.0 * math.pi * corner / math.sqrt(3.0)
+    speed = np.abs(trace.drive.velocity[trace.compared])
+    return np.asarray(speed > _OF_CHANCE * passed * displacement)
+
+
+def _is_same_motion(fit: Fit, trace: Trace, *, has_same_stroke: bool = True) -> bool:
+    """Whether every stretch of a log has the speed of one that was fitted, and its stroke.
+
+    Motion that does not repeat has neither: another road is another test.
+    """
+    fitted = [one for log in fit.logs for one in log.trace.stretches if one.n_cycles]
+    return all(
+        one.n_cycles
+        and any(
+            (not has_same_stroke or abs(one.amplitude / other.amplitude - 1.0) < _SAME_MOTION)
+            and abs(one.peak_speed / other.peak_speed - 1.0) < _SAME_MOTION
+            for other in fitted
+        )
+        for one in trace.stretches
+    )
+
+
+# What follows from it
 
 
 def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[Problem, ...]:
@@ -353,243 +465,33 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[Problem, ...
     return (found,)
 
 
-def predict(
-    campaign: Campaign,
-    assessment: Assessment,
-    traces: Sequence[Trace],
-    *,
-    damper: Model,
-    solver: SolverOptions = SolverOptions(tolerance=1e-2),
-    jobs: int = 1,
-) -> tuple[Prediction, ...]:
-    """Predict logs with the parameters found for their settings; costs one simulation each.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        Result of `identify`, made without these logs or cycles.
-    assessment : Assessment
-        What `assess` says of it; without it all misfit of the fitted logs counts as lack of fit.
-    traces : sequence of Trace
-        What was held out. Those of a setting without a fit are predicted where others of a joint
-        fit have its clicks; else, or where they cannot be simulated, they are left out of the
-        result.
-    damper : Model
-        The damper's model.
-    solver : SolverOptions
-        How exactly to integrate.
-    jobs : int
-        Threads.
-
-    Returns
-    -------
-    tuple of Prediction
-        By setting, then in the order given.
-    """
-    fits = {fit.setting: fit for fit in campaign.fits}
-    parameters = {setting: fit.parameters for setting, fit in fits.items()}
-    noise = {one.setting: _known(one.noise_percent) for one in assessment.diagnoses}
-    unlimited = {fit.setting: assessment.unlimited(fit) for fit in campaign.fits}
-
-    def one(trace: Trace) -> Prediction | None:
-        if trace.setting is None:
-            return None
-        fit = fits.get(trace.setting)
-        values = (
-            values_from_others(parameters, Setting.of(trace.setting))
-            if fit is None
-            else fit.parameters
-        )
-        if values is None:
-            return None
-        try:
-            seen = compare(values, trace, damper, solver=solver)
-        except SimulationError:
-            return None
-        if fit is None:
-            told = _unseen(Setting.of(trace.setting), campaign.fits, trace, seen, noise)
-            return replace(told, unlimited=unlimited_in(values, parameters, unlimited))
-        return _prediction(fit, trace, seen, noise.get(fit.setting, 0.0))
-
-    with executor(jobs) as pool:
-        found = [one for one in pool.map(one, traces) if one is not None]
-    return tuple(sorted(found, key=lambda prediction: prediction.setting))
-
-
-def _unseen(
-    setting: Setting,
-    fits: Sequence[Fit],
-    trace: Trace,
-    seen: SimulatedLog,
-    fitted_noise: Mapping[Setting, float],
-) -> Prediction:
-    """The prediction of a setting that was not fitted, with the offset of the log itself."""
-    measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
-    if any(one.is_offset for one in fits[0].parameters.quantities):
-        simulated = simulated + float(np.mean(measured - simulated))
-    lacks = [max(fit.mse_percent - fitted_noise.get(fit.setting, 0.0), 0.0) for fit in fits]
-    return Prediction(
-        setting=setting,
-        trace=trace,
-        is_part=False,
-        mse_percent=normalised_mse(measured, simulated),
-        noise_floor_percent=noise_floor(trace),
-        fitted_mse_percent=float(np.mean([fit.mse_percent for fit in fits])),
-        expected_mse_percent=_expected(
-            float(np.mean(lacks)), _noise(trace, measured - simulated, 0.0)
-        ),
-        is_unseen=True,
-    )
-
-
-def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
-    """What scatter between the cycles of a residual costs, in per cent of the force's variance.
-
-    A single cycle, or what does not repeat, has as much as there is `elsewhere`, N^2.
-    """
-    scatter = sum(
-        stretch.n_samples
-        * (residual_scatter(rest[place], stretch) if stretch.n_cycles > 1 else elsewhere)
-        for stretch, place in zip(trace.stretches, trace.places, strict=True)
-    )
-    variance = float(np.var(trace.force[trace.compared]))
-    return _known(100.0 * scatter / trace.n_samples / variance)
-
-
-def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float) -> Prediction:
-    measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
-    fitted = np.concatenate([log.trace.force[log.trace.compared] for log in fit.logs])
-    elsewhere = 0.01 * fitted_noise * float(np.var(fitted))
-    noise = _noise(trace, measured - simulated, elsewhere)
-    is_part = any(log.trace.name == trace.name for log in fit.logs)
-    is_same_motion = _is_same_motion(fit, trace)
-    is_same_speed = _is_same_motion(fit, trace, has_same_stroke=False)
-    offset = 0.0
-    if not is_part and not is_same_motion and _is_offset_found(fit):
-        offset = float(np.mean(measured - simulated))
-        simulated = simulated + offset
-    share = 1.0
-    if is_part and not trace.n_cycles:
-        noise = max(noise, _enough(trace, float(np.std(fitted))))
-        tested = _tested(trace)
-        spread = (measured - np.mean(measured)) ** 2
-        share = float(np.sum(spread[tested]) / max(float(np.sum(spread)), 1e-300))
-        if share >= _LEAST_TESTED:
-            measured, simulated = measured[tested], simulated[tested]
-    lack = max(fit.mse_percent - fitted_noise, 0.0)
-    return Prediction(
-        setting=fit.setting,
-        trace=trace,
-        is_part=is_part,
-        mse_percent=normalised_mse(measured, simulated),
-        noise_floor_percent=noise_floor(trace),
-        fitted_mse_percent=fit.mse_percent,
-        expected_mse_percent=lack + noise if is_same_motion else _expected(lack, noise),
-        is_same_motion=is_same_motion,
-        is_same_speed=is_same_speed,
-        own_offset=offset,
-        tested_share=share,
-    )
-
-
-def _expected(lack: float, noise: float) -> float:
-    """Return the MSE that a model which carries over has, %; none below what matters is asked."""
-    from damperfit.laws.law_fit import PREDICTED_PERCENT
-
-    return max(lack + noise, PREDICTED_PERCENT)
-
-
-def _is_offset_found(fit: Fit) -> bool:
-    """Whether the fit has found the offset of its own logs, which is no number of the damper."""
-    return any(
-        one.is_offset and fit.status[one.name] in {Status.FITTED, Status.SHARED}
-        for one in fit.parameters.quantities
-    )
-
-
-def _enough(trace: Trace, deviation: float) -> float:
-    """Return the MSE below which no law is asked to explain more of what moves beside cycles, %.
-
-    `deviation` is that of the fitted forces, N.
-    """
-    own = float(np.std(trace.force[trace.compared]))
-    return 100.0 * (_SMALL * deviation / own) ** 2
-
-
-def _tested(trace: Trace) -> NDArray[np.bool_]:
-    """Return the compared samples whose speed is beyond its noise, which turns friction there."""
-    found = (one.value for one in trace.findings if one.name == "displacement_noise")
-    displacement = 1e-6 * (next(found, None) or 0.0)
-    corner = min(trace.drive.corner, 0.5 / trace.interval)
-    passed = math.sqrt(2.0 * corner * trace.interval) * 2.0 * math.pi * corner / math.sqrt(3.0)
-    speed = np.abs(trace.drive.velocity[trace.compared])
-    return np.asarray(speed > _OF_CHANCE * passed * displacement)
-
-
-def _is_same_motion(fit: Fit, trace: Trace, *, has_same_stroke: bool = True) -> bool:
-    """Whether every stretch of a log has the speed of one that was fitted, and its stroke.
-
-    Motion that does not repeat has neither: another road is another test.
-    """
-    fitted = [one for log in fit.logs for one in log.trace.stretches if one.n_cycles]
-    return all(
-        one.n_cycles
-        and any(
-            (not has_same_stroke or abs(one.amplitude / other.amplitude - 1.0) < _SAME_MOTION)
-            and abs(one.peak_speed / other.peak_speed - 1.0) < _SAME_MOTION
-            for other in fitted
-        )
-        for one in trace.stretches
-    )
-
-
-def _known(percent: float) -> float:
-    """Nothing is known of the scatter of a single cycle: then all of the misfit is lack of fit."""
-    return 0.0 if math.isnan(percent) else percent
-
-
 def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objection]:
     """Return by setting the held-out test that is missed most, as a reason to withhold its grade.
 
     Of fitted settings alone, and of other motions than those that were fitted: a repeat that is
     missed tells of drift, not of the law. What settings without a fit would be has no grade.
-
-    Parameters
-    ----------
-    predictions : iterable of Prediction
-        Of all that was held out.
     """
     worst: dict[Setting, Prediction] = {}
-    for one in filter(_is_missed, predictions):
-        known = worst.get(one.setting)
-        if known is None or one.mse_percent > known.mse_percent:
-            worst[one.setting] = one
-    return {setting: _objection(one) for setting, one in worst.items()}
+    for one in predictions:
+        is_much = one.mse_percent > LIMITS.predicted_percent and one.ratio > LIMITS.predicted_times
+        if is_much and not one.is_same_motion and not one.is_unseen:
+            known = worst.setdefault(one.setting, one)
+            worst[one.setting] = max(known, one, key=lambda missed: missed.mse_percent)
 
+    def percent(value: float) -> str:
+        """Two digits, and no power of ten."""
+        return f"{value:.2g}" if value < 100.0 else f"{float(f'{value:.2g}'):.0f}"
 
-def _is_missed(one: Prediction) -> bool:
-    is_test = not one.is_same_motion and not one.is_unseen
-    much = one.mse_percent > LIMITS.predicted_percent
-    return is_test and much and one.ratio > LIMITS.predicted_times
-
-
-def _objection(one: Prediction) -> Objection:
-    is_beside = one.cycles == TRANSIENTS
-    what = (
-        f"the run-up, coast-down or changes of speed of {one.trace.name}"
-        if is_beside
-        else one.trace.name
-    )
-    return Objection(
-        "prediction",
-        "",
-        f"{what}, which {'were' if is_beside else 'was'} not fitted, "
-        f"{'are' if is_beside else 'is'} predicted with an MSE of {_percent(one.mse_percent)} % "
-        f"where {_percent(one.expected_mse_percent)} % is expected: the numbers hold for the "
-        "motion that was fitted",
-    )
-
-
-def _percent(value: float) -> str:
-    """Two digits, and no power of ten."""
-    return f"{value:.2g}" if value < 100.0 else f"{float(f'{value:.2g}'):.0f}"
+    found = {}
+    for setting, one in worst.items():
+        what, was, is_missed = one.trace.name, "was", "is"
+        if one.cycles == TRANSIENTS:
+            what = f"the run-up, coast-down or changes of speed of {what}"
+            was, is_missed = "were", "are"
+        text = (
+            f"{what}, which {was} not fitted, {is_missed} predicted with an MSE of "
+            f"{percent(one.mse_percent)} % where {percent(one.expected_mse_percent)} % is "
+            "expected: the numbers hold for the motion that was fitted"
+        )
+        found[setting] = Objection("prediction", "", text)
+    return found

@@ -62,21 +62,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "Bench",
-    "MisfitProfile",
-    "ProfileLine",
-    "ProfilePoint",
-    "Stride",
-    "doubtful_profiles",
-    "interpolated_limit",
-    "is_doubtful",
-    "profile_jointly",
-    "profile_lines",
-    "shared_limits",
-    "trace_profile",
-]
-
 # A rise this far below zero is another, better minimum.
 _BETTER = -0.5
 # What is linear is followed so far, in units of its size: an offset to 10 kN.
@@ -110,62 +95,33 @@ _SHARED_STEP, _SHARED_REACH, _SHARED_SHARE = 1.05 * NORMAL_95, NORMAL_95, 0.7
 
 @dataclass(frozen=True, slots=True)
 class ProfilePoint:
-    """One point of a profile.
+    """One point of a profile."""
 
-    Attributes
-    ----------
-    value : float
-        Of the profiled parameter, SI.
-    rise : float
-        Rise of the misfit above its minimum in units in which 1.96^2 is the 95 % limit.
-    parameters : Values
-        All parameters there, the free ones refitted.
-    """
-
-    value: float
-    rise: float
-    parameters: Values
+    value: float  # of the profiled parameter, SI
+    rise: float  # of the misfit above its minimum; 1.96^2 is the 95 % limit
+    parameters: Values  # all of them there, the free ones refitted
 
 
 @dataclass(frozen=True, slots=True)
 class MisfitProfile:
-    """How the misfit rises along one parameter.
+    """How the misfit rises along one parameter."""
 
-    Attributes
-    ----------
-    setting : Setting
-        Setting whose logs it is of.
-    name : str
-        Parameter.
-    points : tuple of ProfilePoint
-        By rising value; the best fit is among them.
-    low, high : float or None
-        95 % limits, SI; None where the misfit does not rise enough up to the edge of the
-        plausible range: the logs set no limit on that side.
-    is_complete : bool
-        False when a side was given up: the budget was spent, or the model could not be simulated.
-        Its limit is then None without a verdict on it.
-    evaluations : int
-        Simulations of the setting.
-    is_shared : bool
-        Of a parameter that is common to all settings.
-    is_partial : bool
-        Of what one setting says of a parameter that is a mean over the settings: its limits are
-        not those of the mean.
-    is_doubtful : bool
-        Whether its limits stand for those of the quadratic approximation.
-    """
-
-    setting: Setting
+    setting: Setting  # whose logs it is of
     name: str
-    points: tuple[ProfilePoint, ...]
+    points: tuple[ProfilePoint, ...]  # by rising value; the best fit is among them
+    # 95 % limits, SI; None where the misfit does not rise enough up to the edge of the plausible
+    # range: the logs set no limit on that side.
     low: float | None
     high: float | None
+    # False when a side was given up: the budget was spent, or the model could not be simulated. Its
+    # limit is then None without a verdict on it.
     is_complete: bool
-    evaluations: int
-    is_shared: bool = False
+    evaluations: int  # simulations of the setting
+    is_shared: bool = False  # of a parameter that is common to all settings
+    # Of what one setting says of a parameter that is a mean over the settings: its limits are not
+    # those of the mean.
     is_partial: bool = False
-    is_doubtful: bool = False
+    is_doubtful: bool = False  # whether its limits stand for those of the quadratic approximation
 
     @property
     def shape(self) -> str:
@@ -189,69 +145,30 @@ class MisfitProfile:
 
 
 class Stride(NamedTuple):
-    """How closely a profile is followed.
+    """How closely a profile is followed, in sqrt(rise)."""
 
-    Attributes
-    ----------
-    step : float
-        Wanted distance of points in sqrt(rise).
-    reach : float
-        Where to end in sqrt(rise).
-    budget : int
-        Simulations that may be spent.
-    first : float
-        The first step at most, in u: by a factor of two.
-    """
-
-    step: float = 0.5
-    reach: float = 3.0
-    budget: int = 400
-    first: float = 0.7
+    step: float = 0.5  # wanted distance of points
+    reach: float = 3.0  # where to end
+    budget: int = 400  # simulations that may be spent
+    first: float = 0.7  # the first step at most, in u: by a factor of two
 
 
 class Bench(NamedTuple):
-    """What every profile of a campaign needs.
-
-    Attributes
-    ----------
-    damper : Model
-        The damper's model.
-    solver : SolverOptions
-        How exactly to integrate.
-    cancelled : callable
-        Asked before each simulation.
-    jobs : int
-        Threads.
-    """
+    """What every profile of a campaign needs."""
 
     damper: Model
     solver: SolverOptions = SolverOptions(tolerance=1e-2)
-    cancelled: Callable[[], bool] = lambda: False
+    cancelled: Callable[[], bool] = lambda: False  # asked before each simulation
     jobs: int = 1
 
     def misfit(self, fit: Fit, free: Sequence[str]) -> Block:
         """What a setting's logs say of some parameters."""
         ordered = tuple(name for name in fit.parameters.names if name in free)
         traces = tuple(log.trace for log in fit.logs)
+        cancelled = self.cancelled
         return Block(
-            self.damper,
-            traces,
-            ordered,
-            self.solver,
-            cancelled=self.cancelled,
-            max_evaluations=1,
+            self.damper, traces, ordered, self.solver, cancelled=cancelled, max_evaluations=1
         )
-
-
-class ProfileLine(NamedTuple):
-    """What is profiled: where, by which scale."""
-
-    setting: Setting
-    name: str  # parameter; one of the misfit's free ones
-    misfit: Block  # logs, damper, and what is free, the parameter among it
-    start: Values  # the best fit
-    scale: float  # L of the module's docstring, 1/N^2
-    error: float  # standard error of u as printed; where nothing is known, infinity
 
 
 def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
@@ -261,79 +178,10 @@ def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
     return name in known.names and known.error(name) > _DOUBTFUL
 
 
-def profile_lines(
-    name: str,
-    linearised: Mapping[Setting, Linearisation],
-    known: Mapping[Setting, Uncertainty],
-    sharing: Sharing,
-    bench: Bench,
-) -> Iterator[ProfileLine]:
-    """Yield the lines along which a parameter of a campaign can be profiled, by rising setting.
-
-    A parameter of a joint fit yields none here; see `profile_jointly`.
-
-    Parameters
-    ----------
-    name : str
-        Parameter.
-    linearised, known : mapping of Setting to Linearisation, Uncertainty
-        By setting.
-    sharing : Sharing
-        How the shared parameters were found.
-    bench : Bench
-        Damper, solver, cancellation.
-    """
-    for setting in sorted(linearised):
-        one = linearised[setting]
-        fit, own = one.fit, own_names(one.fit, sharing)
-        variance: float | None = None
-        if name in known[setting].names:
-            variance = known[setting].error(name) ** 2
-        if name not in sharing.found:
-            at_bound = {n for n in one.names if fit.status[n] == Status.AT_BOUND}
-            is_at_bound = name in at_bound or _is_no_friction(fit, name)
-            if not own or (name not in own and not is_at_bound):
-                continue
-            free, beside = {*own, name, *at_bound}, {*own, name}
-            if is_at_bound:
-                variance = None
-        elif sharing.jointly:
-            continue
-        elif setting == sharing.taken.get(name):
-            free = beside = {*sharing.free} - {*sharing.held}
-        elif setting in sharing.means.get(name, ()):
-            free, beside, variance = {*sharing.free}, {*sharing.free}, None
-        else:
-            continue
-        yield _line(name, one, bench, free, beside, variance)
-
-
-def _line(
-    name: str,
-    one: Linearisation,
-    bench: Bench,
-    free: set[str],
-    beside: set[str],
-    variance: float | None,
-) -> ProfileLine:
-    """The line with the scale that belongs to a variance of noise, else the sandwich's."""
-    ordered = tuple(n for n in one.names if n in beside)
-    row = solved(one, ordered)[ordered.index(name)]
-    if variance is None:
-        variance = float(row @ one.scores @ row)
-    if one.misfit is not None:
-        variance += float(row @ one.misfit @ row)
-    if one.supposed is not None:
-        variance += float(np.sum((row @ one.supposed) ** 2))
-    is_known = variance > 0.0 and math.isfinite(variance)
-    return ProfileLine(
-        setting=one.fit.setting,
-        name=name,
-        misfit=bench.misfit(one.fit, tuple(free)),
-        start=one.fit.parameters,
-        scale=float(row[one.names.index(name)]) / variance if is_known else 0.0,
-        error=math.sqrt(variance) / _unit(one.fit, name) if is_known else math.inf,
-    )
+def _is_no_friction(fit: Fit, name: str) -> bool:
+    """Whether a friction was left out for it ran to none: other parts may have taken its place."""
+    is_friction = fit.parameters.quantity(name).is_friction
+    return is_friction and fit.status[name] == Status.ABSENT and does_nothing(fit.parameters, name)
 
 
 def _unit(fit: Fit, name: str) -> float:
@@ -342,25 +190,20 @@ def _unit(fit: Fit, name: str) -> float:
     return 1.0 if quantity.is_logarithmic else quantity.size
 
 
-def _whole_error(known: Uncertainty, name: str) -> float:
-    """What noise, misfit and what was supposed leave of ln y, of an offset itself."""
-    one, noise = known.intervals[name], known.error(name)
-    return noise * math.hypot(1.0, one.misfit / one.error) if one.error > 0.0 else noise
-
-
-def _is_no_friction(fit: Fit, name: str) -> bool:
-    """Whether a friction was left out for it ran to none: other parts may have taken its place."""
-    is_friction = fit.parameters.quantity(name).is_friction
-    return is_friction and fit.status[name] == Status.ABSENT and does_nothing(fit.parameters, name)
+# Where a parameter is walked: at one setting, or over all of a joint fit
 
 
 class _Walker:
     """Refits with one parameter held at a place along its line; `points` are where it was."""
 
-    def __init__(self, setting_values: Mapping[Setting, Values]) -> None:
+    quantity: Quantity
+    best: float  # value of the fit, SI
+    error: float  # standard error of u as printed; where nothing is known, infinity
+
+    def __init__(self, at: Mapping[Setting, Values]) -> None:
         self.points: list[tuple[float, float, Mapping[Setting, Values]]] = []
         self.spent = 0
-        self.note(0.0, 0.0, setting_values)
+        self.note(0.0, 0.0, at)
 
     def note(self, along: float, rise: float, at: Mapping[Setting, Values]) -> float:
         """Keep a point; return its sqrt(rise)."""
@@ -376,6 +219,97 @@ class _Walker:
         """Go back to the best fit."""
         raise NotImplementedError
 
+    def value_at(self, along: float) -> float:
+        """The parameter at a place along its line."""
+        if self.quantity.is_logarithmic:
+            return self.best * math.exp(along)
+        return self.best + self.quantity.size * along
+
+    def profiles(self, stride: Stride) -> dict[Setting, MisfitProfile]:
+        """Walk both sides; return the profile of every setting that has the parameter."""
+        low, high = self.quantity.plausible
+        if self.quantity.is_logarithmic:
+            edges = math.log(low / self.best), math.log(high / self.best)
+        else:
+            down, up = ((end - self.best) / self.quantity.size for end in (low, high))
+            edges = max(down, -_LINEAR_EDGE), min(up, _LINEAR_EDGE)
+        limits, is_complete = [], True
+        for side in (-1.0, 1.0):
+            self.restart()
+            limit, is_known = self._side(side, stride, edges)
+            limits.append(None if limit is None else self.value_at(limit))
+            is_complete &= is_known
+        name, points = self.quantity.name, sorted(self.points, key=lambda point: point[0])
+        return {
+            setting: MisfitProfile(
+                setting=setting,
+                name=name,
+                points=tuple(
+                    ProfilePoint(float(getattr(at[setting], name)), root * abs(root), at[setting])
+                    for _, root, at in points
+                ),
+                low=limits[0],
+                high=limits[1],
+                is_complete=is_complete,
+                evaluations=self.spent,
+            )
+            for setting in points[0][2]
+        }
+
+    def _side(
+        self, side: float, stride: Stride, edges: tuple[float, float]
+    ) -> tuple[float | None, bool]:
+        """Walk one side; return where the limit is (None: not reached), and whether it is known."""
+        edge, other_edge = edges[side > 0.0], edges[side < 0.0]
+        if edge * side <= 0.0:
+            return None, True
+        along, root, limit = 0.0, 0.0, None
+        step = min(stride.step * self.error, stride.first)
+        if other_edge * side > 0.0:  # the fit ran out of the range on the other side: to its edge
+            step = max(step, abs(other_edge))
+        try:
+            while root < stride.reach and along != edge:
+                if self.spent >= stride.budget:
+                    return limit, limit is not None
+                along = side * min(abs(along) + step, abs(edge))
+                found = self.refit(along)
+                if limit is None and found >= NORMAL_95:
+                    limit = self._crossing(side, stride)
+                # Aim for the wanted distance in sqrt(rise), a few times as far at most.
+                aimed = min(stride.step, max(stride.reach - found, 0.2 * stride.step) * 1.05)
+                grown = aimed / max(found - root, 1e-3)
+                step = min(step * min(max(grown, 0.2), _LONGEST_GROWTH), _LONGEST_STRIDE)
+                root = found
+        except SimulationError:
+            return limit, limit is not None
+        return limit, True
+
+    def _crossing(self, side: float, stride: Stride) -> float:
+        """Where sqrt(rise) passes the limit, between the outermost points around it."""
+        along, is_near = _interpolated_limit([point[:2] for point in self.points], side)
+        for _ in range(_MAX_LOOKS):
+            if is_near or self.spent >= stride.budget:
+                break
+            self.refit(along)
+            along, is_near = _interpolated_limit([point[:2] for point in self.points], side)
+        return along
+
+
+def _interpolated_limit(places: Sequence[tuple[float, float]], side: float) -> tuple[float, bool]:
+    """Return the limit between the points around it, and whether they are near enough.
+
+    Of each point its place along the line and sqrt(rise); one beyond the limit is among them. On
+    the scale that grows outwards, y upwards and 1/y downwards: where the misfit is flat and then
+    steep, its root is straight in that; near the best value it makes no difference.
+    """
+    mine = sorted((p for p in places if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
+    after = next(k for k, p in enumerate(mine) if p[1] >= NORMAL_95)
+    (near, low), (far, high) = mine[after - 1], mine[after]
+    share = (NORMAL_95 - low) / max(high - low, 1e-12)
+    grown = math.expm1(min(abs(far - near), 30.0)) * share
+    is_near = high - low < _NARROW or high - NORMAL_95 < _NEAR or NORMAL_95 - low < _NEAR / 2
+    return near + side * math.log1p(grown), is_near
+
 
 class _State(NamedTuple):
     """A point with what is needed to go on from it, in the variables of `linearise`."""
@@ -386,61 +320,42 @@ class _State(NamedTuple):
     jacobian: FloatArray
 
 
-class _Walk(_Walker):
-    """The walker of one setting."""
+class _OwnWalker(_Walker):
+    """The walker of one setting: along one of the misfit's free parameters."""
 
-    def __init__(self, line: ProfileLine, budget: int) -> None:
-        self.line, self.budget, self.spent = line, budget, 0
-        misfit = line.misfit
+    def __init__(
+        self,
+        one: Linearisation,
+        name: str,
+        misfit: Block,
+        scale: float,  # L of the module's docstring, 1/N^2
+        error: float,
+        budget: int,
+    ) -> None:
+        self.setting, self.start, self.misfit = one.fit.setting, one.fit.parameters, misfit
+        self.scale, self.error, self.budget, self.spent = scale, error, budget, 0
+        self.quantity = self.start.quantity(name)
         self.variables = misfit.common_variables
-        ranges = [line.start.quantity(name).plausible for name in misfit.free]
-        low, high = (self.variables.pack(np.array([one[k] for one in ranges])) for k in (0, 1))
+        ranges = [self.start.quantity(free).plausible for free in misfit.free]
+        low, high = (self.variables.pack(np.array([pair[k] for pair in ranges])) for k in (0, 1))
         self.bounds = low, high
-        self.place = misfit.free.index(line.name)
+        self.place = misfit.free.index(name)
         every = np.arange(len(misfit.free), dtype=np.intp)
         self.others = np.delete(every, self.place)
-        start = self.variables.pack(values_of(misfit.free, line.start))
+        start = self.variables.pack(values_of(misfit.free, self.start))
         # From the edge of its range the profiled one would leave it.
-        is_stuck = is_at_edge(line.start, line.name)
+        is_stuck = is_at_edge(self.start, name)
         self.centre, self.least = self._settled(start, self.others if is_stuck else every)
+        self.best = float(getattr(self.centre.parameters, name))
         spent = self.spent
-        super().__init__({line.setting: self.centre.parameters})
+        super().__init__({self.setting: self.centre.parameters})
         self.state, self.spent = self.centre, spent
 
     def restart(self) -> None:
         self.state = self.centre
 
     def refit(self, along: float) -> float:
-        self.state, cost = self._settled(self._moved(along), self.others)
-        rise = self.line.scale * (cost - self.least)
-        return self.note(along, rise, {self.line.setting: self.state.parameters})
-
-    def _settled(self, start: FloatArray, moving: NDArray[np.intp]) -> tuple[_State, float]:
-        """Refit the moving ones; returns the state and the least cost that is promised there."""
-        misfit = self.line.misfit
-
-        def point_at(part: FloatArray) -> tuple[DenseSystem, _State]:
-            self.spent += 1
-            variables = start.copy()
-            variables[moving] = part
-            parameters = with_values(self.line.start, misfit.free, self.variables.unpack(variables))
-            residuals, jacobian = linearise(misfit, parameters)
-            system = DenseSystem(residuals, jacobian[:, moving])
-            return system, _State(variables, parameters, residuals, jacobian)
-
-        stopping = Stopping(
-            step_tolerance=_STEP_TOLERANCE,
-            max_evaluations=max(1, min(_MAX_REFITS, self.budget - self.spent)),
-            least_gain=_SETTLED / self.line.scale if self.line.scale > 0.0 else math.inf,
-            longest_step=_LONGEST_STEP,
-        )
-        bounds = self.bounds[0][moving], self.bounds[1][moving]
-        ended = iterate(point_at, start[moving], stopping, bounds)
-        system = ended.system.without(ended.is_held) if ended.is_held.any() else ended.system
-        return ended.extra, ended.system.cost - _full_step(system).effect
-
-    def _moved(self, along: float) -> FloatArray:
-        """Go along the line, the others along their tangent."""
+        """Go along the line, the others along their tangent, and settle there."""
         state, place, others = self.state, self.place, self.others
         moved = state.variables.copy()
         moved[place] = self.centre.variables[place] + along
@@ -449,7 +364,33 @@ class _Walk(_Walker):
         change = _full_step(DenseSystem(ahead, state.jacobian[:, others])).change
         length = float(np.max(np.abs(change), initial=0.0))
         moved[others] += change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
-        return moved
+        self.state, cost = self._settled(moved, others)
+        rise = self.scale * (cost - self.least)
+        return self.note(along, rise, {self.setting: self.state.parameters})
+
+    def _settled(self, start: FloatArray, moving: NDArray[np.intp]) -> tuple[_State, float]:
+        """Refit the moving ones; returns the state and the least cost that is promised there."""
+        misfit = self.misfit
+
+        def point_at(part: FloatArray) -> tuple[DenseSystem, _State]:
+            self.spent += 1
+            variables = start.copy()
+            variables[moving] = part
+            parameters = with_values(self.start, misfit.free, self.variables.unpack(variables))
+            residuals, jacobian = linearise(misfit, parameters)
+            system = DenseSystem(residuals, jacobian[:, moving])
+            return system, _State(variables, parameters, residuals, jacobian)
+
+        stopping = Stopping(
+            step_tolerance=_STEP_TOLERANCE,
+            max_evaluations=max(1, min(_MAX_REFITS, self.budget - self.spent)),
+            least_gain=_SETTLED / self.scale if self.scale > 0.0 else math.inf,
+            longest_step=_LONGEST_STEP,
+        )
+        bounds = self.bounds[0][moving], self.bounds[1][moving]
+        ended = iterate(point_at, start[moving], stopping, bounds)
+        system = ended.system.without(ended.is_held) if ended.is_held.any() else ended.system
+        return ended.extra, ended.system.cost - _full_step(system).effect
 
 
 def _full_step(system: LinearSystem) -> Step:
@@ -457,27 +398,92 @@ def _full_step(system: LinearSystem) -> Step:
     return system.scaled(lengths).step(_UNSEEN)
 
 
-def trace_profile(line: ProfileLine, stride: Stride = Stride()) -> MisfitProfile:
-    """Follow the misfit of a setting along one parameter to both sides of its best value.
+class _JointWalker(_Walker):
+    """The walker over all settings of a joint fit."""
 
-    Parameters
-    ----------
-    line : ProfileLine
-        What is profiled.
-    stride : Stride
-        How closely.
+    def __init__(
+        self,
+        problem: FitProblem,
+        unknown: Unknown,
+        best: JointSolution,
+        scale: float,
+        error: float,
+    ) -> None:
+        self.problem, self.unknown, self.solution, self.scale = problem, unknown, best, scale
+        having = [at for setting, at in best.parameters.items() if unknown.holds_at(setting)]
+        self.quantity, self.error = having[0].quantity(unknown.name), error
+        self.best = float(getattr(having[0], unknown.name))
+        self.last = best
+        super().__init__(best.parameters)
 
-    Raises
-    ------
-    SimulationError
-        The best fit itself cannot be simulated.
-    FitCancelledError
-        The caller asked to stop.
+    def restart(self) -> None:
+        self.last = self.solution
+
+    def refit(self, along: float) -> float:
+        held = {self.unknown.name: self.value_at(along)}
+        starts = {
+            setting: at.replace(held) if self.unknown.holds_at(setting) else at
+            for setting, at in self.last.parameters.items()
+        }
+        problem = replace(self.problem, gas=self.last.gas, weights=self.solution.weights)
+        self.last = fit_jointly(problem, starts)
+        self.spent += self.last.evaluations
+        rise = self.scale * (self.last.cost - self.solution.cost)
+        return self.note(along, rise, self.last.parameters)
+
+
+def profile_at(
+    name: str,
+    one: Linearisation,
+    known: Uncertainty,
+    sharing: Sharing,
+    bench: Bench,
+    stride: Stride = Stride(),
+) -> MisfitProfile | None:
+    """Return the profile of a parameter at a setting; None where it is not told there.
+
+    A parameter of a joint fit has none here; see `profile_jointly`. A SimulationError: the best fit
+    itself cannot be simulated; a FitCancelledError: the caller asked to stop.
     """
-    walk = _Walk(line, stride.budget)
-    best = float(getattr(walk.centre.parameters, line.name))
-    quantity = line.start.quantity(line.name)
-    return _walked(walk, quantity, best, line.error, stride)[line.setting]
+    fit, setting = one.fit, one.fit.setting
+    own = own_names(fit, sharing)
+    variance = known.error(name) ** 2 if name in known.names else None
+    if name not in sharing.found:
+        at_bound = {n for n in one.names if fit.status[n] == Status.AT_BOUND}
+        is_at_bound = name in at_bound or _is_no_friction(fit, name)
+        if not own or (name not in own and not is_at_bound):
+            return None
+        free, beside = {*own, name, *at_bound}, {*own, name}
+        variance = None if is_at_bound else variance
+    elif sharing.jointly:
+        return None
+    elif setting == sharing.taken.get(name):
+        free = beside = {*sharing.free} - {*sharing.held}
+    elif setting in sharing.means.get(name, ()):
+        free, beside, variance = {*sharing.free}, {*sharing.free}, None
+    else:
+        return None
+    # The scale belongs to the variance of noise as printed, else to that of the sandwich here.
+    ordered = tuple(n for n in one.names if n in beside)
+    row = solved(one, ordered)[ordered.index(name)]
+    if variance is None:
+        variance = float(row @ one.scores @ row)
+    if one.misfit is not None:
+        variance += float(row @ one.misfit @ row)
+    if one.supposed is not None:
+        variance += float(np.sum((row @ one.supposed) ** 2))
+    scale, error = 0.0, math.inf
+    if variance > 0.0 and math.isfinite(variance):
+        scale = float(row[one.names.index(name)]) / variance
+        error = math.sqrt(variance) / _unit(fit, name)
+    misfit = bench.misfit(fit, tuple(free))
+    walker = _OwnWalker(one, name, misfit, scale, error, stride.budget)
+    return replace(
+        walker.profiles(stride)[setting],
+        is_shared=name in sharing.found,
+        is_partial=sharing.is_mean(name),
+        is_doubtful=is_doubtful(name, fit, known),
+    )
 
 
 def doubtful_profiles(
@@ -488,51 +494,21 @@ def doubtful_profiles(
     Values at a bound, not identified, or with a standard error of ln y above 0.1; a shared
     R_m3 where it was taken from. Together they may cost 0.7 of what the fit has.
     """
-    budget = max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
+    fit, budget = one.fit, max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
     found = []
     # What has failed first: the budget may not reach for all.
-    positive = [q.name for q in one.fit.parameters.quantities if q.is_logarithmic]
-    names = sorted(positive, key=lambda name: not one.fit.status[name].has_failed)
-    for name in names:
-        if budget < _QUICK_LEAST // 2 or not is_doubtful(name, one.fit, known):
+    positive = [q.name for q in fit.parameters.quantities if q.is_logarithmic]
+    for name in sorted(positive, key=lambda name: not fit.status[name].has_failed):
+        # A mean over settings has no profile in one of them.
+        if sharing.is_mean(name) or not is_doubtful(name, fit, known):
             continue
-        mine, its = {one.fit.setting: one}, {one.fit.setting: known}
-        for line in profile_lines(name, mine, its, sharing, bench):
-            if sharing.is_mean(name):
-                continue  # a mean over settings has no profile in one of them
-            profile = trace_profile(line, Stride(_QUICK_STEP, _QUICK_REACH, budget))
+        if budget < _QUICK_LEAST // 2:
+            break
+        stride = Stride(_QUICK_STEP, _QUICK_REACH, budget)
+        if (profile := profile_at(name, one, known, sharing, bench, stride)) is not None:
             budget -= profile.evaluations
-            is_shared = name in sharing.found
-            found.append(replace(profile, is_shared=is_shared, is_doubtful=True))
+            found.append(profile)
     return tuple(found)
-
-
-class _JointWalk(_Walker):
-    """The walker over all settings of a joint fit."""
-
-    def __init__(
-        self, problem: FitProblem, unknown: Unknown, best: JointSolution, scale: float
-    ) -> None:
-        self.problem, self.unknown, self.best, self.scale = problem, unknown, best, scale
-        having = [at for setting, at in best.parameters.items() if unknown.holds_at(setting)]
-        self.value = float(getattr(having[0], unknown.name))
-        self.last = best
-        super().__init__(best.parameters)
-
-    def restart(self) -> None:
-        self.last = self.best
-
-    def refit(self, along: float) -> float:
-        name, starts = self.unknown.name, dict(self.last.parameters)
-        for setting, at in starts.items():
-            if self.unknown.holds_at(setting):
-                held = _value_at(at.quantity(name), self.value, along)
-                starts[setting] = at.replace({name: held})
-        problem = replace(self.problem, gas=self.last.gas, weights=self.best.weights)
-        self.last = fit_jointly(problem, starts)
-        self.spent += self.last.evaluations
-        rise = self.scale * (self.last.cost - self.best.cost)
-        return self.note(along, rise, self.last.parameters)
 
 
 def profile_jointly(
@@ -546,36 +522,14 @@ def profile_jointly(
 ) -> tuple[MisfitProfile, ...]:
     """Return the profile of a shared parameter of a joint fit, once for every setting that has it.
 
-    The rise is that of all settings together.
-
-    Parameters
-    ----------
-    unknown : Unknown
-        One of ``sharing.unknowns``.
-    linearised : sequence of Linearisation
-        Of all settings.
-    known : Uncertainty
-        Of any setting of the joint fit that has it.
-    sharing : Sharing
-        What was shared.
-    bench : Bench
-        Damper, solver, cancellation.
-    stride : Stride
-        How closely.
-
-    Raises
-    ------
-    SimulationError
-        The best fit cannot be simulated.
-    FitCancelledError
-        The caller asked to stop.
+    The rise is that of all settings together. `unknown` is one of ``sharing.unknowns``, `known` of
+    any setting that has it. Errors as of `profile_at`.
     """
     fits = [
         one.fit
         for one in linearised
         if one.fit.setting in sharing.settings and one.fit.outcome.is_minimum
     ]
-    start = {fit.setting: fit.parameters for fit in fits}
     whole = FitProblem(
         {fit.setting: bench.misfit(fit, sharing.free) for fit in fits},
         sharing.jointly,
@@ -583,15 +537,17 @@ def profile_jointly(
         gas=sharing.gas,
         jobs=bench.jobs,
     )
-    best = fit_jointly(whole, start)
+    best = fit_jointly(whole, {fit.setting: fit.parameters for fit in fits})
     held = replace(whole, held=frozenset({unknown}))
-    error = _whole_error(known, unknown.name)
+    error = known.whole_error(unknown.name)
     curvature = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)]
-    walk = _JointWalk(held, unknown, best, curvature / error**2)
-    quantity = fits[0].parameters.quantity(unknown.name)
-    error /= _unit(fits[0], unknown.name)
-    profiles = _walked(walk, quantity, walk.value, error, stride)
-    return tuple(profiles[setting] for setting in sorted(profiles) if unknown.holds_at(setting))
+    scaled = error / _unit(fits[0], unknown.name)
+    profiles = _JointWalker(held, unknown, best, curvature / error**2, scaled).profiles(stride)
+    return tuple(
+        replace(profiles[setting], is_shared=True)
+        for setting in sorted(profiles)
+        if unknown.holds_at(setting)
+    )
 
 
 def shared_limits(
@@ -605,17 +561,6 @@ def shared_limits(
     A mounting that no log shows give ends at the upper edge of its range, where a change of it does
     nothing: the quadratic approximation then excludes no value. Softer ones do fit worse, and a
     short walk with all settings refitted says from where on.
-
-    Parameters
-    ----------
-    linearised : sequence of Linearisation
-        Of all settings.
-    known : mapping of Setting to Uncertainty
-        Their errors.
-    sharing : Sharing
-        What was shared.
-    bench : Bench
-        Damper, solver, cancellation.
     """
     budget = int(_SHARED_SHARE * sum(one.fit.evaluations for one in linearised))
     # The law of K_e has numbers of the gas, which are none of a setting.
@@ -628,119 +573,11 @@ def shared_limits(
         if own.error(name) <= NOT_FIT_TO_SHARE and not having[0].status[name].has_failed:
             continue
         # By as much of 1/y as an error of it: a value at its edge is far from where it matters.
-        first = math.log1p(_SHARED_STEP * _whole_error(own, name))
+        first = math.log1p(_SHARED_STEP * own.whole_error(name))
         stride = Stride(_SHARED_STEP, _SHARED_REACH, budget, first)
         with suppress(SimulationError, FitCancelledError):
             profiles = profile_jointly(unknown, linearised, own, sharing, bench, stride=stride)
             by_setting = {one.setting: one for one in profiles}
             for fit in having:  # also one that was no part of it, for it has the same value
                 one = by_setting.get(fit.setting, profiles[0])
-                yield replace(one, setting=fit.setting, is_shared=True, is_doubtful=True)
-
-
-def _walked(
-    walker: _Walker, quantity: Quantity, best: float, error: float, stride: Stride
-) -> dict[Setting, MisfitProfile]:
-    """The profile of every setting that a walker sees on both sides; ``error`` is that of u."""
-    limits, is_complete = [], True
-    for side in (-1.0, 1.0):
-        walker.restart()
-        limit, is_known = _side(walker, side, stride, error, _plausible_edges(quantity, best))
-        limits.append(None if limit is None else _value_at(quantity, best, limit))
-        is_complete &= is_known
-    name = quantity.name
-    points = sorted(walker.points, key=lambda point: point[0])
-    return {
-        setting: MisfitProfile(
-            setting=setting,
-            name=name,
-            points=tuple(
-                ProfilePoint(float(getattr(at[setting], name)), root * abs(root), at[setting])
-                for _, root, at in points
-            ),
-            low=limits[0],
-            high=limits[1],
-            is_complete=is_complete,
-            evaluations=walker.spent,
-        )
-        for setting in points[0][2]
-    }
-
-
-def _side(
-    walker: _Walker, side: float, stride: Stride, error: float, edges: tuple[float, float]
-) -> tuple[float | None, bool]:
-    """Walk one side; return where the limit is (None: not reached) and whether that is known."""
-    edge, other_edge = edges[side > 0.0], edges[side < 0.0]
-    if edge * side <= 0.0:
-        return None, True
-    along, root, limit = 0.0, 0.0, None
-    step = min(stride.step * error, stride.first)
-    if other_edge * side > 0.0:  # the fit ran out of the range on the other side: go to its edge
-        step = max(step, abs(other_edge))
-    try:
-        while root < stride.reach and along != edge:
-            if walker.spent >= stride.budget:
-                return limit, limit is not None
-            along = side * min(abs(along) + step, abs(edge))
-            found = walker.refit(along)
-            if limit is None and found >= NORMAL_95:
-                limit = _crossing(walker, side, stride)
-            step, root = _next_step(stride, step, root, found), found
-    except SimulationError:
-        return limit, limit is not None
-    return limit, True
-
-
-def _next_step(stride: Stride, step: float, before: float, found: float) -> float:
-    """Aim for the wanted distance in sqrt(rise), a few times as far at most."""
-    gained = max(found - before, 1e-3)
-    aimed = min(stride.step, max(stride.reach - found, 0.2 * stride.step) * 1.05)
-    return min(step * min(max(aimed / gained, 0.2), _LONGEST_GROWTH), _LONGEST_STRIDE)
-
-
-def _crossing(walker: _Walker, side: float, stride: Stride) -> float:
-    """Where sqrt(rise) passes the limit, between the outermost points around it."""
-    along, is_near = interpolated_limit([point[:2] for point in walker.points], side)
-    for _ in range(_MAX_LOOKS):
-        if is_near or walker.spent >= stride.budget:
-            break
-        walker.refit(along)
-        along, is_near = interpolated_limit([point[:2] for point in walker.points], side)
-    return along
-
-
-def interpolated_limit(places: Sequence[tuple[float, float]], side: float) -> tuple[float, bool]:
-    """Return the limit between the points around it, and whether they are near enough.
-
-    Parameters
-    ----------
-    places : sequence of (float, float)
-        Place along the line and sqrt(rise) of each point, one beyond the limit among them.
-    side : float
-        -1 or 1.
-
-    On the scale that grows outwards, y upwards and 1/y downwards: where the misfit is flat and then
-    steep, its root is straight in that; near the best value it makes no difference.
-    """
-    mine = sorted((p for p in places if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
-    after = next(k for k, p in enumerate(mine) if p[1] >= NORMAL_95)
-    (near, low), (far, high) = mine[after - 1], mine[after]
-    share = (NORMAL_95 - low) / max(high - low, 1e-12)
-    grown = math.expm1(min(abs(far - near), 30.0)) * share
-    is_near = high - low < _NARROW or high - NORMAL_95 < _NEAR or NORMAL_95 - low < _NEAR / 2
-    return near + side * math.log1p(grown), is_near
-
-
-def _plausible_edges(quantity: Quantity, best: float) -> tuple[float, float]:
-    """Where the plausible range ends on both sides, in u from the best value."""
-    low, high = quantity.plausible
-    if quantity.is_logarithmic:
-        return math.log(low / best), math.log(high / best)
-    ends = ((low - best) / quantity.size, (high - best) / quantity.size)
-    return max(ends[0], -_LINEAR_EDGE), min(ends[1], _LINEAR_EDGE)
-
-
-def _value_at(quantity: Quantity, best: float, along: float) -> float:
-    """The parameter at a place along its line."""
-    return best * math.exp(along) if quantity.is_logarithmic else best + quantity.size * along
+                yield replace(one, setting=fit.setting, is_doubtful=True)

@@ -39,11 +39,9 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["CVP", "PVP", "SAME_MOTION", "MeasuredForce", "SpeedForces", "speed_forces"]
-
 PVP, CVP = "pvp", "cvp"
 # Strokes and speeds that differ by less are those of one test.
-SAME_MOTION = 0.05
+_SAME_MOTION = 0.05
 # Shares of the peak speed at which a loop is read besides the named speeds.
 _SHARES = tuple(k / 20.0 for k in range(1, 20))
 # Speeds within this factor are alike: the misfit there is the error of the force here.
@@ -58,36 +56,20 @@ _IS_AT = 1e-9  # a speed is that of a test but for rounding
 
 @dataclass(frozen=True, slots=True)
 class MeasuredForce:
-    """The measured force at a speed.
+    """The measured force at a speed, N."""
 
-    Attributes
-    ----------
-    force, error : float
-        N, the rig's tare in it; its standard error, with what was put back for the filter.
-    scatter, rounding : float
-        Standard error by the cycles alone; what was put back, N.
-    difference : float
-        Measured less modelled force, as they were read, N.
-    opening, closing : float
-        Of a loop: the two branches, N; NaN of a peak.
-    peak : float
-        Of a peak: the largest force of the stroke, N; NaN of a loop.
-    kind : str
-        `PVP` or `CVP`.
-    between : (float, float)
-        Speeds of the segments that it lies between, m/s; the same where it is at one.
-    """
-
-    force: float
-    error: float
-    scatter: float
-    rounding: float
-    difference: float
-    opening: float
+    force: float  # the rig's tare in it
+    error: float  # its standard error, with what was put back for the filter
+    scatter: float  # standard error by the cycles alone
+    rounding: float  # what was put back
+    difference: float  # measured less modelled force, as they were read
+    opening: float  # of a loop: the two branches; NaN of a peak
     closing: float
-    peak: float
-    kind: str
-    between: tuple[float, float]
+    peak: float  # of a peak: the largest force of the stroke; NaN of a loop
+    kind: str  # `PVP` or `CVP`
+    between: tuple[
+        float, float
+    ]  # speeds of the segments around it, m/s; the same where it is at one
 
     @property
     def as_read(self) -> MeasuredForce:
@@ -102,47 +84,21 @@ class MeasuredForce:
 
 @dataclass(frozen=True, slots=True)
 class SpeedForces:
-    """Measured force over speed of one setting and stroke.
-
-    Attributes
-    ----------
-    setting : Setting
-        Which.
-    stroke : str
-        "rebound" or "bump".
-    half_range : float
-        Half the range of the measured force, N.
-    speeds : tuple of float
-        m/s, positive and rising.
-    measured, measured_se : tuple of float
-        Force with what the filter took put back, and its standard error, N; NaN for one cycle.
-    difference : tuple of float
-        Measured less modelled force as they were read, N.
-    misfit : tuple of float
-        What repeats in the residual at like speeds, root mean square, N; 0 where nothing does.
-    kind : str
-        `PVP` or `CVP`; "" of older versions, whose loops have what the filter made of them.
-    rounding : tuple of float
-        What was put back for the filter, N.
-    opening, closing : tuple of float
-        Of a loop: its branches, N.
-    peak_forces : tuple of float
-        Of peaks: the largest force of the stroke in the segment, N.
-    """
+    """Measured force over speed of one setting and stroke, N."""
 
     setting: Setting
-    stroke: str
-    half_range: float
-    speeds: tuple[float, ...]
-    measured: tuple[float, ...]
-    measured_se: tuple[float, ...]
-    difference: tuple[float, ...]
-    misfit: tuple[float, ...]
-    kind: str = ""
-    rounding: tuple[float, ...] = ()
-    opening: tuple[float, ...] = ()
+    stroke: str  # "rebound" or "bump"
+    half_range: float  # half the range of the measured force
+    speeds: tuple[float, ...]  # m/s, positive and rising
+    measured: tuple[float, ...]  # with what the filter took put back,
+    measured_se: tuple[float, ...]  # and its standard error; NaN for one cycle
+    difference: tuple[float, ...]  # measured less modelled force as they were read
+    misfit: tuple[float, ...]  # what repeats in the residual at like speeds, root mean square; or 0
+    kind: str = ""  # `PVP` or `CVP`; "" of older versions: loops with what the filter made of them
+    rounding: tuple[float, ...] = ()  # what was put back for the filter
+    opening: tuple[float, ...] = ()  # of a loop: its branches
     closing: tuple[float, ...] = ()
-    peak_forces: tuple[float, ...] = ()
+    peak_forces: tuple[float, ...] = ()  # of peaks: the largest force of the stroke in the segment
 
     def at(self, speed: float) -> MeasuredForce | None:
         """Return the force at a speed; None where it was not measured."""
@@ -181,15 +137,27 @@ class SpeedForces:
         return float(np.interp(speed, self.speeds, self.misfit)) if self.speeds else 0.0
 
 
+class _Segment(NamedTuple):
+    """One steady segment: its samples, and of each stroke what is read at its peaks."""
+
+    stretch: Stretch
+    velocity: FloatArray
+    force: FloatArray
+    residuals: FloatArray
+    noise: float  # variance of the residuals that does not repeat, N2
+    rounding: tuple[FloatArray, FloatArray]
+    slowest: float  # m/s; a slower passage is too near to a reversal
+    peaks: FloatArray  # (2, 8): of both strokes a row as below
+
+
+# A row: these, what was put back, both branches, the stroke's largest force.
+_SPEED, _FORCE, _ERROR, _DIFFERENCE = range(4)
+
+
 def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[SpeedForces, ...]:
     """Return the forces of a setting in rebound and in bump; none where no cycle repeats.
 
-    Parameters
-    ----------
-    linearised : Linearisation
-        Of the setting.
-    is_structured : bool
-        Whether more repeats in its residuals than noise explains.
+    Structured is a residual of which more repeats than noise explains.
     """
     segments = sorted(_segments(linearised), key=lambda one: one.stretch.peak_speed)
     if not segments:
@@ -197,7 +165,7 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
     tests: list[list[_Segment]] = []
     for segment in segments:
         top = segment.stretch.peak_speed
-        if not tests or top > (1.0 + SAME_MOTION) * tests[-1][0].stretch.peak_speed:
+        if not tests or top > (1.0 + _SAME_MOTION) * tests[-1][0].stretch.peak_speed:
             tests.append([])
         tests[-1].append(segment)
     half_range = 0.5 * max(float(np.ptp(one.force)) for one in segments)
@@ -230,29 +198,12 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
     return tuple(forces)
 
 
-# Rows of a table of forces: these, what was put back, both branches, the stroke's largest force.
-_SPEED, _FORCE, _ERROR, _DIFFERENCE = range(4)
-
-
 def _mean(tests: Sequence[FloatArray]) -> FloatArray:
     """Return the mean of the rows of like tests, the error that of the mean."""
     rows = np.array(tests)
     means = np.asarray(rows.mean(axis=0))
     means[_ERROR] = np.sqrt(np.mean(rows[:, _ERROR] ** 2, axis=0) / len(rows))
     return means
-
-
-class _Segment(NamedTuple):
-    """One steady segment: its samples, and of each stroke what is read at its peaks."""
-
-    stretch: Stretch
-    velocity: FloatArray
-    force: FloatArray
-    residuals: FloatArray
-    noise: float  # variance of the residuals that does not repeat, N2
-    rounding: tuple[FloatArray, FloatArray]
-    slowest: float  # m/s; a slower passage is too near to a reversal
-    peaks: FloatArray  # (2, 8), rows as above
 
 
 def _segments(linearised: Linearisation) -> Iterator[_Segment]:
@@ -270,7 +221,15 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
             slope = median(np.abs(np.diff(velocity)[turns])) if len(turns) else 0.0
             edges = counted_edges(one) - one.first
             clean = slice(max(int(edges[0]), 0), int(edges[-1]))
-            part = velocity[clean], np.stack([force, residuals])[:, clean], edges[:-1] - edges[0]
+            signals, begins = np.stack([force, residuals])[:, clean], edges[:-1] - edges[0]
+            peaks = []
+            for sign in (1.0, -1.0):
+                # The error of the residual: that of the force holds the scatter of the motion.
+                speed, (at_peak, residual), errors = peak_velocity_forces(
+                    sign * velocity[clean], signals, begins
+                )
+                largest = sign * float(np.mean(np.maximum.reduceat(sign * signals[0], begins)))
+                peaks.append([speed, at_peak, errors[1], residual, 0.0, at_peak, at_peak, largest])
             yield _Segment(
                 one,
                 velocity,
@@ -279,48 +238,32 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
                 noise if math.isfinite(noise) else 0.0,
                 rounding,
                 slope / trace.interval * _NEAR_A_REVERSAL / corner,
-                np.array([_peak(part, sign) for sign in (1.0, -1.0)]),
+                np.array(peaks),
             )
-
-
-def _peak(part: tuple[FloatArray, FloatArray, NDArray[np.int64]], sign: float) -> FloatArray:
-    velocity, signals, begins = part
-    # The error by the scatter of the residual: that of the force holds the motion's own.
-    speed, (force, residual), errors = peak_velocity_forces(sign * velocity, signals, begins)
-    largest = sign * float(np.mean(np.maximum.reduceat(sign * signals[0], begins)))
-    return np.array([speed, force, errors[1], residual, 0.0, force, force, largest])
 
 
 def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
     """Return the rows of a loop at named speeds and shares of its peak speed, below the peak."""
     strokes = median([one.stretch.amplitude for one in test])
-    alike = [one for one in test if abs(one.stretch.amplitude / strokes - 1.0) <= SAME_MOTION]
+    alike = [one for one in test if abs(one.stretch.amplitude / strokes - 1.0) <= _SAME_MOTION]
     top = min(float(one.peaks[:, _SPEED].min()) for one in alike)
     slowest = math.ceil(1e6 * max(one.slowest for one in alike)) / 1e6
     asked = {slowest, *NAMED_SPEEDS, *(round(share * top, 6) for share in _SHARES)}
     speeds = sorted(speed for speed in asked if slowest <= speed < 0.99 * top)
-    return _mean([_loop_of(one, sign, speeds) for one in alike])
-
-
-def _loop_of(one: _Segment, sign: float, speeds: Sequence[float]) -> FloatArray:
-    signals = np.stack([one.force, one.residuals])
-    counts, means, squares = at_speeds(one.velocity, signals, speeds, sign=sign)
-    velocity, taken = one.rounding
-    back = at_speeds(velocity, taken[None], speeds, sign=sign)[1][..., 0]
-    with np.errstate(invalid="ignore", divide="ignore"):  # one passage has no scatter
-        variances = squares[..., 1] / (counts - 1.0) / counts
-    branches = means[..., 0] + back
-    return np.array(
-        [
-            speeds,
-            branches.mean(axis=0),
-            0.5 * np.sqrt(variances.sum(axis=0)),
-            means[..., 1].mean(axis=0),
-            back.mean(axis=0),
-            *branches,
-            np.full(len(speeds), math.nan),
-        ]
-    )
+    rows = []
+    for one in alike:
+        signals = np.stack([one.force, one.residuals])
+        counts, means, squares = at_speeds(one.velocity, signals, speeds, sign=sign)
+        velocity, taken = one.rounding
+        back = at_speeds(velocity, taken[None], speeds, sign=sign)[1][..., 0]
+        with np.errstate(invalid="ignore", divide="ignore"):  # one passage has no scatter
+            variances = squares[..., 1] / (counts - 1.0) / counts
+        branches, nothing = means[..., 0] + back, np.full(len(speeds), math.nan)
+        error = 0.5 * np.sqrt(variances.sum(axis=0))
+        difference = means[..., 1].mean(axis=0)
+        whole = [speeds, branches.mean(axis=0), error, difference, back.mean(axis=0)]
+        rows.append(np.array([*whole, *branches, nothing]))
+    return _mean(rows)
 
 
 def _misfit(segments: Sequence[_Segment], speed: float, sign: float) -> float:

@@ -22,8 +22,6 @@ from damperfit.uncertainty.covariance import own_names, solved
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, Fit, Sharing
@@ -33,18 +31,6 @@ if TYPE_CHECKING:
     from damperfit.uncertainty.linearisation import Linearisation
     from damperfit.uncertainty.profiles import MisfitProfile
 
-    FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "doubts",
-    "motions_apart",
-    "reconsider",
-    "shared_apart",
-    "undetermined",
-    "verdicts",
-    "with_least_openings",
-]
-
 # At this correlation knowing the one would shrink the error of the other to a third.
 _CORRELATED = 0.95
 # Rigs repeat frequency and stroke to parts in a thousand: one log of at least so many that is off
@@ -53,7 +39,6 @@ _ENOUGH_LOGS, _APART, _FAR = 4, 5e-3, 10.0
 # Settings disagree about a shared value from this factor and so many errors on, of those whose own
 # logs tell it better than by this error of its logarithm, where that is half of what they miss.
 _UNLIKE, _SURELY, _TELLING, _MOST_OF_IT = 1.5, 3.0, 0.3, 0.5
-# What oil meets once a blow-off is open.
 # Of a stroke's oil: a share below it is that of a passage which the logs do not show.
 _UNNOTICED = 0.01
 _FOUND = frozenset({Status.FITTED, Status.SHARED})
@@ -114,18 +99,13 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
     the printed error of noise. What ran to where its part does nothing, as a friction below the
     noise, is no bound that a fit strains against: the logs do not tell it from none.
     """
-    known = {one.setting: one for one in assessment.uncertainties}
-    fits = tuple(
-        _reconsidered(fit, known.get(fit.setting), campaign.sharing, assessment)
-        for fit in campaign.fits
-    )
+    fits = tuple(_reconsidered(fit, campaign.sharing, assessment) for fit in campaign.fits)
     return replace(campaign, fits=fits)
 
 
-def _reconsidered(
-    fit: Fit, known: Uncertainty | None, sharing: Sharing, assessment: Assessment
-) -> Fit:
+def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
     profiles, values = assessment.telling(fit.setting), fit.parameters
+    known = assessment.uncertainty(fit.setting)
 
     def is_unfit(name: str, share: float) -> bool:
         """Whether the printed error of noise is so large a share of the value."""
@@ -166,21 +146,15 @@ def _reconsidered(
     return replace(fit, status={**fit.status, **changed}, outcome=outcome)
 
 
+# Sentences
+
+
 def verdicts(
     fit: Fit, known: Uncertainty, sharing: Sharing, profiles: Mapping[str, MisfitProfile]
 ) -> dict[str, str]:
     """Return one sentence for each parameter: how it was found, how well, tied to which other.
 
-    Parameters
-    ----------
-    fit : Fit
-        The setting's fit.
-    known : Uncertainty
-        The same setting's intervals.
-    sharing : Sharing
-        How the shared parameters were found.
-    profiles : mapping of str to MisfitProfile
-        By parameter, where the misfit was followed; of shared ones too.
+    `profiles` are those that speak of the setting, by parameter.
     """
     partners: dict[str, str] = {}
     for one, other, value in sorted(_ties(known), key=lambda tie: abs(tie[2])):
@@ -194,16 +168,14 @@ def verdicts(
 
 def undetermined(campaign: Campaign, assessment: Assessment) -> tuple[Problem, ...]:
     """Return each way in which parameters are at a bound or not determined, with its settings."""
-    known = {one.setting: one for one in assessment.uncertainties}
     where: dict[tuple[str, Status, str], list[Setting]] = defaultdict(list)
     for fit in campaign.fits:
-        if fit.setting not in known:
+        if (known := assessment.uncertainty(fit.setting)) is None:
             continue
         profiles = assessment.telling(fit.setting)
         for name, status in fit.status.items():
             if status.has_failed:
-                profile = profiles.get(name)
-                words = _verdict(name, fit, known[fit.setting], profile, campaign.sharing, "")
+                words = _verdict(name, fit, known, profiles.get(name), campaign.sharing, "")
                 where[name, status, words].append(fit.setting)
     return tuple(
         warning(
@@ -248,12 +220,13 @@ def motions_apart(campaign: Campaign) -> Iterator[Problem]:
         for stretch in log.trace.stretches
         if stretch.n_cycles and len(log.trace.stretches) == 1
     ]
+    if len(motions) < _ENOUGH_LOGS:
+        return
+    names, *columns = zip(*motions, strict=True)
     for code, unit, scale, what, values in (
-        ("clock-apart", "Hz", 1.0, "clock", [one[1] for one in motions]),
-        ("stroke-apart", "mm", 1e3, "displacement channel", [one[2] for one in motions]),
+        ("clock-apart", "Hz", 1.0, "clock", columns[0]),
+        ("stroke-apart", "mm", 1e3, "displacement channel", columns[1]),
     ):
-        if len(values) < _ENOUGH_LOGS:
-            continue
         middle = float(np.median(values))
         off = np.abs(np.array(values) / middle - 1.0)
         *_, second, most = np.sort(off).tolist()
@@ -264,7 +237,7 @@ def motions_apart(campaign: Campaign) -> Iterator[Problem]:
                 "{log} has {found} {unit}, all other logs have {expected} {unit}: its {what} is "
                 "{percent} % off, or it is another test; a wrong {what} puts its parameters off by "
                 "about as much",
-                log=motions[place][0],
+                log=names[place],
                 found=f"{scale * values[place]:.4g}",
                 expected=f"{scale * middle:.4g}",
                 unit=unit,
@@ -317,13 +290,7 @@ def _ties(known: Uncertainty) -> Iterator[tuple[str, str, float]]:
         yield known.names[i], known.names[j], float(matrix[i, j])
 
 
-_NOT_FITTED: dict[Status, str] = {
-    Status.FIXED: "held at the value given",
-    Status.ABSENT: "has no effect at this setting and was left out of the fit",
-}
-
-
-def _verdict(
+def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
     name: str,
     fit: Fit,
     known: Uncertainty,
@@ -331,86 +298,68 @@ def _verdict(
     sharing: Sharing,
     tied: str,
 ) -> str:
-    status, unit = fit.status[name], fit.parameters.quantity(name).unit
-    if status in _NOT_FITTED:
-        limit = f" ({_seen(profile, unit)})" if profile is not None else ""
-        return f"{_NOT_FITTED[status]}{limit}"
+    status, quantity = fit.status[name], fit.parameters.quantity(name)
+    unit, value = quantity.unit, getattr(fit.parameters, name)
+    seen = "" if profile is None else _seen(profile, unit)
+    if status == Status.FIXED:
+        return f"held at the value given{f' ({seen})' if seen else ''}"
+    if status == Status.ABSENT:
+        limit = f" ({seen})" if seen else ""
+        return f"has no effect at this setting and was left out of the fit{limit}"
     if status == Status.AT_BOUND:
-        seen = f": {_seen(profile, unit)}" if profile is not None else ""
-        return f"is at a bound of its plausible range{seen}; hold it, or check units and signs"
-    interval = known.intervals.get(name)
+        limit = f": {seen}" if seen else ""
+        return f"is at a bound of its plausible range{limit}; hold it, or check units and signs"
+    closed, interval = _unopened(name, fit, known), known.intervals.get(name)
     if interval is None:
-        return _without_interval(status, profile, unit, _unopened(name, fit, known))
+        if status != Status.NOT_IDENTIFIABLE:
+            return "no interval: the fit did not converge to a minimum"
+        limit = f" ({seen})" if seen else ""
+        told = closed or f"these logs cannot distinguish it from none{limit}"
+        return f"{told}: the law may as well lack this part"
     whose = sharing.whose(name, fit.setting) if name in sharing.found_at(fit.setting) else ""
-    where = (
-        _span(interval.low, interval.high, fit.parameters.quantity(name))
-        if profile is None or not profile.is_complete or (interval.misfit and not profile.is_flat)
-        else _seen(profile, unit)
-    )
+    where = _span(interval.low, interval.high, quantity)
+    if profile is not None and profile.is_complete and (profile.is_flat or not interval.misfit):
+        where = seen
     if profile is not None and profile.better is not None:
-        where += (
-            f", a better minimum lies near {profile.better.value:.4g} {unit}: fit with 20 starts"
-        )
-    if status == Status.NOT_IDENTIFIABLE:
-        return _of_undetermined(name, fit, known, profile, whose, (where, tied))
-    if interval.misfit > 0.0:
-        where += (
-            f" (standard errors: {interval.error:.2g} {unit} from noise, "
-            f"{interval.misfit:.2g} {unit} from lack of fit)"
-        )
-    found = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
-    return f"{found}, {where}{tied}"
-
-
-def _of_undetermined(
-    name: str,
-    fit: Fit,
-    known: Uncertainty,
-    profile: MisfitProfile | None,
-    whose: str,
-    seen: tuple[str, str],
-) -> str:
-    quantity, (where, tied) = fit.parameters.quantity(name), seen
-    unit, shape = quantity.unit, "" if profile is None else profile.shape
-    used = f"; {getattr(fit.parameters, name):.4g} {unit} is used"
+        better = f"{profile.better.value:.4g} {unit}"
+        where += f", a better minimum lies near {better}: fit with 20 starts"
+    if status != Status.NOT_IDENTIFIABLE:
+        if interval.misfit > 0.0:
+            where += (
+                f" (standard errors: {interval.error:.2g} {unit} from noise, "
+                f"{interval.misfit:.2g} {unit} from lack of fit)"
+            )
+        found = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
+        return f"{found}, {where}{tied}"
+    used = f"; {value:.4g} {unit} is used"
     used_for = f"{used} for {whose}" if whose else ""
-    faster = f"{used_for or used}; hold it, or fit faster logs with more force"
-    if profile is not None and shape == "flat upward":
+    if profile is not None and profile.shape == "flat upward":
         rigid = ", as with rigid oil" if quantity.is_open else ""
         return (
             f"not identifiable upward: at least {profile.low:.4g} {unit} (95 %), and any higher "
-            f"value fits these logs as well{rigid}{tied}{faster}"
+            f"value fits these logs as well{rigid}{tied}{used_for or used}; hold it, or fit faster "
+            "logs with more force"
         )
-    if closed := _unopened(name, fit, known):
+    if closed:
         return f"{closed}; hold it, or fit faster logs with more force"
-    if used_for and shape == "flat downward":
+    if used_for and profile is not None and profile.shape == "flat downward":
         used_for += ", instead of 0: any value below the limit fits as well"
     return f"these logs do not determine it ({where}{tied}){used_for}; hold it, or fit more logs"
 
 
 def _unopened(name: str, fit: Fit, known: Uncertainty) -> str:
     """What is said of a number of a blow-off that no log opens; empty of others."""
-    least, unit = known.unopened.get(name), fit.parameters.quantity(name).unit
+    least, quantity = known.unopened.get(name), fit.parameters.quantity(name)
     if least is not None:
-        value = getattr(fit.parameters, name)
+        value, unit = getattr(fit.parameters, name), quantity.unit
         used = "" if value > least else " with a slope that lets next to nothing through"
         return (
             f"these logs do not open it: it opens above {least:.4g} {unit}, the highest pressure "
             f"on it in them, and any higher value fits as well; {value:.4g} {unit} is used{used}"
         )
-    quantity = fit.parameters.quantity(name)
     if quantity.group == "blow_off" and quantity.beside("opening") in known.unopened:
         return "these logs do not determine it: they do not open the blow-off"
     return ""
-
-
-def _without_interval(status: Status, profile: MisfitProfile | None, unit: str, closed: str) -> str:
-    if status != Status.NOT_IDENTIFIABLE:
-        return "no interval: the fit did not converge to a minimum"
-    if closed:
-        return f"{closed}: the law may as well lack this part"
-    seen = f" ({_seen(profile, unit)})" if profile is not None else ""
-    return f"these logs cannot distinguish it from none{seen}: the law may as well lack this part"
 
 
 def _span(low: float, high: float, quantity: Quantity) -> str:

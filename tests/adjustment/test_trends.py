@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 
-from damperfit.adjustment.trends import Points, find_trends, fit_curve, least_squares
+from damperfit.adjustment.trends import (
+    LEAST_SCATTER,
+    Points,
+    _worst,
+    choose,
+    find_trends,
+    fit_curve,
+    least_squares,
+    scatter_of,
+)
 from damperfit.identification import Status
 from tests.adjustment import made_up_trends
 from tests.adjustment.made_up_trends import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
@@ -108,7 +118,7 @@ def test_settings_that_tell_nearly_nothing_bend_no_curve_and_end_no_fit() -> Non
     """Of two values known the line goes through both; that a bend is not known is no fault."""
     settings = np.arange(8.0)
     errors = np.where(settings % 7.0 == 0.0, 1e-3, 1e9)
-    curve = fit_curve(Points(settings, 0.1 * settings, errors, 0.0, 7.0), "log", 2)
+    curve = fit_curve(Points(settings, 0.1 * settings, errors, (0.0, 7.0)), "log", 2)
     assert curve.logs(settings[[0, -1]]) == pytest.approx([0.0, 0.7], abs=1e-6)
     assert np.all(curve.errors_of(curve.slopes(settings[[0, -1]])) < 4e-3)
     assert curve.errors_of(curve.slopes(settings[3:4]))[0] > 1e6
@@ -194,3 +204,96 @@ def test_weights_far_apart_are_solved_for_as_well_as_near_ones() -> None:
         assert found == pytest.approx(truth, rel=1e-6, abs=1e-6)
         exact = np.linalg.inv(np.linalg.qr(powers * weights[:, None])[1])
         assert np.diag(covariance) == pytest.approx(np.diag(exact @ exact.T), rel=1e-6)
+
+
+# Limits, a case just inside and one just outside, and the numerics of curves
+
+TWENTY = np.arange(1.0, 21.0)
+
+
+def points(logs, errors=1e-3, settings=TWENTY) -> Points:
+    spread = np.full(len(settings), errors)
+    return Points(settings, np.asarray(logs), spread, (settings[0], settings[-1]))
+
+
+@pytest.mark.parametrize(("n", "degree"), [(3, None), (4, 1), (5, 1), (6, 2)])
+def test_a_trend_takes_four_settings_an_outlier_five_and_a_quadratic_six(n, degree) -> None:
+    # K_e has the paper's quadratic where it leaves three degrees of freedom.
+    settings = tuple(range(1, n + 1))
+    trend = trend_of(5e8 + 1e7 * np.arange(n) ** 2, settings, name="k_e", seed=3)
+    assert trend.degree == degree
+    assert ("too few for a trend (4 are needed)" in trend.sentence) is (degree is None)
+    trend = trend_of(np.full(n, 1e4), settings)
+    assert trend.outliers_judged is (n >= 5)
+    assert ("one off the trend (5 are needed)" in trend.sentence) is (n == 4)
+
+
+def test_settings_that_are_words_are_said_to_be_words() -> None:
+    settings = ("soft", "middle", "firm", "hard", "race")
+    trend = trend_of(np.full(5, 1e4), settings, error=1e-3)
+    assert trend.sentence.endswith(": the settings are words, along which there is no trend")
+    assert trend.monotone is None
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_the_worst_are_those_without_which_least_squares_are_least(n) -> None:
+    """Against trying every choice."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        settings = np.sort(rng.choice(20, 9, False)).astype(float)
+        some = points(0.1 * rng.standard_normal(9), settings=settings)
+        found = _worst(some, "log", 1, tau=0.01, n=n)
+        rest = {}
+        for left in combinations(range(9), n):
+            kept = np.setdiff1d(np.arange(9), left)
+            fit = np.polyfit(some.settings[kept], some.logs[kept], 1)
+            rest[left] = np.sum((some.logs[kept] - np.polyval(fit, some.settings[kept])) ** 2)
+        assert found == min(rest, key=rest.get)
+
+
+@pytest.mark.parametrize("scale", ["linear", "log", "reciprocal", "from_first", "from_last"])
+def test_a_curve_of_each_scale_is_found_again(scale) -> None:
+    s = TWENTY
+    argument = {
+        "from_first": np.log(s),
+        "from_last": np.log(21.0 - s),
+    }.get(scale, s / 20.0)
+    values = 2.0 + 0.7 * argument
+    truth = {"linear": values, "reciprocal": 1.0 / values}.get(scale, np.exp(values))
+    curve = fit_curve(points(np.log(1e8 * truth)), scale, 1)
+    assert curve.logs(s) == pytest.approx(np.log(1e8 * truth), abs=1e-9)
+    assert curve.scatter == LEAST_SCATTER
+    assert (curve.degree, curve.freedom) == (1, 18)
+
+
+@pytest.mark.parametrize("scale", ["linear", "log", "reciprocal", "from_first", "from_last"])
+def test_slopes_of_a_curve_are_those_by_differences(scale) -> None:
+    curve = fit_curve(points(0.1 * np.sqrt(TWENTY)), scale, 2)
+    slopes = curve.slopes(TWENTY)
+    for k in range(3):
+        step = 1e-6 * np.eye(3)[k]
+        up, down = (
+            curve._replace(coefficients=curve.coefficients + sign * step).logs(TWENTY)
+            for sign in (1.0, -1.0)
+        )
+        assert slopes[:, k] == pytest.approx((up - down) / 2e-6, abs=1e-7)
+    variances = [row @ curve.covariance @ row for row in slopes]
+    assert curve.errors_of(curve.slopes(TWENTY)) == pytest.approx(np.sqrt(variances))
+
+
+def test_the_scatter_makes_the_mean_square_one() -> None:
+    rng = np.random.default_rng(1)
+    residuals, errors = 0.05 * rng.standard_normal(30), np.full(30, 0.02)
+    tau = scatter_of(residuals, errors, 27)
+    assert np.sum(residuals**2 / (errors**2 + tau**2)) == pytest.approx(27.0, rel=2e-3)
+    assert scatter_of(1e-4 * residuals, errors, 27) == LEAST_SCATTER
+    assert scatter_of(residuals, errors, 0) == LEAST_SCATTER
+
+
+@pytest.mark.parametrize(("gain", "degree"), [(6.0, 0), (6.5, 1)])
+def test_a_slope_pays_for_its_number_and_for_the_choice_among_five_scales(gain, degree) -> None:
+    """By hand: ln 20 + 2 ln 5 = 6.21 for 20 settings; the gain is what a slope takes off."""
+    centred = TWENTY - TWENTY.mean()
+    deviation = np.hypot(1e-2, LEAST_SCATTER)
+    logs = centred * deviation * np.sqrt(gain / float(centred @ centred))
+    assert choose(points(logs, errors=1e-2))[0].degree == degree

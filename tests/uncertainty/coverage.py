@@ -2,8 +2,8 @@
 
     python -m tests.uncertainty.coverage --fits 1000 [--white] [--displacement-noise 8e-6]
 
-Every one is a whole campaign by the paper's procedure over a soft, a middle and a stiff setting,
-so that the errors of the shared R_m3 and f_f are in it.
+Every one is a whole campaign by the paper's procedure, or another, over a soft, a middle and a
+stiff setting, so that the errors of the shared R_m3 and f_f are in it.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from damperfit.conditioning import ConditionOptions, apply_filter, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.recording import Trace
 from damperfit.uncertainty import linearise_settings, uncertainties
 from tests.identification.rig import recording
 
 SETTINGS = (1, 10, 20)
 NAMES = ("r_m1", "r_m2", "k_e", "r_m3", "f_f")
+PER_JOB = 25
 
 
 @dataclass(frozen=True)
@@ -38,38 +38,35 @@ class MadeUpCampaign:
     duration: float = 10.0
     procedure: str = "paper"
 
+    @property
+    def options(self):
+        return ConditionOptions(filter="none" if self.is_white else "zero_phase")
 
-def clean_logs(made_up: MadeUpCampaign) -> list:
+
+def clean_logs(made_up):
     return [recording(s, rate=made_up.rate, duration=made_up.duration) for s in SETTINGS]
 
 
-def noisy(
-    made_up: MadeUpCampaign, logs: list, clean: list[Trace], rng: np.random.Generator
-) -> list[Trace]:
-    options = ConditionOptions(filter="none" if made_up.is_white else "zero_phase")
+def noisy(made_up, logs, clean, rng):
+    """Return traces of the logs with noise of their own."""
     traces = []
     for quiet, trace in zip(logs, clean, strict=True):
         shaken = made_up.noise * rng.standard_normal(len(quiet.time))
         if made_up.displacement_noise:
             moved = made_up.displacement_noise * rng.standard_normal(len(quiet.time))
-            log = replace(
-                quiet, force=quiet.force + shaken, displacement=quiet.displacement + moved
-            )
-            traces.append(condition(log, options))
+            x, force = quiet.displacement + moved, quiet.force + shaken
+            traces.append(condition(replace(quiet, force=force, displacement=x), made_up.options))
         else:  # filtering is linear: the same numbers at a tenth of the cost
-            n = len(trace.force)
-            traces.append(
-                replace(trace, force=trace.force + apply_filter(trace.model_filter, shaken[:n]))
-            )
+            seen = apply_filter(trace.model_filter, shaken[: len(trace.force)])
+            traces.append(replace(trace, force=trace.force + seen))
     return traces
 
 
-def one(job: tuple[MadeUpCampaign, int]) -> np.ndarray:
-    """Return ln of value, true value, low, high and the cycle ratio, (settings, names, 5)."""
+def one(job):
+    """Return ln of value, truth, low and high, and the cycle ratio, (fits, settings, names, 5)."""
     made_up, seed = job
     logs = clean_logs(made_up)
-    options = ConditionOptions(filter="none" if made_up.is_white else "zero_phase")
-    clean = [condition(log, options) for log in logs]
+    clean = [condition(log, made_up.options) for log in logs]
     rows = []
     for k in range(PER_JOB):
         traces = noisy(made_up, logs, clean, np.random.default_rng([seed, k]))
@@ -80,21 +77,14 @@ def one(job: tuple[MadeUpCampaign, int]) -> np.ndarray:
             truth = reference_parameters(fit.setting)
             for j, name in enumerate(NAMES):
                 interval = found.intervals[name]
-                numbers = (
-                    getattr(fit.parameters, name),
-                    getattr(truth, name),
-                    interval.low,
-                    interval.high,
-                )
-                table[i, j] = (*np.log(numbers), interval.cycle_ratio)
+                values = getattr(fit.parameters, name), getattr(truth, name)
+                table[i, j, :4] = np.log([*values, interval.low, interval.high])
+                table[i, j, 4] = interval.cycle_ratio
         rows.append(table)
     return np.array(rows)
 
 
-PER_JOB = 25
-
-
-def run(made_up: MadeUpCampaign, fits: int, workers: int = 1) -> np.ndarray:
+def run(made_up, fits, workers=1):
     """Return (fits, settings, names, 5)."""
     jobs = [(made_up, seed) for seed in range(-(-fits // PER_JOB))]
     if workers == 1:
@@ -103,7 +93,7 @@ def run(made_up: MadeUpCampaign, fits: int, workers: int = 1) -> np.ndarray:
         return np.concatenate(list(pool.map(one, jobs)))[:fits]
 
 
-def summary(table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def summary(table):
     """Return coverage, mean width over 2 x 1.96 true scatter, and bias over scatter."""
     value, truth, low, high = (table[..., i] for i in range(4))
     covered = np.mean((low <= truth) & (truth <= high), axis=0)
@@ -116,23 +106,18 @@ def main() -> int:
     """Print coverage and width; return 1 when the coverage of an own parameter is not 93-97 %."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fits", type=int, default=1000)
-    parser.add_argument("--white", action="store_true")
+    parser.add_argument("--white", action="store_true", dest="is_white")
     parser.add_argument("--displacement-noise", type=float, default=0.0)
     parser.add_argument("--rate", type=float, default=500.0)
     parser.add_argument("--duration", type=float, default=10.0)
     parser.add_argument("--procedure", default="paper")
     parser.add_argument("--workers", type=int, default=1)
-    given = parser.parse_args()
-    made_up = MadeUpCampaign(
-        displacement_noise=given.displacement_noise,
-        is_white=given.white,
-        rate=given.rate,
-        duration=given.duration,
-        procedure=given.procedure,
-    )
-    table = run(made_up, given.fits, given.workers)
+    given = vars(parser.parse_args())
+    fits, workers = given.pop("fits"), given.pop("workers")
+    made_up = MadeUpCampaign(**given)
+    table = run(made_up, fits, workers)
     covered, width, bias = summary(table)
-    ratio = np.nanmedian(table[..., 4], axis=0) if len(table) else covered
+    ratio = np.median(table[..., 4], axis=0)  # NaN of what is shared
     print(f"{made_up}, {len(table)} campaigns")
     print("setting parameter coverage width/scatter bias/scatter jackknife/sandwich")
     for i, setting in enumerate(SETTINGS):

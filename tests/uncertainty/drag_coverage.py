@@ -26,8 +26,6 @@ from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess
 
-__all__ = ["NAMES", "Seals", "errors_of"]
-
 RATE, AMPLITUDE = 500.0, 0.02
 NAMES = (
     "rebound_bleed", "rebound_opening", "rebound_slope",
@@ -48,36 +46,24 @@ TRUTH = {
 
 @dataclass(frozen=True)
 class Seals:
-    """How the friction of the synthetic damper turns, and the noise of the log.
+    """How the friction turns, and the noise of the log."""
 
-    Attributes
-    ----------
-    within : float
-        Speed of the hyperbolic tangent, m/s; 0: a straight line up to 2 mm/s, as in the law.
-    noise : float
-        Of the force, N; of the displacement a micrometre for each.
-    """
-
+    # Speed of the hyperbolic tangent, m/s; 0: a straight line up to 2 mm/s, as in the law.
     within: float = 1e-3
-    noise: float = 2.0
+    noise: float = 2.0  # of the force, N; of the displacement a micrometre for each
 
-    def recording(self, seed: int) -> Recording:
+    def trace(self, seed):
         """Return a log of rest, five cycles each at 0.05, 0.13 and 0.26 m/s, and rest."""
         x, force = _without_noise(self.within)
-        chance = np.random.default_rng(seed)
-        return Recording(
-            name="seals.csv",
-            path="",
-            sha256="",
-            setting=Setting.of(1),
-            time=np.arange(len(x)) / RATE,
-            displacement=x + 1e-6 * self.noise * chance.standard_normal(len(x)),
-            force=force + self.noise * chance.standard_normal(len(x)),
-        )
+        chance, n = np.random.default_rng(seed), len(x)
+        x = x + 1e-6 * self.noise * chance.standard_normal(n)
+        force = force + self.noise * chance.standard_normal(n)
+        log = Recording("seals.csv", "", "", Setting.of(1), np.arange(n) / RATE, x, force)
+        return condition(log, ConditionOptions(centre=0.0))
 
 
 @cache
-def _without_noise(within: float) -> tuple[np.ndarray, np.ndarray]:
+def _without_noise(within):
     """Displacement and force."""
     rest = np.zeros(round(RATE))
     parts = [rest]
@@ -85,25 +71,22 @@ def _without_noise(within: float) -> tuple[np.ndarray, np.ndarray]:
         angle = speed / AMPLITUDE / RATE
         n = round(5 * 2.0 * np.pi / angle)
         parts += [AMPLITUDE * np.sin(angle * np.arange(n)), rest]
-    wave = np.concatenate(parts)
     kernel = np.hanning(19)  # no rig leaves a rest at once
-    x = np.convolve(wave, kernel / kernel.sum(), mode="same")
+    x = np.convolve(np.concatenate(parts), kernel / kernel.sum(), mode="same")
     v = np.gradient(x, 1.0 / RATE)
     known = {**TRUTH, "f_f": 0.0 if within else TRUTH["f_f"], "turning_speed": 2e-3}
-    fine = SolverOptions(tolerance=1e-4)
-    motion = Motion(1.0 / RATE, x, v)
+    fine, motion = SolverOptions(tolerance=1e-4), Motion(1.0 / RATE, x, v)
     force = simulate(TURNING.values(known), TURNING, motion, options=fine).force
     return x, force + TRUTH["f_f"] * np.tanh(v / within) if within else force
 
 
-def errors_of(law: TwinTube, seals: Seals, seed: int) -> np.ndarray:
+def errors_of(law, seals, seed):
     """ln(found/true) over the error of noise, and over that with the misfit, shape (2, 8)."""
     free = (*NAMES, "f_0", *(("turning_speed",) if law is TURNING else ()))
-    start = {name: TRUTH.get(name, 2e-3) for name in free}
+    start = GivenStart(named={name: TRUTH.get(name, 2e-3) for name in free})
     fixed = {name: TRUTH[name] for name in ("return_slope", "k_e")}
-    options = FitOptions("plain", free=free, fixed=fixed, start=GivenStart(named=start))
-    trace = condition(seals.recording(seed), ConditionOptions(centre=0.0))
-    campaign = identify([trace], law, options)
+    options = FitOptions("plain", free=free, fixed=fixed, start=start)
+    campaign = identify([seals.trace(seed)], law, options)
     (fit,), (known,) = campaign.fits, assess(campaign, law).uncertainties
     rows = []
     for name in NAMES:

@@ -24,12 +24,8 @@ from damperfit.recording import Recording
 from damperfit.synthetic.steady import steady_cycle
 from damperfit.uncertainty import assess
 
-__all__ = ["NAMES", "deviations", "logged"]
-
 NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
-RATE = 1024.0
-SPEED = 0.3
-SETTING = 10
+RATE, SPEED, SETTING = 1024.0, 0.3, 10
 
 
 @cache
@@ -41,10 +37,9 @@ def _steady(frequency):
 
 def logged(frequency, cycles, *, seed, force_noise=4.0, displacement_noise=3e-6):
     """A raw log of so many cycles of a steady sine, from the midst of it."""
-    random = np.random.default_rng(seed)
+    random, steady = np.random.default_rng(seed), _steady(frequency)
     time = np.arange(round(cycles / frequency * RATE)) / RATE
     phase = random.uniform() + frequency * time
-    steady = _steady(frequency)
     x = steady.displacement(phase) + displacement_noise * random.standard_normal(len(time))
     force = steady.force(phase) + force_noise * random.standard_normal(len(time))
     return Recording(f"{frequency:g} Hz", "", "", SETTING, time, x, force)
@@ -57,38 +52,31 @@ def deviations(recording):
     (known,) = assess(campaign, PURDY_DAMPER).uncertainties
     found, truth = campaign.fits[0].parameters, reference_parameters(SETTING)
     off = [math.log(getattr(found, name) / getattr(truth, name)) for name in NAMES]
-    return (
-        trace,
-        off,
-        [
-            known.intervals[n].error / getattr(found, n) if n in known.intervals else math.nan
-            for n in NAMES
-        ],
-    )
+    errors = {name: one.error / getattr(found, name) for name, one in known.intervals.items()}
+    return trace, off, [errors.get(name, math.nan) for name in NAMES]
 
 
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=40)
-    given = parser.parse_args()
+    seeds = range(parser.parse_args().seeds)
     for frequency in (5.0, 7.0, 10.0):
-        told = {}
+        of_many = math.nan
         for cycles in (30.0, 3.0):
-            table = [
-                deviations(logged(frequency, cycles, seed=seed)) for seed in range(given.seeds)
-            ]
-            off, errors = (np.array([row[k] for row in table]) for k in (1, 2))
-            told[cycles] = np.sqrt(np.mean(off**2, axis=0))
-            n = np.mean([trace.n_cycles for trace, *_ in table])
-            expected = told[30.0] * math.sqrt(27.0 / 3.0) if cycles == 3.0 else told[30.0]
+            table = [deviations(logged(frequency, cycles, seed=seed)) for seed in seeds]
+            traces, *columns = zip(*table, strict=True)
+            off, errors = map(np.array, columns)
+            scatter, given = np.sqrt(np.mean(off**2, axis=0)), np.nanmean(errors, axis=0)
+            of_many = scatter if cycles == 30.0 else of_many * math.sqrt(27.0 / 3.0)
+            hits = np.count_nonzero(np.abs(off) <= 1.959964 * errors, axis=0)
+            n = np.mean([trace.n_cycles for trace in traces])
             print(f"{frequency:g} Hz, {cycles:g} cycles, {n:.2f} compared")
             for k, name in enumerate(NAMES):
-                hits = np.count_nonzero(np.abs(off[:, k]) <= 1.959964 * errors[:, k])
                 print(
-                    f"  {name}: {hits} of {given.seeds}, scatter {100.0 * told[cycles][k]:.2f} %, "
-                    f"over error {told[cycles][k] / np.nanmean(errors[:, k]):.2f}, over theory "
-                    f"{told[cycles][k] / expected[k]:.2f}, mean {100.0 * np.mean(off[:, k]):+.2f} %"
+                    f"  {name}: {hits[k]} of {len(seeds)}, scatter {100.0 * scatter[k]:.2f} %, "
+                    f"over error {scatter[k] / given[k]:.2f}, over theory "
+                    f"{scatter[k] / of_many[k]:.2f}, mean {100.0 * np.mean(off[:, k]):+.2f} %"
                 )
 
 

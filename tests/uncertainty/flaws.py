@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,24 +19,24 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.recording import Recording, Trace
-from damperfit.uncertainty import Assessment, assess, reconsider
+from damperfit.uncertainty import assess, reconsider
 from tests.identification.rig import recording
 
-Maker = Callable[..., Recording]
 SETS = ((1, 10, 20), (2, 8, 14), (4, 12, 18))
 
 
 @dataclass(frozen=True)
 class Flaw:
-    """What is wrong with a set, and the name it should be called by; "" for nothing."""
+    """What is wrong with a set, the name it should be called by ("" for nothing), its size."""
 
     name: str
-    make: Maker
+    make: object  # setting, options -> Recording
     expected: str
+    amount: float | None = None
+    within: float = 0.0
 
 
-def speed(log: Recording) -> np.ndarray:
+def speed(log):
     """Velocity without noise, by the sine that the log holds."""
     angle = 2 * np.pi * 1.5 * log.time
     columns = np.stack([np.sin(angle), np.cos(angle)], axis=1)
@@ -45,8 +44,8 @@ def speed(log: Recording) -> np.ndarray:
     return 2 * np.pi * 1.5 * (a * np.cos(angle) - b * np.sin(angle))
 
 
-def late(channel: str, samples: int = 2) -> Maker:
-    def make(setting: int, **options: object) -> Recording:
+def late(channel, samples=2):
+    def make(setting, **options):
         log = recording(setting, **options)
         values = getattr(log, channel)
         moved = np.concatenate([values[:1].repeat(samples), values[:-samples]])
@@ -55,39 +54,39 @@ def late(channel: str, samples: int = 2) -> Maker:
     return make
 
 
-def gas(factor: float) -> Maker:
+def gas(factor):
     damper = replace(PURDY_DAMPER, gas_pressure=factor * PURDY_DAMPER.gas_pressure)
     return lambda setting, **options: recording(setting, damper=damper, **options)
 
 
-def added(force: Callable[[np.ndarray], np.ndarray]) -> Maker:
+def added(force):
     """More force of the velocity, before the filter."""
 
-    def make(setting: int, **options: object) -> Recording:
+    def make(setting, **options):
         log = recording(setting, **options)
         return replace(log, force=log.force + force(speed(log)))
 
     return make
 
 
-def friction(fall: float) -> Maker:
+def friction(fall):
     return added(lambda v: 30.0 * np.sign(v) * np.exp(-np.abs(v) / fall))
 
 
-def unseen_r_m3(setting: int, **options: object) -> Recording:
+def unseen_r_m3(setting, **options):
     return recording(setting, replace(reference_parameters(setting), r_m3=2.6e3), **options)
 
 
 FLAWS = (
     Flaw("nothing", recording, ""),
-    Flaw("force 2 ms late", late("force"), "delay"),
-    Flaw("displacement 2 ms late", late("displacement"), "delay"),
-    Flaw("gas 20 % high", gas(1.2), "gas_pressure"),
-    Flaw("gas 20 % low", gas(0.8), "gas_pressure"),
+    Flaw("force 2 ms late", late("force"), "delay", 2.0, 0.15),
+    Flaw("displacement 2 ms late", late("displacement"), "delay", -2.0, 0.15),
+    Flaw("gas 20 % high", gas(1.2), "gas_pressure", 20.0, 1.0),
+    Flaw("gas 20 % low", gas(0.8), "gas_pressure", -20.0, 1.0),
     Flaw("friction falls over 20 mm/s", friction(0.02), "friction_with_speed"),
     Flaw("friction falls over 50 mm/s", friction(0.05), "friction_with_speed"),
     Flaw("R_m3 cannot be seen", unseen_r_m3, "r_m3"),
-    Flaw("offset of 30 N", added(lambda v: np.full(len(v), 30.0)), "offset"),
+    Flaw("offset of 30 N", added(lambda v: np.full(len(v), 30.0)), "offset", 30.0, 8.0),
     Flaw(
         "bump has 60 N of v squared",
         added(lambda v: 60.0 * (np.minimum(v, 0.0) / 0.3) ** 2),
@@ -96,25 +95,23 @@ FLAWS = (
 )
 
 
-def judged(logs: list[Trace], options: FitOptions = FitOptions()) -> Assessment:
+def judged(logs, options=FitOptions()):
     return assess(identify(logs, PURDY_DAMPER, options), PURDY_DAMPER)
 
 
-def outcomes(flaw: Flaw, settings: tuple[int, ...], seed: int) -> list[tuple[str, ...]]:
-    """Return the names of each setting: what explains the misfit, what the logs do not tell.
+def outcomes(flaw, settings, seed):
+    """Yield each diagnosis with names: of what explains its misfit, of what is not told.
 
     ("?",) for a misfit without a name.
     """
     logs = [condition(flaw.make(s, noise=4.0, seed=seed)) for s in settings]
     campaign = identify(logs, PURDY_DAMPER)
     assessment = assess(campaign, PURDY_DAMPER)
-    names = []
     fits = reconsider(campaign, assessment).fits
     for fit, one in zip(fits, assessment.diagnoses, strict=True):
         misfit = tuple(hint.name for hint in one.hints) or (("?",) if one.is_structured else ())
         undetermined = (name for name, status in fit.status.items() if status == "not_identifiable")
-        names.append((*misfit, *undetermined))
-    return names
+        yield one, (*misfit, *undetermined)
 
 
 def main() -> int:
@@ -128,7 +125,7 @@ def main() -> int:
             names
             for settings in SETS
             for seed in range(1, given.seeds + 1)
-            for names in outcomes(flaw, settings, seed)
+            for _, names in outcomes(flaw, settings, seed)
         ]
         hits = 100 * np.mean([flaw.expected in names for names in found])
         alone = 100 * np.mean([names == (flaw.expected,) for names in found])

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from damperfit.conditioning import apply_filter, design_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.identification import FitOptions, Sharing, identify
-from damperfit.uncertainty import (
-    Assessment,
-    Uncertainty,
-    assess,
-    linearise_settings,
-    reconsider,
-    uncertainties,
-)
+from damperfit.identification import FitOptions, identify
+from damperfit.uncertainty import assess, linearise_settings, uncertainties
 from damperfit.uncertainty.correlation import (
     autocorrelation,
     correlation_length,
@@ -30,16 +22,15 @@ from damperfit.uncertainty.correlation import (
     sums_by_cycle,
     widening,
 )
-from tests import fakes
-from tests.identification.rig import short_trace as trace
-from tests.identification.rig import short_traces as traces
+from tests.identification.rig import short_trace, short_traces
 from tests.uncertainty.coverage import MadeUpCampaign, run, summary
+from tests.uncertainty.motion_coverage import NAMES, covered, quickly_covered
 
 FREE = ("r_m1", "r_m2", "k_e")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 
-def smooth_noise(rng: np.random.Generator, n: int, span: int) -> np.ndarray:
+def smooth_noise(rng, n, span):
     return np.convolve(rng.standard_normal(n + span - 1), np.ones(span), "valid")
 
 
@@ -47,8 +38,11 @@ def test_white_residuals_have_no_correlation_length_and_the_textbook_sum() -> No
     r = np.random.default_rng(5).standard_normal(4000)
     assert correlation_length(r, longest=100) == 0
     scores = r[:, None] * np.array([[1.0, -2.0]])
-    found = score_covariance(scores, 0)
-    assert found == pytest.approx(scores.T @ scores / (1.0 - 1.0 / 4000), rel=1e-5)
+    expected = scores.T @ scores / (1.0 - 1.0 / 4000)
+    assert score_covariance(scores, 0) == pytest.approx(expected, rel=1e-5)
+    slopes = np.random.default_rng(23).standard_normal((4000, 3))
+    expected = float(r @ r) / 4000 * slopes.T @ slopes
+    assert stationary_covariance(slopes, r, 0) == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_correlation_length_is_found_and_a_repeating_misfit_is_cut_off() -> None:
@@ -61,10 +55,9 @@ def test_the_correlation_length_is_found_and_a_repeating_misfit_is_cut_off() -> 
 
 
 @pytest.mark.parametrize("span", [1, 12])
-def test_the_variance_of_a_sum_is_not_biased(span: int) -> None:
+def test_the_variance_of_a_sum_is_not_biased(span) -> None:
     # The sum of n moving means of unit noise has the variance n span^2, but for its ends.
-    rng = np.random.default_rng(11)
-    n = 3000
+    rng, n = np.random.default_rng(11), 3000
     shape = 1.0 + 0.5 * np.sin(2 * np.pi * np.arange(n) / 300)
     found, sums = [], []
     for _ in range(300):
@@ -77,9 +70,8 @@ def test_the_variance_of_a_sum_is_not_biased(span: int) -> None:
 
 
 @pytest.mark.parametrize("span", [1, 12])
-def test_a_few_samples_that_tell_a_parameter_do_not_make_its_error_too_small(span: int) -> None:
-    rng = np.random.default_rng(19)
-    n = 2000
+def test_a_few_samples_that_tell_a_parameter_do_not_make_its_error_too_small(span) -> None:
+    rng, n = np.random.default_rng(19), 2000
     slopes = np.ones((n, 2))
     slopes[:, 1] = 0.01
     slopes[[300, 310, 1400], 1] = 5.0  # three samples tell the second parameter
@@ -87,25 +79,16 @@ def test_a_few_samples_that_tell_a_parameter_do_not_make_its_error_too_small(spa
     off, of_scores, of_both = [], [], []
     for _ in range(400):
         noise = smooth_noise(rng, n, span)
-        step = inverse @ (slopes.T @ noise)
-        left = noise - slopes @ step
+        off.append(inverse @ (slopes.T @ noise))
+        left = noise - slopes @ off[-1]
         lag = correlation_length(left, longest=100)
         own = score_covariance(slopes * left[:, None], lag)
         both = larger(own, stationary_covariance(slopes, left, lag))
-        off.append(step)
         of_scores.append(np.sqrt(np.diag(inverse @ own @ inverse)))
         of_both.append(np.sqrt(np.diag(inverse @ both @ inverse)))
     held = np.mean(np.abs(off) <= 1.96 * np.array(of_both), axis=0)
     assert np.all((held > 0.92) & (held < 0.985))
     assert np.mean(np.abs(off) <= 1.96 * np.array(of_scores), axis=0)[1] < 0.8
-
-
-def test_noise_that_is_alike_everywhere_has_the_textbook_covariance() -> None:
-    rng = np.random.default_rng(23)
-    slopes = rng.standard_normal((3000, 3))
-    noise = 2.0 * rng.standard_normal(3000)
-    white = stationary_covariance(slopes, noise, 0)
-    assert white == pytest.approx(float(noise @ noise) / 3000 * slopes.T @ slopes, rel=1e-9)
 
 
 def test_the_larger_of_two_covariances_is_that_in_every_direction() -> None:
@@ -116,107 +99,21 @@ def test_the_larger_of_two_covariances_is_that_in_every_direction() -> None:
         assert np.linalg.eigvalsh(found - each).min() > -1e-9
         assert np.linalg.matrix_rank(found - each, tol=1e-6) < 4
     assert found == pytest.approx(larger(other, one))
-    assert larger(one, 0.1 * one) == pytest.approx(one)
-    assert larger(one, 3.0 * one) == pytest.approx(3.0 * one)
+    for times in (0.1, 3.0):
+        assert larger(one, times * one) == pytest.approx(max(times, 1.0) * one)
     nothing = np.diag([1.0, 4.0, 0.0])
     assert larger(nothing, np.diag([2.0, 3.0, 0.0])) == pytest.approx(np.diag([2.0, 4.0, 0.0]))
 
 
-def test_the_jackknife_over_cycles_is_that_of_the_cycle_sums() -> None:
-    rng = np.random.default_rng(13)
-    scores = rng.standard_normal((1200, 2))
-    edges = np.arange(0.0, 1201.0, 100.0)
-    found = cycle_covariance([sums_by_cycle(scores, edges)])
-    sums = scores.reshape(12, 100, 2).sum(axis=1)
-    assert found == pytest.approx(12 * np.cov(sums.T), rel=1e-12)
-    assert np.isnan(cycle_covariance([sums_by_cycle(scores, np.array([0.0, 1200.0]))])).all()
-
-
-def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
-    log = trace(8, noise=4.0, duration=10.0)
-    options = FitOptions("plain", FREE, KNOWN)
-    campaign = identify([log], PURDY_DAMPER, options)
-    linearised = linearise_settings(campaign, PURDY_DAMPER)
-    places = [PURDY_DAMPER.names.index(name) for name in FREE]
-    jacobian = linearised[0].logs[0].jacobian[:, places]
-    rng = np.random.default_rng(17)
-    values = []
-    for _ in range(400):
-        step = np.linalg.lstsq(jacobian, 4.0 * rng.standard_normal(len(jacobian)), rcond=None)[0]
-        values.append(step)
-    textbook = 4.0 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
-    assert np.std(values, axis=0) == pytest.approx(textbook, rel=0.12)
-    # Behind the filter the honest error is more than twice what the textbook makes of it.
-    found = uncertainties(linearised, campaign.sharing)[0].intervals
-    residual = float(np.std(linearised[0].logs[0].residuals))
-    naive = residual / 4.0 * textbook
-    for name, small in zip(FREE, naive, strict=True):
-        relative = found[name].error / getattr(campaign.fits[0].parameters, name)
-        assert relative > 2.0 * small
-
-
-def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
-    campaign = identify(traces([1, 10], noise=4.0), PURDY_DAMPER)
-    for fit, found in zip(campaign.fits, assess(campaign, PURDY_DAMPER).uncertainties, strict=True):
-        assert set(found.intervals) == {"r_m1", "r_m2", "k_e", "r_m3", "f_f"}
-        assert fit.status["r_m3"] == fit.status["f_f"] == "shared"
-        for name, interval in found.intervals.items():
-            value = getattr(fit.parameters, name)
-            assert 0.0 < interval.low < value < interval.high
-            assert interval.low * interval.high == pytest.approx(value**2, rel=1e-12)
-        assert np.diag(found.correlation) == pytest.approx(1.0)
-        assert np.linalg.eigvalsh(found.covariance).min() > -1e-18
-    first, second = (found.intervals for found in assess(campaign, PURDY_DAMPER).uncertainties)
-    assert first["r_m3"].error == second["r_m3"].error
-
-
-def test_one_setting_alone_has_the_errors_of_the_fit_with_everything_free() -> None:
-    log = trace(3, noise=4.0)
-    shared = assess(identify([log], PURDY_DAMPER), PURDY_DAMPER).uncertainties[0]
-    plain = assess(identify([log], PURDY_DAMPER, FitOptions("plain")), PURDY_DAMPER)
-    for name, interval in plain.uncertainties[0].intervals.items():
-        assert shared.intervals[name].error == pytest.approx(interval.error, rel=0.02)
-
-
-def test_a_parameter_at_its_bound_has_no_interval_and_an_offset_may_be_negative() -> None:
-    log = trace(5, noise=4.0)
-    options = FitOptions("plain", (*FREE, "f_0"), KNOWN)
-    campaign = identify([log], PURDY_DAMPER, options)
-    found = assess(campaign, PURDY_DAMPER).uncertainties[0].intervals
-    assert found["f_0"].low < 0.0 < found["f_0"].high
-    assert found["f_0"].error < 0.5
-    limited = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN, max_evaluations=2))
-    assert assess(limited, PURDY_DAMPER).uncertainties[0].intervals == {}
-
-
-@pytest.mark.parametrize(("error", "status"), [(0.3, "shared"), (0.4, "not_identifiable")])
-def test_what_all_settings_share_is_three_errors_from_nothing(error: float, status: str) -> None:
-    one = fakes.fit(1)
-    known = Uncertainty(1, {}, ("f_f",), np.array([[error**2]]), ("f_f",))
-    shared = replace(fakes.campaign(one), sharing=Sharing(means={"f_f": (1,)}))
-    (found,) = reconsider(shared, Assessment(uncertainties=(known,))).fits
-    assert found.status["f_f"] == status
-    assert found.outcome is one.outcome  # the setting's own fit is as it was
-
-
-@pytest.mark.parametrize(
-    ("made_up", "n"),
-    [
-        (MadeUpCampaign(), 30),
-        pytest.param(MadeUpCampaign(), 100, marks=pytest.mark.slow),
-        pytest.param(MadeUpCampaign(is_white=True), 100, marks=pytest.mark.slow),
-    ],
-)
-def test_intervals_cover_the_truth_through_the_whole_procedure(
-    made_up: MadeUpCampaign, n: int
-) -> None:
-    # Campaigns of three settings; 1000 by hand: python -m tests.uncertainty.coverage.
-    covered, width, bias = summary(run(made_up, n))
-    # Three standard deviations of a binomial at 95 %, and of the scatter's own estimate.
-    assert covered.min() > 0.95 - 3 * math.sqrt(0.95 * 0.05 / n)
-    assert 0.93 <= covered[:, :3].mean() <= 0.98
-    assert np.abs(width - 1.0).max() < 3 / math.sqrt(2 * n)
-    assert np.abs(bias).max() < 3 / math.sqrt(n)
+@pytest.mark.parametrize("n", [1, 2, 12])
+def test_the_jackknife_over_cycles_is_that_of_the_cycle_sums(n) -> None:
+    scores = np.random.default_rng(13).standard_normal((1200, 2))
+    found = cycle_covariance([sums_by_cycle(scores, np.linspace(0.0, 1200.0, n + 1))])
+    if n == 1:
+        assert np.isnan(found).all()
+        return
+    sums = scores.reshape(n, -1, 2).sum(axis=1)
+    assert found == pytest.approx(n * np.cov(sums.T), rel=1e-12)
 
 
 def test_autocorrelation_is_that_of_the_definition() -> None:
@@ -254,3 +151,108 @@ def test_intervals_of_three_cycles_hold_95_of_100(n, frequency) -> None:
 def test_fifty_independent_samples_a_parameter_are_enough(worth, is_wider) -> None:
     assert (widening([(4000, worth, 1)], 2) > 1.0) is is_wider
     assert widening([(4000, worth, 1)], 0) == 1.0
+
+
+# Of fits
+
+
+def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
+    log = short_trace(8, noise=4.0, duration=10.0)
+    campaign = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN))
+    linearised = linearise_settings(campaign, PURDY_DAMPER)
+    places = [PURDY_DAMPER.names.index(name) for name in FREE]
+    jacobian = linearised[0].logs[0].jacobian[:, places]
+    noise = 4.0 * np.random.default_rng(17).standard_normal((len(jacobian), 400))
+    values = np.linalg.lstsq(jacobian, noise, rcond=None)[0]
+    textbook = 4.0 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    assert np.std(values, axis=1) == pytest.approx(textbook, rel=0.12)
+    # Behind the filter the honest error is more than twice what the textbook makes of it.
+    found = uncertainties(linearised, campaign.sharing)[0].intervals
+    naive = float(np.std(linearised[0].logs[0].residuals)) / 4.0 * textbook
+    for name, small in zip(FREE, naive, strict=True):
+        assert found[name].error / getattr(campaign.fits[0].parameters, name) > 2.0 * small
+
+
+def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
+    campaign = identify(short_traces([1, 10], noise=4.0), PURDY_DAMPER)
+    known = assess(campaign, PURDY_DAMPER).uncertainties
+    for fit, found in zip(campaign.fits, known, strict=True):
+        assert set(found.intervals) == {"r_m1", "r_m2", "k_e", "r_m3", "f_f"}
+        assert fit.status["r_m3"] == fit.status["f_f"] == "shared"
+        for name, interval in found.intervals.items():
+            value = getattr(fit.parameters, name)
+            assert 0.0 < interval.low < value < interval.high
+            assert interval.low * interval.high == pytest.approx(value**2, rel=1e-12)
+        assert np.diag(found.correlation) == pytest.approx(1.0)
+        assert np.linalg.eigvalsh(found.covariance).min() > -1e-18
+    first, second = (found.intervals for found in known)
+    assert first["r_m3"].error == second["r_m3"].error
+
+
+def test_one_setting_alone_has_the_errors_of_the_fit_with_everything_free() -> None:
+    log = short_trace(3, noise=4.0)
+    shared, plain = (
+        assess(identify([log], PURDY_DAMPER, FitOptions(how)), PURDY_DAMPER).uncertainties[0]
+        for how in ("paper", "plain")
+    )
+    for name, interval in plain.intervals.items():
+        assert shared.intervals[name].error == pytest.approx(interval.error, rel=0.02)
+
+
+def test_a_parameter_at_its_bound_has_no_interval_and_an_offset_may_be_negative() -> None:
+    log = short_trace(5, noise=4.0)
+    campaign = identify([log], PURDY_DAMPER, FitOptions("plain", (*FREE, "f_0"), KNOWN))
+    found = assess(campaign, PURDY_DAMPER).uncertainties[0].intervals
+    assert found["f_0"].low < 0.0 < found["f_0"].high
+    assert found["f_0"].error < 0.5
+    limited = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN, max_evaluations=2))
+    assert assess(limited, PURDY_DAMPER).uncertainties[0].intervals == {}
+
+
+@pytest.mark.parametrize(
+    ("made_up", "n"),
+    [
+        (MadeUpCampaign(), 30),
+        pytest.param(MadeUpCampaign(), 100, marks=pytest.mark.slow),
+        pytest.param(MadeUpCampaign(is_white=True), 100, marks=pytest.mark.slow),
+    ],
+)
+def test_intervals_cover_the_truth_through_the_whole_procedure(made_up, n) -> None:
+    # Campaigns of three settings; 1000 by hand: python -m tests.uncertainty.coverage.
+    held, width, bias = summary(run(made_up, n))
+    # Three standard deviations of a binomial at 95 %, and of the scatter's own estimate.
+    assert held.min() > 0.95 - 3 * math.sqrt(0.95 * 0.05 / n)
+    assert 0.93 <= held[:, :3].mean() <= 0.98
+    assert np.abs(width - 1.0).max() < 3 / math.sqrt(2 * n)
+    assert np.abs(bias).max() < 3 / math.sqrt(n)
+
+
+def test_intervals_hold_on_a_road_that_cavitates() -> None:
+    """Neither a refilling that one sample happens to see nor few residuals make an error too small.
+
+    With the slopes and scores as they were 39 intervals of R_m3 held, and 219 of the 250. With 400
+    campaigns 382 to 391 hold; 322 of R_m3 where all that a sample sees of a refilling counts.
+    """
+    hits, ratio, bias = quickly_covered(50)
+    assert np.all(hits >= 43), dict(zip(NAMES, hits, strict=True))
+    assert 0.92 <= hits.sum() / (50 * len(NAMES)) <= 0.985
+    assert np.all(ratio > 0.85)
+    assert np.all(np.abs(bias) < 0.001)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "motion", ["steps", "sweep", "road", "rough road", "rounded triangles", "two triangles"]
+)
+def test_intervals_of_other_motions_cover_90_to_98_of_100(motion) -> None:
+    # The parameters of a campaign err together: 50 campaigns are 50 draws and no 250. Of the
+    # first 50 of the rounded triangles 44 hold, of 400 (as of 1000) 92 to 95 of 100.
+    n = 400 if motion == "rounded triangles" else 50
+    hits, ratio, bias = covered(motion, n, jobs=2)
+    # 45 to 49 of 50, and what chance makes of that: fewer than 41 come once in a thousand.
+    assert np.all(hits >= (0.9 if n > 50 else 0.82) * n), dict(zip(NAMES, hits, strict=True))
+    assert 0.90 <= hits.sum() / (n * len(NAMES)) <= 0.99
+    assert np.all(ratio > 0.7)
+    # A speed that jumps between two samples is in no log: K_e is 0.35 % low, without noise too.
+    limits = np.where(np.equal(NAMES, "k_e") & (motion == "two triangles"), 0.005, 0.001)
+    assert np.all(np.abs(bias) < limits), dict(zip(NAMES, bias, strict=True))

@@ -10,48 +10,39 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.identification import Campaign, FitOptions, Outcome, identify
+from damperfit.identification import FitOptions, Outcome, identify
 from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import minimised
-from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import (
-    Assessment,
-    Bench,
-    MisfitProfile,
-    assess,
-    profile_campaign,
-    reconsider,
-)
-from damperfit.uncertainty.grades import objections
-from tests.identification.rig import short_trace as trace
-from tests.identification.rig import short_traces as traces
+from damperfit.uncertainty import Bench, assess, objections, profile_campaign, reconsider
+from tests.identification.rig import short_trace, short_traces
 
 FREE = ("r_m1", "r_m2", "k_e")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 
-def profiled(
-    logs: list[Trace], *names: str, options: FitOptions = FitOptions()
-) -> tuple[Campaign, Assessment]:
+def profiled(logs, *names, options=FitOptions()):
     campaign = identify(logs, PURDY_DAMPER, options)
     judged = assess(campaign, PURDY_DAMPER)
     return campaign, profile_campaign(campaign, judged, Bench(PURDY_DAMPER), names=names)
 
 
-def sandwich(judged: Assessment, profile: MisfitProfile) -> tuple[float, float]:
-    known = next(one for one in judged.uncertainties if one.setting == profile.setting)
-    interval = known.intervals[profile.name]
+def sandwich(judged, profile):
+    interval = judged.uncertainty(profile.setting).intervals[profile.name]
     return interval.low, interval.high
 
 
 def test_of_a_parameter_well_told_it_is_the_parabola_of_the_printed_interval() -> None:
-    campaign, judged = profiled(traces([1, 10], noise=4.0), "r_m1", "k_e", "r_m3")
-    assert [(p.name, p.setting) for p in judged.profiles] == [
-        ("r_m1", 1), ("r_m1", 10), ("k_e", 1), ("k_e", 10), ("r_m3", 1),
+    campaign, judged = profiled(short_traces([1, 10], noise=4.0), "r_m1", "k_e", "r_m3")
+    assert [(p.name, p.setting, p.is_shared) for p in judged.profiles] == [
+        ("r_m1", 1, False), ("r_m1", 10, False), ("k_e", 1, False), ("k_e", 10, False),
+        ("r_m3", 1, True),
     ]  # fmt: skip
-    assert [p.is_shared for p in judged.profiles] == [False, False, False, False, True]
+    # What is well told costs nothing more.
+    bare = assess(campaign, PURDY_DAMPER)
+    assert bare.profiles == ()
+    assert reconsider(campaign, bare).fits[0].status == campaign.fits[0].status
     fits = {fit.setting: fit.parameters for fit in campaign.fits}
     for profile in judged.profiles:
         assert profile.shape == "closed"
@@ -61,8 +52,8 @@ def test_of_a_parameter_well_told_it_is_the_parabola_of_the_printed_interval() -
         low, high = sandwich(judged, profile)
         assert judged.limits(profile.setting, profile.name) == (low, high)
         reach = math.log(high / low) / 2.0
-        assert math.log(best.value / profile.low) == pytest.approx(reach, rel=0.02)
-        assert math.log(profile.high / best.value) == pytest.approx(reach, rel=0.02)
+        ends = math.log(best.value / profile.low), math.log(profile.high / best.value)
+        assert ends == pytest.approx((reach, reach), rel=0.02)
         # Out to three standard errors, on both sides, in steps of about half of one.
         assert profile.points[0].rise > 9.0 < profile.points[-1].rise
         for point in profile.points:
@@ -71,16 +62,14 @@ def test_of_a_parameter_well_told_it_is_the_parabola_of_the_printed_interval() -
 
 
 def test_a_point_is_the_minimum_that_a_descent_finds_with_the_parameter_held() -> None:
-    log = trace(6, noise=60.0, duration=5.0)
-    options = FitOptions("plain", FREE, KNOWN)
-    campaign, judged = profiled([log], "k_e", options=options)
-    solver = SolverOptions(tolerance=1e-2)
-    everything = Block(PURDY_DAMPER, (log,), FREE, solver)
-    least = minimised(everything, campaign.fits[0].parameters).mse_percent
-    points = judged.profiles[-1].points
+    log = short_trace(6, noise=60.0, duration=5.0)
+    campaign, judged = profiled([log], "k_e", options=FitOptions("plain", FREE, KNOWN))
+    everything = Block(PURDY_DAMPER, (log,), FREE, SolverOptions(tolerance=1e-2))
+    (fit,), points = campaign.fits, judged.profiles[-1].points
+    least = minimised(everything, fit.parameters).mse_percent
     rises, found = [], []
     for point in points[:: len(points) - 1]:
-        start = replace(campaign.fits[0].parameters, k_e=point.value)
+        start = replace(fit.parameters, k_e=point.value)
         held = minimised(replace(everything, free=("r_m1", "r_m2")), start)
         found.append(held.mse_percent - least)
         rises.append(point.rise)
@@ -88,27 +77,25 @@ def test_a_point_is_the_minimum_that_a_descent_finds_with_the_parameter_held() -
         assert point.parameters.r_m2 == pytest.approx(held.values.r_m2, rel=2e-3)
     # The scale is that of the intervals: several times less than white noise would make of it.
     assert rises[0] / rises[1] == pytest.approx(found[0] / found[1], rel=0.01)
-    white = campaign.fits[0].n_samples / least
-    assert rises[0] < 0.3 * white * found[0]
+    assert rises[0] < 0.3 * fit.n_samples / least * found[0]
 
 
 def test_a_joint_fit_is_profiled_over_all_settings_at_once() -> None:
-    options = FitOptions("joint")
-    campaign, judged = profiled(traces([2, 14], noise=4.0, duration=5.0), "f_f", options=options)
+    logs = short_traces([2, 14], noise=4.0, duration=5.0)
+    campaign, judged = profiled(logs, "f_f", options=FitOptions("joint"))
     first, second = judged.profiles
     assert (first.setting, second.setting) == (2, 14)
     assert (first.low, first.high) == (second.low, second.high)
     assert [p.rise for p in first.points] == [p.rise for p in second.points]
-    assert first.points[0].parameters.r_m1 != second.points[0].parameters.r_m1
-    assert first.points[0].parameters.r_m3 == second.points[0].parameters.r_m3
-    assert first.points[0].parameters.r_m3 != campaign.fits[0].parameters.r_m3
+    one, other = first.points[0].parameters, second.points[0].parameters
+    assert one.r_m1 != other.r_m1
+    assert one.r_m3 == other.r_m3 != campaign.fits[0].parameters.r_m3
     low, high = sandwich(judged, first)
-    assert first.low == pytest.approx(low, rel=0.02 * (high / low - 1.0))
-    assert first.high == pytest.approx(high, rel=0.02 * (high / low - 1.0))
+    assert (first.low, first.high) == pytest.approx((low, high), rel=0.02 * (high / low - 1.0))
 
 
 def test_the_mean_friction_is_followed_at_each_setting_that_it_is_a_mean_of() -> None:
-    campaign, judged = profiled(traces([1, 10], noise=4.0, duration=5.0), "f_f")
+    campaign, judged = profiled(short_traces([1, 10], noise=4.0, duration=5.0), "f_f")
     assert all(p.is_partial for p in judged.profiles)
     best = [min(p.points, key=lambda point: point.rise).value for p in judged.profiles]
     assert np.mean(best) == pytest.approx(campaign.fits[0].parameters.f_f, abs=0.02)
@@ -117,7 +104,7 @@ def test_the_mean_friction_is_followed_at_each_setting_that_it_is_a_mean_of() ->
 
 def test_an_offset_may_be_followed_through_zero() -> None:
     options = FitOptions("plain", (*FREE, "f_0"), KNOWN)
-    _, judged = profiled([trace(5, noise=4.0, duration=5.0)], "f_0", options=options)
+    _, judged = profiled([short_trace(5, noise=4.0, duration=5.0)], "f_0", options=options)
     profile = judged.profiles[-1]
     low, high = sandwich(judged, profile)
     assert profile.low < 0.0 < profile.high
@@ -127,56 +114,45 @@ def test_an_offset_may_be_followed_through_zero() -> None:
 @pytest.mark.slow
 def test_little_rebound_resistance_is_flat_downward_with_an_upper_limit() -> None:
     # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton of 300.
-    logs = [
-        trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
-        for setting in (1, 10)
-    ]
+    truths = {setting: replace(reference_parameters(setting), r_m3=2.6e3) for setting in (1, 10)}
+    logs = [short_trace(setting, truth, noise=4.0) for setting, truth in truths.items()]
     campaign = identify(logs, PURDY_DAMPER)
     judged = assess(campaign, PURDY_DAMPER)
     profile = judged.profile(1, "r_m3")
-    assert profile is not None
     assert profile.shape == "flat downward"
     assert 2.6e3 < profile.high < 1e5
-    said = judged.verdicts(campaign)
     for fit in campaign.fits:
         assert fit.status["r_m3"] == "not_identifiable"
         assert judged.limits(fit.setting, "r_m3") == (None, profile.high)
-        assert "flat downward, only an upper limit: 95 % below" in said[fit.setting]["r_m3"]
-        assert (
-            f"{fit.parameters.r_m3:.4g} N s/(m2 kg) is used for all settings"
-            in said[fit.setting]["r_m3"]
-        )
+        said = judged.verdicts(campaign)[fit.setting]["r_m3"]
+        assert "flat downward, only an upper limit: 95 % below" in said
+        assert f"{fit.parameters.r_m3:.4g} N s/(m2 kg) is used for all settings" in said
         # The others are told all the same, and their intervals know of the doubt.
-        truth = reference_parameters(fit.setting)
         for name in FREE:
             low, high = judged.limits(fit.setting, name)
             slack = 0.5 * (high - low)
-            assert low - slack < getattr(truth, name) < high + slack
+            assert low - slack < getattr(truths[fit.setting], name) < high + slack
     assert any(str(one).startswith("r_m3 at settings 1, 10: ") for one in judged.doubts(campaign))
 
 
 def test_a_short_slow_stroke_leaves_the_bulk_modulus_flat_upward() -> None:
     # 2 mm at 1.5 Hz: the oil gives way by less than the noise, so that it may as well be rigid.
-    truth = reference_parameters(10)
-    log = trace(10, noise=4.0, amplitude=0.002)
+    log = short_trace(10, noise=4.0, amplitude=0.002)
     campaign = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN))
     judged = assess(campaign, PURDY_DAMPER)
     profile = judged.profile(10, "k_e")
-    assert profile is not None
     assert profile.shape == "flat upward"
-    assert 1e8 < profile.low < truth.k_e
-    again = reconsider(campaign, judged).fits[0]
-    assert again.status["k_e"] == "not_identifiable"
-    assert again.outcome is Outcome.NOT_IDENTIFIABLE
-    said = judged.verdicts(reconsider(campaign, judged))[10]["k_e"]
-    assert said.startswith(
-        f"not identifiable upward: at least {profile.low:.4g} Pa (95 %), and any"
-    )
+    assert 1e8 < profile.low < reference_parameters(10).k_e
+    again = reconsider(campaign, judged)
+    assert again.fits[0].status["k_e"] == "not_identifiable"
+    assert again.fits[0].outcome is Outcome.NOT_IDENTIFIABLE
+    said = judged.verdicts(again)[10]["k_e"]
+    assert said.startswith(f"not identifiable upward: at least {profile.low:.4g} Pa (95 %), and")
 
 
 def test_no_friction_has_an_upper_limit() -> None:
     truth = replace(reference_parameters(4), f_f=1e-6)
-    campaign = identify([trace(4, truth, noise=4.0)], PURDY_DAMPER, FitOptions("plain"))
+    campaign = identify([short_trace(4, truth, noise=4.0)], PURDY_DAMPER, FitOptions("plain"))
     judged = assess(campaign, PURDY_DAMPER)
     assert campaign.fits[0].status["f_f"] == "at_bound"
     low, high = judged.limits(4, "f_f")
@@ -191,10 +167,3 @@ def test_no_friction_has_an_upper_limit() -> None:
         f"below {high:.4g} N): the law may as well lack this part"
     )
     assert "bound" not in {one.kind for one in objections(again, judged).get(Setting.of(4), ())}
-
-
-def test_what_is_well_told_costs_nothing_more() -> None:
-    campaign = identify(traces([1, 10], noise=4.0, duration=5.0), PURDY_DAMPER)
-    judged = assess(campaign, PURDY_DAMPER)
-    assert judged.profiles == ()
-    assert reconsider(campaign, judged).fits[0].status == campaign.fits[0].status

@@ -1,198 +1,193 @@
-"""What a set lacks is called by name; what lacks nothing is left in peace."""
+"""What the residuals say, each limit with a case just inside and one just outside."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import f as fisher
 
-from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.identification import FitOptions, identify
-from damperfit.recording import Finding
-from damperfit.run.record import unconfirmed_tares
-from damperfit.uncertainty import assess
-from tests.identification.rig import recording
-from tests.identification.rig import short_trace as trace
-from tests.identification.rig import short_traces as traces
-from tests.uncertainty.flaws import FLAWS, Flaw, judged, outcomes, speed
+from damperfit.identification import Sharing
+from damperfit.uncertainty import assessment
+from damperfit.uncertainty.flaws import seek_flaws
+from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
+from damperfit.uncertainty.residuals import (
+    StretchResiduals,
+    diagnose,
+    independent_phases,
+    is_beyond_chance,
+    residual_scatter,
+    split_power,
+)
+from tests import fakes
+from tests.uncertainty.test_verdicts import known
 
-SETTINGS = (1, 10, 20)
+
+def even(trace, k):
+    """A harmonic that no flaw has much of, of mean square one."""
+    turns = 3.0 * np.pi * trace.interval * np.arange(len(trace.force))[trace.compared]
+    return np.sqrt(2.0) * np.cos(k * turns)
 
 
-UNFILTERED = ConditionOptions(filter="none")
-KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
+def linearised(residuals, *, gas=None, trace=None) -> Linearisation:
+    """One setting whose fit could absorb the 12th harmonic alone."""
+    trace = trace or fakes.trace(1)
+    fit = fakes.fit(1, status={"r_m3": "shared"})
+    fit = replace(fit, logs=(fit.logs[0]._replace(trace=trace),))
+    n = len(residuals)
+    jacobian = np.zeros((n, 6))
+    jacobian[:, 0] = even(trace, 12)
+    gas = np.column_stack([np.zeros(n) if gas is None else gas, np.zeros(n)])
+    rounding = ((trace.velocity[trace.compared], np.zeros(n)),)
+    force, nothing = trace.force[trace.compared], np.zeros((6, 6))
+    log = LogLinearisation(residuals, np.ones(n), jacobian, gas, force, rounding)
+    model = PURDY_DAMPER
+    of_model = {"conditions": model.conditions, "flaws": model.flaws}
+    return Linearisation(fit, nothing, nothing, nothing, np.zeros(6), (log,), **of_model)
+
+
+def named(residuals, **more):
+    hints, _ = seek_flaws(linearised(residuals, **more), float(np.mean(residuals**2)))
+    return [hint.name for hint in hints]
+
+
+def partly(share):
+    """An offset that is a share of what repeats."""
+    rest = even(fakes.trace(1), 14)
+    return math.sqrt(share) + math.sqrt(1.0 - share) * (rest - rest.mean())
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.48, []), (0.52, ["offset"])])
+def test_a_flaw_is_named_that_explains_half_of_what_repeats(share, found) -> None:
+    assert named(partly(share)) == found
+
+
+@pytest.mark.parametrize(("share", "others"), [(0.83, []), (0.87, ["gas_pressure"])])
+def test_a_second_flaw_is_named_that_explains_nearly_as_much(share, others) -> None:
+    gas = partly(share)  # 30 % off
+    assert named(np.full(len(gas), 0.3), gas=gas) == ["offset", *others]
+
+
+def folded(rng, span=1, *, cycles=200, phases=400):
+    noise = rng.standard_normal(cycles * phases + span - 1)
+    return np.convolve(noise, np.ones(span), "valid").reshape(cycles, phases)
+
+
+@pytest.mark.parametrize(("span", "expected"), [(1, 400.0), (5, 117.6)])
+def test_correlated_phases_count_by_the_sum_of_squared_correlations(span, expected) -> None:
+    # 400 phases; a moving mean of five: 1 + 2 (0.64 + 0.36 + 0.16 + 0.04) = 3.4.
+    found = independent_phases(folded(np.random.default_rng(3), span))
+    assert found == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize(("span", "quiet"), [(4, 1.0), (1, 0.2)])
+def test_the_mean_square_of_a_mean_cycle_scatters_as_that_many_squares_do(span, quiet) -> None:
+    """By draws: n independent squares have the relative variance 2/n."""
+    rng = np.random.default_rng(5)
+    shape = np.r_[np.full(200, 1.0), np.full(200, quiet)]
+    powers, told = [], []
+    for _ in range(1000):
+        noise = folded(rng, span, cycles=12) * shape
+        powers.append(np.mean(noise.mean(axis=0) ** 2))
+        told.append(independent_phases(noise))
+    drawn = 2.0 / (np.std(powers) / np.mean(powers)) ** 2
+    # Few cycles make the correlation of noise look larger than it is: 133 for 158.
+    assert np.median(told) == pytest.approx(drawn, rel=0.2)
+
+
+def repeating(size, *, noise, cycles=10, seed=1) -> Linearisation:
+    """Residuals of white noise with a 14th harmonic of this root mean square in every cycle."""
+    base, period = fakes.trace(1), 333.0
+    n = 333 * cycles + 1
+    angle = 2.0 * np.pi * np.arange(n) / period
+    v = 0.3 * np.cos(angle)
+    stretch = replace(
+        base.fastest,
+        first=0,
+        stop=n - 1,
+        cycle_starts=period * np.arange(cycles + 1.0),
+        frequency=1.0 / (period * base.interval),
+    )
+    trace = replace(
+        base, displacement=0.032 * np.sin(angle), velocity=v,
+        force=2500.0 * v, stretches=(stretch,), n_cycles_found=cycles,
+    )  # fmt: skip
+    wave = np.sqrt(2.0) * np.cos(14.0 * angle[:-1])
+    scatter = noise * np.random.default_rng(seed).standard_normal(n - 1)
+    return linearised(size * wave + scatter, trace=trace)
+
+
+@pytest.mark.parametrize(("size", "is_structured"), [(0.17, False), (0.25, True)])
+def test_what_repeats_is_a_misfit_where_chance_has_it_once_in_a_million(size, *, is_structured):
+    # 333 phases of 10 cycles: F is 1.42 in one case of a million, so 0.42/10 of the noise repeats:
+    # a root mean square of 0.205 of the noise.
+    found = [diagnose(repeating(size, noise=1.0, seed=seed))[0] for seed in range(8)]
+    assert {one.is_structured for one in found} == {is_structured}
+
+
+@pytest.mark.parametrize(("share", "is_structured"), [(0.95e-7, False), (1.05e-7, True)])
+def test_a_misfit_of_less_than_the_integrator_makes_is_none(share, *, is_structured) -> None:
+    variance = 0.5 * (2500.0 * 0.3) ** 2
+    found, _ = diagnose(repeating(math.sqrt(share * variance), noise=1e-4))
+    assert found.is_structured is is_structured
+
+
+@pytest.mark.parametrize("cycles", [1, 2])
+def test_noise_is_told_from_a_misfit_from_two_cycles_on(cycles) -> None:
+    found, _ = diagnose(repeating(0.0, noise=1.0, cycles=cycles))
+    is_told = cycles == 2
+    assert math.isfinite(found.noise_percent) is math.isfinite(found.runs_ratio) is is_told
+    assert (
+        "a single cycle cannot separate noise from lack of fit" in found.sentence
+    ) is not is_told
+    assert ("% is noise" in found.sentence) is is_told
 
 
 @pytest.mark.parametrize(
-    "seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
+    ("spread", "words"),
+    [((20.0, 80.0), ["f_f is shared by all settings and here too low"]), ((50.0, 50.0), [])],
 )
-def test_a_sound_set_is_left_in_peace(seed: int) -> None:
-    found = judged(traces(SETTINGS, noise=4.0, seed=seed, duration=10.0))
-    assert found.warnings == ()
-    for one in found.diagnoses:
-        assert not one.is_structured
-        assert one.noise_percent > 0.9 * one.mse_percent
-        assert abs(one.correlation) < 0.3
-        assert 0.8 < one.runs_ratio < 1.2
-    assert len(found.sentences) == 1
-    assert found.sentences[0].startswith("settings 1, 10, 20: no misfit repeats")
+def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(monkeypatch, spread, words):
+    """A misfit in the shape of the friction's own slope, at a setting that holds the common one."""
+    quiet = repeating(2.0, noise=0.1)
+    jacobian = quiet.logs[0].jacobian.copy()
+    wave = repeating(1.0, noise=0.0).logs[0].residuals
+    jacobian[:, PURDY_DAMPER.names.index("f_f")] = wave
+    told = replace(quiet, logs=(quiet.logs[0]._replace(jacobian=jacobian),))
+    monkeypatch.setattr(assessment, "linearise_settings", lambda *_, **__: (told,))
+    monkeypatch.setattr(assessment, "uncertainties", lambda *_, **__: (known(),))
+    sharing = Sharing(means={"f_f": (1, 2)}, spread=spread)
+    (found,) = assessment.assess(fakes.campaign(told.fit, sharing=sharing), PURDY_DAMPER).diagnoses
+    assert found.is_structured
+    assert [hint.words for hint in found.hints] == words
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_noise_is_taken_off_what_repeats(seed: int) -> None:
-    """Without a filter each sample counts, and the mean over 14 cycles keeps 1/14 of the noise."""
-    random = np.random.default_rng(seed)
-    logs = []
-    for log in (recording(1), recording(20)):
-        noisy = log.force + 4.0 * random.standard_normal(len(log.force))
-        logs.append(condition(replace(log, force=noisy), UNFILTERED))
-    for one in judged(logs, FitOptions("plain", ("r_m1", "r_m2", "k_e"), KNOWN)).diagnoses:
-        assert not one.is_structured
-        assert one.noise_percent == pytest.approx(one.mse_percent, rel=0.02)
+def test_what_noise_has_once_in_a_million_repeats() -> None:
+    noise = np.random.default_rng(4).standard_normal((15, 100))
+    stretch = SimpleNamespace(n_cycles=15)
+    part = StretchResiduals(stretch, 1e-3, noise.ravel(), noise, noise - noise.mean(axis=0))
+    phases = independent_phases(part.about)
+    bar = fisher.ppf(1.0 - 1e-6, phases, 14.0 * phases)
+    assert is_beyond_chance([part], 1.002 * bar)
+    assert not is_beyond_chance([part], 0.998 * bar)
 
 
-def test_a_noise_free_set_has_nothing_structured() -> None:
-    assert judged(traces(SETTINGS)).warnings == ()
+@pytest.mark.parametrize(("power", "is_more"), [(3.9, False), (4.1, True)])
+def test_where_nothing_repeats_four_times_the_noise_is_more_than_noise(power, *, is_more) -> None:
+    residuals = math.sqrt(power) * np.array([1.0, -1.0] * 50)
+    part = StretchResiduals(SimpleNamespace(n_cycles=0, noise=1.0), 1e-3, residuals)
+    repeats, noise, is_beyond = split_power([part])
+    assert (repeats, noise) == pytest.approx((power - 1.0, 1.0))
+    assert is_beyond() is is_more
 
 
-@pytest.mark.parametrize("late", [2, pytest.param(-2, marks=pytest.mark.slow)])
-def test_a_channel_two_milliseconds_late_is_named(late: int) -> None:
-    logs = []
-    for setting in SETTINGS:
-        log = recording(setting, noise=4.0)
-        channel = "force" if late > 0 else "displacement"
-        values = getattr(log, channel)
-        shifted = np.concatenate([values[:1].repeat(2), values[:-2]])
-        logs.append(condition(replace(log, **{channel: shifted})))
-    found = judged(logs)
-    for one in found.diagnoses:
-        assert one.mse_percent < 0.1  # excellent, and wrong: K_e is off by up to half
-        assert one.is_structured
-        assert one.hints[0].name == "delay"
-        assert one.hints[0].family == "reversals"
-        assert one.hints[0].amount == pytest.approx(late, abs=0.15)
-        assert one.correlation > 0.9
-        assert one.runs_ratio < 0.5
-    assert len(found.warnings) == 1
-    assert "channel delay" in str(found.warnings[0])
-    assert ("late" if late > 0 else "early") in str(found.warnings[0])
-
-
-@pytest.mark.parametrize("factor", [1.2, pytest.param(0.8, marks=pytest.mark.slow)])
-def test_gas_wrong_by_a_fifth_is_named(factor: float) -> None:
-    gas = replace(PURDY_DAMPER, gas_pressure=factor * PURDY_DAMPER.gas_pressure)
-    found = judged(traces(SETTINGS, noise=4.0, damper=gas))
-    for one in found.diagnoses:
-        assert one.hints[0].name == "gas_pressure"
-        assert one.hints[0].family == "position"
-        assert one.hints[0].amount == pytest.approx(100 * (factor - 1), abs=1.0)
-    assert "wrong gas pressure" in str(found.warnings[0])
-    # Where an offset explains 0.85 and more of it, both are named.
-    assert any("offset" in {hint.name for hint in one.hints} for one in found.diagnoses)
-
-
-@pytest.mark.parametrize("fall", [0.02, pytest.param(0.05, marks=pytest.mark.slow)])
-def test_friction_that_depends_on_velocity_is_named(fall: float) -> None:
-    logs = []
-    for setting in SETTINGS:
-        log = recording(setting, noise=4.0)
-        v = speed(log)
-        more = 30.0 * np.sign(v) * np.exp(-np.abs(v) / fall)
-        logs.append(condition(replace(log, force=log.force + more)))
-    found = judged(logs)
-    for one in found.diagnoses:
-        assert one.hints[0].name == "friction_with_speed"
-        assert one.hints[0].family == "the sign of v"
-    assert "friction that depends on velocity" in str(found.warnings[0])
-
-
-@pytest.mark.slow
-def test_r_m3_that_cannot_be_seen_is_named_and_said_to_stand_for_nothing() -> None:
-    # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton. The paper's
-    # value used to stand in for it, and the residuals said that it should not.
-    logs = [
-        trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
-        for setting in SETTINGS
-    ]
-    campaign = identify(logs, PURDY_DAMPER, FitOptions())
-    judged = assess(campaign, PURDY_DAMPER)
-    assert "assumed" in {one.code for one in campaign.warnings}
-    assert str(judged.doubts(campaign)[0]).startswith(
-        "r_m3 at settings 1, 10, 20: these logs do not"
-    )
-    assert "is used for all settings, instead of 0: any value below" in " ".join(
-        map(str, judged.doubts(campaign))
-    )
-    assert not any(one.is_structured for one in judged.diagnoses)
-    held = FitOptions(fixed={"r_m3": 2.597e6})
-    for one in assess(identify(logs, PURDY_DAMPER, held), PURDY_DAMPER).diagnoses:
-        assert one.hints[0].name == "r_m3"
-        assert "held at a wrong value, too high" in one.sentence
-
-
-def test_another_valve_law_is_named() -> None:
-    log = recording(10, noise=4.0)
-    v = speed(log)
-    more = 60.0 * (np.minimum(v, 0.0) / 0.3) ** 2
-    logs = [trace(1, noise=4.0), condition(replace(log, force=log.force + more))]
-    found = judged(logs, FitOptions(fixed=KNOWN))
-    assert not found.diagnoses[0].is_structured
-    assert found.diagnoses[1].hints[0].name == "valve_law_bump"
-    assert found.diagnoses[1].hints[0].amount == pytest.approx(60.0, rel=0.1)
-    assert str(found.warnings[0]).startswith("setting 10: ")
-
-
-@pytest.mark.parametrize(
-    "settings", [(12,), pytest.param((4, 12, 18), marks=pytest.mark.slow)], ids=["one", "three"]
-)
-@pytest.mark.parametrize("flaw", FLAWS, ids=lambda flaw: flaw.name)
-def test_flaws_are_named_at_other_settings_too(flaw: Flaw, settings: tuple[int, ...]) -> None:
-    # Many seeds by hand: python -m tests.uncertainty.flaws.
-    for names in outcomes(flaw, settings, seed=7):
-        assert flaw.expected in names if flaw.expected else names == ()
-
-
-def test_a_weak_misfit_that_repeats_for_long_is_seen_below_white_noise() -> None:
-    # The bar took its independent samples from the residual, and rose with the misfit in it.
-    log = recording(10)
-    noise = 4.0 * np.random.default_rng(5).standard_normal(len(log.force))
-    third = 2.0 * np.sin(3.0 * 2.0 * np.pi * 1.5 * log.time)
-    options = FitOptions("plain", ("r_m1", "r_m2", "k_e"), KNOWN)
-    for added, is_seen in ((noise, False), (noise + third, True)):
-        (one,) = judged(
-            [condition(replace(log, force=log.force + added), UNFILTERED)], options
-        ).diagnoses
-        assert one.is_structured is is_seen
-
-
-def test_friction_that_rises_with_speed_is_less_at_low_speed() -> None:
-    logs = []
-    for setting in SETTINGS:
-        log = recording(setting, noise=2.0)
-        v = speed(log)
-        rising = 20.0 * np.sign(v) * np.sqrt(np.abs(v) / 0.3)
-        logs.append(condition(replace(log, force=log.force + rising)))
-    said = " ".join(map(str, judged(logs).warnings))
-    assert "friction that depends on velocity" in said
-    assert "N less at low speed" in said
-
-
-def test_a_tare_that_the_fit_has_no_room_for_is_not_confirmed() -> None:
-    # Cavitation hides the gas force from the log; the fit, which knows it, sees no offset missing.
-    damper = replace(PURDY_DAMPER, gas_pressure=2.5e5)
-    told = Finding("tare", "warning", "gas force tared away")
-
-    def said(offset: float) -> list[str]:
-        log = recording(5, damper=damper, noise=4.0, rate=500.0, duration=5.0)
-        log = replace(log, force=log.force + offset)
-        seen = condition(log)
-        seen = replace(seen, findings=(*seen.findings, told))
-        campaign = identify([seen], damper)
-        return list(map(str, unconfirmed_tares(campaign, assess(campaign, damper))))
-
-    (one,) = said(0.0)
-    assert one.startswith("setting 5: the warning tare is not confirmed")
-    assert said(71.0) == []
+def test_two_cycles_are_enough_to_scatter_and_one_is_not() -> None:
+    one = fakes.trace(1).fastest
+    two = replace(one, first=0, stop=666, cycle_starts=np.array([0.0, 333.0, 666.0]))
+    residuals = np.repeat([1.0, -1.0], 333)
+    assert residual_scatter(residuals, two) == pytest.approx(2.0)
+    assert math.isnan(residual_scatter(residuals[:333], one))

@@ -79,20 +79,19 @@ def test_a_model_that_misses_gives_the_measured_force(both) -> None:
         assert interval.high > interval.low
 
 
-def test_intervals_for_a_wrong_model_hold_what_another_stroke_finds(both) -> None:
-    """Noise alone would have it that the two strokes are two dampers."""
-    log = bent(recording(10, noise=4.0, duration=6.0, amplitude=0.028))
+@pytest.mark.parametrize(("amplitude", "names"), [(0.028, PLAIN.free), (0.022, ("r_m1",))])
+def test_intervals_for_a_wrong_model_hold_what_another_stroke_finds(both, amplitude, names) -> None:
+    """Noise alone would have it that the strokes are two dampers."""
+    log = bent(recording(10, noise=4.0, duration=6.0, amplitude=amplitude))
     campaign = identify([condition(log)], PURDY_DAMPER, PLAIN)
     other = assess(campaign, PURDY_DAMPER).uncertainties[0].intervals
     one = both[1][1].uncertainties[0].intervals
-    for name in PLAIN.free:
+    for name in names:
         a, b = one[name], other[name]
         at = [math.sqrt(x.low * x.high) for x in (a, b)]
         apart = abs(math.log(at[1] / at[0]))
         noise = math.hypot(a.error / at[0], b.error / at[1])
-        whole = math.hypot(noise, a.misfit / at[0], b.misfit / at[1])
-        assert apart < 1.96 * whole
-        assert apart > 1.2 * noise
+        assert 1.2 * noise < apart < 1.96 * math.hypot(noise, a.misfit / at[0], b.misfit / at[1])
 
 
 def logged(model, values, motion, *, noise=0.0, stroke_noise=0.0):
@@ -186,24 +185,6 @@ def test_peaks_of_segments_are_those_of_the_model_and_the_rig(bleed) -> None:
         few = [replace(one, measured_se=(math.nan,) * len(one.speeds)) for one in known.forces]
         blind = force_at([stage_of(fit, known)], model, (0.1,), measured=few)[0]
         assert blind.measured_error == pytest.approx(apart[0.1], rel=0.1)
-
-
-def test_an_error_for_the_wrong_model_holds_what_another_stroke_moves() -> None:
-    """A knee that the model does not have."""
-    seen = {}
-    for amplitude in (0.032, 0.028, 0.022):
-        log = bent(recording(10, noise=4.0, duration=6.0, amplitude=amplitude))
-        campaign = identify([condition(log)], PURDY_DAMPER, PLAIN)
-        values = campaign.fits[0].parameters
-        (known,) = assess(campaign, PURDY_DAMPER).uncertainties
-        seen[amplitude] = values, known.intervals
-    (values, intervals), (shorter, _), (shortest, _) = seen.values()
-    moved = shorter.k_e / values.k_e - 1.0
-    assert moved == pytest.approx(0.07, abs=0.01)
-    assert 3.0 < moved / (intervals["k_e"].error / values.k_e) < 5.0
-    assert moved < 1.96 * intervals["k_e"].misfit / values.k_e < 10.0 * moved
-    # What the parameters absorb is held by the shift of the flaw that explains the misfit.
-    assert shortest.r_m1 - values.r_m1 < 1.96 * intervals["r_m1"].misfit
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,307 @@
+"""What a set lacks is called by name; what lacks nothing is left alone; nothing beyond reason."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import damperfit
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning.gas_force import YIELDS, held_share
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.identification import FitOptions, identify
+from damperfit.recording import Finding
+from damperfit.run.record import unconfirmed_tares
+from damperfit.uncertainty import Diagnosis, assess, objections
+from damperfit.uncertainty.flaws import Hint, _as_stiffness, _is_reasonable
+from damperfit.uncertainty.residuals import reconciled
+from tests.identification.rig import recording, short_trace, short_traces
+from tests.uncertainty.flaws import FLAWS, judged, outcomes, speed
+
+SETTINGS = (1, 10, 20)
+UNFILTERED = ConditionOptions(filter="none")
+KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
+PLAIN = FitOptions("plain", ("r_m1", "r_m2", "k_e", "f_f"), {"r_m3": 2.597e6})
+BARE = FitOptions("plain", ("r_m1", "r_m2", "k_e"), KNOWN)
+
+
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
+)
+def test_a_sound_set_is_left_in_peace(seed) -> None:
+    found = judged(short_traces(SETTINGS, noise=4.0, seed=seed, duration=10.0))
+    assert found.warnings == ()
+    for one in found.diagnoses:
+        assert not one.is_structured
+        assert one.noise_percent > 0.9 * one.mse_percent
+        assert abs(one.correlation) < 0.3
+        assert 0.8 < one.runs_ratio < 1.2
+    (sentence,) = found.sentences
+    assert sentence.startswith("settings 1, 10, 20: no misfit repeats")
+    assert judged(short_traces(SETTINGS, seed=seed)).warnings == ()  # nor without any noise
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_is_taken_off_what_repeats(seed) -> None:
+    """Without a filter each sample counts, and the mean over 14 cycles keeps 1/14 of the noise."""
+    random, logs = np.random.default_rng(seed), []
+    for log in (recording(1), recording(20)):
+        noisy = log.force + 4.0 * random.standard_normal(len(log.force))
+        logs.append(condition(replace(log, force=noisy), UNFILTERED))
+    for one in judged(logs, BARE).diagnoses:
+        assert not one.is_structured
+        assert one.noise_percent == pytest.approx(one.mse_percent, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "settings", [(12,), pytest.param(SETTINGS, marks=pytest.mark.slow)], ids=["one", "three"]
+)
+@pytest.mark.parametrize("flaw", FLAWS, ids=lambda flaw: flaw.name)
+def test_a_flaw_is_named_with_its_size(flaw, settings) -> None:
+    # Many seeds by hand: python -m tests.uncertainty.flaws.
+    for found, names in outcomes(flaw, settings, seed=7):
+        assert flaw.expected in names if flaw.expected else names == ()
+        for hint in found.hints:
+            if hint.name == flaw.expected and flaw.amount is not None:
+                assert hint.amount == pytest.approx(flaw.amount, abs=flaw.within)
+                assert hint.words in found.sentence
+        if flaw.expected == "delay":
+            assert found.mse_percent < 0.1  # excellent, and wrong: K_e is off by up to half
+            assert found.correlation > 0.9
+            assert found.runs_ratio < 0.5
+
+
+@pytest.mark.slow
+def test_r_m3_that_cannot_be_seen_is_said_to_stand_for_nothing() -> None:
+    # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton. The paper's
+    # value used to stand in for it, and the residuals said that it should not.
+    logs = [
+        short_trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
+        for setting in SETTINGS
+    ]
+    campaign = identify(logs, PURDY_DAMPER, FitOptions())
+    found = assess(campaign, PURDY_DAMPER)
+    assert "assumed" in {one.code for one in campaign.warnings}
+    said = list(map(str, found.doubts(campaign)))
+    assert said[0].startswith("r_m3 at settings 1, 10, 20: these logs do not")
+    assert "is used for all settings, instead of 0: any value below" in " ".join(said)
+    assert not any(one.is_structured for one in found.diagnoses)
+    for one in judged(logs, FitOptions(fixed={"r_m3": 2.597e6})).diagnoses:
+        assert one.hints[0].name == "r_m3"
+        assert "held at a wrong value, too high" in one.sentence
+
+
+def test_a_flaw_of_one_setting_is_named_there() -> None:
+    log = recording(10, noise=4.0)
+    more = 60.0 * (np.minimum(speed(log), 0.0) / 0.3) ** 2
+    logs = [short_trace(1, noise=4.0), condition(replace(log, force=log.force + more))]
+    found = judged(logs, FitOptions(fixed=KNOWN))
+    sound, bent = found.diagnoses
+    assert not sound.is_structured
+    assert bent.hints[0].name == "valve_law_bump"
+    assert bent.hints[0].amount == pytest.approx(60.0, rel=0.1)
+    assert str(found.warnings[0]).startswith("setting 10: ")
+
+
+def test_a_weak_misfit_that_repeats_for_long_is_seen_below_white_noise() -> None:
+    # The bar took its independent samples from the residual, and rose with the misfit in it.
+    log = recording(10)
+    noise = 4.0 * np.random.default_rng(5).standard_normal(len(log.force))
+    third = 2.0 * np.sin(3.0 * 2.0 * np.pi * 1.5 * log.time)
+    for more, is_seen in ((noise, False), (noise + third, True)):
+        seen = condition(replace(log, force=log.force + more), UNFILTERED)
+        assert judged([seen], BARE).diagnoses[0].is_structured is is_seen
+
+
+def test_friction_that_rises_with_speed_is_less_at_low_speed() -> None:
+    logs = []
+    for setting in SETTINGS:
+        log = recording(setting, noise=2.0)
+        v = speed(log)
+        rising = 20.0 * np.sign(v) * np.sqrt(np.abs(v) / 0.3)
+        logs.append(condition(replace(log, force=log.force + rising)))
+    said = " ".join(map(str, judged(logs).warnings))
+    assert "friction that depends on velocity" in said
+    assert "N less at low speed" in said
+
+
+def test_a_tare_that_the_fit_has_no_room_for_is_not_confirmed() -> None:
+    # Cavitation hides the gas force from the log; the fit, which knows it, sees no offset missing.
+    damper = replace(PURDY_DAMPER, gas_pressure=2.5e5)
+    log = recording(5, damper=damper, noise=4.0, rate=500.0, duration=5.0)
+    for offset, is_said in ((0.0, True), (71.0, False)):
+        seen = condition(replace(log, force=log.force + offset))
+        tare = Finding("tare", "warning", "gas force tared away")
+        campaign = identify([replace(seen, findings=(*seen.findings, tare))], damper)
+        said = list(map(str, unconfirmed_tares(campaign, assess(campaign, damper))))
+        assert len(said) == is_said
+        assert all(one.startswith("setting 5: the warning tare is not") for one in said)
+
+
+# Faults that a fit absorbs are named, and their shifts are in the intervals.
+
+
+def turned(log):
+    return np.clip(speed(log) / 1e-4, -1.0, 1.0)
+
+
+FAULTS = {
+    "nothing": lambda _: {},
+    "pressed": lambda log: {"force": log.force + 0.03 * turned(log) * np.maximum(log.force, 0.0)},
+    "by position": lambda log: {"force": log.force + 1e3 * turned(log) * np.abs(log.displacement)},
+    "drifts": lambda log: {"force": log.force + 20.0 * log.time / log.time[-1]},
+    "sticks": lambda log: {
+        "force": log.force + 3.5 * turned(log) * np.exp(-np.abs(speed(log)) / 0.02)
+    },
+    "gain": lambda log: {"force": log.force * (1.04 if log.setting == 12 else 1.0)},
+    "clock": lambda log: {"time": log.time * (1.02 if log.setting == 12 else 1.0)},
+    "stroke": lambda log: {"displacement": log.displacement * (1.03 if log.setting == 12 else 1.0)},
+}
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "flaw"),
+    [
+        ("nothing", "", ""),
+        ("pressed", "misfit", "friction_with_pressure"),
+        ("by position", "misfit", "friction_with_position"),
+        ("drifts", "force_drift", ""),
+        ("sticks", "misfit-of-all", "friction_with_speed"),
+        ("gain", "misfit", "force_gain"),
+        ("clock", "clock-apart", ""),
+        ("stroke", "stroke-apart", ""),
+    ],
+)
+def test_a_fault_is_named_and_what_it_moves_is_in_the_intervals(fault, code, flaw) -> None:
+    logs = {}
+    for setting in (4, 8, 12, 16, 20):
+        log = recording(setting, noise=2.0)
+        log = replace(log, **FAULTS[fault](log))
+        logs[str(setting)] = {
+            "time_s": log.time, "displacement_m": log.displacement, "force_N": log.force,
+        }  # fmt: skip
+    run = damperfit.identify(logs, jobs=1)
+    codes = {"misfit", "force_drift", "clock-apart", "stroke-apart"}
+    told = [one for one in run.problems if one.code in ({code} if code else codes)]
+    assert bool(told) is bool(code)
+    worst = max(told, key=lambda one: one.values.get("mse_percent", 0.0), default=None)
+    assert worst is None or flaw in worst.values.get("flaw", "")
+    # Of a wrong clock or stroke its own numbers are off, and only the rig can say by how much.
+    for setting in () if fault in {"clock", "stroke"} else run.settings:
+        truth = reference_parameters(int(setting.label))
+        for name in ("r_m1", "r_m2", "k_e"):
+            (low, high), true = setting.intervals[name], getattr(truth, name)
+            away = abs(getattr(setting.values, name) - true)
+            assert away < max(0.02 * true, 1.5 * (high - low)), (setting, name)
+
+
+# No flaw beyond reason, none of valves where nothing flows, none that contradicts another
+
+
+def hint(name, amount, share=0.9):
+    return Hint(name, "", share, amount, f"{name} {amount:g}")
+
+
+@pytest.mark.parametrize(
+    ("names", "largest"),
+    [
+        ("delay", 25.0),
+        ("gas_pressure", 100.0),
+        ("gas_exponent", 50.0),
+        ("compressibility", 300.0),
+        ("offset gas_volume friction_with_speed valve_law_rebound valve_law_bump", 700.0),
+        ("r_m3", 1000.0),
+    ],
+)
+def test_an_amount_beyond_reason_is_no_cause(names, largest) -> None:
+    for name in names.split():
+        for size in (largest, -largest):
+            assert _is_reasonable(hint(name, size), half_range := 700.0)
+            assert not _is_reasonable(hint(name, 1.001 * size), half_range)
+
+
+@pytest.mark.parametrize(
+    ("amount", "said"),
+    [
+        (49.0, ""),  # an exponent that a gas may have
+        (51.0, "about 1.5 times as stiff"),
+        (399.0, "about 5 times as stiff"),
+        (401.0, ""),
+        (-79.0, "about 0.21 times as stiff"),
+        (-81.0, ""),
+    ],
+)
+def test_an_exponent_that_no_gas_has_is_another_gas_spring(amount, said) -> None:
+    found = _as_stiffness(hint("gas_exponent", amount))
+    assert found.name == ("gas_stiffness" if said else "gas_exponent")
+    assert said in found.words
+    assert _is_reasonable(found, 700.0) is (bool(said) or abs(amount) < 50.0)
+    assert _as_stiffness(hint("gas_volume", amount)).name == "gas_volume"
+
+
+def test_a_gas_spring_of_twice_the_stiffness_is_named_and_costs_the_grade() -> None:
+    short = replace(PURDY_DAMPER, gas_length=0.025)
+    campaign = identify([short_trace(1, damper=short, noise=4.0)], PURDY_DAMPER, PLAIN)
+    found = assess(campaign, PURDY_DAMPER)
+    first = found.diagnoses[0].hints[0]
+    assert first.name == "gas_stiffness"
+    assert 1.5 < 1.0 + first.amount / 100.0 < 2.5
+    (fit,) = campaign.fits
+    assert fit.mse_percent < 0.2  # excellent by the MSE, and K_e is off by a factor
+    assert fit.parameters.k_e < 0.5 * reference_parameters(1).k_e
+    (why,) = objections(campaign, found)[fit.setting]
+    assert why.kind == "dimensions"
+
+
+def yielding(hold, noise=2.0):
+    """A log of what slides at 600 N once it has given by 1 mm, over a little of the speed."""
+    log = recording(5, noise=noise, duration=6.0)
+    v = speed(log)
+    x = np.cumsum(v) / 1000.0
+    held, state = np.empty(len(x)), 0.0
+    for k, step in enumerate(np.diff(x, prepend=x[0])):
+        state = float(np.clip(state + step / 1e-3, -1.0, 1.0))
+        held[k] = state
+    force = 600.0 * (hold * held + (1.0 - hold) * v / 0.3) + log.force.mean()
+    return condition(replace(log, force=force))
+
+
+def test_a_damper_that_yields_is_said_to_and_no_valve_is_blamed() -> None:
+    seen = yielding(0.8)
+    assert held_share(seen) > 0.6
+    (one,) = judged([seen], PLAIN).diagnoses
+    assert one.is_structured
+    assert one.has_yielded
+    assert not {"delay", "compressibility", "gas_pressure"} & {h.name for h in one.hints}
+    assert "it yields before it slides" in one.sentence
+    # Motion that does not repeat shows it too.
+    moving = tuple(replace(part, cycle_starts=np.empty(0)) for part in seen.stretches)
+    assert held_share(replace(seen, stretches=moving)) == held_share(seen)
+
+
+def test_from_which_share_on_it_yields() -> None:
+    below, above = (held_share(yielding(hold, noise=0.0)) for hold in (0.30, 0.37))
+    assert YIELDS - 0.08 < below < YIELDS <= above < YIELDS + 0.08
+    assert held_share(condition(recording(1, duration=6.0))) < 0.2
+    assert math.isnan(held_share(SimpleNamespace(stretches=())))
+
+
+def test_causes_of_one_run_do_not_contradict_each_other() -> None:
+    def diagnosis(setting, *hints):
+        return Diagnosis(setting, 1.0, 0.1, True, 0.9, 0.3, hints, "")
+
+    late, early, valve = hint("delay", 3.0), hint("delay", -2.0), hint("valve_law_bump", 50.0)
+    divided = reconciled([diagnosis(1, late), diagnosis(2, late), diagnosis(3, early, valve)])
+    assert [one.hints for one in divided] == [(), (), (valve,)]
+    assert "its cause was not found" in divided[0].sentence
+    assert "as from valve_law_bump 50" in divided[2].sentence
+    most = reconciled([*(diagnosis(k, late) for k in (1, 2, 3)), diagnosis(4, early)])
+    assert [one.hints for one in most] == [(late,)] * 3 + [()]
+    # What each setting may have for itself stands in any sign.
+    own = (diagnosis(1, valve), diagnosis(2, hint("valve_law_bump", -50.0)))
+    assert reconciled(own) == own
