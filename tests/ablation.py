@@ -54,8 +54,6 @@ PIECES: dict[str, tuple[str, str, Any]] = {
         lambda _, fits, **__: ({one: fit.parameters for one, fit in fits.items()}, 0),
     ),
     "clip": ("identification.fit_problem", "Block.stays_beyond", False),
-    "starts in turn": ("identification.starts", "_in_turn", lambda _, ranked: ranked),
-    "lost valve": ("identification.starts", "_lost_a_valve", lambda *_: False),
     "detours": ("damper.purdy.parameters", "Damper.detours", lambda *_: ()),
 }
 
