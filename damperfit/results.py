@@ -499,7 +499,7 @@ class Run:
         for log in self._inputs:
             for _, _, speed in _motions(log):
                 tops[log.get("setting")] = max(speed, tops.get(log.get("setting"), 0.0))
-        entries = {one.get("setting"): one for one in entries_in(self.record, "uncertainty")}
+        entries = {one.get("setting"): one for one in _of_settings(self.record, "uncertainty")}
         settings = []
         for row in sorted(self.rows("parameters"), key=lambda row: Setting.of(row["setting"])):
             cells = [(one.default, row.get(one.name)) for one in self.quantities]
@@ -530,7 +530,7 @@ class Run:
     @property
     def _inputs(self) -> list[dict[str, Any]]:
         """Entries of run.json on the logs."""
-        return entries_in(self.record, "inputs")
+        return _of_settings(self.record, "inputs")
 
     @refuse_wrong_arguments("run.setting")
     def setting(self, setting: Setting | str | float) -> SettingResult:
@@ -577,7 +577,7 @@ class Run:
         failed = {failure.setting for failure in failures_in(self.record)}
         told = {
             one.get("setting"): names
-            for one in entries_in(self.record, "uncertainty")
+            for one in _of_settings(self.record, "uncertainty")
             if isinstance(names := one.get("parameters"), list)
         }
         return {
@@ -1347,6 +1347,12 @@ def entries_in(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
     """Return the objects in a list of the record; none where somebody put something else there."""
     entries = record.get(key)
     return [one for one in entries if isinstance(one, dict)] if isinstance(entries, list) else []
+
+
+def _of_settings(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
+    """Return the objects of a list that may be looked up by their setting."""
+    known = (str, int, float, type(None))
+    return [one for one in entries_in(record, key) if isinstance(one.get("setting"), known)]
 
 
 def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:

@@ -183,7 +183,7 @@ def test_what_cannot_be_is_one_line(results, sample_results, capsys, words, code
 @pytest.mark.parametrize(
     ("key", "words"), [("stretches", "advise {} --for k_e"), ("inputs", "passport {0} --out {0}")]
 )
-@pytest.mark.parametrize("value", [None, [1]])
+@pytest.mark.parametrize("value", [None, [1], [{"setting": []}]])
 def test_an_edited_record_is_no_bug(results, tmp_path, key, words, value) -> None:
     edited = tmp_path / "edited"
     shutil.copytree(results, edited)
