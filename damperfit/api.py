@@ -597,10 +597,10 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     from damperfit.answers import Simulation
-    from damperfit.damper.warmed import Warmed
+    from damperfit.damper.temperature_law import WithTemperature
     from damperfit.queries.settings import notes_on_simulation
     from damperfit.queries.simulations import simulate_test
-    from damperfit.results import warmed_to
+    from damperfit.results import with_temperature
 
     if displacement is not None:
         names = ("amplitude", "frequency", "cycles", "sample_rate", "wave", "max_steps")
@@ -613,8 +613,8 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     }
     _check_places(*(path.parent for path in files.values() if path is not None))
     choice, configuration, sentence = _parameters("simulate", given, own)
-    configuration = warmed_to(configuration, _text(temperature))
-    if temperature is not None and isinstance(configuration.damper, Warmed):
+    configuration = with_temperature(configuration, _text(temperature))
+    if temperature is not None and isinstance(configuration.damper, WithTemperature):
         sentence += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if log is not None and not log.exists():
         raise _usage("no such file", "no-such-file", Option("displacement", log))

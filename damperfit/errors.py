@@ -44,7 +44,7 @@ __all__ = [
     "TimelessError",
     "blamed_on",
     "did_you_mean",
-    "mishap_of",
+    "failure_of",
     "refuse_wrong_arguments",
     "sparing",
 ]
@@ -201,12 +201,12 @@ class InternalError(DamperfitError):
     code = "bug"
 
 
-def mishap_of(error: Exception, task: str) -> Failure:
+def failure_of(error: Exception, task: str) -> Failure:
     """Return what to tell of an error, met in a task, that must not cost the others their results.
 
     Examples
     --------
-    >>> mishap_of(LogError("empty file", code="empty"), "reading the log").code
+    >>> failure_of(LogError("empty file", code="empty"), "reading the log").code
     'empty'
     """
     if isinstance(error, DamperfitError):

@@ -420,8 +420,8 @@ class Run:
         found: list[MeasuredTest] = []
         for signals in self.signals:
             log = facts.get(signals.log, {})
-            warmth = number_in(log, "temperature_degC")
-            temperature = math.nan if warmth is None else warmth
+            logged = number_in(log, "temperature_degC")
+            temperature = math.nan if logged is None else logged
             found += measured_tests(signals, _segments_in(log), temperature=temperature)
         return tuple(found)
 
@@ -629,7 +629,7 @@ class Run:
             self._remarks.append(
                 "the damper of the run is not known: the paper's is assumed; declare yours"
             )
-        return warmed_to(given, self._temperature)
+        return with_temperature(given, self._temperature)
 
     @property
     def shown_speeds(self) -> tuple[float, ...]:
@@ -1272,9 +1272,9 @@ def forget_figures(folder: Path) -> None:
         figures.rmdir()
 
 
-def warmed_to(configuration: Configuration, temperature: str | None) -> Configuration:
+def with_temperature(configuration: Configuration, temperature: str | None) -> Configuration:
     """Return the configuration with its damper at a temperature, as typed; None: as it is."""
-    from damperfit.damper.warmed import at_temperature
+    from damperfit.damper.temperature_law import at_temperature
 
     if temperature is None:
         return configuration

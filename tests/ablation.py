@@ -54,7 +54,7 @@ PIECES: dict[str, tuple[str, str, Any]] = {
         lambda _, fits, **__: ({one: fit.parameters for one, fit in fits.items()}, 0),
     ),
     "clip": ("identification.fit_problem", "Block.stays_beyond", False),
-    "detours": ("damper.purdy.parameters", "Damper.detours", lambda *_: ()),
+    "further_starts": ("damper.purdy.parameters", "Damper.further_starts", lambda *_: ()),
 }
 
 

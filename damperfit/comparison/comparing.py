@@ -35,7 +35,7 @@ from damperfit.comparison.verdict import (
     outcome_of,
     surely_different,
 )
-from damperfit.errors import ConfigurationError, mishap_of
+from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.problem import Option
 from damperfit.statistics import NORMAL_95
@@ -185,10 +185,10 @@ def compare_runs(
             for run, own in list(zip(runs, known, strict=True))[:3]
         )
         raise ConfigurationError(f"no setting is common to all: {listed}", code="nothing-in-common")
-    mishaps: list[Failure] = []
+    failure_log: list[Failure] = []
 
     def take(setting: Setting, error: Exception) -> None:
-        mishaps.append(mishap_of(error, f"simulating setting {setting}"))
+        failure_log.append(failure_of(error, f"simulating setting {setting}"))
 
     # Where the gas is declared, and not alike, it is known what shifts the forces.
     is_other_gas = not is_bare and len(set(map(_gas_force, runs))) > 1
@@ -249,8 +249,8 @@ def compare_runs(
         tuple(lines),
         identical,
         tuple(_notes(runs, settings, forces, lines, shifts, options.units, is_bare=is_bare)),
-        tuple(dict.fromkeys(one.message for one in mishaps)),
-        tuple(one.trace for one in mishaps if one.trace),
+        tuple(dict.fromkeys(one.message for one in failure_log)),
+        tuple(one.trace for one in failure_log if one.trace),
         options.units,
     )
 
@@ -450,7 +450,7 @@ def _tares(runs: Sequence[Run], settings: Sequence[Setting], *, is_shifted: bool
 # What two runs differ in besides their numbers
 
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
-_WARMER = 2.0  # degC; forces fall as the oil thins
+_TEMPERATURES_DIFFER = 2.0  # degC; forces fall as the oil thins
 _WHOSE = ("damper", "serial", "customer", "operator", "date", "rig")
 # Keys of the run's configuration, with words for people, that change what comes of the same logs.
 _HOW = {
@@ -510,9 +510,14 @@ def circumstances(  # noqa: C901, PLR0912 - one thing after the other
                 for amplitude, frequency in middle
             )
             differs("motion", "motion", here, there, ": what a model misses does not cancel")
-    warmth = [[t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs]
-    if all(warmth) and abs(fmean(warmth[0]) - fmean(warmth[1])) > _WARMER:
-        here, there = (f"{fmean(one):.1f} degC" for one in warmth)
+    temperatures = [
+        [t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs
+    ]
+    if (
+        all(temperatures)
+        and abs(fmean(temperatures[0]) - fmean(temperatures[1])) > _TEMPERATURES_DIFFER
+    ):
+        here, there = (f"{fmean(one):.1f} degC" for one in temperatures)
         differs("temperature", "temperature", here, there)
     for (section, key), (kind, words) in _HOW.items():
         values: list[Any] = []

@@ -34,7 +34,7 @@ class Sameness(Enum):
 
     SAME = "same"
     DIFFERENT = "different"
-    UNDETERMINED = "untold"
+    UNDETERMINED = "undetermined"
 
 
 @dataclass(frozen=True, slots=True)

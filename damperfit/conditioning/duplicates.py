@@ -135,16 +135,16 @@ class Contradiction(NamedTuple):
         return text
 
 
-def contradiction(traces: Sequence[Trace], *, is_warmed: bool) -> Contradiction | None:
+def contradiction(traces: Sequence[Trace], *, has_temperature_law: bool) -> Contradiction | None:
     """Return the largest difference between tests of one motion; None within their scatter.
 
-    Of one setting. `is_warmed`: logs of different temperatures may differ, for that is fitted.
+    Of one setting. `has_temperature_law`: logs of different temperatures may differ.
     """
     found = (
         difference
         for first, second in combinations(traces, 2)
         if first.gas_pressure == second.gas_pressure
-        and not (is_warmed and are_unlike(first, second))
+        and not (has_temperature_law and are_unlike(first, second))
         for a, b in _common_motions(first, second)
         for difference in _differences(first, second, a, b)
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.model import MODELS, model_named
 from damperfit.damper.mounting import NONE
-from damperfit.damper.warmed import Warmed
+from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Key
 from damperfit.units.quantities import QuantityError, parse_quantity, says_absolute_or_gauge
@@ -51,7 +51,7 @@ _INNER_DIMENSIONS = {
 }
 _VALVES = "twin_tube"  # whose geometry and gas the other layouts share
 _OF_LOGS = "mean"  # a reference temperature: the mean of the logs
-_WARMTH = (-60.0, 200.0)  # degC: what oil of dampers is tested at
+_OIL_TEMPERATURES = (-60.0, 200.0)  # degC: what oil of dampers is tested at
 _BEGIN_OF_NUMBER = frozenset("0123456789.+-")
 
 
@@ -70,7 +70,7 @@ def damper_defaults(model: str) -> dict[str, Any]:
 def damper_record(damper: Model) -> dict[str, Any]:
     """Return [damper] of a damper, in SI, as the record of a run has it."""
     plain: Any = damper.plain
-    reference: float | str = damper.reference if isinstance(damper, Warmed) else NONE
+    reference: float | str = damper.reference if isinstance(damper, WithTemperature) else NONE
     if isinstance(reference, float) and math.isnan(reference):
         reference = _OF_LOGS
     keys = {one.name for one in fields(plain) if one.init}
@@ -136,7 +136,7 @@ def damper_of(keys: Mapping[str, Any], *, is_recorded: bool = False) -> Model:
     damper: Model = kind(**values)
     if reference == NONE:
         return damper
-    return Warmed(damper, math.nan if reference == _OF_LOGS else float(reference))
+    return WithTemperature(damper, math.nan if reference == _OF_LOGS else float(reference))
 
 
 def unknown_key(name: str, known: Iterable[str], *section: str) -> ConfigurationError:
@@ -243,6 +243,6 @@ def _reference(value: Any) -> Any:
         found = math.nan if isinstance(value, bool) else parse_quantity(value, "temperature")
     except QuantityError as error:
         raise _wrong("'none', 'mean' or a temperature, as in '25degC'", value, place) from error
-    if not _WARMTH[0] <= found <= _WARMTH[1]:
-        raise _wrong(f"{_WARMTH[0]:g} to {_WARMTH[1]:g} degC", value, place)
+    if not _OIL_TEMPERATURES[0] <= found <= _OIL_TEMPERATURES[1]:
+        raise _wrong(f"{_OIL_TEMPERATURES[0]:g} to {_OIL_TEMPERATURES[1]:g} degC", value, place)
     return found

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import GasFacts, OffsetFacts
 from damperfit.configuration.damper_section import damper_record
-from damperfit.damper.warmed import BETA, Warmed
+from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import ConfigurationError
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
@@ -87,7 +87,7 @@ def with_beta(damper: Model, share: Sequence[str], *, named: Collection[str]) ->
     """Return what all settings share, and what temperature does, which is one damper's."""
     names = tuple(name.strip() for name in share)
     is_said = BETA.name in {*names, *named} or names == ("detect",)
-    return names if is_said or not isinstance(damper, Warmed) else (*names, BETA.name)
+    return names if is_said or not isinstance(damper, WithTemperature) else (*names, BETA.name)
 
 
 @dataclass(frozen=True, slots=True)

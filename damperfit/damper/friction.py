@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.mounting import NONE, Friction
-from damperfit.damper.warmed import Warmed
+from damperfit.damper.temperature_law import WithTemperature
 
 if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
@@ -70,6 +70,6 @@ def _has_seals(damper: Any) -> bool:
 def _with(damper: Model, values: Values, own: Any, **part: float) -> tuple[Model, Values]:
     """The damper with a part of friction that is known."""
     changed: Model = replace(own, friction=replace(own.friction, **part))
-    if isinstance(damper, Warmed):
+    if isinstance(damper, WithTemperature):
         changed = replace(damper, damper=changed)
     return changed, changed.values({**dict(values), **part})

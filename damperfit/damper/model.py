@@ -46,7 +46,7 @@ __all__ = [
     "FLAWS_OF_OIL",
     "MODELS",
     "PRESSURES",
-    "Detour",
+    "FurtherStart",
     "Model",
     "OilModel",
     "Signal",
@@ -92,7 +92,7 @@ PRESSURES = (
 )
 
 
-class Detour(NamedTuple):
+class FurtherStart(NamedTuple):
     """Another way to a minimum, for a fit that has ended in a wrong local one.
 
     Attributes
@@ -279,12 +279,12 @@ class Model(ABC):
         value in all of them.
         """
 
-    def detours(
+    def further_starts(
         self,
         start: Values,  # noqa: ARG002
         traces: Sequence[Trace],  # noqa: ARG002
         free: Sequence[str],  # noqa: ARG002
-    ) -> tuple[Detour, ...]:
+    ) -> tuple[FurtherStart, ...]:
         """Return other ways to try when a fit from a start has ended in a wrong local minimum."""
         return ()
 

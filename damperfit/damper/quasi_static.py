@@ -123,7 +123,7 @@ def quasi_static(
     Parameters
     ----------
     damper : Model
-        Of any kind; a `Warmed` one at its declared temperature.
+        Of any kind; a `WithTemperature` one at its declared temperature.
     values : Values
         Of it, as fitted.
     speeds : array_like

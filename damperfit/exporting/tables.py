@@ -27,8 +27,8 @@ from damperfit.adjustment.force_at import determined_speed, force_at
 from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.quantity import RIG
 from damperfit.damper.quasi_static import quasi_static
+from damperfit.damper.temperature_law import WithTemperature
 from damperfit.damper.valve_dampers import ValveDamper
-from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
 from damperfit.reporting.report import tested_range
@@ -90,7 +90,7 @@ def exported_run(
             subject=folder,
             code="no-parameters",
         )
-    if isinstance(damper, Warmed):
+    if isinstance(damper, WithTemperature):
         at = damper.oil_temperature
         notes.append(
             f"resistances as they are at {at:g} degC (fitted at {damper.reference:g} degC)"
@@ -107,7 +107,7 @@ def exported_run(
     return ExportedRun(run, damper, settings, tuple(notes))
 
 
-def _at_one_temperature(one: SettingResult, damper: Warmed) -> SettingResult:
+def _at_one_temperature(one: SettingResult, damper: WithTemperature) -> SettingResult:
     values = damper.at_reference(one.values, damper.oil_temperature)
     kept = [k for k, name in enumerate((*one.own, *one.shared)) if name in values.names]
     return replace(

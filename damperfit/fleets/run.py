@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from damperfit import __version__
-from damperfit.damper.warmed import Warmed
-from damperfit.errors import ConfigurationError, mishap_of
+from damperfit.damper.temperature_law import WithTemperature
+from damperfit.errors import ConfigurationError, failure_of
 from damperfit.fleets.parts import (
     SYMBOL,
     forget_earlier,
@@ -341,7 +341,7 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
     except (MemoryError, OSError):
         raise  # of the machine, not of the logs: tried again another time
     except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on
-        fail(mishap_of(error, "the work on the logs of one damper"), task.owner)
+        fail(failure_of(error, "the work on the logs of one damper"), task.owner)
     facts = {
         "key": key,
         "version": __version__,
@@ -426,9 +426,9 @@ def _schema(configuration: Configuration) -> pa.Schema:
 
     places = () if names == (ADJUSTER,) else names
     # Of a damper that follows the temperature: where its resistances and forces hold.
-    warmth = [pa.field(_REFERENCE, pa.float64())] if isinstance(damper, Warmed) else []
+    reference = [pa.field(_REFERENCE, pa.float64())] if isinstance(damper, WithTemperature) else []
     first = texts("damper", "date", "setting", *places)
-    return pa.schema([*first, *own, *warmth, *forces, *texts("log", "error_kind", "error")])
+    return pa.schema([*first, *own, *reference, *forces, *texts("log", "error_kind", "error")])
 
 
 # The whole fleet
@@ -472,7 +472,7 @@ def run_fleet(
             if isinstance(result, Died):
                 died.append(job)
             elif isinstance(result, Exception):  # of the disk, or a bug
-                yield Done.later(job.task, mishap_of(result, "the work on one damper").message)
+                yield Done.later(job.task, failure_of(result, "the work on one damper").message)
             else:
                 yield result
         return died
@@ -487,7 +487,7 @@ def run_fleet(
         try:
             before = _known_already(job)
         except (OSError, ValueError) as error:
-            yield Done.later(task, mishap_of(error, "looking for its part").message)
+            yield Done.later(task, failure_of(error, "looking for its part").message)
             continue
         if before:
             yield before

@@ -49,7 +49,7 @@ class Campaign:
         How the shared parameters were estimated.
     searches : tuple of Search
         What fits from many starts found, where they were asked for.
-    mishap : Failure or None
+    failure : Failure or None
         What damperfit got wrong in a step over all settings, done without.
     named : tuple of Quantity
         Quantities of the model, where there may be no fit to tell them.
@@ -62,7 +62,7 @@ class Campaign:
     is_complete: bool = True
     sharing: Sharing = Sharing()
     searches: tuple[Search, ...] = ()
-    mishap: Failure | None = None
+    failure: Failure | None = None
     named: tuple[Quantity, ...] = ()
 
     @property

@@ -11,7 +11,7 @@ from damperfit.errors import (
     FitCancelledError,
     InstallationError,
     SimulationError,
-    mishap_of,
+    failure_of,
 )
 from damperfit.problem import Failure
 
@@ -106,5 +106,5 @@ def attempted(setting: Setting | None, fit: Callable[[], Found]) -> Found | Fail
         raise
     except Exception as error:  # noqa: BLE001 - a bug that one setting meets leaves the others
         if setting is None:
-            return mishap_of(error, "fitting the settings together")
-        return replace(mishap_of(error, "fitting"), setting=setting)
+            return failure_of(error, "fitting the settings together")
+        return replace(failure_of(error, "fitting"), setting=setting)

@@ -168,7 +168,7 @@ class _Stages:
             block, damper = given.block(setting, self.names), cast("Damper", given.damper)
             first = starting_values(block.traces, damper, known, anchor.k_e)
             start = with_given(given, setting, first, self.fixed)
-            return fit_in_stages(block, start, (REBOUND,), has_detours=True)
+            return fit_in_stages(block, start, (REBOUND,), has_further_starts=True)
 
         others = sorted(set(given.settings) - {lowest, *self.broken})
         results = apart(

@@ -16,7 +16,7 @@ import numpy as np
 
 from damperfit.damper.network import BLOW_OFF_PARTS
 from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
-from damperfit.damper.warmed import BETA
+from damperfit.damper.temperature_law import BETA
 from damperfit.errors import ConfigurationError, FitCancelledError, LogError, SimulationError
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.campaign import Campaign, ProcedureInput, fit_every_setting
@@ -216,7 +216,7 @@ def _joint(given: ProcedureInput) -> Campaign:
         return Campaign("joint", (), is_complete=False)
     if isinstance(ended, Failure):
         warnings = (*before.warnings, warning("joint-failed", _NOT_FITTED_JOINTLY.format(name)))
-        return replace(before, procedure="joint", warnings=warnings, mishap=ended)
+        return replace(before, procedure="joint", warnings=warnings, failure=ended)
     together, broken = ended
     failed = {one.setting: one for one in before.failures} | broken
     if not before.is_complete or together is None:

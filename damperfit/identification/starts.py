@@ -1,4 +1,4 @@
-"""Where fits start: the model's own starts, what was given, neighbours, detours, a Latin cube.
+"""Where fits start: the model's own starts, what was given, neighbours, a Latin cube.
 
 The cube lies over the logarithms of the free parameters, a factor of ten to both sides of the first
 result (an offset: 300 N), the same in every run of one setting.
@@ -103,7 +103,7 @@ def with_given(
     return kept_within(start.replace(said), moved)
 
 
-# Detours: from a minimum that is not sound.
+# Further starts: from a minimum that is not sound.
 
 
 def fit_setting(block: Block, start: Values, *, spent: int = 0) -> FitResult:
@@ -118,15 +118,15 @@ def fit_setting(block: Block, start: Values, *, spent: int = 0) -> FitResult:
     if names := inseparable(block.facts, block.free, block.model.quantities):
         return _inseparable(best, names)
     is_sound = best.is_sound
-    for detour in block.model.detours(start, block.traces, block.free):
+    for further_start in block.model.further_starts(start, block.traces, block.free):
         is_enough = _is_explained(best) or lacks_stiffness_alone(best)
-        if is_sound or (detour.is_last_resort and is_enough):
+        if is_sound or (further_start.is_last_resort and is_enough):
             break
         try:
-            other = fit_in_stages(block, detour.start, detour.held)
+            other = fit_in_stages(block, further_start.start, further_start.held)
         except SimulationError:
             continue
-        if detour.is_last_resort:
+        if further_start.is_last_resort:
             is_better = other.mse_percent * _CLEARLY_BETTER < best.mse_percent
         else:
             is_better = _is_preferred(other, best)
@@ -141,7 +141,7 @@ def fit_in_stages(
     start: Values,
     stages: Sequence[frozenset[str]],
     *,
-    has_detours: bool = False,
+    has_further_starts: bool = False,
 ) -> FitResult:
     """Fit after rough descents that hold some at the start, stage by stage.
 
@@ -156,7 +156,7 @@ def fit_in_stages(
         free = tuple(name for name in block.free if name not in held)
         near = descended(replace(rough, free=free), start, ROUGH)
         start, spent = near.values, spent + near.evaluations
-    return (fit_setting if has_detours else minimised)(block, start, spent=spent)
+    return (fit_setting if has_further_starts else minimised)(block, start, spent=spent)
 
 
 def lacks_stiffness_alone(result: FitResult) -> bool:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.duplicates import REPEATS, SCATTERS, are_unlike, share_a_motion
-from damperfit.damper.warmed import Warmed
+from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import DamperfitError
 from damperfit.identification.procedures import identify
 from damperfit.identification.simulated_log import compare
@@ -50,8 +50,8 @@ def contradictory_motions(
     Logs of one motion have been compared. Those are that are neighbours by their fastest speed.
     """
     for first, second in itertools.pairwise(sorted(traces, key=_top_speed)):
-        is_warmed = isinstance(damper, Warmed)
-        if share_a_motion(first, second) or (is_warmed and are_unlike(first, second)):
+        has_temperature_law = isinstance(damper, WithTemperature)
+        if share_a_motion(first, second) or (has_temperature_law and are_unlike(first, second)):
             continue
         forces = _differing((first, second), [first.force, second.force])
         if forces is not None and _is_left_by_fits((first, second), damper, options):

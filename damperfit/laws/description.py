@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 
-_UNTOLD = (frozenset({Status.NOT_IDENTIFIABLE, Status.ABSENT}), frozenset({Status.AT_BOUND}))
+_UNDETERMINED = (frozenset({Status.NOT_IDENTIFIABLE, Status.ABSENT}), frozenset({Status.AT_BOUND}))
 _NAMED = 3  # settings; of more only the number is given
 _SHOWN_FLOW = 1e-5  # m3/s, at which people are told what a laminar passage costs
 
@@ -80,7 +80,9 @@ def seen_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> d
         That law.
     """
     fits = [
-        SeenAt(fit.setting, model, fit.parameters, *(_with(fit.status, one) for one in _UNTOLD))
+        SeenAt(
+            fit.setting, model, fit.parameters, *(_with(fit.status, one) for one in _UNDETERMINED)
+        )
         for fit in campaign.fits
     ]
     alike = choice.get("layouts_alike") or ()

@@ -20,8 +20,8 @@ from damperfit.adjustment.force_at import (
 )
 from damperfit.adjustment.wanted import Wanted, which_setting
 from damperfit.damper.quantity import RIG
-from damperfit.damper.warmed import Warmed
-from damperfit.errors import ConfigurationError, mishap_of
+from damperfit.damper.temperature_law import WithTemperature
+from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.sharing import of_settings
 from damperfit.problem import Failure, Option
 from damperfit.reporting.answer import Answer
@@ -284,20 +284,20 @@ def tabulate_forces(
             subject="the named test speeds",
             code="no-speed",
         )
-    mishaps: dict[Setting, Failure] = {}
+    failure_log: dict[Setting, Failure] = {}
 
     def take(setting: Setting, error: Exception) -> None:
-        mishaps[setting] = mishap_of(error, f"simulating setting {setting}")
+        failure_log[setting] = failure_of(error, f"simulating setting {setting}")
 
     forces = force_at(run.settings, damper, speeds, measured=run.speed_forces, on_error=take)
     shown = credible_forces(forces)
     done = {one.setting for one in forces}
     source = "at constant speed"
-    if isinstance(damper, Warmed):
+    if isinstance(damper, WithTemperature):
         source += f" and {damper.oil_temperature:g} degC"
     lost = (
-        mishaps[stage.setting].message
-        if stage.setting in mishaps
+        failure_log[stage.setting].message
+        if stage.setting in failure_log
         else f"setting {stage.setting} cannot be simulated {source}"
         for stage in run.settings
         if stage.setting not in done
@@ -320,7 +320,7 @@ def tabulate_forces(
         () if question.force is None else _wanted(shown, question, question.force),
         (*run.remarks, *run.remarks_on_errors, *lost),
         notes,
-        tuple(mishaps[setting].trace for setting in sorted(mishaps)),
+        tuple(failure_log[setting].trace for setting in sorted(failure_log)),
         units,
     )
 

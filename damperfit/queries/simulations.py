@@ -14,14 +14,14 @@ from damperfit.configuration.options import parameter_value
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import FAMILIES, REFERENCE_SOURCE, reference_parameters
 from damperfit.damper.quasi_static import quasi_static
-from damperfit.damper.warmed import BETA, Warmed
+from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import (
     ConfigurationError,
     DamperfitError,
     InternalError,
     SimulationError,
     did_you_mean,
-    mishap_of,
+    failure_of,
 )
 from damperfit.identification import unlimited_in, values_from_others
 from damperfit.io import read_log
@@ -250,7 +250,7 @@ def damper_of(
     meant, line = configuration, configuration.damper_sentence
     if choice.table is not None:
         meant, line = _damper_of_table(choice.table, configuration, config)
-    if isinstance(meant.damper, Warmed) and BETA.name not in choice.parameters.names:
+    if isinstance(meant.damper, WithTemperature) and BETA.name not in choice.parameters.names:
         raise ConfigurationError(
             f"damper.reference_temperature: setting {choice.setting} of "
             f"{choice.table or 'the reference set'} has no beta; leave the key out, or take "
@@ -412,8 +412,8 @@ def _trace(log: Path, configuration: Configuration) -> Trace:
     except (DamperfitError, MemoryError):
         raise
     except Exception as error:
-        mishap = mishap_of(error, f"reading {log.name}")
-        raise InternalError(mishap.message) from error
+        failure = failure_of(error, f"reading {log.name}")
+        raise InternalError(failure.message) from error
 
 
 def _refuse_work(parameters: Values, configuration: Configuration) -> None:

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
-    from damperfit.run.record import Mishaps
+    from damperfit.run.record import FailureLog
     from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
 
@@ -249,29 +249,35 @@ def _fitted(
     configuration: Configuration, batch: LogBatch, *, clock: Clock, jobs: int, watch: Watch
 ) -> tuple[Run, tuple[Failure, ...]]:
     """Fit and judge the logs of one damper."""
-    from damperfit.run.record import Mishaps, judge, run_of
+    from damperfit.run.record import FailureLog, judge, run_of
 
     watch.on_start(len({trace.setting for trace in batch.traces}))
     with clock.lap("fit"):
         campaign = _fits(configuration, batch, jobs=jobs, watch=watch)
-    mishaps = Mishaps(batch)
-    if campaign.mishap is not None:
-        mishaps.add(campaign.mishap)
+    failure_log = FailureLog(batch)
+    if campaign.failure is not None:
+        failure_log.add(campaign.failure)
     campaign, judgement = judge(
-        configuration, batch, campaign, mishaps, clock=clock, cancelled=watch.cancelled, jobs=jobs
+        configuration,
+        batch,
+        campaign,
+        failure_log,
+        clock=clock,
+        cancelled=watch.cancelled,
+        jobs=jobs,
     )
     if not (is_interrupted := watch.cancelled()):
-        note_unpredicted(batch, campaign, judgement.predictions, mishaps.failures)
+        note_unpredicted(batch, campaign, judgement.predictions, failure_log.failures)
     logs = [(fit, log) for fit in campaign.fits for log in fit.logs]
     with clock.lap("characteristics"):
-        rows = _characteristics(configuration, logs, mishaps, jobs=jobs)
+        rows = _characteristics(configuration, logs, failure_log, jobs=jobs)
     readable = [log for log, of_log in zip(logs, rows, strict=True) if of_log is not None]
     run, failures = run_of(
         configuration,
         batch,
         campaign,
         judgement,
-        mishaps,
+        failure_log,
         characteristics=[row for of_log in rows for row in of_log or ()],
         signals=lambda: _signals(configuration, readable),
         is_interrupted=is_interrupted,
@@ -307,14 +313,18 @@ def _fits(configuration: Configuration, batch: LogBatch, *, jobs: int, watch: Wa
 
 
 def _characteristics(
-    configuration: Configuration, logs: Sequence[tuple[Fit, LogFit]], mishaps: Mishaps, *, jobs: int
+    configuration: Configuration,
+    logs: Sequence[tuple[Fit, LogFit]],
+    failure_log: FailureLog,
+    *,
+    jobs: int,
 ) -> list[list[dict[str, Any]] | None]:
     """Return the characteristics of each log; None where it cannot be simulated."""
     from damperfit.tables.rows import characteristic_rows
 
     damper, solver = configuration.damper, configuration.identification.solver
-    unseen = told_here(mishaps.at("simulating the response of"))
-    unread = told_here(mishaps.at("reading the characteristics of"))
+    unseen = told_here(failure_log.at("simulating the response of"))
+    unread = told_here(failure_log.at("reading the characteristics of"))
 
     def rows_of(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]] | None:
         fit, log = pair

@@ -29,7 +29,7 @@ from damperfit.errors import (
     LogError,
     QualityError,
     TimelessError,
-    mishap_of,
+    failure_of,
 )
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.io import (
@@ -668,11 +668,11 @@ def _failed(
     task: str = "reading the log",
 ) -> Log:
     """Return a log as one that cannot be used, with why."""
-    mishap = mishap_of(error, task)
-    log.failure = replace(mishap, log=log.log, path=log.path, setting=log.facts["setting"])
-    is_of_log = mishap.problem.subject == log.log
-    sentence = mishap.problem.message() if is_of_log else mishap.message
-    refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
+    failure = failure_of(error, task)
+    log.failure = replace(failure, log=log.log, path=log.path, setting=log.facts["setting"])
+    is_of_log = failure.problem.subject == log.log
+    sentence = failure.problem.message() if is_of_log else failure.message
+    refusal = Finding(_REFUSALS.get(failure.kind, "unreadable"), "refusal", sentence)
     log.facts |= {
         "findings": [finding.describe() for finding in (refusal, *findings)],
         "verdict": "refused",

@@ -26,8 +26,8 @@ from damperfit.conditioning.duplicates import (
     is_same_test,
     rod_area_ratio,
 )
-from damperfit.damper.warmed import BETA, Warmed
-from damperfit.errors import ConfigurationError, ContradictionError, LogError, mishap_of
+from damperfit.damper.temperature_law import BETA, WithTemperature
+from damperfit.errors import ConfigurationError, ContradictionError, LogError, failure_of
 from damperfit.identification.unlike_motions import contradictory_motions
 from damperfit.problem import Failure, Option, Problem, listed_names, warning
 from damperfit.recording import natural_order
@@ -212,7 +212,7 @@ def without_contradictions(
         parted = [
             (trace.name, one) for trace in traces for one in trace.findings if one.name in _TWO
         ]
-        worst = contradiction(traces, is_warmed=isinstance(damper, Warmed))
+        worst = contradiction(traces, has_temperature_law=isinstance(damper, WithTemperature))
         if parted and (parted[0][1].name != _LEVELS or (worst and worst.excess > 1.0)):
             sentences[setting] = f"{parted[0][0]}: {parted[0][1].sentence}"
         elif worst and worst.excess > 1.0:
@@ -273,7 +273,7 @@ def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) ->
     known that they are.
     """
     lacking = [trace.name for trace in traces if trace.temperature is None]
-    if lacking and isinstance(configuration.damper, Warmed):
+    if lacking and isinstance(configuration.damper, WithTemperature):
         more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
         raise ConfigurationError(
             f"{lacking[0]}{more} {'have' if more else 'has'} no "
@@ -290,7 +290,7 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
     Refused are logs of nearly one temperature, or where whatever it does could be the setting's.
     """
     damper, options = configuration.damper, configuration.identification
-    if not isinstance(damper, Warmed) or not traces:
+    if not isinstance(damper, WithTemperature) or not traces:
         return configuration
     by_setting: dict[str, list[float]] = defaultdict(list)
     for trace in traces:
@@ -404,8 +404,8 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
         try:
             rest, last = split_cycles(trace, options.cycles) if options.cycles else (trace, None)
         except Exception as error:  # noqa: BLE001 - the other logs go on
-            mishap = mishap_of(error, f"holding out cycles of {trace.name}")
-            failures.append(_of_log(mishap, trace, batch))
+            failure = failure_of(error, f"holding out cycles of {trace.name}")
+            failures.append(_of_log(failure, trace, batch))
             continue
         fitted.append(rest)
         held_out += [] if last is None else [last]
@@ -473,8 +473,8 @@ def note_unpredicted(
         batch.failures.append(_of_log(Failure(problem, kind), trace, batch))
 
 
-def _of_log(mishap: Failure, trace: Trace, batch: LogBatch) -> Failure:
-    return replace(mishap, log=trace.name, path=batch.path_of(trace.name), setting=trace.setting)
+def _of_log(failure: Failure, trace: Trace, batch: LogBatch) -> Failure:
+    return replace(failure, log=trace.name, path=batch.path_of(trace.name), setting=trace.setting)
 
 
 def _is_of_files(pattern: str) -> bool:

@@ -24,7 +24,7 @@ from damperfit.errors import (
     ConfigurationError,
     InstallationError,
     OutputError,
-    mishap_of,
+    failure_of,
     sparing,
 )
 from damperfit.identification import Status, describe_searches
@@ -96,7 +96,7 @@ class Judgement(NamedTuple):
     predictions: tuple[Prediction, ...] = ()
 
 
-class Mishaps:
+class FailureLog:
     """What damperfit itself got wrong so far with the logs of a run, from any thread."""
 
     def __init__(self, batch: LogBatch) -> None:
@@ -114,29 +114,29 @@ class Mishaps:
 
         def take(whose: Trace | Setting, error: Exception) -> None:
             if isinstance(whose, Trace):
-                mishap = mishap_of(error, f"{task} {whose.name}")
+                failure = failure_of(error, f"{task} {whose.name}")
                 path = self._batch.path_of(whose.name)
-                self.add(replace(mishap, log=whose.name, path=path), whose.setting)
+                self.add(replace(failure, log=whose.name, path=path), whose.setting)
             else:
-                self.add(mishap_of(error, f"{task} setting {whose}"), whose)
+                self.add(failure_of(error, f"{task} setting {whose}"), whose)
 
         return take
 
-    def add(self, mishap: Failure, setting: Setting | None = None) -> None:
+    def add(self, failure: Failure, setting: Setting | None = None) -> None:
         """Take what a step over all settings, or one of them, has met, and went on."""
-        self._found.append(replace(mishap, setting=setting))
+        self._found.append(replace(failure, setting=setting))
 
     def spared(self, task: str, step: Callable[[], _Result], instead: _Result) -> _Result:
         """Return what a step finds, or what the run goes on with where the step has an error.
 
-        What is wrong with the command as a whole is raised, and no mishap.
+        What is wrong with the command as a whole is raised, and no failure of a log.
         """
         try:
             return step()
         except (ConfigurationError, InstallationError, OutputError):
             raise
         except Exception as error:  # noqa: BLE001 - what the run has done so far is written
-            self.add(mishap_of(error, task))
+            self.add(failure_of(error, task))
             return instead
 
 
@@ -144,7 +144,7 @@ def judge(  # noqa: PLR0913 - what a judgement takes
     configuration: Configuration,
     batch: LogBatch,
     campaign: Campaign,
-    mishaps: Mishaps,
+    failure_log: FailureLog,
     *,
     clock: Clock,
     cancelled: Callable[[], bool],
@@ -152,7 +152,7 @@ def judge(  # noqa: PLR0913 - what a judgement takes
 ) -> tuple[Campaign, Judgement]:
     """Return the campaign with the statuses that its errors allow, and what was found of it."""
     damper, options = configuration.damper, configuration.identification
-    solver, spared, take = options.solver, mishaps.spared, mishaps.at(_TASK)
+    solver, spared, take = options.solver, failure_log.spared, failure_log.at(_TASK)
     bench = Bench(damper, solver, cancelled, jobs)
     assessment = Assessment()
     with clock.lap("judge"):
@@ -184,13 +184,13 @@ def judge(  # noqa: PLR0913 - what a judgement takes
             try:
                 return predict(judged, assessment, (trace,), damper=damper, solver=solver)
             except Exception as error:  # noqa: BLE001 - the other logs are predicted
-                mishaps.at("predicting")(trace, error)
+                failure_log.at("predicting")(trace, error)
                 return ()
 
         with executor(jobs) as pool:
             found = [one for few in pool.map(predicted, batch.held_out) for one in few]
         predictions = tuple(sorted(found, key=lambda one: one.setting))
-        against = _objections(configuration, judged, assessment, mishaps, jobs=jobs)
+        against = _objections(configuration, judged, assessment, failure_log, jobs=jobs)
         for setting, objection in missed_predictions(predictions).items():
             against[setting] = (*against.get(setting, ()), objection)
         assessment = replace(assessment, objections=against)
@@ -225,14 +225,14 @@ def _objections(
     configuration: Configuration,
     campaign: Campaign,
     assessment: Assessment,
-    mishaps: Mishaps,
+    failure_log: FailureLog,
     *,
     jobs: int,
 ) -> dict[Setting, tuple[Objection, ...]]:
     """Return what a grade must not hide, but for predictions: of fits, of delivery, of air."""
     against: dict[Setting, tuple[Objection, ...]] = {}
     gas, assumed = configuration.conditioning.gas, configuration.assumed_dimensions
-    against = mishaps.spared(
+    against = failure_log.spared(
         "looking for what a grade must not hide",
         lambda: objections(campaign, assessment, gas, assumed=assumed),
         against,
@@ -252,12 +252,12 @@ def _objections(
                 f"parameters of the choice: {advice}"
             )
             problem = Problem("not-delivered", text, subject=f"setting {fit.setting}", values=ways)
-            mishaps.add(Failure(problem, "DeliveryError"), fit.setting)
+            failure_log.add(Failure(problem, "DeliveryError"), fit.setting)
             more.append((fit.setting, Objection("delivery", "", problem.message())))
     air: dict[Setting, Objection] = {}
     if "damper.ambient_pressure" not in configuration.declared and not configuration.is_assumed:
         damper, options = configuration.damper, configuration.identification
-        air = mishaps.spared(
+        air = failure_log.spared(
             "looking for the air on the rod",
             lambda: air_objections(campaign, assessment, damper, options, jobs=jobs),
             air,
@@ -543,7 +543,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     batch: LogBatch,
     campaign: Campaign,
     judgement: Judgement,
-    mishaps: Mishaps,
+    failure_log: FailureLog,
     *,
     characteristics: Sequence[dict[str, Any]],
     signals: Callable[[], Iterable[LogSignals]] | None = None,
@@ -569,7 +569,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     }
     rows: dict[str, list[dict[str, Any]]] = {"characteristics": list(characteristics)}
     for fit in fits:
-        with sparing(fit.setting, mishaps.at("reading the valves of")):
+        with sparing(fit.setting, failure_log.at("reading the valves of")):
             valves = damper.valve_characteristics(fit.parameters, [log.trace for log in fit.logs])
             rows.setdefault("valves", []).extend(valve_rows(fit.setting, valves))
     if configuration.profile:
@@ -588,7 +588,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         for name, of in rows.items()
         if of or name != "valves"
     }
-    failures = (*failures_of(configuration, batch, campaign), *mishaps.failures)
+    failures = (*failures_of(configuration, batch, campaign), *failure_log.failures)
     gates = (
         *gates_not_met(configuration, batch, campaign),
         *missed_gates(judgement.checks, configuration.output.checks),

@@ -37,7 +37,7 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.damper.friction import other_turns, with_pressed_seal
-from damperfit.damper.warmed import Warmed
+from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import SimulationError, sparing
 from damperfit.identification.log_facts import weights
 from damperfit.identification.outcome import Status
@@ -311,7 +311,9 @@ def _pressed_on(damper: Model, pressures: NDArray[np.floating[Any]]) -> dict[str
 
     One that lifts gradually lets oil through below its opening, and has none.
     """
-    network = getattr(damper.damper if isinstance(damper, Warmed) else damper, "network", None)
+    network = getattr(
+        damper.damper if isinstance(damper, WithTemperature) else damper, "network", None
+    )
     most: dict[str, float] = {}
     for one in () if network is None else network.passages:
         if one.opening and not one.width:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.warmed import Warmed
+from damperfit.damper.temperature_law import WithTemperature
 from damperfit.identification.fit_problem import is_nothing
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
 from damperfit.identification.outcome import Outcome, Status
@@ -77,7 +77,7 @@ def _passes_from(name: str, one: Linearisation, damper: Model) -> float:
     A slope that lets nothing through is one way in which a fit tells that it does not open.
     """
     opening: float = getattr(one.fit.parameters, name)
-    own = damper.damper if isinstance(damper, Warmed) else damper
+    own = damper.damper if isinstance(damper, WithTemperature) else damper
     stroke = name.removesuffix("_opening")
     if f"{stroke}_slope" not in one.names:
         return opening

@@ -47,12 +47,12 @@ def test_a_difference_counts_beyond_the_interval_of_both_errors(beyond, verdict)
     assert line.high - line.low == pytest.approx(2.0 * reach, rel=1e-6)
 
 
-@pytest.mark.parametrize(("share", "verdict"), [(0.99, "same"), (1.01, "untold")])
+@pytest.mark.parametrize(("share", "verdict"), [(0.99, "same"), (1.01, "undetermined")])
 def test_same_is_said_only_where_a_difference_would_be_seen(share, verdict) -> None:
     error = share * 0.05 * 1000.0 / 1.959964
     line = compared(FORCE, _reading(1000.0, 0.0), _reading(1000.0, error))
     assert line.verdict is Sameness(verdict)
-    assert ("would go unnoticed" in line.reason) == (verdict == "untold")
+    assert ("would go unnoticed" in line.reason) == (verdict == "undetermined")
 
 
 def test_few_cycles_widen_the_interval_by_student_and_welch() -> None:

@@ -18,7 +18,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.purdy.starting import (
     cavitation_limit,
-    detours,
+    further_starts,
     nonnegative_least_squares,
     starting_values,
 )
@@ -196,9 +196,11 @@ def test_a_fit_also_begins_below_the_onset_of_cavitation() -> None:
     start, one = reference_parameters(10), fakes.trace(10)
     limit = cavitation_limit([one], PURDY_DAMPER)
     for r_m3, below in ((0.5 * limit, 0.5 * limit), (3.0 * limit, limit)):
-        first, *_ = detours(start.replace(r_m3=r_m3), [one], PURDY_DAMPER, PURDY_DAMPER.names)
+        first, *_ = further_starts(
+            start.replace(r_m3=r_m3), [one], PURDY_DAMPER, PURDY_DAMPER.names
+        )
         assert first.start.r_m3 == pytest.approx(below)
-    assert detours(start, [one], PURDY_DAMPER, ("r_m1",)) == ()
+    assert further_starts(start, [one], PURDY_DAMPER, ("r_m1",)) == ()
 
 
 def test_columns_that_are_one_another_are_shared_out() -> None:

@@ -9,8 +9,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.rivals import RIVALS, BoucWen, HagedornWallaschek
+from damperfit.damper.temperature_law import WithTemperature
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
-from damperfit.damper.warmed import Warmed
 from tests.damper.test_rivals import NUMBERS, values_of
 from tests.laws.valve_logs import VALUES, damper
 from tests.oracles.steady import purdy_force, steady_force
@@ -100,8 +100,8 @@ def _cases():
     yield PURDY_DAMPER, reference_parameters(7)
     valves = damper()
     yield valves, valves.values(VALUES)
-    warmed = Warmed(valves, 40.0, 55.0)
-    yield warmed, warmed.values(VALUES, beta=0.02)
+    temperature_law = WithTemperature(valves, 40.0, 55.0)
+    yield temperature_law, temperature_law.values(VALUES, beta=0.02)
     for kind in RIVALS:
         yield kind(), values_of(kind())
 

@@ -10,7 +10,7 @@ from damperfit.arguments import covaried
 from damperfit.cli.main import main
 from damperfit.errors import ConfigurationError
 from tests.fleet.test_fleet_command import Here
-from tests.run.test_warmth import BETA, COLD, WARM, known_at, recording
+from tests.run.test_temperature import BETA, COLD, WARM, known_at, recording
 
 DAMPERS = {"D1": (COLD, WARM), "D2": (COLD + 4.0, WARM), "D3": (COLD, COLD + 0.2)}
 

@@ -174,8 +174,8 @@ def test_a_bug_in_the_algebra_of_the_joint_fit_leaves_the_papers_results(logs, m
     alone = identify(logs, PURDY_DAMPER, FitOptions("paper", free=("r_m1", "r_m2", "k_e")))
     assert [fit.setting for fit in campaign.fits] == [fit.setting for fit in alone.fits]
     assert campaign.failures == ()
-    assert campaign.mishap.kind == "InternalError"
+    assert campaign.failure.kind == "InternalError"
     said = "while fitting the settings together, LinAlgError: Singular matrix"
-    assert said in campaign.mishap.message
+    assert said in campaign.failure.message
     assert any("results of procedure paper" in text for text in map(str, campaign.warnings))
-    assert alone.mishap is None
+    assert alone.failure is None

@@ -16,8 +16,8 @@ from damperfit.reporting.records import gaps_in
 from damperfit.run.logs import Ending, Log, LogBatch
 from damperfit.run.record import (
     MANY,
+    FailureLog,
     Judgement,
-    Mishaps,
     ending_of,
     gates_not_met,
     missing_logs,
@@ -213,7 +213,13 @@ def test_a_failure_counts_before_a_gate_and_an_interruption_before_both(
 def test_a_gap_of_900_000_settings_is_one_range_everywhere() -> None:
     found = campaign(*(fit(k) for k in (1, 2, 3, 4, 6)), replace(fit(20), setting=900_000))
     run, _ = run_of(
-        PLAIN, EMPTY, found, Judgement(), Mishaps(EMPTY), characteristics=[], is_interrupted=False
+        PLAIN,
+        EMPTY,
+        found,
+        Judgement(),
+        FailureLog(EMPTY),
+        characteristics=[],
+        is_interrupted=False,
     )
     assert run.record["gaps"] == [{"first": 5, "last": 5}, {"first": 7, "last": 899_999}]
     assert len(json.dumps(run.record)) < 100_000

@@ -13,7 +13,7 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.warmed import Warmed
+from damperfit.damper.temperature_law import WithTemperature
 from damperfit.identification import FitOptions, Outcome, Sharing, identify
 from damperfit.identification.options import GivenStart
 from damperfit.identification.outcome import Status
@@ -281,7 +281,7 @@ def unopened(*each, is_shared=True, damper=MODEL):
     ("is_shared", "opening", "found"),
     [(True, 1e6, {NAME: 9e5}), (False, 1e6, {NAME: 2e5}), (True, 8e5, {}), (False, 1.9e5, {})],
 )
-@pytest.mark.parametrize("damper", [PURDY_DAMPER, MODEL, Warmed(MODEL, 20.0)])
+@pytest.mark.parametrize("damper", [PURDY_DAMPER, MODEL, WithTemperature(MODEL, 20.0)])
 def test_a_setting_that_shares_an_opening_may_press_on_it_more(damper, is_shared, opening, found):
     each = [linearised(1, opening, 2e5), linearised(2, opening, 9e5)]
     assert unopened(*each, is_shared=is_shared, damper=damper) == found

@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.model import Detour
+    from damperfit.damper.model import FurtherStart
     from damperfit.damper.network import Network
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
@@ -234,13 +234,13 @@ class Damper(Cylinder, OilModel):
 
         return starts(traces, self, fixed)
 
-    def detours(
+    def further_starts(
         self, start: Values, traces: Sequence[Trace], free: Sequence[str]
-    ) -> tuple[Detour, ...]:
+    ) -> tuple[FurtherStart, ...]:
         """Come from below the onset of cavitation; then start beyond it."""
-        from damperfit.damper.purdy.starting import detours
+        from damperfit.damper.purdy.starting import further_starts
 
-        return detours(start, traces, self, free)
+        return further_starts(start, traces, self, free)
 
     def examine(
         self,

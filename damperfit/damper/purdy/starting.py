@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.model import Detour
+from damperfit.damper.model import FurtherStart
 from damperfit.damper.purdy.closed_forms import gas_pressure, incompressible_design
 from damperfit.damper.purdy.parameters import Parameters
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "REBOUND",
     "cavitation_limit",
-    "detours",
+    "further_starts",
     "nonnegative_least_squares",
     "starting_values",
     "starts",
@@ -99,9 +99,9 @@ def starting_values(
     return replace(start, **dict(fixed))
 
 
-def detours(
+def further_starts(
     start: Values, traces: Sequence[Trace], damper: Damper, free: Sequence[str]
-) -> tuple[Detour, ...]:
+) -> tuple[FurtherStart, ...]:
     """Return descents that R_m3, where it is free, begins below the onset of cavitation or beyond.
 
     What the closed form makes of cavitation, which it does not know, is an offset: beyond the onset
@@ -110,12 +110,12 @@ def detours(
     if "r_m3" not in free:
         return ()
     limit = cavitation_limit(traces, damper)
-    below = Detour(start.replace(r_m3=min(start.r_m3, limit)), (REBOUND,))
+    below = FurtherStart(start.replace(r_m3=min(start.r_m3, limit)), (REBOUND,))
     is_offset_free = "f_0" in free
     offset = 0.0 if is_offset_free else start.f_0
     stages = (REBOUND | {"f_0"}, *([frozenset({"f_0"})] if is_offset_free else []))
     beyond = (
-        Detour(start.replace(r_m3=factor * limit, f_0=offset), stages, is_last_resort=True)
+        FurtherStart(start.replace(r_m3=factor * limit, f_0=offset), stages, is_last_resort=True)
         for factor in _BEYOND_ONSET
     )
     return (below, *beyond)

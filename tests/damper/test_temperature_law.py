@@ -10,8 +10,8 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals import BoucWen, Linear
+from damperfit.damper.temperature_law import BETA, WithTemperature, at_temperature
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.damper.warmed import BETA, Warmed, at_temperature
 from damperfit.errors import ConfigurationError
 from damperfit.simulation import Motion, SolverOptions, simulate
 from tests.damper.test_valve_dampers import VALVES
@@ -34,17 +34,17 @@ def motion(temperature: float | None) -> Motion:
     return Motion(1.0 / 500.0, 0.02 * np.sin(angle), v, temperature=temperature)
 
 
-def warmed(name: str, beta: float = 0.012, reference: float = 26.0):
+def temperature_law(name: str, beta: float = 0.012, reference: float = 26.0):
     damper, numbers = NUMBERS[name]
     own = {key: value for key, value in numbers.items() if key in damper.names}
-    model = Warmed(damper, reference)
+    model = WithTemperature(damper, reference)
     return model, model.values({**own, "beta": beta})
 
 
 @EVERY
 @pytest.mark.parametrize("temperature", [26.0, None])
 def test_at_its_reference_it_is_the_damper_itself(name: str, temperature) -> None:
-    model, values = warmed(name)
+    model, values = temperature_law(name)
     own = model.damper.values_type(*values.numbers[:-1])
     wanted = model.damper.names
     seen = simulate(values, model, motion(temperature), sensitivities=wanted, options=FINE)
@@ -57,7 +57,7 @@ def test_at_its_reference_it_is_the_damper_itself(name: str, temperature) -> Non
 
 @EVERY
 def test_what_is_viscous_alone_falls_by_beta_and_kelvin(name: str) -> None:
-    model, values = warmed(name)
+    model, values = temperature_law(name)
     there = model.at_reference(values, 60.0)
     assert model.viscous
     for one in model.damper.quantities:
@@ -76,7 +76,7 @@ def test_what_is_viscous_alone_falls_by_beta_and_kelvin(name: str) -> None:
 
 @EVERY
 def test_slopes_by_every_number_are_those_of_differences(name: str) -> None:
-    model, values = warmed(name)
+    model, values = temperature_law(name)
     moving = [*model.viscous, "beta"]
     seen = simulate(values, model, motion(60.0), sensitivities=("beta", *moving[:-1]), options=FINE)
     assert list(seen.sensitivities) == ["beta", *moving[:-1]]
@@ -98,7 +98,7 @@ def test_slopes_by_every_number_are_those_of_differences(name: str) -> None:
 
 
 def test_it_has_what_its_damper_has_and_one_quantity_more() -> None:
-    model, values = warmed("twin_tube")
+    model, values = temperature_law("twin_tube")
     assert model.quantities == (*model.damper.quantities, BETA)
     assert (model.name, model.kinks, model.rebound) == ("twin_tube", 2e-5, model.damper.rebound)
     assert model.filled_to(9e5).gas_pressure == 9e5
@@ -117,7 +117,7 @@ def test_it_has_what_its_damper_has_and_one_quantity_more() -> None:
 
 def test_what_temperature_does_nothing_to_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="nothing of the model 'bouc_wen' is a viscous"):
-        Warmed(BoucWen(), 26.0)
+        WithTemperature(BoucWen(), 26.0)
     with pytest.raises(ConfigurationError, match="do not follow a temperature; fit logs of"):
         at_temperature(PURDY_DAMPER, 40.0)
-    assert at_temperature(warmed("linear")[0], 40.0).oil_temperature == 40.0
+    assert at_temperature(temperature_law("linear")[0], 40.0).oil_temperature == 40.0

@@ -14,8 +14,8 @@ from damperfit.conditioning.duplicates import are_unlike
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.warmed import BETA as QUANTITY
-from damperfit.damper.warmed import Warmed
+from damperfit.damper.temperature_law import BETA as QUANTITY
+from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError
 from damperfit.exporting import exported_run
 from damperfit.identification import FitOptions, Outcome, Status, identify
@@ -26,7 +26,7 @@ from damperfit.queries.simulations import (
     simulate_test,
 )
 from damperfit.recording import Recording
-from damperfit.results import Run, warmed_to
+from damperfit.results import Run, with_temperature
 from damperfit.run.identify import identified, written
 from damperfit.run.parting import check_temperatures, with_reference, without_contradictions
 from damperfit.simulation import Motion, SolverOptions, simulate
@@ -35,7 +35,7 @@ from damperfit.uncertainty import assess, reconsider
 from tests.run.test_same_setting import batch
 
 BETA, COLD, WARM = 0.012, 26.0, 60.0
-TRUTH = Warmed(PURDY_DAMPER, COLD)
+TRUTH = WithTemperature(PURDY_DAMPER, COLD)
 ROUGH = SolverOptions(tolerance=1e-2)
 JOINT = FitOptions("joint", share=("r_m3", "f_f", "beta"))
 RATE = 500.0
@@ -79,14 +79,14 @@ def logs(*temperatures: float, settings=(1, 10)):
 
 
 @pytest.fixture(scope="module")
-def warmed():
-    model = Warmed(PURDY_DAMPER, 43.0)
+def temperature_law():
+    model = WithTemperature(PURDY_DAMPER, 43.0)
     campaign = identify(logs(COLD, WARM), model, JOINT)
     return model, campaign, assess(campaign, model)
 
 
-def test_what_temperature_does_is_found_within_its_interval(warmed) -> None:
-    _, campaign, judged = warmed
+def test_what_temperature_does_is_found_within_its_interval(temperature_law) -> None:
+    _, campaign, judged = temperature_law
     assert campaign.sharing.jointly == ("r_m3", "f_f", "beta")
     for fit, known in zip(campaign.fits, judged.uncertainties, strict=True):
         assert fit.outcome is Outcome.CONVERGED
@@ -100,8 +100,8 @@ def test_what_temperature_does_is_found_within_its_interval(warmed) -> None:
             assert abs(getattr(fit.parameters, name) - getattr(true, name)) < 4.0 * found.error
 
 
-def test_at_the_reference_it_agrees_with_a_log_of_that_temperature(warmed) -> None:
-    _, campaign, judged = warmed
+def test_at_the_reference_it_agrees_with_a_log_of_that_temperature(temperature_law) -> None:
+    _, campaign, judged = temperature_law
     alone = identify(logs(43.0), PURDY_DAMPER, FitOptions("joint", share=("r_m3", "f_f")))
     for fit, other, known in zip(campaign.fits, alone.fits, judged.uncertainties, strict=True):
         for name in ("r_m1", "r_m2", "r_m3"):
@@ -111,7 +111,7 @@ def test_at_the_reference_it_agrees_with_a_log_of_that_temperature(warmed) -> No
 
 
 def test_one_setting_alone_tells_it() -> None:
-    model = Warmed(PURDY_DAMPER, COLD)
+    model = WithTemperature(PURDY_DAMPER, COLD)
     campaign = identify(logs(COLD, WARM, settings=(5,)), model, JOINT)
     assert "not-joint" not in {one.code for one in campaign.warnings}
     (fit,) = campaign.fits
@@ -272,7 +272,7 @@ def test_a_log_drives_it_at_its_own_temperature_unless_another_is_asked(results)
     plain, _ = damper_of(choice, load_configuration())
     peak = {
         asked: simulate_test(
-            choice, warmed_to(plain, asked), log=path
+            choice, with_temperature(plain, asked), log=path
         ).characteristics.peak_force_rebound
         for asked in (None, "26degC", "60degC")
     }
@@ -316,7 +316,7 @@ def test_settings_of_one_temperature_each_must_share_something_viscous() -> None
 
 
 def test_a_beta_that_no_log_tells_is_called_so_and_so_is_what_hangs_on_it() -> None:
-    model = Warmed(PURDY_DAMPER, 43.0)
+    model = WithTemperature(PURDY_DAMPER, 43.0)
     own = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
     campaign = identify(
         [log(1, COLD), log(10, WARM)], model, FitOptions("joint", free=own, share=("beta",))
@@ -351,7 +351,7 @@ def test_beta_is_lost_by_its_error_beside_what_oils_have(value, error, *, is_los
 
 def test_settings_of_one_temperature_each_tell_it_by_what_they_share() -> None:
     # R_m3 is shared: setting 1 cold and setting 10 warm are told apart by it.
-    model = Warmed(PURDY_DAMPER, 43.0)
+    model = WithTemperature(PURDY_DAMPER, 43.0)
     campaign = identify([log(1, COLD), log(10, WARM)], model, JOINT)
     (known, _) = assess(campaign, model).uncertainties
     interval = known.intervals["beta"]

@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.model import Detour, Values
+    from damperfit.damper.model import FurtherStart, Values
     from damperfit.damper.valves import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["BETA", "Warmed", "at_temperature"]
+__all__ = ["BETA", "WithTemperature", "at_temperature"]
 
 BETA = Quantity(
     "beta", "beta", "fall with temperature",
@@ -51,7 +51,7 @@ _ITS_OWN = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class Warmed(Model):
+class WithTemperature(Model):
     """A damper of any model with what temperature does to it.
 
     Attributes
@@ -174,12 +174,14 @@ class Warmed(Model):
     def _with(self, values: Values, beta: float) -> Values:
         return self.values(dict(zip(values.names, values.numbers, strict=True)), beta=beta)
 
-    def detours(
+    def further_starts(
         self, start: Values, traces: Sequence[Trace], free: Sequence[str]
-    ) -> tuple[Detour, ...]:
+    ) -> tuple[FurtherStart, ...]:
         """Return those of the damper itself."""
         own = self.at_reference(start, None)
-        found = self.damper.detours(own, traces, [name for name in free if name != BETA.name])
+        found = self.damper.further_starts(
+            own, traces, [name for name in free if name != BETA.name]
+        )
         return tuple(one._replace(start=self._with(one.start, start.beta)) for one in found)
 
     def examine(
@@ -195,7 +197,7 @@ class Warmed(Model):
         """Return those of the damper itself, at the mean temperature of the logs."""
         return self.damper.valve_characteristics(self.at_reference(values, _mean(traces)), traces)
 
-    def filled_to(self, gas_pressure: float | None) -> Warmed:
+    def filled_to(self, gas_pressure: float | None) -> WithTemperature:
         """Return the same damper filled to another pressure, Pa; None: as it is declared."""
         return replace(self, damper=self.damper.filled_to(gas_pressure))
 
@@ -212,7 +214,7 @@ def at_temperature(damper: Model, temperature: float) -> Model:
     ConfigurationError
         Its parameters were found without a temperature.
     """
-    if not isinstance(damper, Warmed):
+    if not isinstance(damper, WithTemperature):
         raise ConfigurationError(
             "these parameters do not follow a temperature; fit logs of several "
             "temperatures with damperfit identify --covariate temperature",
