@@ -53,8 +53,7 @@ def test_each_damper_tells_beta_and_all_are_told_at_one_temperature(fleet: Path)
 
 def test_a_part_is_asked_for_at_another_temperature(fleet: Path) -> None:
     cold, warm = (
-        damperfit.settings(fleet / "serial-D1", temperature=asked).forces
-        for asked in (None, "60degC")
+        damperfit.settings(fleet / "serial-D1", temperature=asked) for asked in (None, "60degC")
     )
     assert cold.source.endswith(" and 26 degC")
     assert warm.source.endswith(" and 60 degC")

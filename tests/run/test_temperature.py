@@ -223,9 +223,9 @@ def test_a_run_tells_beta_and_the_temperature_of_its_resistances(results) -> Non
 
 
 def test_results_are_asked_for_at_another_temperature(results) -> None:
-    there = damperfit.settings(results, temperature="60degC").forces
+    there = damperfit.settings(results, temperature="60degC")
     assert there.source.endswith(" and 60 degC")
-    assert damperfit.settings(results).forces.source.endswith(" and 43 degC")
+    assert damperfit.settings(results).source.endswith(" and 43 degC")
     run = Run.load(results, temperature="60degC")
     motion = Motion(1e-3, *wave())
     found = simulate(run.settings[0].values, run.damper, motion).force
