@@ -201,10 +201,11 @@ def _tell_of_run(one: Identified, how: Shown) -> None:
 
 
 def _alike(sentences: Iterable[str]) -> Iterator[str]:
-    """Yield sentences; of those that differ in their numbers alone the first."""
-    groups: dict[str, list[str]] = {}
+    """Yield sentences on a quantity; of those that differ in their numbers alone the first."""
+    groups: dict[tuple[str, str], list[str]] = {}
     for sentence in sentences:
-        groups.setdefault(_NUMBERS.sub("", sentence), []).append(sentence)
+        quantity, _, rest = sentence.partition(" at ")  # r_m1 and r_m2 are two
+        groups.setdefault((quantity, _NUMBERS.sub("", rest)), []).append(sentence)
     for first, *others in groups.values():
         more = f" (and {len(others)} alike at other settings: report.md)" if others else ""
         yield f"{first}{more}"

@@ -139,6 +139,15 @@ def test_what_is_declared_stands_in_the_findings(run, tmp_path, rows, declared) 
     assert finding["value"] == pytest.approx(value, rel=1e-3, abs=2e-5)
 
 
+def test_each_quantity_at_a_bound_is_told(run, tmp_path, rows) -> None:
+    noise = np.random.default_rng(1)
+    bare = column(rows, 2, number(lambda _n, _f: noise.normal(0.0, 200.0)))
+    told = run("identify", write(tmp_path / "setting_10.csv", bare)).err
+    for name in ("r_m1", "r_m2", "k_e"):
+        assert f"note: {name} at setting 10: is at a bound" in told
+    assert "at other settings" not in told
+
+
 def test_strict_quality_leaves_a_log_out_and_ends_with_4(run, logs, tmp_path, rows) -> None:
     write(tmp_path / "clipped_s3.csv", ROWS["F45 clipped"][0](rows))
     good = logs / "setting_01.csv"
