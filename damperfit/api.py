@@ -342,12 +342,13 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
             with blamed_on(Option("untie")):
                 configuration.damper.quantity(name)
     procedure = configuration.identification.procedure
-    if given.get("share") is not None and procedure != "joint":
+    alone = [key for key in ("share", "untie") if given.get(key) is not None]
+    if alone and procedure != "joint" and not (is_open and alone == ["untie"]):
         raise _usage(
             "{where} has no effect: only procedure joint fits shared parameters, found procedure "
             f"{procedure}; add {{joint}}",
             "no-effect",
-            Option("share", ",".join(given["share"])),
+            Option(alone[0], ",".join(given[alone[0]])),
             joint=Option("procedure", "joint"),
         )
     auto = Option("model", _AUTO)

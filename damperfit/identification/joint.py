@@ -185,16 +185,21 @@ def _minimised(
 
 
 def declared_sharing(
-    damper: Model, moving: tuple[str, ...], follows: Follows, adjusters: tuple[str, ...]
+    damper: Model,
+    moving: tuple[str, ...],
+    follows: Follows,
+    adjusters: tuple[str, ...],
+    untied: Sequence[str] = (),
 ) -> Sharing:
     """What does not follow an adjuster as declared is the damper's.
 
-    Offsets, and what the model says is each log's, stay each setting's own.
+    Offsets, what the model says is each log's, and what is untied stay each setting's own.
     """
     each = adjusters if SETTING in adjusters else ()  # clicks that are not told apart
     whole = {name: each if damper.quantity(name).scope == SETTING else () for name in moving}
     whole |= _known(damper, moving, adjusters)
     whole |= {n: tuple(a for a in adjusters if a in follows[n]) for n in moving if n in follows}
+    whole |= dict.fromkeys(untied, adjusters)
     return _sharing(moving, whole, adjusters)
 
 
@@ -227,6 +232,7 @@ def detected_sharing(
     apart: Mapping[Setting, Values],
     declared: Sharing | None = None,
     *,
+    untied: Sequence[str] = (),
     jobs: int = 1,
 ) -> tuple[Sharing, Mapping[Setting, Values], int]:
     """What is shared as the logs tell it, or as it was declared; where its fit starts; simulations.
@@ -242,6 +248,7 @@ def detected_sharing(
         whole |= dict.fromkeys(declared.jointly, ()) | {**declared.follows}
         return declared, search.starts(whole), spent
     known = _known(first.model, moving, adjusters)
+    known |= dict.fromkeys((name for name in moving if name in untied), adjusters)
     ends = (dict.fromkeys(moving, ()) | known, dict.fromkeys(moving, adjusters) | known)
     tried: list[dict[str, tuple[str, ...]]] = []
     found: list[tuple[float, Sharing, Mapping[Setting, Values]]] = []
@@ -501,7 +508,9 @@ def _fit_sound(
     spent = 0
     if sharing is None or given.options.is_detecting or given.options.follows:
         apart, spent = from_neighbours(blocks, sound, jobs=given.jobs)
-        sharing, starts, more = detected_sharing(blocks, apart, sharing, jobs=given.jobs)
+        sharing, starts, more = detected_sharing(
+            blocks, apart, sharing, untied=given.options.untied, jobs=given.jobs
+        )
         spent += more
         if not sharing.jointly:
             return None

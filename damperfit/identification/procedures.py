@@ -300,7 +300,8 @@ def _sharing_of(given: ProcedureInput) -> tuple[Sharing | None, tuple[str, ...]]
     moving = given.ordered({*(options.free or wanted), *options.follows})
     if not options.follows:
         return None, moving
-    return declared_sharing(damper, moving, options.follows, min(given.settings).adjusters), moving
+    adjusters = min(given.settings).adjusters
+    return declared_sharing(damper, moving, options.follows, adjusters, options.untied), moving
 
 
 PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {

@@ -85,13 +85,16 @@ def test_what_settings_disagree_about_is_said_with_the_numbers(unlike) -> None:
     assert (low, high) == pytest.approx((12.0, 36.0), rel=0.3)
 
 
-def test_what_is_untied_has_its_own_value_at_each_setting(unlike) -> None:
+@pytest.mark.parametrize("share", ["f_f,k_s", "detect"])
+def test_what_is_untied_has_its_own_value_at_each_setting(unlike, share) -> None:
     import damperfit
 
     logs, config = sorted(unlike.glob("log_*.csv")), unlike / "damper.toml"
-    run = damperfit.identify(logs, config=config, procedure="joint", share="f_f,k_s", untie="f_f")
+    run = damperfit.identify(logs, config=config, procedure="joint", share=share, untie="f_f")
     assert [one.values.f_f for one in run.settings] == pytest.approx([12.0, 36.0], rel=0.03)
     assert {one.status["f_f"] for one in run.settings} == {"fitted"}
     assert {one.status["k_s"] for one in run.settings} == {"shared"}
     with pytest.raises(ConfigurationError, match="nothing_known"):
         damperfit.identify(logs, config=config, procedure="joint", untie="nothing_known")
+    with pytest.raises(ConfigurationError, match="only procedure joint"):
+        damperfit.identify(logs, config=config, procedure="plain", untie="f_f")
