@@ -521,8 +521,9 @@ class _Rig:
         told = np.zeros((len(known.result.names),) * 2)
         for one in known.segments:
             motion = (one["amplitude_m"], one["frequency_Hz"])
-            per_sample = self._steady(known, known.result.parameters, *motion)
-            told += 0.0 if per_sample is None else one["n_samples"] * per_sample
+            per_sample = self._steady(known, known.result.parameters, *motion, has_been=True)
+            assert per_sample is not None
+            told += one["n_samples"] * per_sample
         return told
 
     def screened(
@@ -597,13 +598,20 @@ class _Rig:
         return test._replace(shares={label: min(share, 1.0) for label, share in shares.items()})
 
     def _steady(
-        self, known: _Known, values: Values, amplitude: float, frequency: float
+        self,
+        known: _Known,
+        values: Values,
+        amplitude: float,
+        frequency: float,
+        *,
+        has_been: bool = False,
     ) -> FloatArray | None:
         """J'J a sample, from one steady cycle; None: too much force or heat for the rig."""
-        cycle = self.cycle(self.run.damper, values, amplitude, frequency, known.result.names)
+        names = known.result.names
+        cycle = self.cycle(self.run.damper, values, amplitude, frequency, names, has_been=has_been)
         if cycle is None:
             return None
-        jacobian = cycle[1:].T * _scales(values, known.result.names)
+        jacobian = cycle[1:].T * _scales(values, names)
         return np.asarray(jacobian.T @ jacobian / (len(jacobian) * known.noise**2))
 
     def cycle(
@@ -613,15 +621,21 @@ class _Rig:
         amplitude: float,
         frequency: float,
         names: Sequence[str] = (),
+        *,
+        has_been: bool = False,
     ) -> FloatArray | None:
-        """Force of one steady cycle behind the filter, and its slopes; None: beyond the rig."""
+        """Force of one steady cycle behind the filter, and its slopes; None: beyond the rig.
+
+        A test that has been is beyond none, whatever the limits of the next one are.
+        """
         per_cycle = max(_SAMPLES, math.ceil(4.0 * self.filter[1] / frequency))
         rate = per_cycle * frequency
         motion = sine_motion(amplitude, frequency, cycles=_RUN_IN + 2, sample_rate=rate)
         seen = damper.simulate(values, motion, sensitivities=names, options=self.run.solver)
         steady = slice(_RUN_IN * per_cycle, (_RUN_IN + 1) * per_cycle)
         heat = float(np.mean(seen.force[steady] * seen.velocity[steady]))
-        if np.abs(seen.force[steady]).max() > self.limits.force or heat > self.limits.heat:
+        is_beyond = np.abs(seen.force[steady]).max() > self.limits.force or heat > self.limits.heat
+        if is_beyond and not has_been:
             return None
         rows = np.stack([seen.force, *(seen.sensitivities[name] for name in names)])
         return np.asarray(apply_filter(self._design(rate), rows)[:, steady])

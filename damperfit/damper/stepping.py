@@ -91,12 +91,11 @@ class SteppedDamper:
 
     def copy(self) -> Self:
         """Return the same damper in the same state, apart from this one."""
-        other = copy(self)
-        other._state = bytearray(self._state)  # noqa: SLF001 - its own kind
-        return other
+        return copy(self)  # a step makes a state of its own
 
     def _run(self, dt: float, x: list[float], v: list[float]) -> tuple[float, NDArray[np.float64]]:
         damper, values, options = self._how
-        motion = Step(dt, np.array(x), np.array(v), state=self._state)
+        motion = Step(dt, np.array(x), np.array(v), state=bytearray(self._state))
         seen = damper.simulate(values, motion, sensitivities=(), options=options)
+        self._state = motion.state  # not before: a step that is refused leaves all as it was
         return float(seen.force[-1]), np.array(seen.pressures[:, -1])

@@ -91,6 +91,14 @@ def test_a_test_that_heats_too_much_is_none(fitted) -> None:
     assert cool.tests[0].speed < free.tests[0].speed
 
 
+@pytest.mark.parametrize("limit", [{"max_force": "500N"}, {"max_heat": "30W"}])
+def test_logs_beyond_a_limit_of_the_next_test_still_count(fitted, limit) -> None:
+    motion = {"max_stroke": "4mm", "max_frequency": "5Hz"}  # below both limits
+    free, limited = (fitted.advise("k_e", setting=10, **motion, **more) for more in ({}, limit))
+    assert [one.share for one in limited.tests] == [one.share for one in free.tests]
+    assert free.tests[0].share < 1.0
+
+
 @pytest.mark.parametrize("asked", ["nothing", "force", "force@fast"])
 def test_a_question_that_cannot_be_is_refused(results, capsys, asked) -> None:
     assert main(["advise", str(results), "--for", asked]) == 2

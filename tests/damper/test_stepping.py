@@ -12,7 +12,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals import Bilinear
 from damperfit.damper.stepping import SteppedDamper
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.errors import ConfigurationError
+from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import Motion, SolverOptions
 
 VALVE = Valve("orifice", "linear")
@@ -72,6 +72,17 @@ def test_a_copy_goes_back_to_where_it_was() -> None:
     damper = SteppedDamper(PURDY_DAMPER, reference_parameters(5))
     stepped(damper, driven.until(0, 300))
     kept = damper.copy()
+    assert stepped(damper, driven, 300) == stepped(kept, driven, 300)
+
+
+def test_a_step_that_is_refused_leaves_the_state_as_it_was() -> None:
+    driven = motion()
+    damper = SteppedDamper(PURDY_DAMPER, reference_parameters(5))
+    stepped(damper, driven.until(0, 300))
+    kept = damper.copy()
+    for x, dt in ((1.0, STEP), (0.02, 1e3), (0.02, -STEP), (float("nan"), STEP)):
+        with pytest.raises(SimulationError):
+            damper.step(x, 0.1, dt)
     assert stepped(damper, driven, 300) == stepped(kept, driven, 300)
 
 

@@ -52,7 +52,10 @@ static int network_sizes_fit(const Py_buffer *b)
 static int step_network(df_network *q, const df_options *o, const df_motion *m, const df_result *r,
                         df_network_state *now, df_work *work)
 {
+    if (m->n < 1)
+        return DF_BAD_ARGUMENT;
     const size_t i = m->n - 1;
+    work->failed_sample = i;
     int code = i ? df_plan_network(q) : df_begin_network(q, o, m->x[0], m->v[0], NULL, 0, now);
     if (code == DF_OK && i)
         code = df_advance_network(q, o, m->x[i], m->v[i], m->interval, now, work);
