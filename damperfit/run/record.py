@@ -310,6 +310,8 @@ def _with_spread(assessment: Assessment, spread: Mapping[str, Mapping[str, float
         own, intervals = spread.get(str(known.setting.cell), most), dict(known.intervals)
         for name in (name for name in own if own[name] and name in intervals):
             before = intervals[name]
+            if not math.isfinite(before.high):  # it says "anything" already
+                continue
             value = math.sqrt(before.low * before.high)
             misfit = math.hypot(before.misfit / value, own[name])
             intervals[name] = make_interval(

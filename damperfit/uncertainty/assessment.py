@@ -247,10 +247,7 @@ def _with_hidden_friction(
     ]
     if named:
         return linearised, ()
-    text = (
-        "{settings}: a misfit that is too small to show at a setting by itself is as from {words}; "
-        "the intervals allow for it."
-    )
+    text = "{settings}: a small misfit is as from {words}; the intervals allow for it."
     where = of_settings(one.diagnosis.setting for one in found)
     told = warning("misfit-of-all", text, settings=where, words=words_of(name, amount), flaw=name)
     return linearised, (told,)
