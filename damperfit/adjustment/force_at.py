@@ -230,7 +230,10 @@ class Force:
         if self.measured is None:
             return False
         may = max(_OF_FORCE * abs(self.measured.force), _OF_RANGE * self.half_range)
-        noise = 0.0 if math.isnan(self.measured.error) else self.measured.error
+        # The difference was taken at measured speeds: the bend between them is no part of it.
+        seen = self.measured
+        noise = math.hypot(seen.scatter, 0.5 * seen.rounding / NORMAL_95)
+        noise = 0.0 if math.isnan(noise) else noise
         return abs(self.measured.difference) > may + _ERRORS * noise
 
     @property

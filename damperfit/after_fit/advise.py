@@ -72,6 +72,7 @@ _LONG = 10.0  # s of a record
 _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
 _USEFUL = 0.8  # of the interval: what a test that helps leaves at most
+_NOTICED = 0.01
 _SPOILT = 1e6  # times the largest plausible value
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
 _MOTION_COLUMNS = (
@@ -271,8 +272,10 @@ class Advice(Answer):
             ],
         }
 
-    def sheets(self) -> tuple[Sheet]:
-        """Return the candidates as a table."""
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return the candidates as a table; none where all leave the interval as it is."""
+        if not self._is_any_use:
+            return ()
         columns = (
             *_MOTION_COLUMNS,
             Column("interval", "% of now", lambda test: f"{100.0 * test.share:.3g}"),
@@ -306,10 +309,13 @@ class Advice(Answer):
                 "most of the interval is lack of fit or an assumed default, which another test "
                 "of this kind repeats"
             )
-        return (
-            f"no test within these limits narrows the interval of {title} by more than "
-            f"{max(100.0 * (1.0 - best.share), 0.0):.0f} %: {why}"
-        )
+        most = f" by more than {100.0 * (1.0 - best.share):.0f} %" if self._is_any_use else ""
+        return f"no test within these limits narrows the interval of {title}{most}: {why}"
+
+    @property
+    def _is_any_use(self) -> bool:
+        """Whether some test narrows the interval by a per cent."""
+        return any(test.share <= 1.0 - _NOTICED for test in self.tests)
 
 
 def advise(

@@ -145,7 +145,7 @@ def _answered(path: Path, fit: Callable[[Path], Run], reference: Run | None, nam
     rows = [dict(row) for row in run.rows("adjustment") if row["force_N"] is not None]
     fastest = max((row["speed_m_per_s"] for row in rows), default=0.0)
     forces = tuple(
-        {name: row[name] for name in ("stroke", "speed_m_per_s", "force_N")}
+        {name: row[name] for name in ("stroke", "speed_m_per_s", "force_N", "origin")}
         for row in rows
         if row["speed_m_per_s"] == fastest
     )

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.adjustment.force_at import force_at
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import FAMILIES, REFERENCE_SOURCE, reference_parameters
-from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import (
     ConfigurationError,
@@ -39,7 +39,6 @@ from damperfit.simulation import (
     sine_motion,
     triangle_motion,
 )
-from damperfit.statistics import NORMAL_95
 from damperfit.store import settle
 from damperfit.tables.columns import unknown_schema
 from damperfit.tables.reading import is_part, part_in, table_quantities
@@ -309,12 +308,12 @@ class SimulatedTest(NamedTuple):
         fitted, figures = self.choice.fitted, self.characteristics
         if fitted is None or fitted.run is None or fitted.covariance is None or not fitted.names:
             return None
-        speeds = [figures.peak_speed_rebound, -figures.peak_speed_bump]
-        slopes = quasi_static(
-            fitted.run.damper, fitted.parameters, speeds, sensitivities=tuple(fitted.names)
-        ).slopes
-        variances = np.einsum("ik,ij,jk->k", slopes, fitted.covariance, slopes)
-        rebound, bump = (NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))).tolist()
+        speeds = figures.peak_speed_rebound, figures.peak_speed_bump
+        # Both strokes of each speed.
+        forces = force_at([fitted], fitted.run.damper, speeds, measured=fitted.run.speed_forces)
+        if not forces:  # it cannot be simulated there
+            return None
+        rebound, bump = (max(f.force - f.low, f.high - f.force) for f in (forces[0], forces[-1]))
         return rebound, bump
 
     @property
@@ -326,9 +325,10 @@ class SimulatedTest(NamedTuple):
         said = [f"grade of the fit: {fitted.grade}"]
         if halves is not None:
             speeds = self.characteristics
+            rebound, bump = (f"{float(f'{half:.2g}'):g}" for half in halves)
             said.append(
-                f"the damper's own force ±{halves[0]:.2g} N at {speeds.peak_speed_rebound:.3g} m/s "
-                f"in rebound, ±{halves[1]:.2g} N in compression (95 %)"
+                f"the damper's own force ±{rebound} N at {speeds.peak_speed_rebound:.3g} m/s in "
+                f"rebound, ±{bump} N in compression (95 %)"
             )
         if not any(self._untested):
             said.append("amplitude, frequency and speed were tested")

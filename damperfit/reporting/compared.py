@@ -293,7 +293,7 @@ _COLUMNS: _Columns = (
     ("percent_ci_high", _FLOAT, "95 % interval of percent", lambda d: d.percent_high),
     ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1",
      lambda d: d.chance),
-    ("verdict", _TEXT, "same, different or untold", lambda d: d.verdict.value),
+    ("verdict", _TEXT, "same, different or undetermined", lambda d: d.verdict.value),
     ("is_sure", _TRUTH, "different even when the number of lines is allowed for",
      lambda d: d.is_sure),
     ("source", _TEXT, "model or measured", _source),

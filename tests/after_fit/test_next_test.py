@@ -42,6 +42,8 @@ def test_a_faster_test_narrows_the_bulk_modulus_and_none_is_beyond_the_rig(fitte
 def test_where_no_test_helps_the_answer_says_so(fitted) -> None:
     advice = fitted.advise("k_e", setting=10, max_stroke="1mm", max_speed="5mm/s")
     assert "no test within these limits" in advice.sentence
+    assert " 0 %" not in advice.sentence
+    assert not advice.sheets()
 
 
 def test_the_command_prints_what_the_function_returns(results, capsys) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import damperfit
 from damperfit.adjustment.force_at import Stage
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.mounting import FIT, Mounting
@@ -306,3 +307,15 @@ def test_every_model_can_be_swept(tmp_path, capsys, model: str, vary: str, peak:
     forces = [abs(row[f"peak_force_{peak}_N"]) for row in rows]
     assert forces == sorted(forces)
     assert forces[-1] > forces[0]
+
+
+def test_the_interval_of_a_simulated_force_is_that_of_settings(sample_results) -> None:
+    """Lack of fit is in it, and beyond the tests what the logs leave open."""
+    run = damperfit.load(sample_results / "results")
+    for amplitude in ("20mm", "60mm"):
+        done = damperfit.simulate(10, parameters=run, amplitude=amplitude, frequency="1.5Hz")
+        peak = done.test.characteristics.peak_speed_rebound
+        rows = damperfit.settings(run, velocity=peak).document()["forces"]
+        (own,) = (r for r in rows if r["setting"] == 10 and r["stroke"] == "rebound")
+        half = 0.5 * (own["force_ci_high_N"] - own["force_ci_low_N"])
+        assert done.document()["half_interval_N"]["rebound"] == pytest.approx(half, rel=1e-3)

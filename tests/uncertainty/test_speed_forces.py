@@ -203,6 +203,9 @@ def test_by_how_much_a_model_may_miss_the_measured_force(
     )
     plain = Force(Setting.of(1), 0.1, "rebound", 900.0, 1.0, 1.0, np.zeros(0))
     assert replace(plain, measured=seen, half_range=1500.0).disagrees is disagrees
+    # What the damper may bend between measured speeds is no part of the difference, taken at them.
+    bent = replace(seen, error=error + 100.0)
+    assert replace(plain, measured=bent, half_range=1500.0).disagrees is disagrees
 
 
 def test_turning_one_adjuster_is_no_change_of_the_other_stroke() -> None:
