@@ -381,7 +381,7 @@ def remaining(run: Run) -> tuple[Rival, ...]:
     choice = run.record.get("law_choice")
     if not isinstance(choice, dict) or "remaining" not in choice:
         raise ConfigurationError(
-            f"{run.name}: its model was not chosen by the logs, so no structures remain to tell "
+            f"{run.name or 'this run'}: its model was not chosen by the logs, so no structures remain to tell "
             "apart; identify the logs with {model}",
             model=Option("model", "auto"),
             code="no-structures",
@@ -391,11 +391,13 @@ def remaining(run: Run) -> tuple[Rival, ...]:
         try:
             damper = damper_of_record(entry["damper"])
             values = {
-                str(one["setting"]): damper.values(one["values"])
+                str(one["setting"]): damper.values(
+                    {name: float(value) for name, value in one["values"].items()}
+                )
                 for one in entries_in(entry, "settings")
             }
             rivals.append(Rival(str(entry["title"]), damper, values))
-        except (KeyError, TypeError, ConfigurationError):  # an edited file
+        except (AttributeError, KeyError, TypeError, ValueError, ConfigurationError):  # edited
             continue
     return tuple(rivals)
 

@@ -72,6 +72,8 @@ def test_which_test_tells_the_structures_that_remain(results, fitted, tmp_path, 
                 structure("bilinear", {"model": "bilinear"}, dict.fromkeys(known, bilinear)),
                 structure("again", dict(fitted.declared_damper), moved),
                 {"title": "edited"},
+                structure("edited", "bilinear", moved),
+                structure("edited", {"model": "bilinear"}, dict.fromkeys(known, {"c_r": "x"})),
             ],
         }
     }
