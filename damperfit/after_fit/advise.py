@@ -381,8 +381,8 @@ def remaining(run: Run) -> tuple[Rival, ...]:
     choice = run.record.get("law_choice")
     if not isinstance(choice, dict) or "remaining" not in choice:
         raise ConfigurationError(
-            f"{run.name or 'this run'}: its model was not chosen by the logs, so no structures remain to tell "
-            "apart; identify the logs with {model}",
+            f"{run.name or 'this run'}: its model was not chosen by the logs, so no structures "
+            "remain to tell apart; identify the logs with {model}",
             model=Option("model", "auto"),
             code="no-structures",
         )

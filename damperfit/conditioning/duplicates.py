@@ -125,8 +125,9 @@ class Contradiction(NamedTuple):
         how = "contradict each other"
         if not self.excess > 1.0:
             how = "differ by more than their cycles scatter"
+        stroke = "rebound" if self.stroke == "rebound" else "compression"
         text = (
-            f"{self.first.name} and {self.second.name} {how}: peak force in {self.stroke} {a:.4g} "
+            f"{self.first.name} and {self.second.name} {how}: peak force in {stroke} {a:.4g} "
             f"N and {b:.4g} N at {self.speed:.3g} m/s, {size:.3g} % apart"
         )
         if None not in degrees and abs((degrees[0] or 0.0) - (degrees[1] or 0.0)) > _WARMER:

@@ -638,8 +638,8 @@ def _cycle_scatter(seen: _Seen) -> Iterator[Finding]:
     up, down = seen.peaks
     worst = 100.0 * max(up.deviation, down.deviation) / seen.peak_size
     text = (
-        f"peak force scatters by {up.scatter:.2g} % (rebound) and {down.scatter:.2g} % (bump) over "
-        "the cycles"
+        f"peak force scatters by {up.scatter:.2g} % (rebound) and {down.scatter:.2g} % "
+        "(compression) over the cycles"
     )
     if up.trend or down.trend:
         text += ", their trend taken off"
@@ -655,7 +655,7 @@ def _force_trend(seen: _Seen) -> Iterator[Finding]:
         return
     trends = [
         (*one.trend, word)
-        for one, word in zip(seen.peaks, ("rebound", "bump"), strict=True)
+        for one, word in zip(seen.peaks, ("rebound", "compression"), strict=True)
         if one.trend
     ]
     ends = [f"from {first:.3g} to {last:.3g} N ({word})" for first, last, word in trends]

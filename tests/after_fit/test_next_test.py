@@ -73,7 +73,7 @@ def test_which_test_tells_the_structures_that_remain(results, fitted, tmp_path, 
                 structure("again", dict(fitted.declared_damper), moved),
                 {"title": "edited"},
                 structure("edited", "bilinear", moved),
-                structure("edited", {"model": "bilinear"}, dict.fromkeys(known, {"c_r": "x"})),
+                structure("edited", {"model": "bilinear"}, {n: {"c_r": "x"} for n in known}),
             ],
         }
     }
