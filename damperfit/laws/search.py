@@ -121,6 +121,8 @@ _LOOKED_AT = 8
 _ROUNDS = 20
 # Beside the best a structure with less than so much of its weight, exp(-C/2), moves no interval.
 _UNLIKELY = 0.01
+# Largest standard error, of its logarithm, of a value that can speak for or against a tie.
+_DETERMINED = 0.3
 # Numbers that a blow-off has beside its opening and slope: one for all settings until the logs ask.
 _OF_STACK = {"port", "width", "lift"}
 _STEP = 1e-8
@@ -942,6 +944,11 @@ class _Linear:
         self.whose = [
             (one.name, next(s for s in base.settings if one.holds_at(s))) for one in base.unknowns
         ]
+        per_cost = sum(search.n_eff[s] for s in base.settings) / max(self.minimum.cost, 1e-300)
+        size = np.sqrt(np.diag(self.curvature) + 1e-300)
+        shape = self.curvature / size / size[:, None] + 1e-9 * np.eye(len(size))
+        errors = np.sqrt(np.diag(np.linalg.inv(shape)) / per_cost) / size
+        self.is_determined = errors < _DETERMINED
 
     def solved(
         self, ties: Mapping[str, tuple[str, ...]]
@@ -979,12 +986,33 @@ class _Linear:
         names = [name for name in self.base.own if not damper.quantity(name).is_offset]
         least = self.rise(ties)
         while True:
-            others = [ties | {name: way} for name in names for way in ways]
+            others = [
+                ties | {name: way} for name in names for way in ways if self.is_shown(name, way)
+            ]
             ties = min(others, key=self.rise, default=ties)
             if (rise := self.rise(ties)) >= least - 1e-6:
                 return found
             found.append(ties)
             least = rise
+
+    def is_shown(self, name: str, way: tuple[str, ...]) -> bool:
+        """Whether each adjuster that an opening no longer follows has two determined values.
+
+        One that is reached at one place of the adjuster, and never at another, agrees with all.
+        """
+        if self.structure.damper.quantity(name).part != "opening":
+            return True
+        own = [
+            (dict(setting.evident), is_determined)
+            for (other, setting), is_determined in zip(self.whose, self.is_determined, strict=True)
+            if other == name
+        ]
+        determined = [places for places, is_determined in own if is_determined]
+        return all(
+            len({places[adjuster] for places in determined}) > 1
+            for adjuster in own[0][0]
+            if adjuster not in way and len({places[adjuster] for places, _ in own}) > 1
+        )
 
     def values(self, ties: Mapping[str, tuple[str, ...]]) -> dict[Setting, Values]:
         """The values at the linear minimum."""
