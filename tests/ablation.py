@@ -55,6 +55,8 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     ),
     "clip": ("identification.fit_problem", "Block.stays_beyond", False),
     "further_starts": ("damper.purdy.parameters", "Damper.further_starts", lambda *_: ()),
+    "starts in turn": ("identification.starts", "_in_turn", lambda _, ranked: ranked),
+    "lost valve": ("identification.starts", "_lost_a_valve", lambda *_: False),
 }
 
 

@@ -17,7 +17,7 @@ from zlib import crc32
 import numpy as np
 
 from damperfit.errors import DamperfitError, FitCancelledError, SimulationError
-from damperfit.identification.fit_problem import kept_within
+from damperfit.identification.fit_problem import is_at_edge, kept_within
 from damperfit.identification.fit_setting import (
     EXCELLENT,
     ROUGH,
@@ -50,8 +50,11 @@ COMPARING = Stopping(
 # one beside those that are known.
 _TRIED = 3
 _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
+# Of the force's deviation: starts with offsets or frictions that are so far apart are two places.
+_APART = 0.1
 # Times the scatter between cycles: a minimum that is there needs no other start.
 _AS_EXPECTED = 2.0
+_OF_VALVES = ("bleed", "opening", "slope")
 # A sound minimum is preferred to a cavitating one unless that one is better by this factor.
 _CLEARLY_BETTER = 1.5
 # Neighbours from which a setting at a bound starts again: one along each of two adjusters.
@@ -426,13 +429,15 @@ def best_of_starts(
 ) -> Minimum[Values]:
     """Where the best of some starts leads; so many of the first are followed in any case.
 
-    Those that fit best are followed for a few evaluations, the best of them to its end. Thoroughly,
-    the others are followed to their ends until one leaves about what differs by cycle: after a few
-    evaluations a wrong minimum may look better than the right one.
+    Those that fit best, with unlike offsets or frictions, are followed for a few evaluations, the
+    best of them to its end; where it loses a bleed or a blow-off there, the next start is followed
+    too. Thoroughly, the others are followed to their ends until one leaves about what differs by
+    cycle: after a few evaluations a wrong minimum may look better than the right one.
     """
-    ranked = [*starts[:known], *_best_fitting(block, starts[known:])]
+    ranked = [*starts[:known], *_in_turn(block, _best_fitting(block, starts[known:]))]
     looks: list[Minimum[Values]] = []
-    for start in ranked[: known + 1 if known else _TRIED]:
+    many = known + 1 if known else _TRIED
+    for start in ranked[:many]:
         with suppress(SimulationError):
             looks.append(block.descend(start, _SHORT))
             if _is_as_expected(block, looks[-1]):
@@ -445,11 +450,13 @@ def best_of_starts(
     best, *others = sorted(looks, key=lambda one: one.cost)
     ended = block.descend(best.extra, COMPARING)
     spent += ended.evaluations
-    for look in others if is_thorough else ():
-        if _is_as_expected(block, ended):
+    further = [(look.extra, False) for look in others] if is_thorough else []
+    for start, is_next in (*further, *((one, True) for one in ranked[many : many + 1])):
+        # The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
+        if _is_as_expected(block, ended) or (is_next and not _lost_a_valve(block, ended)):
             break
         with suppress(SimulationError):
-            other = block.descend(look.extra, COMPARING)
+            other = block.descend(start, COMPARING)
             spent += other.evaluations
             ended = min(ended, other, key=lambda one: one.cost)
     return replace(ended, evaluations=spent)
@@ -458,6 +465,33 @@ def best_of_starts(
 def _is_as_expected(block: Block, ended: Minimum[Values]) -> bool:
     """Whether a descent has left about what differs by cycle, and needs no other start."""
     return ended.cost <= _AS_EXPECTED * block.scatter
+
+
+def _lost_a_valve(block: Block, ended: Minimum[Values]) -> bool:
+    """Whether a bleed or a blow-off ran out of its range."""
+    return any(
+        block.model.quantity(name).part in _OF_VALVES and is_at_edge(ended.extra, name)
+        for name in block.free
+    )
+
+
+def _in_turn(block: Block, ranked: list[Values]) -> list[Values]:
+    """Starts in the order in which they are followed: the best, then the best that is none of it.
+
+    An offset or a friction that hides a preload fits best at the start and leads nowhere else.
+    """
+    of = {name: block.model.quantity(name) for name in block.free}
+    forces = [name for name, one in of.items() if one.is_offset or one.is_friction]
+    least = _APART * block.deviation
+    first: list[Values] = []
+    for one in ranked:
+        apart = (
+            any(abs(getattr(one, name) - getattr(other, name)) > least for name in forces)
+            for other in first
+        )
+        if all(apart):
+            first.append(one)
+    return [*first, *(one for one in ranked if one not in first)]
 
 
 def _best_fitting(block: Block, starts: Sequence[Values]) -> list[Values]:
