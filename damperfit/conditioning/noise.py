@@ -304,4 +304,5 @@ def tone(
     is_clear = spectrum[peak] ** 2 > _TONE * median(spectrum[others] ** 2)
     if not is_clear or seen < _TONE_SEEN:
         return 0.0, 0.0
-    return frequency, 2.0 * float(spectrum[peak]) / float(window.sum()) / seen
+    top = math.exp(at - 0.25 * (below - above) * off)
+    return frequency, 2.0 * top / float(window.sum()) / seen

@@ -642,7 +642,13 @@ def test_a_trend_of_the_peaks_is_told_from_their_scatter(size, warm, names):
 
 @pytest.mark.parametrize(
     ("frequency", "size", "is_told"),
-    [(17.3, 25.0, True), (9.1, 20.0, True), (18.0, 60.0, False), (17.3, 2.0, False)],
+    [
+        (17.3, 25.0, True),
+        (9.1, 20.0, True),
+        (17.04, 40.0, True),  # between two lines of the spectrum
+        (18.0, 60.0, False),
+        (17.3, 2.0, False),
+    ],
 )
 def test_a_line_off_the_harmonics_is_told(frequency, size, is_told):
     x = sine(1.5, 0.03, 14)
@@ -651,3 +657,5 @@ def test_a_line_off_the_harmonics_is_told(frequency, size, is_told):
     assert ("force_line" in warnings) is is_told
     if is_told:
         assert warnings["force_line"].value == pytest.approx(frequency, abs=0.03)
+        told = re.search(r", (\S+) N, which", warnings["force_line"].text)
+        assert float(told[1]) == pytest.approx(size, rel=0.07)
