@@ -360,6 +360,15 @@ def test_inspect_tells_each_kind_of_refusal() -> None:
     assert joined.endswith("and 44 more")
 
 
+def test_inspect_tells_both_gaps_of_one_log() -> None:
+    one = log(0, next(iter(CAUSES)), "warning")
+    one["findings"] = [{**one["findings"][0], "sentence": f"a gap of {k} s"} for k in (3, 4)]
+    told = " ".join(finding_lines([one]))
+    assert "a gap of 3 s" in told
+    assert "a gap of 4 s" in told
+    assert "other numbers" not in told
+
+
 def test_a_note_of_many_logs_is_one_line_with_the_range_of_its_value() -> None:
     told = list(finding_lines([log(k, "no-number", "note") for k in range(300)]))
     joined = " ".join(" ".join(told).split())

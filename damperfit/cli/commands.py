@@ -341,9 +341,10 @@ def settings(how: Shown, **given: Any) -> int:
     if answers:
         print_lines(answers if how.quiet else [*wrapped(*answers), ""])
     if not (answers and how.quiet):
-        if not heading:
+        if heading:
+            print_lines(heading)
+        else:
             _tell(how, notes=done.notes)
-        print_lines(heading)
         _tables(*done.sheets())
     return int(bool(done.remarks))
 

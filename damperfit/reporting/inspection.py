@@ -197,10 +197,10 @@ def _grouped(logs: Sequence[Facts], severity: str) -> Iterator[str]:
     for sentences in list(by_code.values())[:FEW]:
         for sentence, (first, *others) in list(sentences.items()):
             n = len({*others} - {first})
-            if len(sentences) > 1:
-                names = dict.fromkeys(name for names in sentences.values() for name in names)
-                rest = listed_names([name for name in names if name != first], few=FEW)
-                yield f"{first}: {sentence}. With other numbers in {rest}"
+            names = dict.fromkeys(name for names in sentences.values() for name in names)
+            rest = [name for name in names if name != first]
+            if rest and len(sentences) > 1:
+                yield f"{first}: {sentence}. With other numbers in {listed_names(rest, few=FEW)}"
                 break
             more = f" and {n} other log{'s' * (n > 1)}" if n else ""
             yield f"{first}{more}: {sentence}"

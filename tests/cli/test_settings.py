@@ -176,6 +176,7 @@ def test_settings_finds_a_force_among_them(run, curves) -> None:
         "900 N in rebound at 0.22 m/s: between 12-4.3 with 760 N and 25-4.3 with 970 N; nearest is "
         "25-4.3 (+70 N)"
     )
+    assert not run("settings", curves).out.startswith("\n")
     beyond = run("settings", curves, "--force", "-350N", "--velocity", "0.22m/s", "--quiet")
     assert "no curve gives it; the nearest is 25-4.3 with -320 N" in " ".join(beyond.out.split())
     exact = run("settings", curves, "--force", "700N", "--velocity", "0.2m/s", "--quiet")
