@@ -41,17 +41,6 @@ typedef struct {
 
 int df_gas_expand(const df_gas *gas, double s, df_gas_point *point);
 
-static inline int df_gas_is_near(const df_gas_point *point, double s)
-{
-    return fabs((s - point->s0) * point->inverse_mass) < 0.5 * DF_GAS_REACH;
-}
-
-/* Where to expand it next: so that most of what the series reaches lies ahead. */
-static inline double df_gas_ahead(const df_gas_point *point, double s)
-{
-    return s + copysign(0.4 * DF_GAS_REACH / point->inverse_mass, s - point->s0);
-}
-
 static inline df_law df_gas_pressure(const df_gas_point *point, double s)
 {
     const double d = (s - point->s0) * point->inverse_mass;

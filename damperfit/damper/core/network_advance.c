@@ -255,10 +255,12 @@ static inline int follow_gas(const df_network *q, double x, df_network_state *no
 {
     const double shift = q->has_floating_piston ? q->plan.swept[1] * x : now->y[1] - q->plan.oil[1];
     const double s = now->y[0] - q->plan.oil[0] + shift;
-    if (df_gas_is_near(&now->gas, s))
+    const double away = s - now->gas.s0, reach = DF_GAS_REACH / now->gas.inverse_mass;
+    if (fabs(away) < 0.5 * reach)
         return 0;
     const df_gas spring = gas_of(q);
-    return df_gas_expand(&spring, df_gas_ahead(&now->gas, s), &now->gas);
+    /* Expanded so that most of what the series reaches lies ahead. */
+    return df_gas_expand(&spring, s + copysign(0.4 * reach, away), &now->gas);
 }
 
 DF_FOR_EACH_KIND int take_steps(const df_network *q, const df_options *o, const int kind, const piece *motion,

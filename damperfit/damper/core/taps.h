@@ -10,18 +10,12 @@ enum { DF_TAPS = 8 };
 static const double DF_TAP_SHARE[DF_TAPS] = {-1.0 / 5040.0, 1.0 / 720.0, -1.0 / 240.0, 1.0 / 144.0,
                                              -1.0 / 144.0,  1.0 / 240.0, -1.0 / 720.0, 1.0 / 5040.0};
 
-/* The first of the taps of n >= 8 samples around a place. */
-static inline size_t df_first_tap(size_t n, double at)
-{
-    /* Written so that a place that is no number ends inside too. */
-    const double first = at > DF_TAPS / 2 - 1 ? at - (DF_TAPS / 2 - 1) : 0.0, last = (double)(n - DF_TAPS);
-    return first < last ? (size_t)first : n - DF_TAPS;
-}
-
-/* Fills what each tap counts for a place, and returns the first of them. */
+/* Fills what each tap of n >= 8 samples counts for a place, and returns the first of them. */
 static inline size_t df_weigh_taps(size_t n, double at, double weight[DF_TAPS])
 {
-    const size_t first = df_first_tap(n, at);
+    /* Written so that a place that is no number ends inside too. */
+    const double ahead = at > DF_TAPS / 2 - 1 ? at - (DF_TAPS / 2 - 1) : 0.0, last = (double)(n - DF_TAPS);
+    const size_t first = ahead < last ? (size_t)ahead : n - DF_TAPS;
     const double t = at - (double)first;
     double before[DF_TAPS], after = 1.0;
     before[0] = 1.0;
