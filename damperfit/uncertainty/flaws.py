@@ -16,6 +16,7 @@ import numpy as np
 from damperfit.conditioning import apply_filter
 from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.outcome import Status
+from damperfit.statistics import student_quantile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -366,10 +367,10 @@ def _is_reasonable(hint: Hint, half_range: float, friction: float = math.inf) ->
 
 
 # Friction that is larger at low speed is one for all settings, and shows in all of them before it
-# shows in one. Its amount at each setting has the scatter of its scores between the cycles, or
-# between blocks where nothing repeats; the settings together make it sure.
+# shows in one. Its sum has the scatter of the scores between the cycles, or between blocks where
+# nothing repeats; the settings together make it sure. A scatter of few cycles is itself not known.
 
-_SURE = 4.5  # standard errors; the best of three speeds has it by chance once in 50 000
+_CHANCE = 1e-5  # of such a friction where there is none, at each of three speeds
 # Of the friction: less moves no parameter by 1 %, more is no friction.
 _LEAST, _MOST = 0.02, 2.0
 _BLOCKS = 16  # of a stretch in which nothing repeats
@@ -378,8 +379,10 @@ _BLOCKS = 16  # of a stretch in which nothing repeats
 class BySpeed(NamedTuple):
     """Friction that depends on velocity at one setting: by each of `_STRIBECK_SPEEDS`."""
 
-    amounts: FloatArray  # N
-    errors: FloatArray  # standard errors, N
+    sums: FloatArray  # of the scores, over the mean square of the residuals, 1/N
+    powers: FloatArray  # that one newton adds to the sums
+    variances: FloatArray  # of the sums
+    freedom: int  # degrees of freedom of the variances
     pulls: FloatArray  # (speeds, k), what one newton adds to the summed scores
     fitted: float  # the friction that was found, N
 
@@ -410,9 +413,13 @@ def friction_by_speed(linearised: Linearisation) -> BySpeed | None:
         first += log.trace.n_samples
     scores = np.add.reduceat(left * residuals, np.concatenate(edges), axis=1)
     weighed = np.vstack([one.jacobian * one.weights[:, None] ** 2 for one in seen])
+    noise = max(float(residuals @ residuals) / float(counts.sum()), 1e-300)
+    n = scores.shape[1]
     return BySpeed(
-        amounts=scores.sum(axis=1) / power,
-        errors=np.sqrt(scores.shape[1] * np.var(scores, axis=1, ddof=1)) / power,
+        sums=scores.sum(axis=1) / noise,
+        powers=power / noise,
+        variances=n * np.var(scores, axis=1, ddof=1) / noise**2,
+        freedom=n - 1,
         pulls=columns @ weighed,
         fitted=_friction(linearised),
     )
@@ -422,14 +429,17 @@ def hidden_friction(each: Sequence[BySpeed]) -> tuple[int, float]:
     """Return place of the speed, and newtons, of what all settings show together; or 0 N."""
     if not each:
         return 0, 0.0
-    weights = np.array([1.0 / np.maximum(one.errors, 1e-300) ** 2 for one in each])
-    total = weights.sum(axis=0)
-    amounts = (weights * np.array([one.amounts for one in each])).sum(axis=0) / total
-    sureness = amounts * np.sqrt(total)
+    variances = np.array([one.variances for one in each])
+    whole, total = variances.sum(axis=0), np.sum([one.sums for one in each], axis=0)
+    sureness = total / np.sqrt(np.maximum(whole, 1e-300))
     best = int(np.argmax(np.abs(sureness)))
-    amount = float(amounts[best])
+    amount = float(total[best] / sum(one.powers[best] for one in each))
+    # Degrees of freedom of a sum of variances: Satterthwaite, Biometrics Bulletin 2 (1946).
+    shares = variances[:, best] / max(whole[best], 1e-300)
+    freedom = 1.0 / max(float(np.sum(shares**2 / [one.freedom for one in each])), 1e-300)
+    least = student_quantile(freedom, 1.0 - 0.5 * _CHANCE)
     fitted = each[0].fitted
-    is_sure = abs(sureness[best]) > _SURE and _LEAST * fitted < abs(amount) < _MOST * fitted
+    is_sure = abs(sureness[best]) > least and _LEAST * fitted < abs(amount) < _MOST * fitted
     return best, amount if is_sure else 0.0
 
 

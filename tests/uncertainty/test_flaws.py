@@ -18,7 +18,13 @@ from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding
 from damperfit.run.record import unconfirmed_tares
 from damperfit.uncertainty import Diagnosis, assess, objections
-from damperfit.uncertainty.flaws import Hint, _as_stiffness, _is_reasonable
+from damperfit.uncertainty.flaws import (
+    BySpeed,
+    Hint,
+    _as_stiffness,
+    _is_reasonable,
+    hidden_friction,
+)
 from damperfit.uncertainty.residuals import reconciled
 from tests.identification.rig import recording, short_trace, short_traces
 from tests.uncertainty.flaws import FLAWS, judged, outcomes, speed
@@ -198,6 +204,25 @@ def test_a_fault_is_named_and_what_it_moves_is_in_the_intervals(fault, code, fla
             (low, high), true = setting.intervals[name], getattr(truth, name)
             away = abs(getattr(setting.values, name) - true)
             assert away < max(0.02 * true, 1.5 * (high - low)), (setting, name)
+
+
+def test_noise_of_few_cycles_is_no_hidden_friction() -> None:
+    """The scatter of three cycles is hardly known: four settings of them are sure of little."""
+    random = np.random.default_rng(1)
+
+    def amount(friction: float) -> float:
+        each = []
+        for _ in range(4):
+            scores = friction + 0.3 * random.normal(size=(3, 3))  # (speeds, cycles)
+            variances = 3.0 * np.var(scores, axis=1, ddof=1)
+            each.append(
+                BySpeed(scores.sum(axis=1), np.full(3, 3.0), variances, 2, np.zeros((3, 1)), 2.0)
+            )
+        return hidden_friction(each)[1]
+
+    assert sum(amount(0.0) != 0.0 for _ in range(1000)) <= 1
+    assert amount(5.0) == 0.0  # more than twice the friction is none
+    assert np.median([amount(3.5) for _ in range(100)]) == pytest.approx(3.5, rel=0.1)
 
 
 # No flaw beyond reason, none of valves where nothing flows, none that contradicts another
