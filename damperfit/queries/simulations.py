@@ -14,7 +14,7 @@ from damperfit.adjustment.force_at import force_at
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import FAMILIES, REFERENCE_SOURCE, reference_parameters
-from damperfit.damper.temperature_law import BETA, WithTemperature
+from damperfit.damper.temperature_law import BETA, WithTemperature, at_temperature
 from damperfit.errors import (
     ConfigurationError,
     DamperfitError,
@@ -310,7 +310,10 @@ class SimulatedTest(NamedTuple):
             return None
         speeds = figures.peak_speed_rebound, figures.peak_speed_bump
         # Both strokes of each speed.
-        forces = force_at([fitted], fitted.run.damper, speeds, measured=fitted.run.speed_forces)
+        damper = fitted.run.damper
+        if self.temperature is not None:
+            damper = at_temperature(damper, self.temperature)
+        forces = force_at([fitted], damper, speeds, measured=fitted.run.speed_forces)
         if not forces:  # it cannot be simulated there
             return None
         rebound, bump = (max(f.force - f.low, f.high - f.force) for f in (forces[0], forces[-1]))

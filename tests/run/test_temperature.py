@@ -231,6 +231,11 @@ def test_results_are_asked_for_at_another_temperature(results) -> None:
     found = simulate(run.settings[0].values, run.damper, motion).force
     true = simulate(known_at(1, WARM), PURDY_DAMPER, motion).force
     assert float(np.max(np.abs(found - true))) < 0.01 * float(np.ptp(true))
+    simulated = damperfit.simulate(1, parameters=results, temperature="60degC")
+    peak = simulated.test.characteristics.peak_speed_rebound
+    row = damperfit.settings(results, temperature="60degC", velocity=peak).document()["forces"][0]
+    half = 0.5 * (row["force_ci_high_N"] - row["force_ci_low_N"])
+    assert simulated.document()["half_interval_N"]["rebound"] == pytest.approx(half, rel=1e-2)
     with pytest.raises(ConfigurationError, match="hot"):
         damperfit.settings(results, temperature="hot")
 
