@@ -369,6 +369,12 @@ def test_inspect_tells_both_gaps_of_one_log() -> None:
     assert "other numbers" not in told
 
 
+def test_refusals_of_a_few_logs_keep_their_numbers() -> None:
+    told = " ".join(finding_lines([log(k, "no-number") for k in (1, 2)]))
+    assert "line 1:" in told
+    assert "line 2:" in told
+
+
 def test_a_note_of_many_logs_is_one_line_with_the_range_of_its_value() -> None:
     told = list(finding_lines([log(k, "no-number", "note") for k in range(300)]))
     joined = " ".join(" ".join(told).split())

@@ -35,6 +35,7 @@ _WIDTH = 80
 _SHOWN_UNITS = {"m": (1e3, "mm"), "s": (1e3, "ms"), "Pa": (1e-5, "bar")}
 MANY_ROWS = 60  # of a table; two screens
 _ROWS_OF_REFUSED = 5  # where none of many logs can be used
+_EACH = 3  # refusals of one kind that are told one by one: what to declare is in their numbers
 _NUMBER = re.compile(r"[-+]?\d[\d.e+-]*")
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 _CURVE_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.52)  # m/s, of the speeds that damper tests name
@@ -199,7 +200,7 @@ def _grouped(logs: Sequence[Facts], severity: str) -> Iterator[str]:
             n = len({*others} - {first})
             names = dict.fromkeys(name for names in sentences.values() for name in names)
             rest = [name for name in names if name != first]
-            if rest and len(sentences) > 1:
+            if rest and len(sentences) > (_EACH if severity == "refusal" else 1):
                 yield f"{first}: {sentence}. With other numbers in {listed_names(rest, few=FEW)}"
                 break
             more = f" and {n} other log{'s' * (n > 1)}" if n else ""
