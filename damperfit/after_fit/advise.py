@@ -40,6 +40,7 @@ from damperfit.identification.simulated_log import compare
 from damperfit.problem import Option
 from damperfit.recording import Recording
 from damperfit.reporting.answer import Answer
+from damperfit.reporting.records import listed_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out
 from damperfit.results import entries_in
 from damperfit.simulation import sine_motion
@@ -199,6 +200,7 @@ class LawAdvice(Answer):
     chosen: str
     remaining: tuple[str, ...]
     tests: tuple[Deciding, ...]  # the best first
+    undecided: tuple[str, ...] = ()  # what else the logs leave open, a sentence each
 
     def document(self) -> dict[str, Any]:
         """Return the answer as JSON values."""
@@ -219,12 +221,19 @@ class LawAdvice(Answer):
 
     @property
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Which structures remain."""
+        """Which structures remain; where none does, what else the logs leave open."""
+        if not self.remaining:
+            return self.undecided
         return tuple(f"structure {k}: {title}" for k, title in enumerate(self.remaining, 1))
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
         """The advice in a sentence or two."""
+        if not self.remaining and self.undecided:
+            return (
+                f"no other structure that was tried comes near {self.chosen}; what these logs "
+                "leave open, the notes say"
+            )
         if not self.remaining:
             return f"these logs have decided: no other structure comes near {self.chosen}"
         names = {title: f"structure {k}" for k, title in enumerate(self.remaining, 1)}
@@ -373,12 +382,20 @@ def advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> L
         run.record.get("law_choice", {}).get("chosen", ""),
         tuple(rival.title for rival in rivals),
         tuple(sorted(tests, key=lambda test: test.rank)[:_FOLLOWED]),
+        tuple(map(str, listed_in(run.record.get("law_choice", {}), "undecided"))),
     )
 
 
 def remaining(run: Run) -> tuple[Rival, ...]:
     """Return the structures that the logs of a run have not decided against."""
     choice = run.record.get("law_choice")
+    if isinstance(choice, dict) and "chosen" in choice and "remaining" not in choice:
+        raise ConfigurationError(
+            f"{run.name or 'this run'}: an earlier damperfit chose its model and did not keep "
+            "which structures remain; identify the logs again with {model}",
+            model=Option("model", "auto"),
+            code="no-structures",
+        )
     if not isinstance(choice, dict) or "remaining" not in choice:
         raise ConfigurationError(
             f"{run.name or 'this run'}: its model was not chosen by the logs, so no structures "

@@ -89,6 +89,25 @@ def test_which_test_tells_the_structures_that_remain(results, fitted, tmp_path, 
     assert "--model auto" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("choice", "code", "told"),
+    [
+        ({"remaining": [], "undecided": ["The layout."]}, 0, "note: The layout."),
+        ({"remaining": []}, 0, "these logs have decided"),
+        ({}, 2, "an earlier damperfit"),
+    ],
+)
+def test_no_structure_remains(results, fitted, tmp_path, capsys, choice, code, told) -> None:
+    """What the logs leave open otherwise is told, and is not called decided."""
+    folder = shutil.copytree(results, tmp_path / "chosen")
+    record = fitted.record | {"law_choice": {"chosen": "the paper's model", **choice}}
+    (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    assert main(["advise", str(folder), "--for", "law"]) == code
+    out, err = capsys.readouterr()
+    assert told in out + err
+    assert ("have decided" in out) is (told == "these logs have decided")
+
+
 def test_a_test_that_heats_too_much_is_none(fitted) -> None:
     free = fitted.advise("k_e", setting=10, max_speed=0.5)
     cool = fitted.advise("k_e", setting=10, max_speed=0.5, max_heat="20W")
