@@ -1008,8 +1008,8 @@ class Run:
             return pd.DataFrame([{**row, "setting": row["setting"].cell} for row in rows])
         there = [one for one in TABLES if one in self.tables or has_table(self.folder, {}, one)]
         raise ConfigurationError(
-            f"no table {name!r} in these results; there are {', '.join(there)}."
-            f"{did_you_mean(name, there)}",
+            f"no table {name!r} in these results; there {'are ' if there else 'is none'}"
+            f"{', '.join(there)}.{did_you_mean(name, there)}",
             code="no-table",
         )
 
