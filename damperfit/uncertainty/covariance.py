@@ -89,9 +89,10 @@ class Uncertainty:
 
     @property
     def correlation(self) -> FloatArray:
-        """Correlation matrix, shape (k, k)."""
+        """Correlation matrix, shape (k, k); NaN of what the logs leave without a variance."""
         scale = np.sqrt(np.abs(np.diag(self.covariance)))
-        return np.asarray(self.covariance / np.outer(scale, scale))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.covariance / np.outer(scale, scale))
 
     def error(self, name: str) -> float:
         """Return the standard error of noise of ln y, of an offset in its unit."""

@@ -10,7 +10,8 @@ import pytest
 from damperfit.conditioning import apply_filter, design_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
-from damperfit.uncertainty import assess, linearise_settings, uncertainties
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty import Uncertainty, assess, linearise_settings, uncertainties
 from damperfit.uncertainty.correlation import (
     autocorrelation,
     correlation_length,
@@ -171,6 +172,11 @@ def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
     naive = float(np.std(linearised[0].logs[0].residuals)) / 4.0 * textbook
     for name, small in zip(FREE, naive, strict=True):
         assert found[name].error / getattr(campaign.fits[0].parameters, name) > 2.0 * small
+
+
+def test_what_has_no_variance_has_no_correlation_and_says_nothing_of_it() -> None:
+    seen = Uncertainty(Setting.of(1), {}, ("k_e", "f_f"), np.diag([4.0, 0.0]))
+    np.testing.assert_array_equal(seen.correlation, [[1.0, np.nan], [np.nan, np.nan]])
 
 
 def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
