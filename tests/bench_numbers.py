@@ -110,13 +110,13 @@ def measured(case: Case, command: Sequence[str] = ("-m", "damperfit")) -> Row:
     with tempfile.TemporaryDirectory() as temporary:
         out = Path(temporary) / "results"
         arguments = ["identify", *case.options, "--jobs", "1", "--quiet", "--out", str(out)]
-        cpu_s = _run([sys.executable, *command, *arguments], folder)
+        cpu_s = timed([sys.executable, *command, *arguments], folder)
         truth = folder / "truth.json"
         known = json.loads(truth.read_text(encoding="utf-8")) if truth.exists() else {}
         return replace(_row(out, known), cpu_s=round(cpu_s, 2))
 
 
-def _run(command: list[str], folder: Path) -> float:
+def timed(command: list[str], folder: Path) -> float:
     """Run a command in a folder; return its CPU time in s."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL,

@@ -19,7 +19,6 @@ import hashlib
 import json
 import math
 import os
-import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, replace
@@ -31,6 +30,7 @@ from scipy.optimize import brentq
 
 from damperfit.adjustment.force_at import force_at
 from damperfit.results import Run
+from tests.bench_numbers import timed
 from tests.rig_like import rig
 from tests.rig_like.dampers import text_of
 from tests.rig_like.rig import AMBIENT, Body, Channels, Valve, crank, logged
@@ -259,17 +259,7 @@ def identified(logs: Path, out: Path) -> float:
     command = [sys.executable, "-m", "damperfit", "identify", *files, "--model", "auto",
                "--hold-out", "*_unseen.csv", "--config", "damper.toml", "--out", str(out),
                "--jobs", "1", "--quiet"]  # fmt: skip
-    paths = os.pathsep.join([str(Path(__file__).parents[2])])
-    environment = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
-    process = subprocess.Popen(command, cwd=logs, env=environment, stdout=subprocess.DEVNULL,
-                               stderr=subprocess.PIPE, text=True)  # fmt: skip
-    assert process.stderr is not None
-    said = process.stderr.read()
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode not in {0, 1}:
-        sys.exit(f"{' '.join(command)} in {logs}\n{said}")
-    return usage.ru_utime + usage.ru_stime
+    return timed(command, logs)
 
 
 def _rows(path: Path) -> list[dict[str, str]]:

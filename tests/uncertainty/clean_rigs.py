@@ -28,10 +28,10 @@ import damperfit
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from tests.oracles.model import solve
+from tests.uncertainty.faults import far_off
 
 SETTINGS = (3, 7, 11, 15, 19)
 PLACES = 4000  # of a steady cycle
-NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 FloatArray = np.ndarray
 # Sines by harmonic: amplitude as a share of the first, phase.
 SINE = ((1, 1.0, 0.0),)
@@ -251,18 +251,7 @@ def campaign(rig: Rig, seed: int) -> tuple[Counter[str], list[str], list[str]]:
             logs, damper=damper, rig=dict(NO_TEMPERATURE if rig.write is not own else ()), jobs=1
         )
     told = [one for one in run.problems if one.severity == "warning"]
-    off = []
-    for setting in run.settings:
-        truth = reference_parameters(int(setting.label))
-        for name in NAMES:
-            true, value = getattr(truth, name), getattr(setting.values, name)
-            low, high = setting.intervals[name]
-            reach = math.inf if low is None or high is None else 0.5 * (high - low)
-            if setting.grade in {"excellent", "good"} and abs(value - true) > max(
-                0.02 * true, 3.0 * reach
-            ):
-                off.append(f"{setting.label} {name} {100.0 * (value / true - 1.0):+.1f} %")
-    return Counter(one.code for one in told), [str(one) for one in told], off
+    return Counter(one.code for one in told), [str(one) for one in told], far_off(run)
 
 
 def main() -> int:

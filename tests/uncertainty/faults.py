@@ -27,6 +27,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 import damperfit
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.results import Run
 from tests.oracles.model import sine, solve
 
 SETTINGS = (4, 8, 12, 16, 20)
@@ -316,9 +317,8 @@ def drawn(count: int, seed: int) -> dict[str, tuple[Fault, str]]:
     return faults
 
 
-def outcome(fault: Fault, cause: str) -> tuple[set[str], list[str], bool]:
-    """Return the grades of a fault, what is far off under one that stands, and if it is named."""
-    run = damperfit.identify({str(one): fault(log_of(one)) for one in SETTINGS}, jobs=1)
+def far_off(run: Run) -> list[str]:
+    """Return what is 2 % and three half intervals off under a grade that stands."""
     off = []
     for setting in run.settings:
         truth = reference_parameters(int(setting.label))
@@ -329,8 +329,15 @@ def outcome(fault: Fault, cause: str) -> tuple[set[str], list[str], bool]:
             is_far = abs(value - true) > max(0.02 * true, 3.0 * reach)
             if is_far and setting.grade in {"excellent", "good"}:
                 off.append(f"{setting.label} {parameter} {100.0 * (value / true - 1.0):+.1f} %")
+    return off
+
+
+def outcome(fault: Fault, cause: str) -> tuple[set[str], list[str], bool]:
+    """Return the grades of a fault, what is far off under one that stands, and if it is named."""
+    run = damperfit.identify({str(one): fault(log_of(one)) for one in SETTINGS}, jobs=1)
     told = [str(one) for one in run.problems]
-    return {one.grade for one in run.settings}, off, any(re.search(cause, one) for one in told)
+    grades = {one.grade for one in run.settings}
+    return grades, far_off(run), any(re.search(cause, one) for one in told)
 
 
 def main() -> int:
