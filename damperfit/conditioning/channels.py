@@ -157,9 +157,7 @@ def _runs(values: FloatArray) -> _Runs:
 def _rails(channel: _Channel, runs: _Runs, step: float, span: float) -> list[_Runs]:
     """Return the runs at the lowest and at the highest value that are no rounded peaks."""
     found = []
-    # Where a converter is slower than the rows each value stands for as long.
-    is_held = 2 * int(runs.length.sum()) > len(channel.values)
-    usual = median(runs.length) if is_held else 0.0
+    usual = median(runs.length) if _is_held(channel, runs) else 0.0
     is_long = (runs.length > 2.0 * usual) & (runs.least_leap > _LEAP * step)
     for rail in (channel.values.min(), channel.values.max()):
         at = runs.where((channel.values[runs.start] == rail) & is_long)
@@ -167,6 +165,17 @@ def _rails(channel: _Channel, runs: _Runs, step: float, span: float) -> list[_Ru
         if any(is_flat):
             found.append(at.where(np.array(is_flat)))
     return found
+
+
+def _is_held(channel: _Channel, runs: _Runs) -> bool:
+    """Whether a converter is slower than the rows: each value stands, not the ends alone."""
+    level = channel.values[runs.start]
+    is_between = (level > channel.values.min()) & (level < channel.values.max())
+    between = len(channel.values) - sum(
+        int(np.count_nonzero(channel.values == end))
+        for end in (channel.values.min(), channel.values.max())
+    )
+    return 2 * int(runs.length[is_between].sum()) > between
 
 
 def _is_clip(channel: _Channel, start: int, stop: int, span: float) -> bool:
@@ -232,7 +241,7 @@ def _standing(
     is_leap &= runs.least_leap > max(0.5 * _LEAP * step, 4.0 * noise, 0.002 * span)
     leaping = runs.where(is_leap)
     held = float(leaping.length.sum()) / n
-    if held > 0.5 and len(leaping.start) > 10:
+    if held > 0.5 and len(leaping.start) > 10 and _is_held(channel, leaping):
         text = (
             f"the {channel.name} changes only every {int(median(leaping.length))} rows: its sensor "
             "or converter is slower than the log; record it at its own rate"
@@ -308,6 +317,7 @@ _PHASE = 0.05  # of a cycle: when play closes
 _AT_TURNS = 0.25  # of the range
 _OFTEN = 0.25  # of the cycles
 _MOST_SPIKES = 0.02  # of the samples; more are noise
+_LONGEST_DROPOUT = 20  # samples
 
 
 def _spikes(channel: _Channel, usual: float, *, noise: float) -> Iterator[Finding]:
@@ -370,10 +380,10 @@ def _find_spikes(channel: _Channel, usual: float, *, noise: float) -> tuple[IntA
         middle = np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))
         beside[2:-2] = np.abs(e - middle)
     size = beside.copy()
-    nothing = np.empty(0, dtype=np.int64)
     least = max(_SPIKE, 4.0 / period if period else 0.0) * usual
+    dropouts = _find_dropouts(channel, max(least, _SPIKE_NOISE * noise), beside)
     if float(size.max()) <= least:
-        return nothing, beside[nothing]
+        return dropouts, beside[dropouts]
     if not period:
         # Where nothing repeats, turns and corners of the motion stand out by themselves.
         least = max(least, _USUAL * percentiles(size, _RARE)[0])
@@ -385,15 +395,38 @@ def _find_spikes(channel: _Channel, usual: float, *, noise: float) -> tuple[IntA
                 size[at] = np.where(size[at] < _AT_TURNS * usual, 0.0, size[at])
     rows = np.flatnonzero(size > max(least, _SPIKE_NOISE * noise))
     if len(rows) > _MOST_SPIKES * len(size):
-        return nothing, beside[nothing]
+        return dropouts, beside[dropouts]
     is_spike = [
         # More than two samples in a row that stand out are a blow, as where play closes.
         np.count_nonzero(size[max(row - _NEAR, 0) : row + _NEAR + 1] > _PART * size[row]) <= _ALONE
         and not (_repeats(size, row, period) if period else _is_motion(values, row, size[row]))
         for row in rows.tolist()
     ]
-    rows = rows[np.array(is_spike, dtype=bool)]
+    rows = np.union1d(rows[np.array(is_spike, dtype=bool)], dropouts)
     return rows, beside[rows]
+
+
+def _find_dropouts(channel: _Channel, least: float, beside: FloatArray) -> IntArray:
+    """Return the rows of short stands that lie apart from both sides, as zeros of a logger do.
+
+    How far each is from the line between its neighbours is noted in `beside`.
+    """
+    values, rows = channel.values, []
+    runs = _runs(values)
+    for start, stop in zip(runs.start.tolist(), runs.stop.tolist(), strict=True):
+        if not 2 <= start <= stop <= len(values) - 3 or stop - start > _LONGEST_DROPOUT:
+            continue
+        into, out = values[start - 1] - values[start], values[stop] - values[start]
+        usual = max(
+            abs(values[start - 1] - values[start - 2]), abs(values[stop + 1] - values[stop])
+        )
+        size = min(abs(into), abs(out))
+        if into * out > 0.0 and size > max(least, _LEAP * usual):
+            beside[start:stop] = size
+            rows += range(start, stop)
+    if channel.period:
+        rows = [row for row in rows if not _repeats(beside, row, channel.period)]
+    return np.array(rows, dtype=np.int64)
 
 
 def _is_motion(values: FloatArray, row: int, size: float) -> bool:

@@ -183,8 +183,11 @@ def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             mark, width = separator.encode(), len(columns)
             fields = (row.rstrip(b"\r").split(mark)[:width] for row in rows.split(b"\n"))
             rows = b"\n".join(map(mark.join, fields))
-        if facts.get("X_Columns") == "No":  # the first column is blank, the header tells the step
-            columns[0], units[0] = "blank", ""
+        if facts.get("X_Columns") == "No":  # the header tells the step
+            if columns[0] == "time":  # a column that is blank
+                columns[0], units[0] = "blank", ""
+            else:
+                units = [*units[1:], ""]
             step = dict(_LVM_ENTRY.findall(head)).get("Delta_X", "").split(separator)[0]
             with suppress(ValueError, ZeroDivisionError):
                 rate = 1.0 / float(step.replace(",", "."))

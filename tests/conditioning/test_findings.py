@@ -153,6 +153,17 @@ FAULTS = {
         r"20\d over its range",
         "displacement_noise",
     ),
+    "force clipped for most of the cycle": (
+        changed(LOG, "force", lambda f: np.clip(f, 0.4 * f.min(), 0.4 * f.max())),
+        "force_clipping",
+        "clipped at",
+    ),
+    "four rows of no force": (
+        changed(LOG, "force", lambda f: np.where(np.abs(np.arange(len(f)) - 1500.5) < 2, 0.0, f)),
+        "force_spikes",
+        "1500, 1501, 1502, 1503",
+        "cycle_scatter",
+    ),
     "spikes in force": (
         spiked(LOG, "force", [1500, 2222, 3000], 0.5),
         "force_spikes",

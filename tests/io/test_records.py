@@ -406,6 +406,11 @@ READ = {
         "own_rows",
     ),
     "no column of time": (columns_of_time("No"), ALL, ""),
+    "no column of time, no blank one": (
+        columns_of_time("No").replace("X_Value\t", "").replace("\n\t", "\n"),
+        ALL,
+        "",
+    ),
     "a column of time a channel": (columns_of_time("Multi"), ALL, ""),
     "a column of time a channel, one late": (columns_of_time("Multi", 0.001), None, "own_rows"),
     "a converter at 2 of 5 rows": (
