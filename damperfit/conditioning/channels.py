@@ -411,8 +411,8 @@ def _find_dropouts(channel: _Channel, least: float, beside: FloatArray) -> IntAr
 
     How far each is from the line between its neighbours is noted in `beside`.
     """
-    values, rows = channel.values, []
-    runs = _runs(values)
+    values, runs = channel.values, _runs(channel.values)
+    rows: list[int] = []
     for start, stop in zip(runs.start.tolist(), runs.stop.tolist(), strict=True):
         if not 2 <= start <= stop <= len(values) - 3 or stop - start > _LONGEST_DROPOUT:
             continue
