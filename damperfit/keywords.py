@@ -75,6 +75,8 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         "debug": ("flag", "", "Show the traceback of an error."),
         "version": ("flag", "", "Print the version and exit.", "-V"),
         "results": ("argument", "RESULTS", "Folder that identify wrote, or fleet/serial-D003."),
+        "advise.results": ("argument", "RESULTS", "Folder that identify wrote."),
+        "passport.results": ("argument", "RESULTS", "Folder that identify wrote."),
         "settings.results": ("arguments", "RESULTS",
             "Folder that identify wrote, or files of measured curves.  [default: results]"),
         "runs": ("arguments", "A B...",

@@ -55,7 +55,7 @@ from damperfit.uncertainty.correlation import (
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -64,6 +64,11 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
+LAW = "law"
+# Twice the logarithm of a likelihood ratio is very strong evidence from 10 on (Kass and Raftery, J.
+# Am. Stat. Assoc. 90 (1995) 773). It scatters with a variance of four times its expectation E: of
+# E = 27 it is more than 10 in 95 of 100 tests.
+DECIDES = 27.0
 _AMPLITUDES, _FREQUENCIES = 6, 8  # of the grid of candidates, spaced evenly by their logarithm
 _SAMPLES = 400  # of a cycle
 _RUN_IN = 2  # cycles before the one that is evaluated
@@ -72,24 +77,9 @@ _FOLLOWED = 4  # candidates that are recorded too
 _LONG = 10.0  # s of a record
 _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
-_USEFUL = 0.8  # of the interval: what a test that helps leaves at most
-_NOTICED = 0.01
+_USEFUL, _NOTICED = 0.8, 0.99  # of the interval: what a test that helps, or hardly helps, leaves
 _SPOILT = 1e6  # times the largest plausible value
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
-_MOTION_COLUMNS = (
-    Column("amplitude", "mm", lambda test: f"{1e3 * test.amplitude:.3g}"),
-    Column("frequency", "Hz", lambda test: f"{test.frequency:.3g}"),
-    Column("speed", "m/s", lambda test: f"{test.speed:.3g}"),
-    Column("cycles", "", lambda test: str(test.cycles)),
-    Column("rig", "min", lambda test: f"{test.minutes:.1f}"),
-)
-
-
-LAW = "law"
-# Twice the logarithm of a likelihood ratio is very strong evidence from 10 on (Kass and Raftery, J.
-# Am. Stat. Assoc. 90 (1995) 773). It scatters with a variance of four times its expectation E: of
-# E = 27 it is more than 10 in 95 of 100 tests.
-DECIDES = 27.0
 
 
 class Limits(NamedTuple):
@@ -126,14 +116,12 @@ class Question(NamedTuple):
     @property
     def title(self) -> str:
         """As in a sentence."""
-        if self.quantity:
-            return self.quantity.replace(LAW, "the law")
         stroke = "rebound" if self.speed >= 0.0 else "compression"
-        return f"the {stroke} force at {abs(self.speed):g} m/s"
+        return self.quantity or f"the {stroke} force at {abs(self.speed):g} m/s"
 
 
 class NextTest(NamedTuple):
-    """One candidate test, and what it promises."""
+    """One candidate test, and what it promises, of an interval or against other structures."""
 
     amplitude: float  # of a sine, m
     frequency: float  # Hz
@@ -141,7 +129,14 @@ class NextTest(NamedTuple):
     minutes: float  # of the rig, all settings
     # Interval after the test as a share of that before it, by setting; the worst over the
     # intervals of the values.
-    shares: dict[str, float]
+    shares: dict[str, float] = {}  # noqa: RUF012 - never changed
+    # Against each structure that remains (`DECIDES`).
+    evidence: dict[str, float] = {}  # noqa: RUF012 - never changed
+
+    @property
+    def speed(self) -> float:
+        """Peak speed, m/s."""
+        return 2.0 * math.pi * self.frequency * self.amplitude
 
     @property
     def share(self) -> float:
@@ -149,193 +144,86 @@ class NextTest(NamedTuple):
         return median(self.shares.values())
 
     @property
-    def rank(self) -> float:
-        """Errors fall with the root of the time: share for the same time on the rig."""
-        return self.share * math.sqrt(self.minutes)
-
-    @property
-    def speed(self) -> float:
-        """Peak speed, m/s."""
-        return 2.0 * math.pi * self.frequency * self.amplitude
-
-
-class Rival(NamedTuple):
-    """A structure that the logs leave open beside the chosen one, with its values by setting."""
-
-    title: str
-    damper: Model
-    values: dict[str, Values]
-
-
-class Deciding(NamedTuple):
-    """One candidate test, and its evidence (`DECIDES`) against each structure that remains."""
-
-    amplitude: float  # of a sine, m
-    frequency: float  # Hz
-    cycles: int
-    minutes: float  # of the rig, all settings
-    evidence: dict[str, float]
-
-    @property
-    def speed(self) -> float:
-        """Peak speed, m/s."""
-        return 2.0 * math.pi * self.frequency * self.amplitude
-
-    @property
     def decided(self) -> list[str]:
         """Titles of the structures that it tells from the chosen one."""
         return [title for title, found in self.evidence.items() if found >= DECIDES]
 
     @property
-    def rank(self) -> tuple[int, float]:
-        """Most structures, then most evidence against the nearest of them for its time."""
-        found = [self.evidence[title] for title in self.decided] or [max(self.evidence.values())]
-        return -len(self.decided), -min(found) / self.minutes
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class LawAdvice(Answer):
-    """In which test the structures that remain differ most."""
-
-    chosen: str
-    remaining: tuple[str, ...]
-    tests: tuple[Deciding, ...]  # the best first
-    undecided: tuple[str, ...] = ()  # what else the logs leave open, a sentence each
-
-    def document(self) -> dict[str, Any]:
-        """Return the answer as JSON values."""
-        names = ("amplitude_m", "frequency_Hz", "cycles", "minutes", "evidence")
-        tests = [dict(zip(names, test, strict=True)) for test in self.tests]
-        known = {"for": LAW, "sentence": self.sentence, "chosen": self.chosen}
-        return known | {"remaining": list(self.remaining), "tests": tests}
-
-    def sheets(self) -> tuple[Sheet]:
-        """Return the candidates as a table."""
-
-        def against(k: int, title: str) -> Column:
-            return Column(f"structure {k}", "2 ln LR", lambda test: f"{test.evidence[title]:.3g}")
-
-        evidence = (against(*pair) for pair in enumerate(self.remaining, 1))
-        note = "evidence against a structure that remains, the chosen one fitted anew; 27 decides"
-        return (laid_out(self.tests, (*_MOTION_COLUMNS, *evidence), note),)
+    def rank(self) -> tuple[float, float]:
+        """The least is the best: most structures or the narrowest interval for its time."""
+        if not self.evidence:  # errors fall with the root of the time
+            return 0.0, self.share * math.sqrt(self.minutes)
+        against = [self.evidence[title] for title in self.decided] or [max(self.evidence.values())]
+        return -float(len(self.decided)), -min(against) / self.minutes
 
     @property
-    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Which structures remain; where none does, what else the logs leave open."""
-        if not self.remaining:
-            return self.undecided
-        return tuple(f"structure {k}: {title}" for k, title in enumerate(self.remaining, 1))
-
-    @property
-    def sentence(self) -> str:  # type: ignore[override]
-        """The advice in a sentence or two."""
-        if not self.remaining and self.undecided:
-            return (
-                f"no other structure that was tried comes near {self.chosen}; what these logs "
-                "leave open, the notes say"
-            )
-        if not self.remaining:
-            return f"these logs have decided: no other structure comes near {self.chosen}"
-        names = {title: f"structure {k}" for k, title in enumerate(self.remaining, 1)}
-        if not self.tests or not self.tests[0].decided:
-            listed = ", ".join(names.values())
-            return f"no test within these limits distinguishes the chosen structure from {listed}"
-        best = self.tests[0]
-        return (
-            f"test {1e3 * best.amplitude:.3g} mm at {best.frequency:.3g} Hz ({best.cycles} steady "
-            f"cycles, {best.minutes:.1f} min on the rig): it distinguishes the chosen structure "
-            "from "
-            f"{', '.join(names[title] for title in best.decided)}"
-        )
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class Advice(Answer):
-    """Candidate tests by rank, and what is known today."""
-
-    question: Question  # what was asked
-    tests: tuple[NextTest, ...]  # the best first
-    # Half of today's 95 % interval by setting: relative for a quantity, N for a force.
-    now: dict[str, float]
-    floors: dict[str, float]  # what of it no further test of this kind takes off, by setting
-    remarks: tuple[str, ...] = ()  # what to know of it
+    def sentence(self) -> str:
+        """What to run."""
+        motion = f"{1e3 * self.amplitude:.3g} mm at {self.frequency:.3g} Hz"
+        return f"test {motion} ({self.cycles} steady cycles, {self.minutes:.1f} min on the rig)"
 
     def document(self) -> dict[str, Any]:
-        """Return the answer as JSON values."""
+        """Return it as JSON values."""
+        about = {"share": self.share, "shares": self.shares} if self.shares else {}
         return {
-            "for": self.question.title,
-            "sentence": self.sentence,
-            "remarks": list(self.remarks),
-            "interval_now": self.now,
-            "tests": [
-                {
-                    "amplitude_m": test.amplitude,
-                    "frequency_Hz": test.frequency,
-                    "peak_speed_m_per_s": test.speed,
-                    "cycles": test.cycles,
-                    "minutes": test.minutes,
-                    "share": test.share,
-                    "shares": test.shares,
-                }
-                for test in self.tests
-            ],
+            "amplitude_m": self.amplitude,
+            "frequency_Hz": self.frequency,
+            "peak_speed_m_per_s": self.speed,
+            "cycles": self.cycles,
+            "minutes": self.minutes,
+            **(about or {"evidence": self.evidence}),
         }
 
+
+@dataclass(frozen=True, repr=False, eq=False, kw_only=True)
+class Advice(Answer):
+    """Candidate tests by rank, and what is known today.
+
+    Attributes
+    ----------
+    tests : tuple of NextTest
+        The best first.
+    known : mapping
+        Half of today's 95 % interval by setting, relative for a quantity, N for a force
+        ("interval_now"); or the structure that was "chosen" and titles of those "remaining".
+    """
+
+    title: str  # of the question
+    sentence: str
+    tests: tuple[NextTest, ...]
+    known: dict[str, Any]
+    remarks: tuple[str, ...] = ()
+    columns: tuple[Column, ...] = ()  # of what the tests promise; none: no test is any use
+    note: str = ""
+
+    def document(self) -> dict[str, Any]:
+        """Return the answer as JSON values."""
+        about = {"for": self.title, "sentence": self.sentence, "remarks": list(self.remarks)}
+        return about | self.known | {"tests": [test.document() for test in self.tests]}
+
     def sheets(self) -> tuple[Sheet, ...]:
-        """Return the candidates as a table; none where all leave the interval as it is."""
-        if not self._is_any_use:
-            return ()
-        columns = (
-            *_MOTION_COLUMNS,
-            Column("interval", "% of now", lambda test: f"{100.0 * test.share:.3g}"),
-            Column(
-                "worst setting",
-                "% of now",
-                lambda test: f"{100.0 * max(test.shares.values()):.3g}",
-            ),
+        """Return the candidates as a table."""
+        motion = (
+            Column("amplitude", "mm", lambda test: f"{1e3 * test.amplitude:.3g}"),
+            Column("frequency", "Hz", lambda test: f"{test.frequency:.3g}"),
+            Column("speed", "m/s", lambda test: f"{test.speed:.3g}"),
+            Column("cycles", "", lambda test: str(test.cycles)),
+            Column("rig", "min", lambda test: f"{test.minutes:.1f}"),
         )
-        return (laid_out(self.tests, columns),)
-
-    @property
-    def sentence(self) -> str:  # type: ignore[override]
-        """The advice in a sentence or two."""
-        title = self.question.title
-        if not self.tests:
-            return f"no test is within the limits of the rig, so none narrows {title}"
-        best = self.tests[0]
-        if best.share <= _USEFUL:
-            n = len(best.shares)
-            middle = f" (median of {n} settings)" if n > 1 else ""
-            return (
-                f"test {1e3 * best.amplitude:.3g} mm at {best.frequency:.3g} Hz "
-                f"({best.cycles} steady cycles): the interval of {title} shrinks to "
-                f"{100.0 * best.share:.2g} % of today's{middle}, in "
-                f"{best.minutes:.1f} min on the rig"
-            )
-        why = "the force hardly depends on it at any motion within the limits"
-        if median(self.floors[name] / self.now[name] for name in self.now) > _USEFUL:
-            why = (
-                "most of the interval is lack of fit or an assumed default, which another test "
-                "of this kind repeats"
-            )
-        most = f" by more than {100.0 * (1.0 - best.share):.0f} %" if self._is_any_use else ""
-        return f"no test within these limits narrows the interval of {title}{most}: {why}"
-
-    @property
-    def _is_any_use(self) -> bool:
-        """Whether some test narrows the interval by a per cent."""
-        return any(test.share <= 1.0 - _NOTICED for test in self.tests)
+        notes = filter(None, [self.note])
+        return (laid_out(self.tests, (*motion, *self.columns), *notes),) if self.columns else ()
 
 
 def advise(
     run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
 ) -> Advice:
     """Return which sine tells most about a question, at the settings together."""
-    whole = filter(_has_errors, settings)
-    known = [one for setting in whole if (one := _Known(run, setting, question)).now > 0.0]
+    known = [_Known(run, one, question) for one in settings if _has_errors(one)]
+    known = [one for one in known if one.now > 0.0]
+    title = question.title
     if not known:
         raise ConfigurationError(
-            f"{run.name}: no setting has an error of {question.title}: it is held, or the fit "
+            f"{run.name}: no setting has an error of {title}: it is held, or the fit "
             "found no minimum; fit it first",
             code="nothing-to-narrow",
         )
@@ -343,17 +231,82 @@ def advise(
     screened = [test for motion in _candidates(limits) if (test := rig.screened(*motion))]
     best = sorted(screened, key=lambda test: test.rank)[:_FOLLOWED]
     recorded = [rig.recorded(test, question.quantity) for test in best]
+    tests = tuple(sorted(recorded, key=lambda test: test.rank))
+    is_any_use = any(test.share <= _NOTICED for test in tests)
+    if not tests:
+        sentence = f"no test is within the limits of the rig, so none narrows {title}"
+    elif tests[0].share <= _USEFUL:
+        n, left = len(known), f"{100.0 * tests[0].share:.2g} % of today's"
+        left += f" (median of {n} settings)" if n > 1 else ""
+        sentence = f"{tests[0].sentence}: the interval of {title} shrinks to {left}"
+    else:
+        why = "the force hardly depends on it at any motion within the limits"
+        if median(one.floor / one.now for one in known) > _USEFUL:
+            why = (
+                "most of the interval is lack of fit or an assumed default, which another test "
+                "of this kind repeats"
+            )
+        most = f" by more than {100.0 * (1.0 - tests[0].share):.0f} %" if is_any_use else ""
+        sentence = f"no test within these limits narrows the interval of {title}{most}: {why}"
+    columns = (
+        Column("interval", "% of now", lambda test: f"{100.0 * test.share:.3g}"),
+        Column("worst setting", "% of now", lambda test: f"{100 * max(test.shares.values()):.3g}"),
+    )
     speed, tested = abs(question.speed), max(one.result.top_speed for one in known)
     remark = (
         f"{speed:g} m/s was never tested (up to {tested:.3g} m/s): the force there is the model's, "
         "extrapolated, and so is its interval"
     )
     return Advice(
-        question,
-        tuple(sorted(recorded, key=lambda test: test.rank)),
-        {one.result.label: one.now for one in known},
-        {one.result.label: one.floor for one in known},
-        (*run.remarks, *[remark] * (speed > tested)),
+        title=title,
+        sentence=sentence,
+        tests=tests,
+        known={"interval_now": {one.result.label: one.now for one in known}},
+        remarks=(*run.remarks, *[remark] * (speed > tested)),
+        columns=columns if is_any_use else (),
+    )
+
+
+def advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> Advice:
+    """Return in which sine the structures that a run's logs leave open differ most."""
+    rivals, choice = remaining(run), run.record["law_choice"]
+    undecided = tuple(map(str, listed_in(choice, "undecided")))
+    chosen, titles = choice.get("chosen", ""), [rival.title for rival in rivals]
+    known = [_Known(run, one, Question(LAW)) for one in settings if _has_errors(one)]
+    tests: tuple[NextTest, ...] = ()
+    if rivals and known:
+        rig, counted = _Rig(run, limits, known), choice.get("effective_samples")
+        n = sum(part.get("n_samples") or 0 for part in entries_in(run.record, "stretches"))
+        worth = n / counted if isinstance(counted, float) and counted > 0.0 else rig.worth
+        found = (rig.decided(rivals, motion, worth) for motion in _candidates(limits))
+        tests = tuple(sorted(filter(None, found), key=lambda test: test.rank)[:_FOLLOWED])
+    names = {title: f"structure {k}" for k, title in enumerate(titles, 1)}
+    remarks = tuple(f"{name}: {title}" for title, name in names.items()) or undecided
+    if not rivals and undecided:
+        sentence = (
+            f"no other structure that was tried comes near {chosen}; what these logs leave open, "
+            "the notes say"
+        )
+    elif not rivals:
+        sentence = f"these logs have decided: no other structure comes near {chosen}"
+    elif not tests or not tests[0].decided:
+        listed = ", ".join(names.values())
+        sentence = f"no test within these limits distinguishes the chosen structure from {listed}"
+    else:
+        listed = ", ".join(names[title] for title in tests[0].decided)
+        sentence = f"{tests[0].sentence}: it distinguishes the chosen structure from {listed}"
+
+    def against(title: str) -> Column:
+        return Column(names[title], "2 ln LR", lambda test: f"{test.evidence[title]:.3g}")
+
+    return Advice(
+        title=LAW,
+        sentence=sentence,
+        tests=tests,
+        known={"chosen": chosen, "remaining": titles},
+        remarks=remarks,
+        columns=tuple(map(against, titles)),
+        note="evidence against a structure that remains, the chosen one fitted anew; 27 decides",
     )
 
 
@@ -366,43 +319,29 @@ def _has_errors(setting: SettingResult) -> bool:
     return all(abs(value) < _SPOILT * max(map(abs, one.plausible)) for one, value in known)
 
 
-def advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> LawAdvice:
-    """Return in which sine the structures that a run's logs leave open differ most."""
-    rivals = remaining(run)
-    law = Question(LAW)
-    known = [_Known(run, one, law) for one in settings if _has_errors(one)]
-    tests: list[Deciding] = []
-    if rivals and known:
-        rig, counted = _Rig(run, limits, known), run.record["law_choice"].get("effective_samples")
-        n = sum(part.get("n_samples") or 0 for part in entries_in(run.record, "stretches"))
-        worth = n / counted if isinstance(counted, float) and counted > 0.0 else rig.worth
-        found = (rig.decided(rivals, motion, worth) for motion in _candidates(limits))
-        tests = [one for one in found if one is not None]
-    return LawAdvice(
-        run.record.get("law_choice", {}).get("chosen", ""),
-        tuple(rival.title for rival in rivals),
-        tuple(sorted(tests, key=lambda test: test.rank)[:_FOLLOWED]),
-        tuple(map(str, listed_in(run.record.get("law_choice", {}), "undecided"))),
-    )
+class Rival(NamedTuple):
+    """A structure that the logs leave open beside the chosen one, with its values by setting."""
+
+    title: str
+    damper: Model
+    values: dict[str, Values]
 
 
 def remaining(run: Run) -> tuple[Rival, ...]:
     """Return the structures that the logs of a run have not decided against."""
     choice = run.record.get("law_choice")
-    if isinstance(choice, dict) and "chosen" in choice and "remaining" not in choice:
-        raise ConfigurationError(
-            f"{run.name or 'this run'}: an earlier damperfit chose its model and did not keep "
-            "which structures remain; identify the logs again with {model}",
-            model=Option("model", "auto"),
-            code="no-structures",
-        )
     if not isinstance(choice, dict) or "remaining" not in choice:
-        raise ConfigurationError(
-            f"{run.name or 'this run'}: its model was not chosen by the logs, so no structures "
-            "remain to tell apart; identify the logs with {model}",
-            model=Option("model", "auto"),
-            code="no-structures",
+        why = (
+            "an earlier damperfit chose its model and did not keep which structures remain; "
+            "identify the logs again with {model}"
         )
+        if not isinstance(choice, dict) or "chosen" not in choice:
+            why = (
+                "its model was not chosen by the logs, so no structures remain to tell apart; "
+                "identify the logs with {model}"
+            )
+        model, text = Option("model", "auto"), f"{run.name or 'this run'}: {why}"
+        raise ConfigurationError(text, model=model, code="no-structures")
     rivals = []
     for entry in entries_in(choice, "remaining"):
         try:
@@ -453,7 +392,7 @@ class _Known:
             # Rounding: keep the shape, lose the part.
             self.covariance = whole * max(1.0 - fixed / total, 1e-6) if total else misfit
         self.now, self.floor = NORMAL_95 * math.sqrt(total), NORMAL_95 * math.sqrt(fixed)
-        segments: list[Mapping[str, Any]] = [
+        segments = [
             segment
             for segment in entries_in(run.record, "stretches")
             if segment.get("setting") == setting.setting.cell
@@ -466,10 +405,9 @@ class _Known:
                 "identify logs with steady cycles",
                 code="no-noise",
             )
-        segments.sort(key=lambda segment: float(segment["noise_N"]))
-        self.segments = segments
+        self.segments = sorted(segments, key=lambda segment: float(segment["noise_N"]))
         # Of the filtered force between cycles, N.
-        self.noise = float(segments[len(segments) // 2]["noise_N"])
+        self.noise = float(self.segments[len(segments) // 2]["noise_N"])
 
     def share_after(self, before: FloatArray, after: FloatArray, scores: FloatArray) -> float:
         """Interval after a test, as a share of that before: H, H + G and S of all settings."""
@@ -488,15 +426,12 @@ class _Known:
 
 def _gradient(run: Run, setting: SettingResult, question: Question) -> FloatArray:
     """The question by u of the setting's values that have an error."""
-    names = setting.names
+    names, known = setting.names, [name.lower() for name in run.damper.names]
     if not question.quantity:
         speeds = [question.speed]
         forces = quasi_static(run.damper, setting.parameters, speeds, sensitivities=tuple(names))
         return forces.slopes[:, 0]
-    known = [name.lower() for name in run.damper.names]
-    if question.quantity == LAW:
-        return np.zeros(len(names))
-    if question.quantity not in known:
+    if question.quantity not in {LAW, *known}:
         raise ConfigurationError(
             f"found {question.quantity!r}; expected law, force@SPEED or one of "
             f"{', '.join(known)}.{did_you_mean(question.quantity, known)}",
@@ -535,21 +470,23 @@ class _Rig:
             if finding.get("name") == "displacement_noise" and finding.get("value")
         ]
         self.displacement_noise = median(noises) if noises else 0.0  # m
-        self.told = [self._told(one) for one in known]
+        self.told = []  # J'J of the logs of each setting
+        for one in known:
+            told = np.zeros((len(one.result.names),) * 2)
+            for log in one.segments:
+                motion = (log["amplitude_m"], log["frequency_Hz"])
+                per_sample = self._steady(one, one.result.parameters, *motion, has_been=True)
+                assert per_sample is not None
+                told += log["n_samples"] * per_sample
+            self.told.append(told)
 
     def _design(self, rate: float) -> Any:
         kind, corner, order = self.filter
         return design_filter(kind, corner, sample_rate=rate, order=order)
 
-    def _told(self, known: _Known) -> FloatArray:
-        """J'J of the logs of a setting."""
-        told = np.zeros((len(known.result.names),) * 2)
-        for one in known.segments:
-            motion = (one["amplitude_m"], one["frequency_Hz"])
-            per_sample = self._steady(known, known.result.parameters, *motion, has_been=True)
-            assert per_sample is not None
-            told += one["n_samples"] * per_sample
-        return told
+    def _test(self, amplitude: float, frequency: float, cycles: int, **promise: Any) -> NextTest:
+        seconds = len(self.known) * ((cycles + _RUN_IN) / frequency + _BETWEEN)
+        return NextTest(amplitude, frequency, cycles, seconds / 60.0, **promise)
 
     def screened(
         self, amplitude: float, frequency: float, cycles: int, quantity: str = "", end: int = 0
@@ -559,26 +496,28 @@ class _Rig:
         With a quantity, that one at an end of its interval.
         """
         n = cycles / frequency * self.rate
-        told = []
+        added = []
         for one in self.known:
-            try:
-                values = one.values_at(quantity, end)
-                per_sample = self._steady(one, values, amplitude, frequency)
-            except SimulationError:
-                return None
+            per_sample = self._steady(one, one.values_at(quantity, end), amplitude, frequency)
             if per_sample is None:
                 return None
-            told.append((n * per_sample, n * per_sample * self.worth))
-        shares = self._shares(told)
-        return NextTest(amplitude, frequency, cycles, self.minutes(frequency, cycles), shares)
+            added.append((n * per_sample, n * per_sample * self.worth))
+        return self._test(amplitude, frequency, cycles, shares=self._shares(added))
 
-    def minutes(self, frequency: float, cycles: int) -> float:
-        """Of the rig for a test at all settings."""
-        return len(self.known) * ((cycles + _RUN_IN) / frequency + _BETWEEN) / 60.0
+    def recorded(self, test: NextTest, quantity: str) -> NextTest:
+        """The same test as the rig would record it, the worst over the interval of a quantity."""
+        n = test.cycles / test.frequency * self.rate
+        records = [self._record(one, test) for one in self.known]
+        shares = self._shares([(n * gained, n * scores) for gained, scores in records])
+        for end in (0, 1) if quantity else ():
+            if at_end := self.screened(*test[:3], quantity, end):
+                for label, share in test.shares.items():
+                    shares[label] *= max(1.0, at_end.shares[label] / share)
+        return test._replace(shares={label: min(share, 1.0) for label, share in shares.items()})
 
     def decided(
         self, rivals: Sequence[Rival], motion: tuple[float, float, int], worth: float
-    ) -> Deciding | None:
+    ) -> NextTest | None:
         """What a test tells of structures that remain; None: it is beyond rig or damper.
 
         Of `worth` samples one counts, as in the choice of the structure.
@@ -588,39 +527,22 @@ class _Rig:
         n = cycles / frequency * self.rate / max(worth, self.worth)
         for one in self.known:
             values, names = one.result.parameters, one.result.names
-            try:
-                own = self.cycle(self.run.damper, values, amplitude, frequency, names)
-                if own is None:
-                    return None
-                jacobian = own[1:].T * _scales(values, names) / one.noise
-                weight = n / len(jacobian)
-                after = weight * jacobian.T @ jacobian + np.linalg.pinv(one.covariance)
-                for rival in rivals:
-                    if one.result.label not in rival.values:
-                        continue
-                    known = rival.values[one.result.label]
-                    seen = self.cycle(rival.damper, known, amplitude, frequency)
-                    if seen is None:
-                        return None
-                    d = (seen[0] - own[0]) / one.noise
-                    b = weight * jacobian.T @ d
-                    left = float(weight * d @ d - b @ np.linalg.solve(after, b))
-                    evidence[rival.title] += n * math.log1p(max(left, 0.0) / n)
-            except SimulationError:
+            own = self._cycle(self.run.damper, values, amplitude, frequency, names)
+            if own is None:
                 return None
-        minutes = self.minutes(frequency, cycles)
-        return Deciding(amplitude, frequency, cycles, minutes, evidence)
-
-    def recorded(self, test: NextTest, quantity: str) -> NextTest:
-        """The same test as the rig would record it, the worst over the interval of a quantity."""
-        n = test.cycles / test.frequency * self.rate
-        told = [self._record(one, test) for one in self.known]
-        shares = self._shares([(n * gained, n * scores) for gained, scores in told])
-        for end in (0, 1) if quantity else ():
-            if at_end := self.screened(*test[:3], quantity, end):
-                for label, share in test.shares.items():
-                    shares[label] *= max(1.0, at_end.shares[label] / share)
-        return test._replace(shares={label: min(share, 1.0) for label, share in shares.items()})
+            jacobian = own[1:].T * _scales(values, names) / one.noise
+            weight = n / len(jacobian)
+            after = weight * jacobian.T @ jacobian + np.linalg.pinv(one.covariance)
+            for rival in (rival for rival in rivals if one.result.label in rival.values):
+                known = rival.values[one.result.label]
+                other = self._cycle(rival.damper, known, amplitude, frequency)
+                if other is None:
+                    return None
+                d = (other[0] - own[0]) / one.noise
+                b = weight * jacobian.T @ d
+                left = float(weight * d @ d - b @ np.linalg.solve(after, b))
+                evidence[rival.title] += n * math.log1p(max(left, 0.0) / n)
+        return self._test(*motion, evidence=evidence)
 
     def _steady(
         self,
@@ -631,15 +553,15 @@ class _Rig:
         *,
         has_been: bool = False,
     ) -> FloatArray | None:
-        """J'J a sample, from one steady cycle; None: too much force or heat for the rig."""
+        """J'J a sample, from one steady cycle; None: beyond the rig or the damper."""
         names = known.result.names
-        cycle = self.cycle(self.run.damper, values, amplitude, frequency, names, has_been=has_been)
+        cycle = self._cycle(self.run.damper, values, amplitude, frequency, names, has_been=has_been)
         if cycle is None:
             return None
         jacobian = cycle[1:].T * _scales(values, names)
         return np.asarray(jacobian.T @ jacobian / (len(jacobian) * known.noise**2))
 
-    def cycle(
+    def _cycle(
         self,
         damper: Model,
         values: Values,
@@ -649,14 +571,20 @@ class _Rig:
         *,
         has_been: bool = False,
     ) -> FloatArray | None:
-        """Force of one steady cycle behind the filter, and its slopes; None: beyond the rig.
+        """Force of one steady cycle behind the filter, and its slopes.
 
-        A test that has been is beyond none, whatever the limits of the next one are.
+        None: it cannot be simulated, or takes too much force or heat. A test that has been is
+        beyond nothing, whatever the limits of the next one are.
         """
         per_cycle = max(_SAMPLES, math.ceil(4.0 * self.filter[1] / frequency))
         rate = per_cycle * frequency
         motion = sine_motion(amplitude, frequency, cycles=_RUN_IN + 2, sample_rate=rate)
-        seen = damper.simulate(values, motion, sensitivities=names, options=self.run.solver)
+        try:
+            seen = damper.simulate(values, motion, sensitivities=names, options=self.run.solver)
+        except SimulationError:
+            if has_been:
+                raise
+            return None
         steady = slice(_RUN_IN * per_cycle, (_RUN_IN + 1) * per_cycle)
         heat = float(np.mean(seen.force[steady] * seen.velocity[steady]))
         is_beyond = np.abs(seen.force[steady]).max() > self.limits.force or heat > self.limits.heat
@@ -702,10 +630,7 @@ class _Rig:
         force = damper.simulate(values, motion, sensitivities=(), options=solver).force
         n = len(motion.displacement)
         recording = Recording(
-            name="advised test",
-            path="",
-            sha256="",
-            setting=None,
+            *("advised test", "", "", None),
             time=np.arange(n) / self.rate,
             displacement=motion.displacement + self.displacement_noise * random.standard_normal(n),
             force=force + white * random.standard_normal(n),
@@ -727,12 +652,17 @@ class _Rig:
         is_paper = self.run.configuration.identification.procedure == "paper"
         whole, lent = [], []
         for one, before, (gained, scores) in zip(self.known, self.told, added, strict=True):
-            after = before + gained
+            after, n = before + gained, len(one.result.own)
             roles = [one.result.parameters.quantity(name).role for name in one.result.shared]
             lends = np.array([not is_paper or role == FRICTION for role in roles], dtype=float)
-            pairs = ((before, before), (after, after), (after, scores))
             whole.append([part.copy() for part in (before, after, scores)])
-            lent.append([_left(h, s, len(one.result.own), lends) for h, s in pairs])
+            pairs = ((before, before), (after, after), (after, scores))
+            left = []  # the scores of shared values once a setting's own are fitted
+            for h, s in pairs:
+                own = h[:n, :n] + 1e-9 * np.eye(n)
+                rows = np.hstack([-np.linalg.solve(own, h[:n, n:]).T, np.eye(len(h) - n)])
+                left.append((rows @ s @ rows.T) * np.outer(lends, lends))
+            lent.append(left)
         shares = {}
         for one, mine in zip(self.known, whole, strict=True):
             n = len(one.result.own)
@@ -742,10 +672,3 @@ class _Rig:
                         part[n:, n:] += more
             shares[one.result.label] = one.share_after(*mine)
         return shares
-
-
-def _left(h: FloatArray, scores: FloatArray, n_own: int, lends: FloatArray) -> FloatArray:
-    """The scores of shared values once a setting's own are fitted, of those that it lends."""
-    own = h[:n_own, :n_own] + 1e-9 * np.eye(n_own)
-    rows = np.hstack([-np.linalg.solve(own, h[:n_own, n_own:]).T, np.eye(len(h) - n_own)])
-    return np.asarray((rows @ scores @ rows.T) * np.outer(lends, lends))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from threading import Event
 
-    from damperfit.after_fit.advise import Advice, LawAdvice
+    from damperfit.after_fit.advise import Advice
     from damperfit.after_fit.ride import DrivenStroke, Ride
     from damperfit.after_fit.valves import Orifices
     from damperfit.after_fit.watch import Arrival
@@ -40,7 +40,7 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     max_heat: str | float | None = None,
     minutes: float | None = None,
     config: str | Path | None = None,
-) -> Advice | LawAdvice:
+) -> Advice:
     """Say which further test narrows an interval most, or tells which structures remain.
 
     Parameters
@@ -53,12 +53,11 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
 
     Returns
     -------
-    Advice or LawAdvice
+    Advice
         Candidates by rank, each with the share of today's interval that is left at each setting, or
         with its evidence against each structure.
     """
-    from damperfit.after_fit.advise import LAW, Limits, Question, advise_law
-    from damperfit.after_fit.advise import advise as advised
+    from damperfit.after_fit import advise as module
     from damperfit.queries.settings import positive
 
     if for_ is None:
@@ -68,7 +67,7 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
             for_=Option("for_"),
             code="question",
         )
-    run = run_of(results, "damperfit.advise", config)
+    run = run_of(results, "damperfit.advise", config, takes_parts=False)
     rig, tested = run.configuration.rig, run.tested
     stroke = positive(max_stroke, "length", "max_stroke") or rig.max_stroke or tested.stroke
     speed = positive(max_speed, "velocity", "max_speed") or rig.max_speed
@@ -79,7 +78,7 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
             "rig.max_speed",
             code="no-limits",
         )
-    limits = Limits(
+    limits = module.Limits(
         min(stroke, _OF_TRAVEL * run.damper.travel),
         speed,
         positive(max_force, "force", "max_force") or rig.max_force or math.inf,
@@ -87,10 +86,10 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
         rig.minutes if minutes is None else _above_zero("minutes", minutes),
         positive(max_heat, "power", "max_heat") or rig.max_heat or math.inf,
     )
-    question, settings = Question.of(for_), _settings(run, setting)
-    if question.quantity == LAW:
-        return advise_law(run, limits, settings)
-    return advised(run, question, limits, settings)
+    question, settings = module.Question.of(for_), _settings(run, setting)
+    if question.quantity == module.LAW:
+        return module.advise_law(run, limits, settings)
+    return module.advise(run, question, limits, settings)
 
 
 @public
@@ -125,13 +124,12 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
             code="cd-spread",
         )
     run = run_of(results, "damperfit.valves", config)
-    texts = (None if one is None else str(one) for one in (force, velocity))
-    asked = parse_question(force=next(texts), velocity=next(texts), stroke=stroke)
+    texts = [None if one is None else str(one) for one in (force, velocity)]
+    asked = parse_question(force=texts[0], velocity=texts[1], stroke=stroke)
     if asked.speed and asked.force is None:
         text = "{where} has no effect: at which force? Give {force} too"
         where, more = Option("velocity", velocity or ""), Option("force")
         raise ConfigurationError(text, where=where, force=more, code="no-effect")
-    speed = asked.speed and math.copysign(asked.speed, -1.0 if asked.stroke == "bump" else 1.0)
     found = read_valves(
         run,
         discharge=cd,
@@ -139,7 +137,9 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
         seat=positive(seat, "length", "seat"),
         reference=_reference(reference, "damperfit.valves", run.damper.name),
     )
-    return found if asked.force is None or speed is None else sized(found, run, asked.force, speed)
+    if asked.force is None or asked.speed is None:
+        return found
+    return sized(found, run, asked.force, -asked.speed if asked.stroke == "bump" else asked.speed)
 
 
 @public
@@ -152,11 +152,6 @@ def passport(
 ) -> tuple[Path, Path]:
     """Write the passport of a damper: one A4 page, and a JSON that compare takes as a baseline.
 
-    Parameters
-    ----------
-    results : Run or path
-        Of one damper.
-
     Returns
     -------
     tuple of pathlib.Path
@@ -166,7 +161,7 @@ def passport(
     from damperfit.reporting.records import units_in
     from damperfit.units.shown_units import parse_units
 
-    run = run_of(results, "damperfit.passport", config)
+    run = run_of(results, "damperfit.passport", config, takes_parts=False)
     shown = units_in(run.record) if units is None else parse_units(units)
     return write_passport(run, Path(out or ""), shown)
 
@@ -184,8 +179,6 @@ def ride(
 
     Parameters
     ----------
-    results : Run or path
-        Of one damper.
     car : path or mapping
         [car] in TOML, or its keys: masses, spring, tyre, motion ratio, road, speed.
     stroke : path
@@ -238,82 +231,53 @@ def watch(
     """
     from threading import Event
 
+    from damperfit.after_fit.watch import watched
     from damperfit.configuration.loading import load_configuration
     from damperfit.store import check_writable
 
     place = path_of(folder, "damperfit.watch", "the path of a folder")
-    model = load_configuration(None if config is None else Path(config)).damper.name
-    earlier = _reference(reference, "damperfit.watch", model)
+    own, results = (None if one is None else Path(one) for one in (config, out))
+    earlier = _reference(reference, "damperfit.watch", load_configuration(own).damper.name)
     if not place.is_dir():
         raise ConfigurationError("no such folder", subject=place, code="no-folder")
-    if out is not None:
-        if place.resolve().is_relative_to(Path(out).resolve()):
+    if results is not None:
+        if place.resolve().is_relative_to(results.resolve()):
             raise ConfigurationError(
                 "the results would stand among the logs; give another folder, such as "
                 f"{place / 'results'}",
-                where=Option("out", out),
+                where=Option("out", results),
                 code="out-is-watched",
             )
-        check_writable(Path(out))
-    return _watched(place.resolve(), out, earlier, config, stop or Event())
+        check_writable(results)
+    return watched(place.resolve(), results, earlier, own, stop or Event())
 
 
-def _watched(
-    folder: Path,
-    out: str | Path | None,
-    reference: Run | None,
-    config: str | Path | None,
-    stop: Event,
-) -> Iterator[Arrival]:
-    from damperfit.after_fit.watch import answers
-    from damperfit.api import identify
-
-    own = None if out is None else Path(out).resolve()
-    fitted: dict[Path, None] = {}
-    is_stale = False
-
-    def write() -> None:
-        logs = [path for path in fitted if path.exists()]
-        if is_stale and logs:
-            identify(logs, config=config, out=out, report=True)
-
-    def fit(log: Path) -> Run:
-        return identify([log], config=config)
-
-    try:
-        for arrival in answers(folder, own, stop, fit, reference):
-            if arrival is None:
-                write()
-                is_stale = False
-                continue
-            fitted.pop(arrival.path, None)
-            if arrival.run is not None:
-                fitted[arrival.path] = None
-                is_stale = out is not None
-            yield arrival
-    except KeyboardInterrupt:
-        pass
-    finally:
-        write()
-
-
-def run_of(results: object, call: str, config: str | Path | None = None) -> Run:
+def run_of(
+    results: object, call: str, config: str | Path | None = None, *, takes_parts: bool = True
+) -> Run:
     """Return a run as it is given, or read from its folder; one setting at least is fitted."""
     from damperfit.queries.settings import refuse_unfitted
     from damperfit.results import Run
+    from damperfit.tables.reading import is_part
 
-    if isinstance(results, Run):
-        return refuse_unfitted(results)
-    own = None if config is None else Path(config)
-    return refuse_unfitted(Run.load(folder_of(results, call), config=own))
+    run = results
+    if not isinstance(run, Run):
+        own = None if config is None else Path(config)
+        run = Run.load(folder_of(results, call), config=own)
+    if not takes_parts and run.place is not None and is_part(run.place):
+        raise ConfigurationError(
+            "is a part of a fleet, which keeps neither clicks nor the noise of its logs; identify "
+            "the logs of this damper, and give that folder",
+            subject=run.place,
+            code="part-of-a-fleet",
+        )
+    return refuse_unfitted(run)
 
 
 def _reference(given: object, call: str, model: str) -> Run | None:
     """Return the run that others are held against, of the same model."""
-    if given is None:
-        return None
-    run = run_of(given, call)
-    if run.damper.name != model:
+    run = None if given is None else run_of(given, call)
+    if run is not None and run.damper.name != model:
         raise ConfigurationError(
             f"is of the model {run.damper.name}, and this one of {model}: they cannot be compared",
             where=Option("reference", run.name),

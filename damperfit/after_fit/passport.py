@@ -8,7 +8,7 @@ import re
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.queries.compared_runs import baseline_text, read_run
@@ -23,22 +23,38 @@ from damperfit.store import check_writable, write_text
 from damperfit.tables.files import json_values
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from damperfit.results import Run
     from damperfit.units.shown_units import ShownUnits
 
-_STYLE = """
-@page { size: A4; margin: 10mm }
-body { font: 7.5pt sans-serif; max-width: 190mm; margin: 0 auto; color: #111 }
-h1 { font-size: 13pt; margin: 0 0 1mm } h2 { font-size: 8.5pt; margin: 2mm 0 .5mm }
-table { border-collapse: collapse; font-size: 6pt; width: 100% }
-td, th { border-bottom: .1mm solid #bbb; padding: .1mm .6mm; text-align: right }
-td { white-space: nowrap }
-th { font-weight: normal; background: #eee } td:first-child, th:first-child { text-align: left }
-img { display: block; height: 62mm; margin: 1mm auto } p { margin: .4mm 0 }
-.two { display: flex; gap: 4mm; align-items: flex-start } .two > * { flex: 1 }
-.logs { columns: 2; font-size: 4.5pt } code { font-size: 4.5pt }
+_PAGE = """<!doctype html>
+<html lang=en><meta charset=utf-8>
+<meta http-equiv=Content-Security-Policy
+ content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
+<title>{title}</title><style>
+@page {{ size: A4; margin: 10mm }}
+body {{ font: 7.5pt sans-serif; max-width: 190mm; margin: 0 auto; color: #111 }}
+h1 {{ font-size: 13pt; margin: 0 0 1mm }} h2 {{ font-size: 8.5pt; margin: 2mm 0 .5mm }}
+table {{ border-collapse: collapse; font-size: 6pt; width: 100% }}
+td, th {{ border-bottom: .1mm solid #bbb; padding: .1mm .6mm; text-align: right }}
+td {{ white-space: nowrap }}
+th {{ font-weight: normal; background: #eee }} td:first-child, th:first-child {{ text-align: left }}
+img {{ display: block; height: 62mm; margin: 1mm auto }} p {{ margin: .4mm 0 }}
+.two {{ display: flex; gap: 4mm; align-items: flex-start }} .two > * {{ flex: 1 }}
+.logs {{ columns: 2; font-size: 4.5pt }} code {{ font-size: 4.5pt }}
+</style>
+<body>
+<h1>{title}</h1>
+<p>{identity}</p>
+<p>{lead}</p>
+<p>{damper}; {tested}</p>
+<div class=two>{forces}</div>
+{picture}
+{parameters}
+<h2>Checks: {passed} of {checks} passed</h2>
+{failed}
+<h2>Logs and their SHA-256</h2><p class=logs>{logs}</p>
+<p>&plusmn; is a 95 % interval. damperfit {version}</p>
+</body></html>
 """
 _TITLES = ("damper", "serial", "customer", "operator", "date", "rig")
 _MANY = 40  # logs that are listed by their hash on the page; the JSON has all
@@ -49,66 +65,57 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
     title = run.identity.get("serial") or run.identity.get("damper") or run.name
     stem = f"passport_{re.sub(r'[^A-Za-z0-9._-]+', '_', Path(title).name) or 'damper'}"
     document: dict[str, Any] = json.loads(baseline_text(read_run(run.place or run.folder)))
-    logs = entries_in(run.record, "inputs")
-    document["passport"] = {
+    known = document["passport"] = {
         "identity": dict(run.identity),
         "lead": lead(run),
         "damper": run.damper.plain.sentence,
         "temperatures_degC": run.tested.temperatures,
         "checks": run.record.get("checks", []),
-        "logs": {str(one.get("log")): one.get("sha256") for one in logs},
+        "logs": {
+            str(one.get("log")): one.get("sha256") for one in entries_in(run.record, "inputs")
+        },
         "clicks": run.forces.to_dict("records"),
     }
     page, record = folder / f"{stem}.html", folder / f"{stem}.json"
     check_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_text(record, json.dumps(json_values(document), indent=1, allow_nan=False) + "\n")
-    write_text(page, _page(run, title, document["passport"], units))
-    return page, record
-
-
-def _page(run: Run, title: str, known: dict[str, Any], units: ShownUnits) -> str:
-    identity = (
-        f"{one}: <b>{escape(run.identity[one])}</b>" for one in _TITLES if run.identity.get(one)
-    )
-    tested = "temperature of the tests not known"
-    if known["temperatures_degC"]:
-        tested = "tested at {:.0f} to {:.0f} &deg;C".format(*known["temperatures_degC"])
+    whose = ((name, run.identity.get(name)) for name in _TITLES)
     passed = [bool(one["passed"]) for one in known["checks"]]
-    failed = [f"{one['name']}: {one['reason']}" for one in known["checks"] if not one["passed"]]
+    failed = (f"{one['name']}: {one['reason']}" for one in known["checks"] if not one["passed"])
     hashes = [
         f"{escape(log)} <code>{escape(str(sha))}</code>" for log, sha in known["logs"].items()
     ]
-    forces = force_sheets(rows_in_units(run.rows("adjustment"), units))
+    more = [f"and {len(hashes) - _MANY} more, in the JSON"] if len(hashes) > _MANY else []
+    warm = known["temperatures_degC"]
     tables = [
         html_table(sheet_in_units(sheet, units)) if sheet.rows else ""
-        for sheet in (*forces, parameter_sheet(run.rows("parameters"), run.quantities))
+        for sheet in (
+            *force_sheets(rows_in_units(run.rows("adjustment"), units)),
+            parameter_sheet(run.rows("parameters"), run.quantities),
+        )
     ]
-    parts = [
-        f"<h1>{escape(title)}</h1>",
-        f"<p>{' &middot; '.join(identity)}</p>",
-        f"<p>{escape(known['lead'])}</p>",
-        f"<p>{escape(known['damper'])}; {tested}</p>",
-        "<div class=two>",
-        *tables[:-1],
-        "</div>",
-        _picture(run),
-        tables[-1],
-        f"<h2>Checks: {sum(passed)} of {len(passed)} passed</h2>",
-        *(f"<p>{escape(sentence)}</p>" for sentence in failed),
-        "<h2>Logs and their SHA-256</h2><p class=logs>",
-        "<br>".join(hashes[:_MANY]),
-        f"<br>and {len(hashes) - _MANY} more, in the JSON" if len(hashes) > _MANY else "",
-        f"</p><p>&plusmn; is a 95 % interval. damperfit {__version__}</p>",
-    ]
-    return (
-        "<!doctype html>\n<html lang=en><meta charset=utf-8>\n"
-        "<meta http-equiv=Content-Security-Policy "
-        "content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">\n"
-        f"<title>{escape(title)}</title><style>{_STYLE}</style>\n<body>\n"
-        + "\n".join(filter(None, parts))
-        + "\n</body></html>\n"
+    text = _PAGE.format(
+        title=escape(title),
+        identity=" &middot; ".join(f"{name}: <b>{escape(one)}</b>" for name, one in whose if one),
+        lead=escape(known["lead"]),
+        damper=escape(known["damper"]),
+        tested=(
+            "tested at {:.0f} to {:.0f} &deg;C".format(*warm)
+            if warm
+            else "temperature of the tests not known"
+        ),
+        forces="\n".join(tables[:-1]),
+        picture=_picture(run),
+        parameters=tables[-1],
+        passed=sum(passed),
+        checks=len(passed),
+        failed="\n".join(f"<p>{escape(sentence)}</p>" for sentence in failed),
+        logs="<br>".join([*hashes[:_MANY], *more]),
+        version=__version__,
     )
+    write_text(page, text)
+    return page, record
 
 
 def _picture(run: Run) -> str:

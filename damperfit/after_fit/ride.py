@@ -34,7 +34,7 @@ from damperfit.reporting.sheet import Column, Sheet, laid_out
 from damperfit.simulation import Motion
 from damperfit.statistics import NORMAL_95
 from damperfit.tables.files import json_values
-from damperfit.units.quantities import QuantityError, parse_quantity
+from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,17 +60,11 @@ _EDGES = (0.0, 0.025, 0.05, 0.1, 0.2, 0.5, np.inf)  # m/s, of bands of speed
 _FEWEST = 10  # samples of a stroke
 # Hz, of a stroke: a wheel hops at 10 to 20. Sampled less than so many times faster it is as logged.
 _STROKE_CORNER, _STROKE_RATE = 40.0, 4.0
-_KEYS = {
-    "sprung_mass": "mass",
-    "unsprung_mass": "mass",
-    "spring": "stiffness",
-    "tyre": "stiffness",
-    "tyre_damping": "",
-    "motion_ratio": "",
-    "road": "text",
+_DIMENSIONS = {
+    **dict.fromkeys(("sprung_mass", "unsprung_mass"), "mass"),
+    **dict.fromkeys(("spring", "tyre"), "stiffness"),
     "speed": "velocity",
 }
-_NEEDED = ("sprung_mass", "unsprung_mass", "spring", "tyre")
 
 
 class Car(NamedTuple):
@@ -94,9 +88,9 @@ class RideOfSetting(NamedTuple):
     wheel_load: float  # dynamic wheel load, rms, N
     load_share: float  # the same over the static load
     stroke: float  # of the damper, rms, m
-    comfort_error: float  # weighted body acceleration, rms, m/s2
-    wheel_load_error: float  # dynamic wheel load, rms, N
-    stroke_error: float  # of the damper, rms, m
+    comfort_error: float
+    wheel_load_error: float
+    stroke_error: float
     # Seconds of the period in which the damper is faster than its setting was tested.
     outside_s: float
     period_s: float = _SECONDS  # of the road
@@ -113,14 +107,12 @@ class Ride(Answer):
     @property
     def pareto(self) -> tuple[str, ...]:
         """Settings that no other one beats in comfort and wheel load."""
-        return tuple(
-            one.setting
-            for one in self.settings
-            if not any(
-                other.comfort < one.comfort and other.wheel_load < one.wheel_load
-                for other in self.settings
-            )
-        )
+
+        def is_beaten(one: RideOfSetting) -> bool:
+            better = (two for two in self.settings if two.comfort < one.comfort)
+            return any(two.wheel_load < one.wheel_load for two in better)
+
+        return tuple(one.setting for one in self.settings if not is_beaten(one))
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
@@ -128,11 +120,12 @@ class Ride(Answer):
         softest = min(self.settings, key=lambda one: one.comfort)
         safest = min(self.settings, key=lambda one: one.wheel_load)
         comfort, load = f"{softest.comfort:.3g} m/s2 weighted", f"{safest.wheel_load:.3g} N rms"
-        road = f"road {self.car.road} at {self.car.speed:.3g} m/s"
-        text = f"{road}, setting {softest.setting}: {comfort}, wheel load {load}"
-        if len(self.settings) > 1:
-            text = (
-                f"{road}: setting {softest.setting} is most comfortable ({comfort}), setting "
+        text = f"road {self.car.road} at {self.car.speed:.3g} m/s"
+        if len(self.settings) == 1:
+            text += f", setting {softest.setting}: {comfort}, wheel load {load}"
+        else:
+            text += (
+                f": setting {softest.setting} is most comfortable ({comfort}), setting "
                 f"{safest.setting} holds the road best ({load}); no other beats "
                 f"{', '.join(self.pareto)} in both"
             )
@@ -141,9 +134,8 @@ class Ride(Answer):
                 f"; the wheel leaves the road now and then at setting {', '.join(flying)}, where a "
                 "linear tyre says nothing"
             )
-        if self.lost:
-            text += f"; not settled, left out: setting {', '.join(self.lost)}"
-        return text
+        lost = f"; not settled, left out: setting {', '.join(self.lost)}"
+        return text + (lost if self.lost else "")
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
@@ -159,10 +151,9 @@ class Ride(Answer):
         """Return the table."""
         best = set(self.pareto)
 
-        def numbers(heading: str, unit: str, name: str, size: float = 1.0) -> Column:
+        def numbers(heading: str, unit: str, name: str, digits: int = 4, size: float = 1) -> Column:
             def cell(row: RideOfSetting) -> str:
                 value, error = getattr(row, name), getattr(row, f"{name}_error")
-                digits = 3 if size != 1.0 else 4
                 return f"{size * value:.{digits}g} ± {size * error:.1g}"
 
             return Column(heading, unit, cell)
@@ -172,7 +163,7 @@ class Ride(Answer):
             numbers("body acceleration", "m/s2 rms W_k ±95 %", "comfort"),
             numbers("wheel load", "N rms ±95 %", "wheel_load"),
             Column("of static", "%", lambda row: f"{100.0 * row.load_share:.3g}"),
-            numbers("stroke", "mm rms ±95 %", "stroke", 1e3),
+            numbers("stroke", "mm rms ±95 %", "stroke", 3, 1e3),
             Column("untested", "s of 16", lambda row: f"{row.outside_s:.2g}"),
             Column("", "", lambda row: "*" * (row.setting in best), is_number=False),
         )
@@ -187,38 +178,38 @@ def read_car(given: Path | Mapping[str, Any]) -> Car:
         subject = given if isinstance(given, Path) else ""
         return ConfigurationError(text, subject=subject, code="car")
 
-    table: Mapping[str, Any] = {}
-    if isinstance(given, Mapping):
-        table = given
-    elif not given.is_file():
-        raise wrong("no such file")
-    else:
+    table: Any = given
+    if isinstance(given, Path):
+        if not given.is_file():
+            raise wrong("no such file")
         try:
             table = tomllib.loads(read_text(given))
-        except (tomllib.TOMLDecodeError, OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             raise wrong(f"not a TOML file: {error}") from None
     section = table.get("car", table)
-    unknown, missing = sorted({*section} - {*_KEYS}), sorted({*_NEEDED} - {*section})
-    if unknown or missing:
-        lists = {"unknown": unknown, "missing": missing}
-        words = (f"{word} {', '.join(keys)}; " for word, keys in lists.items() if keys)
-        raise wrong(f"[car]: {''.join(words)}expected {', '.join(_KEYS)}")
+    section = section if isinstance(section, Mapping) else {}
+    needed = set(Car._fields) - Car._field_defaults.keys()
+    problems = {"unknown": {*section} - {*Car._fields}, "missing": needed - {*section}}
+    if any(problems.values()):
+        words = (f"{word} {', '.join(sorted(keys))}; " for word, keys in problems.items() if keys)
+        raise wrong(f"[car]: {''.join(words)}expected {', '.join(Car._fields)}")
     values: dict[str, Any] = {}
-    for name, value in section.items():
-        kind = _KEYS[name]
+    for name, text in section.items():
+        if name == "road":
+            values[name] = str(text).upper()
+            if values[name] not in _ROUGHNESS:
+                raise wrong(
+                    f"car.road: found {values[name]!r}; expected a class of ISO 8608, A to H"
+                )
+            continue
         try:
-            if kind == "text":
-                values[name] = str(value).upper()
-                continue
-            values[name] = parse_quantity(str(value), kind) if kind else float(value)
-        except (QuantityError, TypeError, ValueError) as error:
+            dimension = _DIMENSIONS.get(name)
+            values[name] = parse_quantity(str(text), dimension) if dimension else float(text)
+        except (TypeError, ValueError) as error:
             raise wrong(f"car.{name}: {error}") from None
         if not 0.0 < values[name] < math.inf and name != "tyre_damping":
             raise wrong(f"car.{name}: found {values[name]:g}; expected more than 0")
-    car = Car(**values)
-    if car.road not in _ROUGHNESS:
-        raise wrong(f"car.road: found {car.road!r}; expected a class of ISO 8608, A to H")
-    return car
+    return Car(**values)
 
 
 def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
@@ -233,11 +224,9 @@ def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
         w = 2.0 * np.pi * corner
         return s**2 + w * s / q + w**2
 
-    butterworth = 1.0 / math.sqrt(2.0)
-    w4 = 2.0 * np.pi * 12.5
-    w5, w6 = 2.0 * np.pi * 2.37, 2.0 * np.pi * 3.35
-    high = s**2 / second_order(0.4, butterworth)
-    low = (2.0 * np.pi * 100.0) ** 2 / second_order(100.0, butterworth)
+    w3, w4, w5, w6 = (2.0 * np.pi * corner for corner in (100.0, 12.5, 2.37, 3.35))
+    high = s**2 / second_order(0.4, math.sqrt(0.5))
+    low = w3**2 / second_order(100.0, math.sqrt(0.5))
     transition = (1.0 + s / w4) / (1.0 + s / (0.63 * w4) + (s / w4) ** 2)
     step = second_order(2.37, 0.91) / w5**2 / (second_order(3.35, 0.91) / w6**2) * (w5 / w6) ** 2
     return np.asarray(np.abs(high * low * transition * step))
@@ -264,19 +253,15 @@ class _Road:
     def __init__(self, run: Run, car: Car) -> None:
         self.run, self.car = run, car
         self.solver = replace(run.solver, dead_band=_FRICTION_BAND)
-        n = round(_RATE * _SECONDS)
-        self.frequencies = np.fft.rfftfreq(n, 1.0 / _RATE)
-        random = np.random.default_rng(8608)
+        self.n = round(_RATE * _SECONDS)
+        self.frequencies = np.fft.rfftfreq(self.n, 1.0 / _RATE)
+        self.s = 2j * np.pi * self.frequencies
         spatial = self.frequencies / car.speed
-        inside = (spatial >= _SLOWEST) & (spatial <= _FASTEST)
-        density = np.zeros(len(spatial))
-        density[inside] = (
-            _ROUGHNESS[car.road] * (spatial[inside] / _REFERENCE) ** -_WAVINESS / car.speed
-        )
-        width = self.frequencies[1]
-        phases = np.exp(2j * np.pi * random.random(len(spatial)))
-        self.profile = phases * np.sqrt(2.0 * density * width) * n / 2.0
-        self.n = n
+        phases = np.exp(2j * np.pi * np.random.default_rng(8608).random(len(spatial)))
+        is_in = (spatial >= _SLOWEST) & (spatial <= _FASTEST)
+        shape = np.where(is_in, spatial, np.inf) / _REFERENCE  # nothing beyond
+        density = _ROUGHNESS[car.road] * shape**-_WAVINESS / car.speed
+        self.profile = phases * np.sqrt(2.0 * density * self.frequencies[1]) * self.n / 2.0
 
     def ride(self, setting: SettingResult) -> RideOfSetting:
         """The setting's numbers with their errors."""
@@ -287,23 +272,21 @@ class _Road:
             slopes = []
             for name in setting.names:
                 quantity = values.quantity(name)
-                step = _STEP if quantity.is_logarithmic else _STEP * quantity.size
-                u = math.log(values[name]) if quantity.is_logarithmic else values[name]
-                moved = math.exp(u + step) if quantity.is_logarithmic else u + step
+                if quantity.is_logarithmic:
+                    step, moved = _STEP, values[name] * math.exp(_STEP)
+                else:
+                    step = _STEP * quantity.size
+                    moved = values[name] + step
                 changed, *_ = self._solve(values.replace({name: moved}), (rest, c))
                 slopes.append((changed - numbers) / step)
-            table = np.array(slopes)
-            variances = np.einsum("ik,ij,jk->k", table, setting.covariance, table)
+            variances = np.einsum("ik,ij,jk->k", slopes, setting.covariance, slopes)
             errors = NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))
         errors = np.hypot(errors, _AGREED * numbers)  # what the iteration leaves
         static = (self.car.sprung_mass + self.car.unsprung_mass) * 9.81
-        outside = np.abs(speed) > setting.top_speed
-        return RideOfSetting(
-            setting.label,
-            *(float(numbers[0]), float(numbers[1]), float(numbers[1] / static), float(numbers[2])),
-            *(float(errors[0]), float(errors[1]), float(errors[2])),
-            float(np.count_nonzero(outside) / _RATE),
-        )
+        outside = np.count_nonzero(np.abs(speed) > setting.top_speed) / _RATE
+        comfort, load, stroke = numbers.tolist()
+        shown = (comfort, load, load / static, stroke, *errors.tolist(), outside)
+        return RideOfSetting._make((setting.label, *shown, _SECONDS))
 
     def _solve(
         self, values: Values, start: tuple[FloatArray, float] | None = None
@@ -313,16 +296,14 @@ class _Road:
         The fixed point of D is found by Anderson mixing: a stiff damper is no small disturbance of
         a linear one.
         """
-        car, ratio = self.car, self.car.motion_ratio
-        s = 2j * np.pi * self.frequencies
+        car, ratio, s = self.car, self.car.motion_ratio, self.s
         rest, c = start or (np.zeros(self.n), 0.6 * math.sqrt(car.spring * car.sprung_mass))
         tried: list[tuple[FloatArray, FloatArray]] = []
         left = math.inf
         for round_ in range(_ROUNDS):
-            x = self._linear(s, c, rest)
-            relative = x[0] - x[1]
-            wheel = np.fft.irfft(s * relative, self.n)
-            stroke, speed = ratio * np.fft.irfft(relative, self.n), ratio * wheel
+            body, axle = self._linear(c, rest)
+            wheel = np.fft.irfft(s * (body - axle), self.n)
+            stroke, speed = ratio * np.fft.irfft(body - axle, self.n), ratio * wheel
             force = ratio * self._damper(values, stroke, speed)
             if start is None and round_ < _FREE_ROUNDS:  # find the linear damping first
                 c = max(float(wheel @ force / (wheel @ wheel)), 1.0)
@@ -340,31 +321,25 @@ class _Road:
                 f"was {100.0 * left:.2g} % of its force",
                 code="not-settled",
             )
-        body = s**2 * x[0] * weighting_k(self.frequencies)
-        load = (car.tyre + car.tyre_damping * s) * (x[1] - self.profile)
-        numbers = np.array([_rms(body, self.n), _rms(load, self.n), float(np.std(stroke))])
-        return numbers, rest, c, speed
+        felt = s**2 * body * weighting_k(self.frequencies)
+        load = (car.tyre + car.tyre_damping * s) * (axle - self.profile)
+        rms = [math.sqrt(2.0 * np.sum(np.abs(x[1:]) ** 2)) / self.n for x in (felt, load)]
+        return np.array([*rms, np.std(stroke)]), rest, c, speed
 
-    def _linear(self, s: Any, c: float, rest: FloatArray) -> Any:
+    def _linear(self, c: float, rest: FloatArray) -> Any:
         """Body and wheel with linear damping c and a further force of the damper, by frequency."""
-        car = self.car
-        d = np.fft.rfft(rest)
-        tyre = car.tyre + car.tyre_damping * s
-        link = car.spring + c * s
+        car, s, d = self.car, self.s, np.fft.rfft(rest)
+        tyre, link = car.tyre + car.tyre_damping * s, car.spring + c * s
         a = car.sprung_mass * s**2 + link
         b = car.unsprung_mass * s**2 + link + tyre
-        determinant = a * b - link**2
-        push = tyre * self.profile + d
-        return np.stack([(link * push - d * b) / determinant, (a * push - link * d) / determinant])
+        push, determinant = tyre * self.profile + d, a * b - link**2
+        return (link * push - d * b) / determinant, (a * push - link * d) / determinant
 
     def _damper(self, values: Values, stroke: FloatArray, speed: FloatArray) -> FloatArray:
         """The damper's own force along one period of its stroke; gas force and tare at rest out."""
         lead = round(_LEAD * _RATE)
-        motion = Motion(
-            1.0 / _RATE,
-            np.concatenate([stroke[-lead:], stroke]),
-            np.concatenate([speed[-lead:], speed]),
-        )
+        path, velocity = (np.concatenate([one[-lead:], one]) for one in (stroke, speed))
+        motion = Motion(1.0 / _RATE, path, velocity)
         seen = self.run.damper.simulate(values, motion, sensitivities=(), options=self.solver)
         force = np.asarray(seen.force[lead:], dtype=np.float64)
         return force - float(np.mean(force))
@@ -375,15 +350,12 @@ def _mixed(tried: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
     point, residual = tried[-1]
     if len(tried) < 2:
         return point + residual
-    points = np.stack([point - other for other, _ in tried[:-1]], axis=1)
-    residuals = np.stack([residual - other for _, other in tried[:-1]], axis=1)
+    points, residuals = (
+        np.stack([last - other[k] for other in tried[:-1]], axis=1)
+        for k, last in enumerate(tried[-1])
+    )
     weights = np.linalg.lstsq(residuals, residual, rcond=1e-8)[0]
     return np.asarray(point + residual - (points + residuals) @ weights)
-
-
-def _rms(spectrum: Any, n: int) -> float:
-    power = np.abs(spectrum[1:]) ** 2
-    return float(np.sqrt(2.0 * power.sum()) / n)
 
 
 class Band(NamedTuple):
@@ -406,8 +378,7 @@ class DrivenStroke(Answer):
     @property
     def sentence(self) -> str:  # type: ignore[override]
         """Where most of the energy goes, and where the clicks act."""
-        labels = list(self.outside)
-        first, last = labels[0], labels[-1]
+        first, *_, last = (*self.outside, *self.outside)
         most = max(self.bands, key=lambda band: sum(band.powers.values()))
         text = (
             f"{self.seconds:.3g} s; most energy is dissipated at {most.low:g} to "
@@ -423,14 +394,9 @@ class DrivenStroke(Answer):
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
-        document: dict[str, Any] = json_values(
-            {
-                "seconds": self.seconds,
-                "sentence": self.sentence,
-                "bands": [band._asdict() for band in self.bands],
-                "outside_s": self.outside,
-            }
-        )
+        bands = [band._asdict() for band in self.bands]
+        known = {"seconds": self.seconds, "sentence": self.sentence, "bands": bands}
+        document: dict[str, Any] = json_values(known | {"outside_s": self.outside})
         return document
 
     def sheets(self) -> tuple[Sheet]:
@@ -454,19 +420,19 @@ def drive_along(run: Run, motion: Motion, settings: Sequence[SettingResult]) -> 
     """Return what settings of a run dissipate along a stroke, by band of speed."""
     speed = np.abs(motion.velocity)
     inside = [(low <= speed) & (speed < high) for low, high in pairwise(_EDGES)]
-    powers: dict[str, list[float]] = {}
+    bands = [
+        Band(*ends, float(np.mean(part)), {})
+        for ends, part in zip(pairwise(_EDGES), inside, strict=True)
+    ]
     outside: dict[str, float] = {}
     for setting in settings:
         seen = run.damper.simulate(setting.parameters, motion, sensitivities=(), options=run.solver)
         rest = run.damper.rest_force(motion.displacement)
         work = (seen.force - (0.0 if rest is None else rest)) * motion.velocity
-        powers[setting.label] = [float(work[part].sum() / len(speed)) for part in inside]
+        for band, part in zip(bands, inside, strict=True):
+            band.powers[setting.label] = float(work[part].sum() / len(speed))
         outside[setting.label] = float(np.sum(speed > setting.top_speed) * motion.interval)
-    bands = tuple(
-        Band(low, high, float(np.mean(part)), {label: mine[k] for label, mine in powers.items()})
-        for k, ((low, high), part) in enumerate(zip(pairwise(_EDGES), inside, strict=True))
-    )
-    return DrivenStroke(len(speed) * motion.interval, bands, outside)
+    return DrivenStroke(len(speed) * motion.interval, tuple(bands), outside)
 
 
 def read_stroke(path: Path) -> Motion:

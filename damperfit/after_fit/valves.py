@@ -11,7 +11,6 @@ A blow-off opens at the pressure p on its seat of area A_s, with the preload p A
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,18 +18,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.sheet import Column, Sheet, laid_out, number
+from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 from damperfit.tables.files import json_values
 from damperfit.tested.setting import clicks_between
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from damperfit.damper.model import Values
     from damperfit.damper.quantity import Quantity
     from damperfit.results import Run, SettingResult
 
 _ORIFICE = "s sqrt(N)/(m kg)"  # unit of S
 _OPENING = "opening"
+_SHOWN = {True: (1e-5, "bar"), False: (1e6, "mm2")}  # of a preload, of a hole
 _JUMP = 2.5  # times the change of the clicks beside it
 _FEWEST = 4  # steps of which one can stand out
 _FACTOR = 1e3  # within which a part is sized
@@ -76,15 +77,7 @@ class Sized(NamedTuple):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Orifices(Answer):
-    """The valves of all settings, and what is odd about them.
-
-    Attributes
-    ----------
-    holes, preloads : tuple
-        By quantity, then setting.
-    remarks : tuple of str
-        Clicks at which an area or a preload jumps or goes the other way.
-    """
+    """The valves of all settings by quantity, and clicks at which they jump or go the other way."""
 
     holes: tuple[Hole, ...]
     preloads: tuple[Preload, ...]
@@ -94,63 +87,62 @@ class Orifices(Answer):
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
-        return {
-            "holes": json_values([hole._asdict() for hole in self.holes]),
-            "preloads": json_values([preload._asdict() for preload in self.preloads]),
-            "sized": json_values([one._asdict() for one in self.sized]),
-            "remarks": list(self.remarks),
+        tables: dict[str, Sequence[Any]] = {
+            "holes": self.holes,
+            "preloads": self.preloads,
+            "sized": self.sized,
         }
+        shown = {name: [one._asdict() for one in rows] for name, rows in tables.items()}
+        document: dict[str, Any] = json_values(shown | {"remarks": list(self.remarks)})
+        return document
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return the tables of holes and of preloads, and of what a wanted force takes."""
 
-        def columns(name: str, unit: str, size: float, last: Column) -> list[Column]:
-            def change(row: Any) -> str:
-                return "-" if row.change is None else f"{size * row.change:+.3g}"
+        def table(rows: Sequence[Any], named: str, what: str, last: Column) -> Sheet:
+            size, unit = _SHOWN[what == "preload"]
 
             def interval(row: Any) -> str:
-                low, high = (number(size * end, digits=3) for end in row[3:5])
-                return "-" if low == high == "-" else f"{low} to {high}"
+                ends = [number(size * end, digits=3) for end in row[3:5]]
+                return NOTHING if {*ends} == {NOTHING} else " to ".join(ends)
 
-            return [
+            def change(row: Any) -> str:
+                return NOTHING if row.change is None else f"{size * row.change:+.3g}"
+
+            columns = (
                 Column("set", "", lambda row: row.setting, is_number=False),
-                Column(name, "", lambda row: row.quantity, is_number=False),
-                Column(
-                    "preload" if unit == "bar" else "area", unit, lambda row: f"{size * row[2]:.4g}"
-                ),
+                Column(named, "", lambda row: row.quantity, is_number=False),
+                Column(what, unit, lambda row: f"{size * row[2]:.4g}"),
                 Column("95 %", unit, interval),
                 last,
                 Column("a click", unit, change),
-            ]
+            )
+            return laid_out(rows, columns)
 
-        def on_seat(row: Preload) -> str:
-            return "-" if math.isnan(row.force) else f"{row.force:.4g}"
-
-        hole = Column("one hole", "mm", lambda row: f"{1e3 * row.diameter:.4g}")
-        seat = Column("on seat", "N", on_seat)
-        sizes = {True: (1e-5, "bar"), False: (1e6, "mm2")}
-
-        def size(name: str) -> Column:
+        def in_unit(name: str) -> Column:
             def cell(row: Sized) -> str:
-                factor, unit = sizes[math.isnan(row.diameter)]
-                return f"{factor * getattr(row, name):.4g} {unit}"
+                size, unit = _SHOWN[math.isnan(row.diameter)]
+                return f"{size * getattr(row, name):.4g} {unit}"
 
             return Column(name, "", cell)
 
         def as_part(row: Sized) -> str:
             if not math.isnan(row.diameter):
                 return f"hole of {1e3 * row.diameter:.4g} mm"
-            return "-" if math.isnan(row.seat_force) else f"{row.seat_force:.4g} N on the seat"
+            on_seat = number(row.seat_force)
+            return on_seat if on_seat == NOTHING else f"{row.seat_force:.4g} N on the seat"
 
+        hole = Column("one hole", "mm", lambda row: f"{1e3 * row.diameter:.4g}")
+        seat = Column("on seat", "N", lambda row: number(row.force, digits=4))
         wanted = (
             Column("set", "", lambda row: row.setting, is_number=False),
             Column("part", "", lambda row: row.quantity, is_number=False),
-            *(size("now"), size("wanted")),
+            *(in_unit("now"), in_unit("wanted")),
             Column("that is", "", as_part),
         )
         return (
-            laid_out(self.holes, columns("orifice", "mm2", 1e6, hole)),
-            laid_out(self.preloads, columns("opening", "bar", 1e-5, seat)),
+            table(self.holes, "orifice", "area", hole),
+            table(self.preloads, "opening", "preload", seat),
             laid_out(self.sized, wanted),
         )
 
@@ -165,7 +157,7 @@ def read_valves(
 ) -> Orifices:
     """Return the orifices and preloads of a run of any model that has them."""
     factor = 1.0 / (discharge * math.sqrt(2.0 * getattr(run.damper, "oil_density", math.nan)))
-    seat_area = math.nan if seat is None else math.pi * seat**2 / 4.0
+    seat_area, spread = math.pi * (seat or math.nan) ** 2 / 4.0, discharge_spread / discharge
     holes: list[Hole] = []
     preloads: list[Preload] = []
     remarks = [] if reference is None else list(unlike(run, reference))
@@ -175,23 +167,19 @@ def read_valves(
             continue
         steps: list[tuple[str, str, float]] = []  # of one click, between two settings
         before: tuple[SettingResult, float] | None = None
-        shown, unit = (1e-5, "bar") if is_opening else (1e6, "mm2")
+        shown, unit = _SHOWN[is_opening]
         for setting in run.settings:
             value, low, high = _read(setting, quantity)
-            if is_opening:
-                size, limits = value, (low, high)
-            elif value <= 0.0:  # as only an edited file has it
+            size, limits = value, (low, high)
+            if not is_opening and value <= 0.0:  # as only an edited file has it
                 remarks.append(
                     f"{quantity.symbol} of setting {setting.label}: {value:g}, expected above 0; "
                     "left out"
                 )
                 continue
-            else:  # a large S is a small hole; the errors of S and C_d add in squares
-                size, spread = factor / value, discharge_spread / discharge
-                below, above = (
-                    math.hypot(1.0 - value / high, spread),
-                    math.hypot(value / low - 1.0, spread),
-                )
+            if not is_opening:  # a large S is a small hole; the errors of S and C_d add in squares
+                size = factor / value
+                below, above = (math.hypot(x, spread) for x in (1 - value / high, value / low - 1))
                 limits = size * (1.0 - below), size * (1.0 + above)
             clicks = clicks_between(before[0].setting, setting.setting) if before else None
             change = (size - before[1]) / clicks if before and clicks else None
@@ -213,60 +201,6 @@ def read_valves(
     return Orifices(tuple(holes), tuple(preloads), tuple(remarks))
 
 
-def sized(found: Orifices, run: Run, force: float, speed: float) -> Orifices:
-    """Return the valves with what each alone must be for a force at a signed speed."""
-    settings, rows = {one.label: one for one in run.settings}, []
-    parts: list[Hole | Preload] = [*found.holes, *found.preloads]
-    for part in parts:
-        setting = settings[part.setting]
-        with suppress(ConfigurationError):  # no value of it gives that force
-            value = sized_for(run, setting, part.quantity, force, speed)
-            times = value / float(setting.parameters[part.quantity])
-            now, wanted, diameter, seat_force = part[2], value, math.nan, math.nan
-            if isinstance(part, Preload):
-                seat_force = part.force * times
-            else:  # its area goes with 1/S
-                wanted, diameter = part.area / times, part.diameter / math.sqrt(times)
-            rows.append(Sized(part.setting, part.quantity, now, wanted, diameter, seat_force))
-    asked = f"{force:.5g} N at {speed:g} m/s"
-    sentence = f"{asked}: no orifice or preload alone gives it"
-    if rows:
-        n = len({one.setting for one in rows})
-        sentence = (
-            f"{asked}: what one part alone must be for it, at {n} of {len(settings)} settings"
-        )
-    return replace(found, sized=tuple(rows), sentence=sentence)
-
-
-def sized_for(run: Run, setting: SettingResult, quantity: str, force: float, speed: float) -> float:
-    """Return the value of a bleed or an opening that gives a force at a speed, SI."""
-    from scipy.optimize import brentq
-
-    values = setting.parameters
-    if quantity not in values.names:
-        raise ConfigurationError(
-            f"found {quantity!r}; expected one of {', '.join(values.names)}", code="no-quantity"
-        )
-    if not (math.isfinite(force) and math.isfinite(speed)):
-        raise ConfigurationError(
-            f"expected finite numbers, found {force:g} N at {speed:g} m/s", code="not-finite"
-        )
-
-    def missing(step: float) -> float:
-        changed = values.replace({quantity: values[quantity] * math.exp(step)})
-        return float(quasi_static(run.damper, changed, [speed]).forces[0]) - force
-
-    reach = math.log(_FACTOR)
-    low, high = sorted((missing(-reach), missing(reach)))
-    if low * high > 0.0:
-        raise ConfigurationError(
-            f"no {quantity} gives {force:g} N at {speed:g} m/s: from a thousandth to a thousand "
-            f"times the fitted one the force goes from {low + force:.4g} to {high + force:.4g} N",
-            code="out-of-reach",
-        )
-    return float(values[quantity]) * math.exp(brentq(missing, -reach, reach, xtol=1e-6))
-
-
 def _read(setting: SettingResult, quantity: Quantity) -> tuple[float, float, float]:
     low, high = (one or math.nan for one in setting.intervals[quantity.name])
     return float(setting.parameters[quantity.name]), low, high
@@ -280,27 +214,23 @@ def _jumps(quantity: Quantity, steps: Sequence[tuple[str, str, float]], unit: st
         place = f"{quantity.symbol}: {step:+.3g} {unit} a click from setting {first} to {second}"
         if abs(step) > _JUMP * usual:
             times = f"{abs(step) / usual:.2g} times" if usual else "unlike"
-            yield (
-                f"{place}, {times} the clicks beside it: a port opens or closes, or a jet is "
-                "blocked"
-            )
+            why = "a port opens or closes, or a jet is blocked"
+            yield f"{place}, {times} the clicks beside it: {why}"
         elif step * way < -0.5 * usual:
-            yield (f"{place}, against the other clicks: play in the adjuster, or a damaged needle")
+            yield f"{place}, against the other clicks: play in the adjuster, or a damaged needle"
 
 
 def _worn(quantity: Quantity, run: Run, reference: Run) -> Iterator[str]:
     """Say where a valve has changed since an earlier run by more than both intervals."""
-    earlier = {setting.label: setting for setting in reference.settings}
+    earlier = {setting.label: _read(setting, quantity) for setting in reference.settings}
     for setting in run.settings:
-        if setting.label in earlier:
-            now, low, high = _read(setting, quantity)
-            then, first, last = _read(earlier[setting.label], quantity)
-            if then and (first > high or last < low):
-                yield (
-                    f"{quantity.symbol} of setting {setting.label}: "
-                    f"{100.0 * (now / then - 1.0):+.2g} % since {reference.name}, beyond both "
-                    "intervals"
-                )
+        now, low, high = _read(setting, quantity)
+        then, first, last = earlier.get(setting.label, (0.0, 0.0, 0.0))
+        if then and (first > high or last < low):
+            yield (
+                f"{quantity.symbol} of setting {setting.label}: {100.0 * (now / then - 1.0):+.2g} "
+                f"% since {reference.name}, beyond both intervals"
+            )
 
 
 def unlike(run: Run, reference: Run) -> Iterator[str]:
@@ -311,3 +241,36 @@ def unlike(run: Run, reference: Run) -> Iterator[str]:
             yield f"{key} {own}, but {reference.name} is of {key} {other}"
     if run.damper.plain != reference.damper.plain:
         yield f"the damper of {reference.name} is declared otherwise"
+
+
+# The inverse: the part for a force
+
+
+def sized(found: Orifices, run: Run, force: float, speed: float) -> Orifices:
+    """Return the valves with what each alone must be for a force at a signed speed."""
+    from scipy.optimize import brentq
+
+    settings, rows = {one.label: one for one in run.settings}, []
+    reach = math.log(_FACTOR)
+    parts: list[Hole | Preload] = [*found.holes, *found.preloads]
+    for part in parts:
+        values, name = settings[part.setting].parameters, part.quantity
+
+        def missing(step: float, values: Values = values, name: str = name) -> float:
+            changed = values.replace({name: values[name] * math.exp(step)})
+            return float(quasi_static(run.damper, changed, [speed]).forces[0]) - force
+
+        if missing(-reach) * missing(reach) > 0.0:
+            continue  # no value of it gives that force
+        times = math.exp(brentq(missing, -reach, reach, xtol=1e-6))
+        if isinstance(part, Hole):  # its area goes with 1/S
+            wanted = (part.area / times, part.diameter / math.sqrt(times), math.nan)
+        else:
+            wanted = (part.pressure * times, math.nan, part.force * times)
+        rows.append(Sized(part.setting, name, part[2], *wanted))
+    sentence = f"{force:.5g} N at {speed:g} m/s: no orifice or preload alone gives it"
+    if rows:
+        n = len({one.setting for one in rows})
+        words = f"what one part alone must be for it, at {n} of {len(settings)} settings"
+        sentence = f"{force:.5g} N at {speed:g} m/s: {words}"
+    return replace(found, sized=tuple(rows), sentence=sentence)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.after_fit.valves import unlike
+from damperfit.api import identify
 from damperfit.errors import DamperfitError, InstallationError
 from damperfit.io.files import sha256_of
 from damperfit.tables.files import json_values
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
+    from collections.abc import Iterator
     from threading import Event
 
     from damperfit.results import Run
@@ -21,6 +23,7 @@ _SETTLED = 0.3  # s without a change: the rig has closed the log
 _POLL = 100  # ms between looks for files that have settled
 _OWN = (".parquet", ".json", ".html", ".toml", ".md", ".png", ".svg", ".pdf", ".ipynb")
 _STROKES = {"rebound": "rebound", "bump": "compression"}
+_SHOWN = ("stroke", "speed_m_per_s", "force_N", "origin")
 
 
 class Arrival(NamedTuple):
@@ -40,17 +43,17 @@ class Arrival(NamedTuple):
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values; what is not known is null."""
-        found = () if self.run is None else self.run.settings[:1]
+        first = None if self.run is None else self.run.settings[0]
         document: dict[str, Any] = json_values(
             {
                 "log": str(self.path),
                 "sentence": self.sentence,
-                "is_fitted": self.run is not None,
+                "is_fitted": first is not None,
                 "verdict": self.verdict,
-                "setting": found[0].setting if found else None,
-                "mse_percent": found[0].mse_percent if found else None,
-                "grade": found[0].grade if found else None,
-                "parameters": dict(found[0].values) if found else None,
+                "setting": first and first.setting,
+                "mse_percent": first and first.mse_percent,
+                "grade": first and first.grade,
+                "parameters": first and dict(first.values),
                 "forces": list(self.forces),
                 "remarks": list(self.remarks),
             }
@@ -58,7 +61,47 @@ class Arrival(NamedTuple):
         return document
 
 
-def arrivals(folder: Path, own: Path | None, stop: Event) -> Iterator[list[Path]]:
+def watched(
+    folder: Path, out: Path | None, reference: Run | None, config: Path | None, stop: Event
+) -> Iterator[Arrival]:
+    """Yield what comes of each log; the results of all are written whenever no log waits."""
+    fitted: dict[Path, None] = {}
+    first: dict[str, Path] = {}  # by content
+    is_stale = False
+
+    def write() -> None:
+        logs = [path for path in fitted if path.exists()]
+        if is_stale and logs:
+            identify(logs, config=config, out=out, report=True)
+
+    try:
+        for paths in _arrivals(folder, None if out is None else out.resolve(), stop):
+            for path in paths:
+                name = str(path.relative_to(folder))
+                try:
+                    original = first.setdefault(sha256_of(path), path)
+                except OSError:  # it has gone
+                    continue
+                fitted.pop(path, None)
+                if original != path and original.exists():
+                    why = f"the same log as {original.relative_to(folder)}; not fitted again"
+                    yield Arrival(path, None, f"{name}: {why}", why)
+                    continue
+                arrival = _answered(path, config, reference, name)
+                if arrival.run is not None:
+                    fitted[path] = None
+                    is_stale = out is not None
+                yield arrival
+            if not paths:
+                write()
+                is_stale = False
+    except KeyboardInterrupt:
+        pass
+    finally:
+        write()
+
+
+def _arrivals(folder: Path, own: Path | None, stop: Event) -> Iterator[list[Path]]:
     """Yield the logs of a folder that are complete and new or changed, until the event is set.
 
     An empty list is yielded when nothing has come for a moment. What was there before comes first;
@@ -85,53 +128,25 @@ def arrivals(folder: Path, own: Path | None, stop: Event) -> Iterator[list[Path]
     ):  # fmt: skip
         if not folder.is_dir():
             raise DamperfitError("the watched folder is gone", subject=folder, code="no-folder")
-        now = time.monotonic()
-        paths = (type(folder)(name) for _, name in changes)
+        now, done = time.monotonic(), []
+        paths = (Path(name) for _, name in changes)
         waiting |= {path: now for path in paths if path.is_relative_to(folder) and is_log(path)}
-        done = []
         for path in [path for path, at in waiting.items() if now - at >= _SETTLED]:
             del waiting[path]
-            try:
+            with suppress(OSError):
                 state = path.stat()
-            except OSError:
-                continue
-            known = (state.st_size, state.st_mtime_ns)
-            if path.is_file() and state.st_size and seen.get(path) != known:
-                seen[path] = known
-                done.append((state.st_mtime_ns, path))
+                known = (state.st_size, state.st_mtime_ns)
+                if path.is_file() and state.st_size and seen.get(path) != known:
+                    seen[path] = known
+                    done.append((state.st_mtime_ns, path))
         yield [path for _, path in sorted(done)]
 
 
-def answers(
-    folder: Path,
-    own: Path | None,
-    stop: Event,
-    fit: Callable[[Path], Run],
-    reference: Run | None,
-) -> Iterator[Arrival | None]:
-    """Yield what comes of each log of a folder; None when nothing has come for a moment."""
-    first: dict[str, Path] = {}  # by content
-    for paths in arrivals(folder, own, stop):
-        for path in paths:
-            name = str(path.relative_to(folder))
-            try:
-                original = first.setdefault(sha256_of(path), path)
-            except OSError:  # it has gone
-                continue
-            if original != path and original.exists():
-                why = f"the same log as {original.relative_to(folder)}; not fitted again"
-                yield Arrival(path, None, f"{name}: {why}", why)
-                continue
-            yield _answered(path, fit, reference, name)
-        if not paths:
-            yield None
-
-
-def _answered(path: Path, fit: Callable[[Path], Run], reference: Run | None, name: str) -> Arrival:
+def _answered(path: Path, config: Path | None, reference: Run | None, name: str) -> Arrival:
     """Good or why not, forces, and the difference from a reference."""
     run = None
     try:
-        run = fit(path)
+        run = identify([path], config=config)
         why = "; ".join(run.failures) or ("" if run.settings else "no setting was fitted")
     except DamperfitError as error:
         problems = [one.problem for one in error.failures] or [error.problem]
@@ -142,37 +157,29 @@ def _answered(path: Path, fit: Callable[[Path], Run], reference: Run | None, nam
     warnings = [str(one["name"]) for one in findings if one.get("severity") == "warning"]
     verdict = f"warning: {', '.join(dict.fromkeys(warnings))}" if warnings else "good"
     setting = run.settings[0]
-    rows = [dict(row) for row in run.rows("adjustment") if row["force_N"] is not None]
+    rows = [row for row in run.rows("adjustment") if row["force_N"] is not None]
     fastest = max((row["speed_m_per_s"] for row in rows), default=0.0)
-    forces = tuple(
-        {name: row[name] for name in ("stroke", "speed_m_per_s", "force_N", "origin")}
-        for row in rows
-        if row["speed_m_per_s"] == fastest
-    )
-    parts = [
-        f"{name}: {verdict}",
-        f"setting {setting.label}",
+    rows = [row for row in rows if row["speed_m_per_s"] == fastest]
+    forces = tuple({key: row[key] for key in _SHOWN} for row in rows)
+    parts = (
+        *(f"{name}: {verdict}", f"setting {setting.label}"),
         f"MSE {setting.mse_percent:.3g} % {setting.grade}",
         *(f"{_STROKES[one['stroke']]} {one['force_N']:.0f} N" for one in forces),
-    ]
+    )
     sentence = ", ".join(parts) + (f" at {fastest:g} m/s" if forces else "")
-    remarks = () if reference is None else tuple(unlike(run, reference))
-    if reference is not None:
-        sentence += "; " + "; ".join([_compared(forces, reference, setting.label), *remarks])
-    return Arrival(path, run, sentence, verdict, forces, remarks)
-
-
-def _compared(forces: tuple[dict[str, Any], ...], reference: Run, label: str) -> str:
-    """Put the change from the reference into the forces, and say it."""
+    if reference is None:
+        return Arrival(path, run, sentence, verdict, forces)
     known = {
         (row["stroke"], round(row["speed_m_per_s"], 6)): row["force_N"]
         for row in reference.rows("adjustment")
-        if str(row["setting"]) == label and row["force_N"]
+        if str(row["setting"]) == setting.label and row["force_N"]
     }
     for row in forces:
         before = known.get((row["stroke"], round(row["speed_m_per_s"], 6)))
         row["change_percent"] = before and 100.0 * (row["force_N"] / before - 1.0)
     changes = [f"{row['change_percent']:+.2g} %" for row in forces if row["change_percent"]]
-    if not changes:
-        return f"setting {label} is not in {reference.name} at this speed"
-    return f"{', '.join(changes)} beside {reference.name}"
+    beside = f"setting {setting.label} is not in {reference.name} at this speed"
+    if changes:
+        beside = f"{', '.join(changes)} beside {reference.name}"
+    remarks = tuple(unlike(run, reference))
+    return Arrival(path, run, "; ".join((sentence, beside, *remarks)), verdict, forces, remarks)

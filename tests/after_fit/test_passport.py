@@ -140,3 +140,16 @@ def test_a_reference_of_another_model_is_refused(results, sample_results, tmp_pa
     run = damperfit.identify([log])
     other = damperfit.identify([log], damper={"rod_diameter": "18mm"})
     assert any("declared otherwise" in remark for remark in run.valves(reference=other).remarks)
+
+
+@pytest.mark.parametrize("words", ["advise {} --for k_e", "passport {0} --out {0}"])
+def test_a_part_of_a_fleet_is_not_enough_and_is_not_offered(
+    sample_results, tmp_path, capsys, words
+) -> None:
+    log = sample_results / "sample_runs" / "setting_01.csv"
+    assert main(["fleet", str(log), "--out", str(tmp_path), "--quiet"]) == 0
+    (part,) = tmp_path.glob("serial-*")
+    assert main(words.format(part).split()) == 2
+    assert "part of a fleet" in capsys.readouterr().err
+    assert main([words.split()[0], "--help"]) == 0
+    assert "serial-" not in capsys.readouterr().out
