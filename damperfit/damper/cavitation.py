@@ -32,37 +32,30 @@ if TYPE_CHECKING:
     from damperfit.simulation import Response
     from damperfit.tested.setting import Setting
 
-__all__ = ["Cavitation", "describe_cavitation", "examine_cavitation", "seen_cavitation"]
+# By how much the factors may be looked for, and how exactly. The paper's own statement is "about
+# 15 %": a tenth of a per cent is plenty.
+_WIDEST_FACTOR, _TOLERANCE = 1e3, 1e-3
+# s; the slowest of the pressures, at 80 1/s, has settled by then to 1e-8.
+_SETTLING = 0.25
+# The straight line is this good at the sample runs; a wider bracket follows where it is not.
+_FIRST_STEP = 0.01
+_DOUBT = "; the model does not match these logs, so the damper itself may be full"
 
 
 @dataclass(frozen=True, slots=True)
 class Cavitation:
-    """How far one setting's logs are from cavitation, with the fitted parameters.
+    """How far one setting's logs are from cavitation, with the fitted parameters."""
 
-    Attributes
-    ----------
-    fraction : float
-        Share of the compared time with a chamber at zero pressure.
-    lowest_pressure : float
-        Lowest absolute pressure of any chamber in the compared time, Pa.
-    chamber : int
-        Where: chamber 1, 2 or 3.
-    displacement, velocity : float
-        When: x and v at that moment, m and m/s. Of a chamber at zero: when it gets there.
-    r_m3_margin : float
-        Fraction by which R_m3 may rise before a chamber cavitates on this motion; negative when
-        it must fall, NaN where no factor from 1/1000 to 1000 is at the edge.
-    safe_gas_pressure : float
-        Gas pressure P_0 at which a chamber just reaches zero on this motion, all else as it is,
-        absolute, Pa; NaN likewise. A lower one cavitates.
-    """
-
-    fraction: float = math.nan
-    lowest_pressure: float = math.nan
-    chamber: int = 0
-    displacement: float = math.nan
-    velocity: float = math.nan
+    fraction: float = math.nan  # share of the compared time with a chamber at zero pressure
+    lowest_pressure: float = math.nan  # of any chamber in the compared time, absolute, Pa,
+    chamber: int = 0  # where: chamber 1, 2 or 3,
+    displacement: float = math.nan  # and when: x, m, and
+    velocity: float = math.nan  # v, m/s; of a chamber at zero when it gets there
+    # Fraction by which R_m3 may rise before a chamber cavitates on this motion; negative when it
+    # must fall, NaN where no factor from 1/1000 to 1000 is at the edge.
     r_m3_margin: float = math.nan
+    # Gas pressure P_0 at which a chamber just reaches zero on this motion, all else as it is,
+    # absolute, Pa; NaN likewise. A lower one cavitates.
     safe_gas_pressure: float = math.nan
 
     @property
@@ -71,28 +64,13 @@ class Cavitation:
         return self.r_m3_margin
 
 
-_WIDEST_FACTOR = 1e3
-# The paper's own statement is "about 15 %": a tenth of a per cent is plenty.
-_TOLERANCE = 1e-3
-# s; the slowest of the pressures, at 80 1/s, has settled by then to 1e-8.
-_SETTLING = 0.25
-# The straight line is this good at the sample runs; a wider bracket follows where it is not.
-_FIRST_STEP = 0.01
-_DOUBT = "; the model does not match these logs, so the damper itself may be full"
-
-
 def describe_cavitation(
     settings: Mapping[Setting, Cavitation], *, doubted: Collection[Setting] = ()
 ) -> tuple[str, ...]:
     """Return what there is to say of cavitation, a sentence each: those that do, then the rest.
 
-    Parameters
-    ----------
-    settings : mapping of Setting to Cavitation
-        What the fitted model shows.
-    doubted : collection of Setting
-        Settings whose logs the model does not match: there its empty chamber is no evidence, and
-        nothing is advised against it.
+    Of what the fitted model shows; in settings that are doubted it does not match the logs, where
+    its empty chamber is no evidence, and nothing is advised against it.
     """
     empty = {setting: one for setting, one in settings.items() if one.fraction > 0.0}
     full = {setting: one for setting, one in settings.items() if one.fraction == 0.0}

@@ -21,8 +21,6 @@ from damperfit.damper.temperature_law import WithTemperature
 if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
 
-__all__ = ["other_turns", "with_pressed_seal"]
-
 # m2, one standard error: a lip of 0.5 mm on a rod of 12 mm is 19 mm2, of which oil leaves a tenth
 # or two to friction.
 _AREA = 3e-6
@@ -38,37 +36,36 @@ def with_pressed_seal(damper: Model, values: Values) -> tuple[Model, Values] | N
 
     None where the law has such a seal, or no valves.
     """
-    own: Any = damper.plain
-    if not _has_seals(own) or own.friction.seal_area != NONE:
+    friction = _friction_of(damper)
+    if friction is None or friction.seal_area != NONE:
         return None
-    return _with(damper, values, own, seal_area=_AREA)
+    return _with(damper, values, seal_area=_AREA)
 
 
 def other_turns(damper: Model, values: Values) -> tuple[tuple[float, Model, Values], ...]:
-    """Return the damper with a friction that turns in another form.
+    """Return the damper with a friction that turns in another form, as (weight, damper, values).
 
-    Returns
-    -------
-    tuple of (float, Model, Values)
-        The force of that form is the sum of these, each times its weight. Empty where there is no
-        friction, or it builds up over a distance.
+    The force of that form is the sum of these, each times its weight. Empty where there is no
+    friction, or it builds up over a distance.
     """
-    own: Any = damper.plain
-    if not _has_seals(own) or not values.f_f or own.friction.presliding != NONE:
+    friction = _friction_of(damper)
+    if friction is None or not values.f_f or friction.presliding != NONE:
         return ()
-    if own.friction.turning_speed != NONE:
+    if friction.turning_speed != NONE:
         ends = (values.turning_speed * (1.0 + away) for away in (-_SPREAD, _SPREAD))
         return tuple((0.5, damper, values.replace(turning_speed=end)) for end in ends)
-    return ((1.0, *_with(damper, values, own, turning_speed=_WITHIN)),)
+    return ((1.0, *_with(damper, values, turning_speed=_WITHIN)),)
 
 
-def _has_seals(damper: Any) -> bool:
-    """Whether it is a damper of valves; their module is not loaded to learn that it is none."""
-    return isinstance(getattr(damper, "friction", None), Friction)
+def _friction_of(damper: Model) -> Friction | None:
+    """That of a damper of valves; their module is not loaded to learn that it is none."""
+    friction = getattr(damper.plain, "friction", None)
+    return friction if isinstance(friction, Friction) else None
 
 
-def _with(damper: Model, values: Values, own: Any, **part: float) -> tuple[Model, Values]:
+def _with(damper: Model, values: Values, **part: float) -> tuple[Model, Values]:
     """The damper with a part of friction that is known."""
+    own: Any = damper.plain
     changed: Model = replace(own, friction=replace(own.friction, **part))
     if isinstance(damper, WithTemperature):
         changed = replace(damper, damper=changed)

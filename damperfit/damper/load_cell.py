@@ -30,15 +30,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "OF_LOAD_CELL",
-    "acceleration",
-    "as_read",
-    "before_load_cell",
-    "behind_lag",
-    "lag_slope",
-]
-
 OF_LOAD_CELL = ("moving_mass", "lag")
 
 # A lag of less than this share of the interval changes no sample by its last digit.
@@ -46,16 +37,9 @@ _NO_LAG = 1e-3
 
 
 def behind_lag(rows: FloatArray, interval: float, lag: float) -> FloatArray:
-    """Return signals behind a first-order lag, at rest before the first sample.
+    """Return signals, a row of (k, n) each, behind a first-order lag, at rest before the first.
 
-    Parameters
-    ----------
-    rows : numpy.ndarray
-        Shape (k, n), one signal a row.
-    interval : float
-        Between the samples, s.
-    lag : float
-        T, s; 0 passes everything.
+    Interval and lag are in s; a lag of 0 passes everything.
 
     Examples
     --------
@@ -76,16 +60,9 @@ def behind_lag(rows: FloatArray, interval: float, lag: float) -> FloatArray:
 def lag_slope(
     force: FloatArray, interval: float, lag: float, *, read: FloatArray | None = None
 ) -> FloatArray:
-    """Return the derivative of a signal behind a lag by the lag, per second.
+    """Return the derivative of a signal behind a lag by the lag, per second, both of shape (n,).
 
-    Parameters
-    ----------
-    force : numpy.ndarray
-        Shape (n,), before the lag.
-    interval, lag : float
-        As of `behind_lag`, the lag above 0.
-    read : numpy.ndarray, optional
-        Shape (n,), the same behind the lag, where it is at hand.
+    `read` is the same signal behind the lag, where it is at hand.
     """
     lag = max(lag, _NO_LAG * interval)
     q = interval / lag
@@ -104,13 +81,6 @@ def acceleration(velocity: FloatArray, interval: float) -> FloatArray:
     """Return the acceleration at uniform samples of a velocity, m/s2; 0 of a single sample.
 
     The difference of the speeds beside a sample, so that a jump of the speed keeps its momentum.
-
-    Parameters
-    ----------
-    velocity : numpy.ndarray
-        Shape (n,), m/s.
-    interval : float
-        Between the samples, s.
 
     Examples
     --------
@@ -131,18 +101,10 @@ def as_read(
     moving_mass: float | None = None,
     lag: float | None = None,
 ) -> Response:
-    """Return a response with the force, and its derivatives, as they are logged.
+    """Return a response with the force, and the wanted derivatives in their order, as logged.
 
-    Parameters
-    ----------
-    response : Response
-        Of the damper on its mounting, with the sensitivities that the core has.
-    motion : Motion
-        What drives it.
-    sensitivities : sequence of str
-        Which are wanted, in this order.
-    moving_mass, lag : float or None
-        kg and s; None: the model has none.
+    The response is that of the damper on its mounting, with the sensitivities that the core has;
+    kg and s; None: the model has none.
     """
     force, slopes = response.force, dict(response.sensitivities)
     if moving_mass is not None:
@@ -162,17 +124,7 @@ def as_read(
 
 
 def before_load_cell(trace: Trace, *, moving_mass: float = 0.0, lag: float = 0.0) -> Trace:
-    """Return a log with the force that the damper had, of that which was logged.
-
-    Parameters
-    ----------
-    trace : Trace
-        The log.
-    moving_mass : float
-        Of what moves between load cell and damper, kg.
-    lag : float
-        Of the force channel, s.
-    """
+    """Return a log with the force that the damper had, of that which was logged; kg and s."""
     force = trace.force
     if lag:
         force = force + lag * np.gradient(force, trace.interval)

@@ -7,7 +7,7 @@ outside a model's own files names a quantity: what is done with one follows from
 range and whether it is taken by its logarithm.
 
 A new model is a frozen dataclass whose fields are the keys of ``[damper]`` in TOML, with a line in
-`MODELS`. It has to say `quantities`, `simulate` and `start`; what else it cannot say it leaves as
+`_WHERE`. It has to say `quantities`, `simulate` and `start`; what else it cannot say it leaves as
 it is here, and what would have asked says "not evaluated".
 """
 
@@ -40,21 +40,8 @@ if TYPE_CHECKING:
     from damperfit.simulation import Motion, Response, SolverOptions
 
     FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "FLAWS_OF_FORCE",
-    "FLAWS_OF_OIL",
-    "MODELS",
-    "PRESSURES",
-    "FurtherStart",
-    "Model",
-    "OilModel",
-    "Signal",
-    "Values",
-    "model_named",
-    "values_type",
-]
-
+    Names = Sequence[str]
+    Ranges = Mapping[str, tuple[float, float, str]]
 
 # Signatures of `damperfit.uncertainty.flaws`: of any force, and of what holds oil and gas.
 FLAWS_OF_FORCE = (
@@ -65,24 +52,12 @@ FLAWS_OF_OIL = ("gas_volume", "compressibility")
 
 
 class Signal(NamedTuple):
-    """One inner signal: what a model's response has besides its force.
+    """One inner signal: what a model's response has besides its force."""
 
-    Attributes
-    ----------
-    name : str
-        As in tables and FMUs, without its unit.
-    label : str
-        In a figure's legend.
-    where : str
-        Of what it is, for descriptions.
-    unit : str
-        SI.
-    """
-
-    name: str
-    label: str
-    where: str
-    unit: str
+    name: str  # as in tables and FMUs, without its unit
+    label: str  # in a figure's legend
+    where: str  # of what it is, for descriptions
+    unit: str  # SI
 
 
 PRESSURES = (
@@ -93,21 +68,13 @@ PRESSURES = (
 
 
 class FurtherStart(NamedTuple):
-    """Another way to a minimum, for a fit that has ended in a wrong local one.
-
-    Attributes
-    ----------
-    start : Values
-        Where it begins.
-    held : tuple of frozenset of str
-        Quantities that rough minimisations hold, one after the other, before all are free.
-    is_last_resort : bool
-        Taken only where what came before is neither sound nor explained; it must then be clearly
-        better. Otherwise it is always taken, and a sound end is preferred.
-    """
+    """Another way to a minimum, for a fit that has ended in a wrong local one."""
 
     start: Values
+    # Quantities that rough minimisations hold, one after the other, before all are free.
     held: tuple[frozenset[str], ...]
+    # Taken only where what came before is neither sound nor explained; it must then be clearly
+    # better. Otherwise it is always taken, and a sound end is preferred.
     is_last_resort: bool = False
 
 
@@ -120,9 +87,7 @@ class Values:
     """
 
     quantities: ClassVar[tuple[Quantity, ...]] = ()
-    names: ClassVar[tuple[str, ...]] = ()
-    """Names of the quantities, in the model's order."""
-    _by_name: ClassVar[Mapping[str, Quantity]] = MappingProxyType({})
+    names: ClassVar[tuple[str, ...]] = ()  # of the quantities, in the model's order
 
     if TYPE_CHECKING:
 
@@ -130,8 +95,7 @@ class Values:
 
     def __init_subclass__(cls) -> None:
         """Name its quantities once: a fit asks for them at every step."""
-        cls._by_name = MappingProxyType({quantity.name: quantity for quantity in cls.quantities})
-        cls.names = tuple(cls._by_name)
+        cls.names = tuple([quantity.name for quantity in cls.quantities])
 
     def __getitem__(self, name: str) -> float:
         """Return one of the numbers, by name."""
@@ -145,12 +109,7 @@ class Values:
 
     def quantity(self, name: str) -> Quantity:
         """Return one of its quantities; a `ConfigurationError` where there is none of the name."""
-        try:
-            return self._by_name[name]
-        except KeyError:
-            raise ConfigurationError(
-                _no_quantity(name, self.names), code="unknown-quantity"
-            ) from None
+        return _named(name, self.quantities)
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -158,18 +117,23 @@ class Values:
         return tuple([getattr(self, name) for name in self.names])
 
     def replace(self, changes: Mapping[str, float] = MappingProxyType({}), **more: float) -> Self:
-        """Return the same with some numbers changed.
-
-        Raises
-        ------
-        ConfigurationError
-            A name is none of the model's.
-        """
+        """Return the same with some numbers changed; refuses names that are none of the model's."""
         changes, names = {**changes, **more}, self.names
         for name in changes:
             if name not in names:
-                raise ConfigurationError(_no_quantity(name, names), code="unknown-quantity")
+                self.quantity(name)
         return type(self)(*[changes.get(name, getattr(self, name)) for name in names])
+
+
+def _named(name: str, quantities: tuple[Quantity, ...]) -> Quantity:
+    for quantity in quantities:
+        if quantity.name == name:
+            return quantity
+    known = [quantity.name for quantity in quantities]
+    raise ConfigurationError(
+        f"no parameter {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}",
+        code="unknown-quantity",
+    )
 
 
 # One type for the same quantities, whoever asks: values of two types differ by their types alone.
@@ -216,27 +180,24 @@ class Model(ABC):
 
     __slots__ = ()
 
-    name: ClassVar[str]
-    """As in `MODELS`, TOML and `--model`."""
-    title: ClassVar[str]
-    """In a few words, for people."""
-    procedures: ClassVar[tuple[str, ...]] = ("plain", "joint")
-    """Names of the procedures of a fit that it can be fitted by; the first is its own."""
+    name: ClassVar[str]  # as in `MODELS`, TOML and `--model`
+    title: ClassVar[str]  # in a few words, for people
+    procedures: ClassVar[tuple[str, ...]] = ("plain", "joint")  # of a fit; the first is its own
+    # What is declared, not fitted, and the force can be differentiated by all the same.
     conditions: ClassVar[tuple[str, ...]] = ()
-    """What is declared, not fitted, and the force can be differentiated by all the same."""
+    # Share of the sum of squares that a step must promise to be tried: what the misfit of a law
+    # with kinks jumps by, as a sample falls to one side of one or the other.
     kinks: ClassVar[float] = 0.0
-    """Share of the sum of squares that a step must promise to be tried: what the misfit of a law
-    with kinks jumps by, as a sample falls to one side of one or the other."""
+    # What its responses tell besides the force; what it does not tell is not a number there.
     signals: ClassVar[tuple[Signal, ...]] = ()
-    """What its responses tell besides the force; what it does not tell is not a number there."""
+    # Flaws of log or model that its residuals may be said to show.
     flaws: ClassVar[tuple[str, ...]] = FLAWS_OF_FORCE
-    """Flaws of log or model that its residuals may be said to show."""
+    # Quantities of one part: where the logs do not tell the first, they tell none of them.
     determined_together: ClassVar[tuple[tuple[str, ...], ...]] = ()
-    """Quantities of one part: where the logs do not tell the first, they tell none of them."""
-    ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = MappingProxyType({})
-    """Range of each declared number in SI, and its unit; what lies outside was misread."""
+    # Range of each declared number in SI, and its unit; what lies outside was misread.
+    ranges: ClassVar[Ranges] = MappingProxyType({})
+    # How the bulk modulus of the settings may be found.
     bulk_moduli: ClassVar[tuple[str, ...]] = ("free",)
-    """How the bulk modulus of the settings may be found."""
 
     @property
     @abstractmethod
@@ -245,12 +206,7 @@ class Model(ABC):
 
     @abstractmethod
     def simulate(
-        self,
-        values: Values,
-        motion: Motion,
-        *,
-        sensitivities: Sequence[str],
-        options: SolverOptions,
+        self, values: Values, motion: Motion, *, sensitivities: Names, options: SolverOptions
     ) -> Response:
         """Return force, pressures and sensitivities at the samples of a motion.
 
@@ -280,32 +236,26 @@ class Model(ABC):
         """
 
     def further_starts(
-        self,
-        start: Values,  # noqa: ARG002
-        traces: Sequence[Trace],  # noqa: ARG002
-        free: Sequence[str],  # noqa: ARG002
+        self, start: Values, traces: Sequence[Trace], free: Names
     ) -> tuple[FurtherStart, ...]:
         """Return other ways to try when a fit from a start has ended in a wrong local minimum."""
+        del start, traces, free
         return ()
 
     def examine(
-        self,
-        values: Values,  # noqa: ARG002
-        seen: Sequence[tuple[Trace, Response]],
-        *,
-        solver: SolverOptions,  # noqa: ARG002
+        self, values: Values, seen: Sequence[tuple[Trace, Response]], *, solver: SolverOptions
     ) -> Cavitation:
         """Return whether a chamber was empty in a setting's logs, and how far from it they are."""
         from damperfit.damper.cavitation import Cavitation, seen_cavitation
 
+        del values, solver
         return seen_cavitation(seen) if self.signals else Cavitation()
 
     def valve_characteristics(
-        self,
-        values: Values,  # noqa: ARG002
-        traces: Sequence[Trace],  # noqa: ARG002
+        self, values: Values, traces: Sequence[Trace]
     ) -> tuple[ValveCharacteristic, ...]:
         """Return the valves of a setting, flow against pressure, where the logs show them."""
+        del values, traces
         return ()
 
     @property
@@ -324,9 +274,9 @@ class Model(ABC):
         return None
 
     @property
-    def condition(self) -> str:
-        """What its quantities hold for, to follow its main figures in a sentence."""
-        return ""
+    def travel(self) -> float:
+        """Displacement from rest that the damper does not reach, m."""
+        return float("inf")
 
     @property
     def plain(self) -> Model:
@@ -339,9 +289,9 @@ class Model(ABC):
         return self.title
 
     @property
-    def travel(self) -> float:
-        """Displacement from rest that the damper does not reach, m."""
-        return float("inf")
+    def condition(self) -> str:
+        """What its quantities hold for, to follow its main figures in a sentence."""
+        return ""
 
     def filled_to(self, gas_pressure: float | None) -> Self:
         """Return the same damper filled to another pressure, Pa; None: as it is declared."""
@@ -349,8 +299,9 @@ class Model(ABC):
             return self
         return cast("Self", replace(cast("Any", self), gas_pressure=gas_pressure))
 
-    def rest_force(self, displacement: ArrayLike) -> FloatArray | None:  # noqa: ARG002
+    def rest_force(self, displacement: ArrayLike) -> FloatArray | None:
         """Return the force at no speed without friction and offset, N; None: it does not say."""
+        del displacement
         return None
 
     def values(self, known: Mapping[str, float] = MappingProxyType({}), **more: float) -> Values:
@@ -383,63 +334,38 @@ class Model(ABC):
         return tuple([quantity.name for quantity in self.quantities])
 
     def quantity(self, name: str) -> Quantity:
-        """Return a quantity by its name.
-
-        Raises
-        ------
-        ConfigurationError
-            There is none of that name.
-        """
-        for quantity in self.quantities:
-            if quantity.name == name:
-                return quantity
-        raise ConfigurationError(_no_quantity(name, self.names), code="unknown-quantity")
-
-
-class OilModel(Model):
-    """A damper with oil in two chambers, and gas."""
-
-    __slots__ = ()
-
-    signals: ClassVar[tuple[Signal, ...]] = PRESSURES
-    flaws: ClassVar[tuple[str, ...]] = (*FLAWS_OF_FORCE, *FLAWS_OF_OIL)
-
-
-def _no_quantity(name: str, known: Sequence[str]) -> str:
-    return f"no parameter {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}"
+        """Return a quantity by its name; a `ConfigurationError` where there is none."""
+        return _named(name, self.quantities)
 
 
 # Most commands need one of them: a model is loaded when it is asked for.
 _WHERE = {
-    "purdy": ("purdy.parameters", "Damper"),
-    "twin_tube": ("valve_dampers", "TwinTube"),
-    "monotube": ("valve_dampers", "Monotube"),
-    "through_flow": ("valve_dampers", "ThroughFlow"),
-    "network": ("valve_dampers", "DeclaredNetwork"),
-    "linear": ("rivals", "Linear"),
-    "bilinear": ("rivals", "Bilinear"),
-    "polynomial_v": ("rivals", "PolynomialInSpeed"),
-    "polynomial_xv": ("rivals", "PolynomialInStrokeAndSpeed"),
-    "restoring_force_surface": ("rivals", "RestoringForceSurface"),
-    "degressive": ("rivals", "Degressive"),
-    "four_slopes": ("rivals", "FourSlopes"),
-    "karadayi_masada": ("rivals", "KaradayiMasada"),
-    "hagedorn_wallaschek": ("rivals", "HagedornWallaschek"),
-    "surace_worden_tomlinson": ("rivals", "SuraceWordenTomlinson"),
-    "besinger_cebon_cole": ("rivals", "BesingerCebonCole"),
-    "bouc_wen": ("rivals", "BoucWen"),
-    "biviscous": ("rivals", "Biviscous"),
-    "kwok": ("rivals", "Kwok"),
+    "purdy": "purdy.parameters.Damper",
+    "twin_tube": "valve_dampers.TwinTube",
+    "monotube": "valve_dampers.Monotube",
+    "through_flow": "valve_dampers.ThroughFlow",
+    "network": "valve_dampers.DeclaredNetwork",
+    "linear": "rivals.Linear",
+    "bilinear": "rivals.Bilinear",
+    "polynomial_v": "rivals.PolynomialInSpeed",
+    "polynomial_xv": "rivals.PolynomialInStrokeAndSpeed",
+    "restoring_force_surface": "rivals.RestoringForceSurface",
+    "degressive": "rivals.Degressive",
+    "four_slopes": "rivals.FourSlopes",
+    "karadayi_masada": "rivals.KaradayiMasada",
+    "hagedorn_wallaschek": "rivals.HagedornWallaschek",
+    "surace_worden_tomlinson": "rivals.SuraceWordenTomlinson",
+    "besinger_cebon_cole": "rivals.BesingerCebonCole",
+    "bouc_wen": "rivals.BoucWen",
+    "biviscous": "rivals.Biviscous",
+    "kwok": "rivals.Kwok",
 }
 
 
 class _Models(Mapping[str, type[Model]]):
     def __getitem__(self, name: str) -> type[Model]:
-        module, kind = _WHERE[name]
+        module, _, kind = _WHERE[name].rpartition(".")
         return cast("type[Model]", getattr(import_module(f"damperfit.damper.{module}"), kind))
-
-    def __contains__(self, name: object) -> bool:
-        return name in _WHERE
 
     def __iter__(self) -> Iterator[str]:
         return iter(_WHERE)
@@ -447,18 +373,16 @@ class _Models(Mapping[str, type[Model]]):
     def __len__(self) -> int:
         return len(_WHERE)
 
+    def __contains__(self, name: object) -> bool:
+        return name in _WHERE  # without loading it
+
 
 MODELS: Mapping[str, type[Model]] = _Models()
 """Every model by its name: the paper's damper, dampers of real valves, models of the literature."""
 
 
 def model_named(name: str) -> type[Model]:
-    """Return the model of a name; a damper is an object of it.
-
-    Raises
-    ------
-    ConfigurationError
-        There is none of that name.
+    """Return the model of a name; a damper is an object of it. Refuses a name of none.
 
     Examples
     --------

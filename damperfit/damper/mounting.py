@@ -21,11 +21,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from damperfit.damper.quantity import DAMPER, RIG, Quantity
 from damperfit.errors import ConfigurationError
-
-__all__ = ["FIT", "NONE", "Friction", "Mounting"]
 
 NONE, FIT = "none", "fit"
 _OF_MOUNTING: dict[str, Quantity] = {
@@ -97,28 +96,31 @@ class _Parts:
 
     __slots__ = ()
 
-    def _check(self, known: dict[str, Quantity]) -> None:
-        for name, quantity in known.items():
-            found = getattr(self, name)
-            if isinstance(found, bool) or not isinstance(found, float | int):
-                if found not in (NONE, FIT):
+    known: ClassVar[dict[str, Quantity]]
+
+    def __post_init__(self) -> None:
+        """Refuse what is no such number."""
+        for name, quantity in self.known.items():
+            value = getattr(self, name)
+            low, high = quantity.plausible
+            if isinstance(value, bool) or not isinstance(value, float | int):
+                if value not in (NONE, FIT):
                     raise ConfigurationError(
-                        f"{name}: found {found!r}; expected a number, {NONE!r} or {FIT!r}",
+                        f"{name}: found {value!r}; expected a number, {NONE!r} or {FIT!r}",
                         code="not-a-number",
                     )
-                continue
-            low, high = quantity.plausible
-            if not low <= float(found) <= high:
+            elif not low <= float(value) <= high:
                 raise ConfigurationError(
-                    f"found {float(found):g}; expected {low:g} to {high:g} {quantity.unit}, "
+                    f"found {float(value):g}; expected {low:g} to {high:g} {quantity.unit}, "
                     f"{NONE!r} or {FIT!r}",
                     subject=name,
                     code="out-of-range",
                 )
 
-    def _declared(self, known: dict[str, Quantity]) -> tuple[Quantity, ...]:
-        """The quantities of the parts that there are; a part that is known is held."""
-        there = ((getattr(self, name), quantity) for name, quantity in known.items())
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What a fit may find of the parts that there are; what was measured is held."""
+        there = ((getattr(self, name), quantity) for name, quantity in self.known.items())
         return tuple(
             quantity if part == FIT else replace(quantity, default=float(part))
             for part, quantity in there
@@ -128,34 +130,21 @@ class _Parts:
 
 @dataclass(frozen=True, slots=True)
 class Mounting(_Parts):
-    """Which of the mounting's parts there are; each is absent, found by the fit, or known.
+    """Which of the mounting's parts there are; each is "none", "fit", or known, in SI."""
 
-    Attributes
-    ----------
-    series_stiffness : str or float
-        k_s: "none" (rigid), "fit", or N/m.
-    play : str or float
-        Whole gap of the joints: "none", "fit", or m. Needs an elasticity.
-    lag : str or float
-        Of the force channel, first order: "none", "fit", or s.
-    moving_mass : str or float
-        Of what moves between load cell and damper, the moving part of the damper included: "none",
-        "fit", or kg.
-    rubber, rubber_bend : str or float
-        Force that rubber holds whichever way it was bent last, and the stretch over which it turns:
-        "none", "fit", or N and m.
-    """
-
-    series_stiffness: str | float = FIT
-    play: str | float = NONE
-    lag: str | float = NONE
+    series_stiffness: str | float = FIT  # k_s, N/m; "none" is rigid
+    play: str | float = NONE  # whole gap of the joints, m; needs an elasticity
+    lag: str | float = NONE  # of the force channel, first order, s
+    # Of what moves between load cell and damper, the moving part of the damper included, kg.
     moving_mass: str | float = NONE
-    rubber: str | float = NONE
-    rubber_bend: str | float = NONE
+    rubber: str | float = NONE  # force that rubber holds whichever way it was bent last, N,
+    rubber_bend: str | float = NONE  # and the distance over which it turns, m
+
+    known = _OF_MOUNTING
 
     def __post_init__(self) -> None:
         """Refuse what no mounting is."""
-        self._check(_OF_MOUNTING)
+        _Parts.__post_init__(self)
         is_rubber = self.rubber != NONE
         is_held = self.series_stiffness != NONE
         if is_rubber is not (self.rubber_bend != NONE) or (is_rubber and not is_held):
@@ -165,46 +154,30 @@ class Mounting(_Parts):
                 subject="rubber",
                 code="half-a-pair",
             )
-        if self.play != NONE and self.series_stiffness == NONE:
+        if self.play != NONE and not is_held:
             raise ConfigurationError(
                 "play needs a series stiffness that takes the force once the gap is closed: "
                 f"set series_stiffness to {FIT!r} or to a value",
                 code="half-a-pair",
             )
 
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """What a fit may find of it; what was measured is held."""
-        return self._declared(_OF_MOUNTING)
-
 
 @dataclass(frozen=True, slots=True)
 class Friction(_Parts):
-    """Which parts there are beside Coulomb's; each is absent, found by the fit, or known.
+    """Which parts there are beside Coulomb's; each is "none", "fit", or known, in SI."""
 
-    Attributes
-    ----------
-    presliding : str or float
-        Distance over which it builds up: "none", "fit", or m.
-    breakaway : str or float
-        What it has more at rest: "none", "fit", or N. Needs a Stribeck speed.
-    stribeck_speed : str or float
-        "none", "fit", or m/s.
-    seal_area : str or float
-        What the pressure above the piston adds, per Pa: "none", "fit", or m2.
-    turning_speed : str or float
-        Speed up to which it grows from nothing: "none", "fit", or m/s. Not beside presliding.
-    """
-
-    presliding: str | float = NONE
-    breakaway: str | float = NONE
-    stribeck_speed: str | float = NONE
-    seal_area: str | float = NONE
+    presliding: str | float = NONE  # distance over which it builds up, m
+    breakaway: str | float = NONE  # what it has more at rest, N; needs a Stribeck speed
+    stribeck_speed: str | float = NONE  # m/s
+    seal_area: str | float = NONE  # what the pressure above the piston adds, m2
+    # Speed up to which it grows from nothing, m/s; not beside presliding.
     turning_speed: str | float = NONE
+
+    known = _OF_FRICTION
 
     def __post_init__(self) -> None:
         """Refuse what is no friction."""
-        self._check(_OF_FRICTION)
+        _Parts.__post_init__(self)
         if NONE not in {self.presliding, self.turning_speed}:
             raise ConfigurationError(
                 "turning_speed: found beside presliding; friction turns over a distance or within "
@@ -219,8 +192,3 @@ class Friction(_Parts):
                 subject=missing,
                 code="half-a-pair",
             )
-
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """What a fit may find of it; what was measured is held."""
-        return self._declared(_OF_FRICTION)

@@ -11,17 +11,11 @@ another by the law of its parts, each of which may be absent::
     width   how gradually a stack of discs lifts: s(D) in place of D - p_open, see core/passages.h
     lift    how much further it lifts the harder it is pressed: s (1 + lift s)   1/Pa
 
-======================  ==============================  =========================================
-a passage with          is a                            examples
-======================  ==============================  =========================================
-S                       orifice, bleed                  needle, low-speed adjuster, valve 1
-R                       leak, linear check              piston ring, return valve, valves 2 and 3
-R and S                 long orifice                    needle at few clicks
-p_open and R            blow-off                        preloaded disc, shim stack
-p_open, R and S         blow-off with port              high speed
-p_open, R and width     rounded blow-off                shim stack
-p_open, R and lift      lifting blow-off                shim stack, poppet on a soft spring
-======================  ==============================  =========================================
+A passage with S is an orifice (needle, low-speed adjuster, valve 1); with R a leak or a linear
+check (piston ring, return valve, valves 2 and 3); with R and S a long orifice (needle at few
+clicks); with p_open and R a blow-off (preloaded disc, shim stack), with S beside them one with a
+port (high speed), with width a rounded one (shim stack), with lift a lifting one (poppet on a soft
+spring).
 
 The oil in chambers 1 and 2 is compressible; with free gas (volume share phi at P_0) it follows
 1/(1 + e) = 1 - (P - P_0)/K_e + phi (P_0/P - 1), e = m/(rho_0 V) - 1, isothermally, and never
@@ -73,34 +67,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.purdy.parameters import Damper
-    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.damper.cylinder import Cylinder
     from damperfit.simulation import Motion
 
     FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "BLEEDS",
-    "BLEED_WORDS",
-    "BLOW_OFFS",
-    "BLOW_OFF_PARTS",
-    "BLOW_OFF_WORDS",
-    "BODY_NUMBERS",
-    "LINEAR",
-    "PARTS",
-    "ROOT",
-    "Network",
-    "Part",
-    "Passage",
-    "Valve",
-    "law_flow",
-    "monotube",
-    "purdy",
-    "purdy_blow_off",
-    "simulate_network",
-    "through_flow",
-    "twin_tube",
-]
 
 # In the order of core/network.h: what every network has, whatever its passages.
 BODY_NUMBERS = (
@@ -108,7 +78,7 @@ BODY_NUMBERS = (
     "drag", "presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed",
     "rubber", "rubber_bend",
 )  # fmt: skip
-_NEEDED = {"k_e", "f_f"}  # the others are the damper's or nothing
+_NEEDED = ("f_f", "k_e")  # the others are the damper's or nothing
 
 # What the compiled core has room for (core/network.h).
 _MOST_PASSAGES, _MOST_NUMBERS = 16, 47
@@ -118,24 +88,9 @@ _SHOWN = {ROOT: (3, "10³ s √N / (m kg)"), LINEAR: (6, "10⁶ N s / (m² kg)")
 
 
 class Part(NamedTuple):
-    """One number of a valve's law.
+    """One number of a valve's law; as of `damperfit.damper.quantity.Quantity`, and of more."""
 
-    Attributes
-    ----------
-    term : str
-        Of `Passage`, that it is.
-    symbol, label, meaning, unit, plausible, area_power, idle
-        As of `damperfit.damper.quantity.Quantity`.
-    guess : callable
-        What it is in a valve of which only the plain law is known, from its opening and slope, the
-        largest pressure and mass flow.
-    elsewhere : float
-        Of a check valve of a car's damper, where no log says anything of it.
-    power, shown_unit : int, str
-        As people read it; 0 and "": as others of the unit.
-    """
-
-    term: str
+    term: str  # of `Passage`, that it is
     symbol: str
     label: str
     meaning: str
@@ -143,9 +98,11 @@ class Part(NamedTuple):
     plausible: tuple[float, float]
     area_power: float
     idle: str
+    # What it is in a valve of which only the plain law is known, from its opening and slope, the
+    # largest pressure and mass flow.
     guess: Callable[[float, float, float, float], float]
-    elsewhere: float
-    power: int = 0
+    elsewhere: float  # of a check valve of a car's damper, where no log says anything of it
+    power: int = 0  # as people read it; 0 and "": as others of the unit
     shown_unit: str = ""
 
     @property
@@ -225,28 +182,20 @@ BLOW_OFF_WORDS: dict[str, tuple[str, str]] = {
 BLOW_OFF_PARTS = tuple(dict.fromkeys(part for parts in BLOW_OFFS.values() for part in parts))
 
 
-@dataclass(frozen=True, slots=True)
-class Passage:
+class Passage(NamedTuple):
     """A way for the oil; each number of its law by name, empty where the term is absent.
 
-    Attributes
-    ----------
-    start, end : int
-        Chambers 1 (rod side), 2 (full bore) or 3 (gas).
-    orifice, resistance, opening, width, lift : str
-        Names of S, R, p_open, width and lift. Passages that name the same number share it.
-    is_two_way : bool
-        Whether the same law holds backwards; otherwise the passage is a check.
+    Passages that name the same number share it.
     """
 
-    start: int
+    start: int  # chambers 1 (rod side), 2 (full bore) or 3 (gas)
     end: int
-    orifice: str = ""
-    resistance: str = ""
-    opening: str = ""
+    orifice: str = ""  # name of S
+    resistance: str = ""  # of R
+    opening: str = ""  # of p_open
     width: str = ""
     lift: str = ""
-    is_two_way: bool = False
+    is_two_way: bool = False  # whether the law holds backwards; otherwise the passage is a check
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -264,24 +213,13 @@ class Passage:
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """Passages between the chambers.
+    """Passages between the chambers."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the layout.
-    passages : tuple of Passage
-        1 to 16, with at most 47 numbers, the 17 of the body included.
-    has_floating_piston : bool
-        Chamber 2 is at the gas pressure: a monotube, whose piston parts oil and gas.
-    ambient_pressure : float
-        Of the surroundings on the rod, Pa: f = P_1 a_p1 - P_2 a_p2 + a_r P_amb + ...; the paper
-        leaves it out.
-    """
-
-    name: str
-    passages: tuple[Passage, ...]
-    has_floating_piston: bool = False
+    name: str  # of the layout
+    passages: tuple[Passage, ...]  # 1 to 16, with at most 47 numbers, the 17 of the body included
+    has_floating_piston: bool = False  # 2 is at the gas pressure: a piston parts oil and gas
+    # Of the surroundings on the rod, Pa: f = P_1 a_p1 - P_2 a_p2 + a_r P_amb + ...; the paper
+    # leaves it out.
     ambient_pressure: float = 0.0
 
     def __post_init__(self) -> None:
@@ -308,24 +246,14 @@ class Network:
 
 @dataclass(frozen=True, slots=True)
 class Valve:
-    """What a valve is made of: a bleed that is always open, and a blow-off beside it.
+    """What a valve is made of: a bleed that is always open, and a blow-off beside it."""
 
-    Attributes
-    ----------
-    bleed : str
-        One of `BLEEDS`: none, orifice, long (laminar and turbulent) or leak.
-    blow_off : str
-        One of `BLOW_OFFS`: none, linear, port, rounded or lifting.
-    """
-
-    bleed: str = "orifice"
-    blow_off: str = "linear"
+    bleed: str = "orifice"  # one of `BLEEDS`: none, orifice, long (laminar and turbulent) or leak
+    blow_off: str = "linear"  # one of `BLOW_OFFS`: none, linear, port, rounded or lifting
 
     def __post_init__(self) -> None:
-        for kind, known, what in (
-            (self.bleed, BLEEDS, "bleed"),
-            (self.blow_off, BLOW_OFFS, "blow-off"),
-        ):
+        kinds = (self.bleed, BLEEDS, "bleed"), (self.blow_off, BLOW_OFFS, "blow-off")
+        for kind, known, what in kinds:
             if kind not in known:
                 raise ConfigurationError(
                     f"no {what} {kind!r}; there are {', '.join(known)}.{did_you_mean(kind, known)}",
@@ -353,79 +281,18 @@ class Valve:
         )
 
 
-def purdy() -> Network:
+@lru_cache(maxsize=8)  # a fit asks for it at every simulation
+def purdy(ambient_pressure: float = 0.0) -> Network:
     """Return the paper's layout: an orifice 1-3, linear checks 2 to 1 and 3 to 2."""
-    return Network(
-        "purdy",
-        (
-            Passage(1, 3, orifice="r_m1", is_two_way=True),
-            Passage(2, 1, resistance="r_m2"),
-            Passage(3, 2, resistance="r_m3"),
-        ),
-    )
-
-
-def purdy_blow_off() -> Network:
-    """Return the paper's layout with a blow-off beside valve 1 and a preload on valve 2."""
-    bleed, _, foot = purdy().passages
-    blow_off = Passage(1, 3, opening="rebound_opening", resistance="rebound_slope")
-    preloaded = Passage(2, 1, opening="compression_opening", resistance="r_m2")
-    return Network("purdy_blow_off", (bleed, blow_off, preloaded, foot))
-
-
-def through_flow(rebound: Valve = Valve(), compression: Valve = Valve()) -> Network:
-    """Return a solid piston whose sides each press through a valve to the reservoir.
-
-    The rebound valve joins chamber 1 with the gas side, the compression valve chamber 2; each has a
-    return check beside it. Dampers with a piggyback or a remote reservoir and up to four adjusters.
-    """
-    return Network(
-        "through_flow",
-        (
-            *rebound.passages(1, 3, "rebound"),
-            Passage(3, 1, resistance="return_slope"),
-            *compression.passages(2, 3, "compression"),
-            Passage(3, 2, resistance="return_slope"),
-        ),
-    )
-
-
-def twin_tube(rebound: Valve = Valve(), compression: Valve = Valve()) -> Network:
-    """Return a piston valve between 1 and 2 and a base valve between 2 and 3, with returns."""
-    return Network(
-        "twin_tube",
-        (
-            *rebound.passages(1, 2, "rebound"),
-            Passage(2, 1, resistance="return_slope"),
-            *compression.passages(2, 3, "compression"),
-            Passage(3, 2, resistance="return_slope"),
-        ),
-    )
-
-
-def monotube(rebound: Valve = Valve(), compression: Valve = Valve()) -> Network:
-    """Return a piston with a valve for each stroke; a floating piston holds 2 at gas pressure."""
-    return Network(
-        "monotube",
-        (
-            *rebound.passages(1, 2, "rebound", is_two_way=False),
-            *compression.passages(2, 1, "compression", is_two_way=False),
-        ),
-        has_floating_piston=True,
-    )
+    orifice = Passage(1, 3, orifice="r_m1", is_two_way=True)
+    checks = Passage(2, 1, resistance="r_m2"), Passage(3, 2, resistance="r_m3")
+    return Network("purdy", (orifice, *checks), ambient_pressure=ambient_pressure)
 
 
 def law_flow(parts: Mapping[str, float], drop: FloatArray, density: float) -> FloatArray:
     """Return the flow through bleed and blow-off of a valve, m3/s at rest's density.
 
-    Parameters
-    ----------
-    parts : mapping of str to float
-        Numbers of what the valve has, by their names in `PARTS`.
-    drop : numpy.ndarray
-        Pressure across it, Pa, not negative.
-    density : float
-        kg/m3.
+    Of its parts by their names in `PARTS`, the pressure across it, Pa, not negative, and kg/m3.
 
     Examples
     --------
@@ -459,7 +326,7 @@ def _through(pressed: FloatArray, linear: float, root: float) -> FloatArray:
 def simulate_network(
     network: Network,
     values: Mapping[str, float],
-    damper: Damper | ValveDamper,
+    damper: Cylinder,
     motion: Motion,
     *,
     sensitivities: Sequence[str] = (),
@@ -474,25 +341,16 @@ def simulate_network(
 
     Parameters
     ----------
-    network : Network
-        Passages between the chambers.
     values : mapping of str to float
         SI, by the names of ``network.numbers``. Of the body's own only ``k_e`` and ``f_f`` are
         needed: free gas and offset are 0, the gas is the damper's, the mounting rigid.
-    damper : Damper or ValveDamper
-        Geometry, oil and gas.
-    motion : Motion
-        Uniform samples of displacement and velocity.
     sensitivities : sequence of str
         Numbers to differentiate the force by: any of ``network.numbers``.
-    options : SolverOptions
-        Tolerance, dead band, rounding of the orifices' roots.
 
     Returns
     -------
     Response
-        Force, pressures, masses and sensitivities at the samples. With a floating piston the second
-        mass is that of chamber 2 at rest.
+        With a floating piston the second mass is that of chamber 2 at rest.
 
     Raises
     ------
@@ -525,7 +383,7 @@ def simulate_network(
             f"{did_you_mean(name, place)}",
             code="unknown-quantity",
         ) from None
-    missing = [n for n in (*sorted(_NEEDED), *network.passage_numbers) if n not in values]
+    missing = [n for n in (*_NEEDED, *network.passage_numbers) if n not in values]
     if missing:
         raise ConfigurationError(
             f"{network.name} needs a value of {', '.join(missing)}", code="missing-value"
@@ -539,15 +397,11 @@ def simulate_network(
     pressures, masses, force, rows = block[:3], block[3:5], block[5], block[6:]
     body = array(
         "d",
-        [
-            damper.annulus_area,
-            damper.piston_area,
-            damper.chamber_1_volume,
-            damper.chamber_2_volume,
-            damper.oil_density,
-            damper.rod_area * network.ambient_pressure,
-        ],
-    )
+        (
+            damper.annulus_area, damper.piston_area, damper.chamber_1_volume,
+            damper.chamber_2_volume, damper.oil_density, damper.rod_area * network.ambient_pressure,
+        ),
+    )  # fmt: skip
     state = (motion.state,) if isinstance(motion, Step) else ()
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
         body, numbers, passages, x, v, jumps, which, pressures, masses, force, rows,
@@ -559,16 +413,8 @@ def simulate_network(
     time = np.arange(n, dtype=np.float64)
     time *= motion.interval
     time += motion.start_time
-    return Response(
-        time=time,
-        displacement=x,
-        velocity=v,
-        force=force,
-        pressures=pressures,
-        masses=masses,
-        sensitivities=dict(zip(sensitivities, rows, strict=True)),
-        work=Work(steps, rejected, newton),
-    )
+    slopes = dict(zip(sensitivities, rows, strict=True))
+    return Response(time, x, v, force, pressures, masses, slopes, Work(steps, rejected, newton))
 
 
 @lru_cache(maxsize=64)  # a fit asks for it at every simulation

@@ -9,26 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = [
-    "DAMPER",
-    "FRICTION",
-    "GAS_AMOUNT",
-    "LOG",
-    "OFFSET",
-    "RIG",
-    "RIGID",
-    "SETTING",
-    "STIFFNESS",
-    "VISCOUS",
-    "Quantity",
-]
-
 # Whose a quantity is. Any other word is the name of an adjuster: one value for each of its clicks.
 SETTING = "setting"  # each setting's own
 DAMPER = "damper"  # one for all settings
 LOG = "log"  # each log's own: tare, skew, gas pressure
 RIG = "rig"  # one for all logs of the rig
-
 
 # The part that a quantity plays, where somebody must know it.
 OFFSET = "offset"  # a force of either sign that is added: a tare
@@ -43,96 +28,44 @@ RIGID = 1e13
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number of a model that a fit may find.
+    """A number of a model that a fit may find; values in SI."""
 
-    Attributes
-    ----------
-    name : str
-        As in tables, options and `Values`: lower case, ``rebound_opening``.
-    symbol : str
-        As people write it: ``R_m1``.
-    label : str
-        In a few words, for a table's row: "valve 1 (adjuster)".
-    meaning : str
-        In one phrase, for the metadata of tables.
-    unit : str
-        SI, as in "N s/(m2 kg)".
-    plausible : tuple of float
-        A fit stays within; a factor of a hundred beyond what dampers have.
-    is_logarithmic : bool
-        Positive, and fitted by its logarithm; otherwise of either sign, in steps of `size`.
-    size : float
-        Of a quantity that is not logarithmic: about as much as it is in a damper, in `unit`.
-    scope : str
-        `SETTING`, `DAMPER`, `LOG`, `RIG`, or an adjuster's name.
-    default : float or None
-        Where it is held unless it is freed; None: it is free unless it is held.
-    fallback : float or None
-        What is known of it where no log tells it.
-    power, shown_unit : int, str
-        People read it in 10^power of the unit, which they write like this.
-    is_open : bool
-        What lies beyond the upper edge looks like the edge: rigid. It is then no fault of the logs.
-    has_own_edges : bool
-        At an edge of its range the law is a simpler one, and no bound that a fit strains against.
-    may_vanish : bool
-        Of a logarithmic one: it may be held at nothing.
-    trend_degree : int or None
-        Degree of the polynomial that it follows over the settings, where that is agreed beforehand.
-    believable : tuple of float
-        What dampers and rigs have: a fit may go beyond it, but is then not believed.
-    belief : str
-        Why not, in a phrase.
-    ignorance : float
-        Standard error of a default that nobody has measured: of its logarithm, or in `unit` of what
-        may vanish.
-    is_absolute : bool
-        A pressure that counts from vacuum, so that people say bara or barg, psia or psig.
-    ideal : float or None
-        Its value in a damper that neither yields nor lags: rigid oil and mounting, no play, no
-        moving mass; None: as it is. `damperfit.damper.quasi_static` puts it there.
-    role : str
-        `OFFSET`, `FRICTION`, `STIFFNESS`, `GAS_AMOUNT` or `VISCOUS`; "": none of these.
-    stroke, part : str
-        Of a valve: whose it is ("rebound", "compression", "return") and which number of its law, a
-        key of `damperfit.damper.network.PARTS`.
-    group : str
-        Of a valve: "bleed" or "blow_off", of which it is a number.
-    area_power : float
-        Of a valve: with which power of the area that presses on it its value goes, for the same
-        force in another layout.
-    idle : str
-        Edges of its range at which its part does nothing, as in "above below"; the first is where a
-        structure without the part lies. Empty: as its role has it.
-    """
-
-    name: str
-    symbol: str
-    label: str
-    meaning: str
-    unit: str
-    plausible: tuple[float, float]
+    name: str  # as in tables, options and `Values`: lower case, "rebound_opening"
+    symbol: str  # as people write it: R_m1
+    label: str  # in a few words, for a table's row: "valve 1 (adjuster)"
+    meaning: str  # in one phrase, for the metadata of tables
+    unit: str  # SI, as in "N s/(m2 kg)"
+    plausible: tuple[float, float]  # a fit stays within; a factor of 100 beyond what dampers have
+    # Positive, and fitted by its logarithm; otherwise of either sign, in steps of `size`, which is
+    # about as much as it is in a damper.
     is_logarithmic: bool = True
     size: float = 1.0
-    scope: str = SETTING
-    default: float | None = None
-    fallback: float | None = None
-    power: int = 0
-    shown_unit: str = ""
-    is_open: bool = False
-    has_own_edges: bool = False
-    may_vanish: bool = False
-    trend_degree: int | None = None
+    scope: str = SETTING  # or DAMPER, LOG, RIG, or an adjuster's name
+    default: float | None = None  # where it is held unless freed; None: it is free unless held
+    fallback: float | None = None  # what is known of it where no log tells it
+    power: int = 0  # people read it in 10^power of the unit,
+    shown_unit: str = ""  # which they write like this
+    is_open: bool = False  # beyond the upper edge all is alike: rigid, and no fault of the logs
+    has_own_edges: bool = False  # at an edge the law is a simpler one: no bound that a fit strains
+    may_vanish: bool = False  # of a logarithmic one: it may be held at nothing
+    trend_degree: int | None = None  # of its polynomial over the settings, if agreed beforehand
+    # What dampers and rigs have: a fit beyond it is not believed. And why not, in a phrase.
     believable: tuple[float, float] = (float("-inf"), float("inf"))
     belief: str = ""
+    # Standard error of a default that nobody has measured: of its logarithm, or in `unit` of what
+    # may vanish.
     ignorance: float = 0.0
-    is_absolute: bool = False
+    is_absolute: bool = False  # a pressure from vacuum: people say bara or barg, psia or psig
+    # In a damper that neither yields nor lags (`damperfit.damper.quasi_static`): rigid oil and
+    # mounting, no play, no moving mass. None: as it is.
     ideal: float | None = None
-    role: str = ""
-    stroke: str = ""
-    part: str = ""
-    group: str = ""
-    area_power: float = 0.0
+    role: str = ""  # OFFSET, FRICTION, STIFFNESS, GAS_AMOUNT or VISCOUS; "": none of these
+    stroke: str = ""  # of a valve: whose it is, "rebound", "compression" or "return",
+    part: str = ""  # which number of its law, a key of `damperfit.damper.network.PARTS`,
+    group: str = ""  # of "bleed" or "blow_off",
+    area_power: float = 0.0  # and power of the pressed area by which it goes at the same force
+    # Edges at which its part does nothing, as in "above below"; at the first lies a structure
+    # without the part. Empty: as its role has it.
     idle: str = ""
 
     @property
@@ -140,10 +73,8 @@ class Quantity:
         """Edges at which its part does nothing: as declared, or as its role has it."""
         if self.has_own_edges:
             return ("below", "above")
-        if self.idle:
-            return tuple(self.idle.split())
-        by_role = {FRICTION: ("below",), STIFFNESS: ("above",), GAS_AMOUNT: ("above",)}
-        return by_role.get(self.role, ())
+        by_role = {FRICTION: "below", STIFFNESS: "above", GAS_AMOUNT: "above"}
+        return tuple((self.idle or by_role.get(self.role, "")).split())
 
     @property
     def vanishes_at(self) -> float:

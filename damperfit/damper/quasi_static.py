@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["QuasiStatic", "ideal_values", "quasi_static"]
-
 # A speed is held for so long, s: behind an orifice at 1000 bar rigid oil settles in 3 us. Without
 # oil there is nothing that takes time; the way of a leg would be in the force of a spring.
 _LEG, _LEG_NO_GAS = 1e-4, 1e-6
@@ -38,40 +36,20 @@ _FRICTION_PARTS = ("breakaway", "seal_area")
 
 
 class QuasiStatic(NamedTuple):
-    """Forces of one setting at constant speeds, all at one displacement.
+    """Forces of one setting at constant speeds, all at one displacement."""
 
-    Attributes
-    ----------
-    speeds : numpy.ndarray
-        Shape (m,), m/s, positive in rebound.
-    forces : numpy.ndarray
-        Shape (m,): valves, friction, `rest` and `tare` in the sum, N.
-    rest : float
-        Force at rest at the displacement, N: gas against ambient pressure. Where the model knows
-        no gas, its offset, which then holds gas force and tare.
-    knows_gas : bool
-        The model has a gas of its own.
-    tare : float
-        The rig's offset, as far as it is in the forces, N.
-    friction : numpy.ndarray
-        Shape (m,): what of the force is friction, N, with the sign of the speed.
-    pressures : numpy.ndarray
-        Shape (3, m), absolute, Pa; NaN where the model has none.
-    sensitivities : tuple of str
-        Quantities of the rows of `slopes`.
-    slopes : numpy.ndarray
-        Shape (k, m): derivatives of the forces by u, ln y of a logarithmic quantity and y of
-        another, N or N by its unit; 0 by what is out.
-    """
-
-    speeds: FloatArray
-    forces: FloatArray
+    speeds: FloatArray  # shape (m,), m/s, positive in rebound
+    forces: FloatArray  # shape (m,): valves, friction, `rest` and `tare` in the sum, N
+    # Force at rest at the displacement, N: gas against ambient pressure. Where the model knows no
+    # gas, its offset, which then holds gas force and tare.
     rest: float
-    knows_gas: bool
-    tare: float
-    friction: FloatArray
-    pressures: FloatArray
-    sensitivities: tuple[str, ...]
+    knows_gas: bool  # the model has a gas of its own
+    tare: float  # the rig's offset, as far as it is in the forces, N
+    friction: FloatArray  # shape (m,): what of the force is friction, N, with the sign of the speed
+    pressures: FloatArray  # shape (3, m), absolute, Pa; NaN where the model has none
+    sensitivities: tuple[str, ...]  # quantities of the rows of `slopes`
+    # Shape (k, m): derivatives of the forces by u, ln y of a logarithmic quantity and y of another,
+    # N or N by its unit; 0 by what is out.
     slopes: FloatArray
 
     @property
@@ -86,17 +64,9 @@ class QuasiStatic(NamedTuple):
 
 
 def ideal_values(damper: Model, values: Values, *, with_tare: bool = False) -> Values:
-    """Return values of a damper that neither yields nor lags, on a rig without tare.
+    """Return values of a damper that neither yields nor lags, on a rig without tare unless wanted.
 
-    Parameters
-    ----------
-    damper : Model
-        The damper.
-    values : Values
-        Of it.
-    with_tare : bool
-        Whether the rig's offset stays. Where the model knows no gas it holds the gas force, and
-        stays in any case.
+    Where the model knows no gas the rig's offset holds the gas force, and stays in any case.
     """
     values = _as_declared(damper, values)
     keeps = with_tare or damper.rest_force(0.0) is None
@@ -124,8 +94,6 @@ def quasi_static(
     ----------
     damper : Model
         Of any kind; a `WithTemperature` one at its declared temperature.
-    values : Values
-        Of it, as fitted.
     speeds : array_like
         m/s, any signs and order; at 0 the force is that at rest.
     displacement : float

@@ -60,16 +60,15 @@ kwok: N. M. Kwok, Q. P. Ha, T. H. Nguyen, J. Li and B. Samali, "A novel hysteret
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from damperfit.compiled_core import compiled_core
-from damperfit.damper import quantity as roles
 from damperfit.damper.model import Model
-from damperfit.damper.quantity import RIGID, Quantity
+from damperfit.damper.quantity import FRICTION, OFFSET, RIGID, VISCOUS, Quantity
 from damperfit.errors import SimulationError
 from damperfit.simulation import Response, describe_ending
 
@@ -78,31 +77,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Values
+    from damperfit.damper.model import Names, Values
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, SolverOptions
 
     FloatArray = NDArray[np.float64]
     Law = tuple[FloatArray, dict[str, FloatArray]]
-
-__all__ = [
-    "RIVALS",
-    "BesingerCebonCole",
-    "Bilinear",
-    "Biviscous",
-    "BoucWen",
-    "Degressive",
-    "FourSlopes",
-    "HagedornWallaschek",
-    "KaradayiMasada",
-    "Kwok",
-    "Linear",
-    "PolynomialInSpeed",
-    "PolynomialInStrokeAndSpeed",
-    "RestoringForceSurface",
-    "Rival",
-    "SuraceWordenTomlinson",
-]
+    Numbers = Mapping[str, float]
 
 _LATER_TEXTS = "The original was not at hand; the equation is as later texts give it."
 _WAYS = (("r", "rebound"), ("b", "bump"))
@@ -111,28 +92,35 @@ _AT_ONCE = 1e10  # 1/m
 _MIDDLE = 1e-4  # m: within, the sign of x is x/_MIDDLE, so that the force does not jump
 
 
-def _positive(
-    name: str, symbol: str, meaning: str, unit: str, limits: tuple[float, float], label: str = ""
-) -> Quantity:
+def _positive(name: str, meaning: str, unit: str, low: float, high: float, **more: Any) -> Quantity:
     """A quantity that is fitted by its logarithm."""
-    return Quantity(name, symbol, label or meaning, meaning, unit, limits)
+    known = {"symbol": name, "label": meaning} | more
+    return Quantity(name=name, meaning=meaning, unit=unit, plausible=(low, high), **known)
 
 
-def _signed(name: str, symbol: str, meaning: str, unit: str, size: float) -> Quantity:
+def _signed(name: str, meaning: str, unit: str, size: float, role: str = "") -> Quantity:
     """A quantity of either sign; it is looked for within 10^4 times its size."""
     limits = (-1e4 * size, 1e4 * size)
-    return Quantity(name, symbol, meaning, meaning, unit, limits, is_logarithmic=False, size=size)
+    return Quantity(
+        name, name, meaning, meaning, unit, limits, is_logarithmic=False, size=size, role=role
+    )
 
 
-def _damping(name: str, meaning: str, limits: tuple[float, float] = (1e-2, 1e7)) -> Quantity:
-    """A coefficient that goes with the oil's viscosity."""
-    return replace(_positive(name, name, meaning, "N s/m", limits), role=roles.VISCOUS)
+def _each_way(*rows: tuple[str, str, str, float, float], symbol: str = "", role: str = "") -> Any:
+    """The quantities of rebound, then those of bump: in names and symbols {} is their letter."""
+    return tuple(
+        _positive(
+            *(name.format(k), f"{meaning} in {way}", unit, low, high),
+            symbol=(symbol or name).format(k),
+            role=role,
+        )
+        for k, way in _WAYS
+        for name, meaning, unit, low, high in rows
+    )
 
 
-_OFFSET = replace(_signed("f_0", "f_0", "force offset", "N", 100.0), role=roles.OFFSET)
-_FRICTION = replace(
-    _positive("f_f", "f_f", "Coulomb friction", "N", (1e-3, 1e5), "friction"), role=roles.FRICTION
-)
+_OFFSET = _signed("f_0", "force offset", "N", 100.0, OFFSET)
+_FRICTION = _positive("f_f", "Coulomb friction", "N", 1e-3, 1e5, label="friction", role=FRICTION)
 
 
 class _Drive(NamedTuple):
@@ -160,11 +148,6 @@ class _Drive(NamedTuple):
         """Return a state's output, shape (n,), and its derivatives by the k numbers, (k, n).
 
         The layout is that of `run_state` in module.c: empty for Bouc and Wen.
-
-        Raises
-        ------
-        SimulationError
-            A number is negative or not finite, or the stroke is longer than the tube.
         """
         x = np.ascontiguousarray(self.x, dtype=np.float64)
         v = np.ascontiguousarray(self.v, dtype=np.float64)
@@ -180,57 +163,32 @@ class _Drive(NamedTuple):
         return output, np.ascontiguousarray(slopes.T)
 
 
-class _Seen(NamedTuple):
+class _Seen:
     """What is compared of some logs, end to end; SI."""
 
-    x: FloatArray
-    v: FloatArray
-    f: FloatArray
-
-    @property
-    def speed(self) -> float:
-        """Highest speed."""
-        return float(np.max(np.abs(self.v)))
-
-    @property
-    def stroke(self) -> float:
-        """From end to end."""
-        return float(np.ptp(self.x))
-
-    @property
-    def rebound(self) -> float:
-        """Highest force above the mean of what is slow."""
-        return max(float(np.max(self.f) - self.middle), 1.0)
-
-    @property
-    def bump(self) -> float:
-        """The same in bump, positive."""
-        return max(float(self.middle - np.min(self.f)), 1.0)
-
-    @property
-    def middle(self) -> float:
-        """Mean force where the rod is slow: gas and offset."""
-        slow = np.abs(self.v) <= np.quantile(np.abs(self.v), 0.1)
-        return float(np.mean(self.f[slow]))
-
-    @property
-    def peaks(self) -> tuple[tuple[str, float], tuple[str, float]]:
-        """Peak forces of the directions, with the letters of their quantities."""
-        return ("r", self.rebound), ("b", self.bump)
+    def __init__(self, traces: Sequence[Trace]) -> None:
+        self.x, self.v, self.f = (
+            np.concatenate([getattr(trace, name)[trace.compared] for trace in traces])
+            for name in ("displacement", "velocity", "force")
+        )
+        speeds = np.abs(self.v)
+        self.speed = float(np.max(speeds))
+        self.stroke = float(np.ptp(self.x))
+        # Where the rod is slow: gas and offset.
+        self.middle = float(np.mean(self.f[speeds <= np.quantile(speeds, 0.1)]))
+        rebound = max(float(np.max(self.f) - self.middle), 1.0)
+        bump = max(float(self.middle - np.min(self.f)), 1.0)
+        self.peaks = (("r", rebound), ("b", bump))  # beyond the middle, by the quantities' letters
+        self.both = rebound + bump
 
 
+@dataclass(frozen=True)
 class Rival(Model):
     """A model of the literature: a force from displacement and velocity."""
 
-    __slots__ = ()
-
-    source: ClassVar[str] = "textbook"
-    """Where its equation comes from."""
     own: ClassVar[tuple[Quantity, ...]]
-    """What it has beside friction, spring and offset, and these."""
-
-    caveat: ClassVar[str] = ""
-    """What a reader has to know of how it was taken over; empty where there is nothing."""
+    source: ClassVar[str] = "textbook"  # where its equation comes from
+    caveat: ClassVar[str] = ""  # what a reader has to know of how it was taken over
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -238,20 +196,15 @@ class Rival(Model):
         return self.own
 
     @abstractmethod
-    def law(self, y: Values, at: _Drive) -> Law:
+    def _law(self, y: Values, at: _Drive) -> Law:
         """Return the force without spring, friction and offset, N, and its derivatives."""
 
     @abstractmethod
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
         """Return numbers to start from, several where it may have several local minima."""
 
     def simulate(
-        self,
-        values: Values,
-        motion: Motion,
-        *,
-        sensitivities: Sequence[str],
-        options: SolverOptions,
+        self, values: Values, motion: Motion, *, sensitivities: Names, options: SolverOptions
     ) -> Response:
         """Return force and sensitivities; it has no pressures."""
         for name in sensitivities:
@@ -263,7 +216,7 @@ class Rival(Model):
             "f_0": np.ones_like(motion.velocity),
         }
         with np.errstate(all="ignore"):
-            force, slopes = self.law(values, _Drive(motion, options))
+            force, slopes = self._law(values, _Drive(motion, options))
             for name, row in beside.items():
                 if name in values.names:
                     force, slopes[name] = force + values[name] * row, row
@@ -284,84 +237,59 @@ class Rival(Model):
 
     def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
         """Return where a fit may start, from forces and speeds of the logs."""
-        seen = _Seen(
-            *(
-                np.concatenate([getattr(trace, name)[trace.compared] for trace in traces])
-                for name in ("displacement", "velocity", "force")
-            )
-        )
-        beside = {"k": 0.0, "f_f": 0.02 * (seen.rebound + seen.bump), "f_0": seen.middle}
+        seen = _Seen(traces)
+        beside = {"k": 0.0, "f_f": 0.02 * seen.both, "f_0": seen.middle}
         starts = []
-        for guess in self.guess(seen):
-            numbers = beside | dict(guess)
-            within = {
-                q.name: float(np.clip(numbers[q.name], *q.plausible)) for q in self.quantities
-            }
+        for guess in self._guesses(seen):
+            numbers = {**beside, **guess}
+            within = {q.name: float(np.clip(numbers[q.name], *q.plausible)) for q in self.own}
             starts.append(self.values(within | dict(fixed)))
         return tuple(starts)
 
 
-@dataclass(frozen=True)
 class Linear(Rival):
     """One damping coefficient and an offset."""
 
-    name: ClassVar[str] = "linear"
-    title: ClassVar[str] = "linear damping with offset"
-    own: ClassVar[tuple[Quantity, ...]] = (_damping("c", "damping coefficient"), _OFFSET)
+    name = "linear"
+    title = "linear damping with offset"
+    own = (_positive("c", "damping coefficient", "N s/m", 1e-2, 1e7, role=VISCOUS), _OFFSET)
 
-    def law(self, y: Values, at: _Drive) -> Law:
-        """Return c v."""
+    def _law(self, y: Values, at: _Drive) -> Law:
         return y.c * at.v, {"c": at.v}
 
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
-        """Return the coefficient of the peak forces."""
-        return ({"c": (seen.rebound + seen.bump) / (2.0 * seen.speed)},)
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
+        return ({"c": seen.both / (2.0 * seen.speed)},)
 
 
-@dataclass(frozen=True)
 class Bilinear(Rival):
     """A damping coefficient for each direction and an offset."""
 
-    name: ClassVar[str] = "bilinear"
-    title: ClassVar[str] = "bilinear damping with offset"
-    own: ClassVar[tuple[Quantity, ...]] = (
-        *(_damping(f"c_{k}", f"damping coefficient in {way}") for k, way in _WAYS),
-        _OFFSET,
-    )
+    name = "bilinear"
+    title = "bilinear damping with offset"
+    own = (*_each_way(("c_{}", "damping coefficient", "N s/m", 1e-2, 1e7), role=VISCOUS), _OFFSET)
 
-    def law(self, y: Values, at: _Drive) -> Law:
-        """Return c v of the direction."""
+    def _law(self, y: Values, at: _Drive) -> Law:
         slopes = {f"c_{k}": part for k, part in at.strokes}
         return y.c_r * slopes["c_r"] + y.c_b * slopes["c_b"], slopes
 
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
-        """Return the coefficients of the peak forces."""
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
         return ({f"c_{k}": peak / seen.speed for k, peak in seen.peaks},)
 
 
-@dataclass(frozen=True)
 class Degressive(Rival):
     """A slope at rest and a speed beyond which it fades, for each direction."""
 
-    name: ClassVar[str] = "degressive"
-    title: ClassVar[str] = "degressive curve with friction"
-    own: ClassVar[tuple[Quantity, ...]] = (
-        *(
-            quantity
-            for k, way in _WAYS
-            for quantity in (
-                _positive(f"c_{k}", f"c_{k}", f"slope at rest in {way}", "N s/m", (1e-1, 1e7)),
-                _positive(
-                    f"v_{k}", f"v_{k}", f"speed of half that slope in {way}", "m/s", (1e-4, 1e3)
-                ),
-            )
+    name = "degressive"
+    title = "degressive curve with friction"
+    own = (
+        *_each_way(
+            ("c_{}", "slope at rest", "N s/m", 1e-1, 1e7),
+            ("v_{}", "speed of half that slope", "m/s", 1e-4, 1e3),
         ),
-        _FRICTION,
-        _OFFSET,
+        *(_FRICTION, _OFFSET),
     )
 
-    def law(self, y: Values, at: _Drive) -> Law:
-        """Return the force on the curve."""
+    def _law(self, y: Values, at: _Drive) -> Law:
         force, slopes = np.zeros_like(at.v), {}
         for k, part in at.strokes:
             c, v_k = y[f"c_{k}"], y[f"v_{k}"]
@@ -371,35 +299,27 @@ class Degressive(Rival):
             slopes[f"v_{k}"] = c * share * np.abs(share) / v_k**2
         return force, slopes
 
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
-        """Return a curve that has lost half of its slope at the highest speed, and one earlier."""
-        for at in (1.0, 0.2):
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
+        for at in (1.0, 0.2):  # of the highest speed, where half of the slope is lost
             slopes = {f"c_{k}": (1.0 + 1.0 / at) * peak / seen.speed for k, peak in seen.peaks}
             yield slopes | {"v_r": at * seen.speed, "v_b": at * seen.speed}
 
 
-@dataclass(frozen=True)
 class FourSlopes(Rival):
     """Two slopes and the knee between them, for each direction."""
 
-    name: ClassVar[str] = "four_slopes"
-    title: ClassVar[str] = "four slopes with friction"
-    own: ClassVar[tuple[Quantity, ...]] = (
-        *(
-            _positive(f"{name}", f"{name}", f"{what} in {way}", unit, limits)
-            for k, way in _WAYS
-            for name, what, unit, limits in (
-                (f"c_{k}1", "slope up to the knee", "N s/m", (1e-1, 1e7)),
-                (f"c_{k}2", "slope beyond the knee", "N s/m", (1e-2, 1e7)),
-                (f"v_{k}", "speed of the knee", "m/s", (1e-4, 1e2)),
-            )
+    name = "four_slopes"
+    title = "four slopes with friction"
+    own = (
+        *_each_way(
+            ("c_{}1", "slope up to the knee", "N s/m", 1e-1, 1e7),
+            ("c_{}2", "slope beyond the knee", "N s/m", 1e-2, 1e7),
+            ("v_{}", "speed of the knee", "m/s", 1e-4, 1e2),
         ),
-        _FRICTION,
-        _OFFSET,
+        *(_FRICTION, _OFFSET),
     )
 
-    def law(self, y: Values, at: _Drive) -> Law:
-        """Return the force on the lines."""
+    def _law(self, y: Values, at: _Drive) -> Law:
         force, slopes = np.zeros_like(at.v), {}
         for k, part in at.strokes:
             first, second, v_k = y[f"c_{k}1"], y[f"c_{k}2"], y[f"v_{k}"]
@@ -410,37 +330,13 @@ class FourSlopes(Rival):
             slopes[f"v_{k}"] = (first - second) * np.sign(fast)
         return force, slopes
 
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
-        """Return knees at two shares of the highest speed, with a fifth of the slope beyond."""
-        for at in (0.4, 0.1):
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
+        for at in (0.4, 0.1):  # of the highest speed, with a fifth of the slope beyond
             guess: dict[str, float] = {}
             for k, peak in seen.peaks:
                 first = peak / (seen.speed * (at + 0.2 * (1.0 - at)))
                 guess |= {f"c_{k}1": first, f"c_{k}2": 0.2 * first, f"v_{k}": at * seen.speed}
             yield guess
-
-
-class _Terms(Rival):
-    """A sum of terms with a number each: what they are worth follows from least squares at once."""
-
-    __slots__ = ()
-
-    powers: ClassVar[tuple[tuple[int, int], ...]]
-    """Degrees in displacement and velocity, a pair a term."""
-
-    @abstractmethod
-    def terms(self, x: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the terms, a row each."""
-
-    def law(self, y: Values, at: _Drive) -> Law:
-        """Return the sum."""
-        rows = self.terms(at.x, at.v)
-        return np.asarray(y.numbers) @ rows, dict(zip(self.names, rows, strict=True))
-
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
-        """Return the least-squares numbers of the samples as they are compared."""
-        numbers = np.linalg.lstsq(self.terms(seen.x, seen.v).T, seen.f, rcond=None)[0]
-        return (dict(zip(self.names, map(float, numbers), strict=True)),)
 
 
 def _pairs(degree: int) -> tuple[tuple[int, int], ...]:
@@ -455,36 +351,48 @@ def _unit(i: int, j: int) -> str:
     return f"N{f' s{j}' if j > 1 else ' s' if j else ''}/{over}"
 
 
-@dataclass(frozen=True)
+class _Terms(Rival):
+    """A sum of terms with a number each: what they are worth follows from least squares at once."""
+
+    powers: ClassVar[tuple[tuple[int, int], ...]]  # in displacement and velocity, a pair a term
+
+    @abstractmethod
+    def _terms(self, x: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the terms, a row each."""
+
+    def _law(self, y: Values, at: _Drive) -> Law:
+        rows = self._terms(at.x, at.v)
+        return np.asarray(y.numbers) @ rows, dict(zip(self.names, rows, strict=True))
+
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
+        numbers = np.linalg.lstsq(self._terms(seen.x, seen.v).T, seen.f, rcond=None)[0]
+        return (dict(zip(self.names, map(float, numbers), strict=True)),)
+
+
 class PolynomialInSpeed(_Terms):
     """A polynomial of fifth degree in velocity."""
 
-    name: ClassVar[str] = "polynomial_v"
-    title: ClassVar[str] = "polynomial in velocity, degree 5"
-    powers: ClassVar[tuple[tuple[int, int], ...]] = tuple((0, j) for j in range(6))
-    own: ClassVar[tuple[Quantity, ...]] = tuple(
-        _signed(f"a_{j}", f"a_{j}", f"coefficient of v^{j}", _unit(0, j), 1e3) for j in range(6)
-    )
+    name = "polynomial_v"
+    title = "polynomial in velocity, degree 5"
+    powers = tuple((0, j) for j in range(6))
+    own = tuple(_signed(f"a_{j}", f"coefficient of v^{j}", _unit(0, j), 1e3) for j in range(6))
 
-    def terms(self, x: FloatArray, v: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Return powers of the velocity."""
+    def _terms(self, x: FloatArray, v: FloatArray) -> FloatArray:  # noqa: ARG002
         return np.vander(v, 6, increasing=True).T
 
 
-@dataclass(frozen=True)
 class PolynomialInStrokeAndSpeed(_Terms):
     """A polynomial of third degree in displacement and velocity."""
 
-    name: ClassVar[str] = "polynomial_xv"
-    title: ClassVar[str] = "polynomial in displacement and velocity, degree 3"
-    powers: ClassVar[tuple[tuple[int, int], ...]] = _pairs(3)
-    own: ClassVar[tuple[Quantity, ...]] = tuple(
-        _signed(f"b_{i}{j}", f"b_{i}{j}", f"coefficient of x^{i} v^{j}", _unit(i, j), 1e3 * 30.0**i)
+    name = "polynomial_xv"
+    title = "polynomial in displacement and velocity, degree 3"
+    powers = _pairs(3)
+    own = tuple(
+        _signed(f"b_{i}{j}", f"coefficient of x^{i} v^{j}", _unit(i, j), 1e3 * 30.0**i)
         for i, j in _pairs(3)
     )
 
-    def terms(self, x: FloatArray, v: FloatArray) -> FloatArray:
-        """Return products of powers."""
+    def _terms(self, x: FloatArray, v: FloatArray) -> FloatArray:
         return np.array([x**i * v**j for i, j in self.powers])
 
 
@@ -492,49 +400,49 @@ class PolynomialInStrokeAndSpeed(_Terms):
 class RestoringForceSurface(_Terms):
     """Chebyshev polynomials up to the sixth degree over displacement and velocity.
 
-    Attributes
-    ----------
-    half_stroke, top_speed : float
-        X and V, m and m/s: where the polynomials' argument is 1. Far beyond what was fitted they
-        say nothing.
+    X and V, m and m/s, are where their arguments are 1: far beyond what was fitted they say
+    nothing.
     """
 
     half_stroke: float = 0.05
     top_speed: float = 0.5
 
-    name: ClassVar[str] = "restoring_force_surface"
-    title: ClassVar[str] = "restoring-force surface, degree 6"
-    source: ClassVar[str] = "Masri and Caughey 1979"
-    caveat: ClassVar[str] = _LATER_TEXTS
-    powers: ClassVar[tuple[tuple[int, int], ...]] = _pairs(6)
-    own: ClassVar[tuple[Quantity, ...]] = tuple(
-        _signed(f"c_{i}{j}", f"c_{i}{j}", f"coefficient of T_{i}(x/X) T_{j}(v/V)", "N", 1e4)
+    name = "restoring_force_surface"
+    title = "restoring-force surface, degree 6"
+    source = "Masri and Caughey 1979"
+    caveat = _LATER_TEXTS
+    powers = _pairs(6)
+    own = tuple(
+        _signed(f"c_{i}{j}", f"coefficient of T_{i}(x/X) T_{j}(v/V)", "N", 1e4)
         for i, j in _pairs(6)
     )
 
-    def terms(self, x: FloatArray, v: FloatArray) -> FloatArray:
-        """Return products of Chebyshev polynomials."""
+    def _terms(self, x: FloatArray, v: FloatArray) -> FloatArray:
         over_x = chebyshev.chebvander(x / self.half_stroke, 6)
         over_v = chebyshev.chebvander(v / self.top_speed, 6)
         return np.array([over_x[:, i] * over_v[:, j] for i, j in self.powers])
 
 
+_STIFFNESS = _positive("k_s", "stiffness in series with the dashpot", "N/m", 1e2, 1e10, ideal=RIGID)
+_PLAY = _positive("play", "play of the joints", "m", 1e-7, 1e-1, ideal=0.0)
+_SPRING = _signed("k", "stiffness of the gas beside", "N/m", 1e3)
+_DAMPINGS = _each_way(("c_{}", "damping", "N s/m", 1e-2, 1e9), role=VISCOUS)
+_SQUARES = ("q_{}", "root of the square damping", "s sqrt(N)/m")
+
+
 class _ElasticDashpot(Rival):
     """What the four have in common: which quantities their spring and their dashpots take."""
 
-    __slots__ = ()
-
+    # Names of stiffness, play and half length; empty: it has none.
     spring: ClassVar[tuple[str, str, str]] = ("k_s", "", "")
-    """Names of stiffness, play and half length; empty: it has none."""
+    # Ways through the dashpot of rebound: force at which it opens, c, q; F = c v + (q v)^2.
     ways: ClassVar[tuple[tuple[str, str, str], ...]]
-    """Ways through the dashpot of rebound: force at which it opens, c, q; F = c v + (q v)^2."""
 
-    caveat: ClassVar[str] = (
+    caveat = (
         "The original was not at hand; what it is made of follows later texts that compare models."
     )
 
-    def law(self, y: Values, at: _Drive) -> Law:
-        """Return the spring's force."""
+    def _law(self, y: Values, at: _Drive) -> Law:
         names = [name for name in self.names if name not in {"k", "f_f", "f_0"}]
         place = {"": -1} | {name: k for k, name in enumerate(names)}
         layout = [place[name] for name in self.spring]
@@ -545,198 +453,145 @@ class _ElasticDashpot(Rival):
         return force, dict(zip(names, rows, strict=True))
 
     @abstractmethod
-    def dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
+    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
         """Return the numbers of a direction's dashpot from its peak force."""
 
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
-        """Return springs that give by a hundredth and by a tenth of the stroke."""
-        stiff = max(seen.rebound, seen.bump) / seen.stroke
-        for give in (0.01, 0.1):
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
+        stiff = max(peak for _, peak in seen.peaks) / seen.stroke
+        for give in (0.01, 0.1):  # of the stroke, by which the spring gives
             for share in (0.8, 0.3):
                 guess = {"k_s": stiff / give, "play": 0.2 * give * seen.stroke}
                 guess |= {"half_length": 3.0 * seen.stroke}
                 for k, peak in seen.peaks:
-                    guess |= self.dashpot(k, peak, seen.speed, share)
+                    guess |= self._dashpot(k, peak, seen.speed, share)
                 yield guess
 
 
-_STIFFNESS = replace(
-    _positive("k_s", "k_s", "stiffness in series with the dashpot", "N/m", (1e2, 1e10)), ideal=RIGID
-)
-_PLAY = replace(_positive("play", "play", "play of the joints", "m", (1e-7, 1e-1)), ideal=0.0)
-_SPRING = _signed("k", "k", "stiffness of the gas beside", "N/m", 1e3)
-
-
-def _dampings(**ends: str) -> tuple[Quantity, ...]:
-    return tuple(
-        _damping(f"c_{k}{end.removeprefix('c')}", f"{what} in {way}", (1e-2, 1e9))
-        for k, way in _WAYS
-        for end, what in ends.items()
-    )
-
-
-def _squares(low: float = 1e-4) -> tuple[Quantity, ...]:
-    return tuple(
-        _positive(
-            f"q_{k}", f"q_{k}", f"root of the square damping in {way}", "s sqrt(N)/m", (low, 1e5)
-        )
-        for k, way in _WAYS
-    )
-
-
-@dataclass(frozen=True)
 class KaradayiMasada(_ElasticDashpot):
     """Spring, play and a linear dashpot for each direction, in series."""
 
-    name: ClassVar[str] = "karadayi_masada"
-    title: ClassVar[str] = "Karadayi-Masada"
-    source: ClassVar[str] = "Karadayi and Masada 1986"
-    spring: ClassVar[tuple[str, str, str]] = ("k_s", "play", "")
-    ways: ClassVar[tuple[tuple[str, str, str], ...]] = (("", "c_r", ""),)
-    own: ClassVar[tuple[Quantity, ...]] = (_STIFFNESS, _PLAY, *_dampings(c="damping"), _OFFSET)
+    name = "karadayi_masada"
+    title = "Karadayi-Masada"
+    source = "Karadayi and Masada 1986"
+    spring = ("k_s", "play", "")
+    ways = (("", "c_r", ""),)
+    own = (_STIFFNESS, _PLAY, *_DAMPINGS, _OFFSET)
 
-    def dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:  # noqa: ARG002
-        """Return the damping of the peak force."""
+    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:  # noqa: ARG002
         return {f"c_{k}": peak / speed}
 
 
-@dataclass(frozen=True)
 class HagedornWallaschek(_ElasticDashpot):
     """The same with a square term for each direction, friction and a spring beside: nine."""
 
-    name: ClassVar[str] = "hagedorn_wallaschek"
-    title: ClassVar[str] = "Hagedorn-Wallaschek"
-    source: ClassVar[str] = "Hagedorn and Wallaschek 1987"
-    spring: ClassVar[tuple[str, str, str]] = ("k_s", "play", "")
-    ways: ClassVar[tuple[tuple[str, str, str], ...]] = (("", "c_r", "q_r"),)
-    own: ClassVar[tuple[Quantity, ...]] = (
-        *(_STIFFNESS, _PLAY, *_dampings(c="damping"), *_squares()),
+    name = "hagedorn_wallaschek"
+    title = "Hagedorn-Wallaschek"
+    source = "Hagedorn and Wallaschek 1987"
+    spring = ("k_s", "play", "")
+    ways = (("", "c_r", "q_r"),)
+    own = (
+        *(_STIFFNESS, _PLAY, *_DAMPINGS, *_each_way((*_SQUARES, 1e-4, 1e5))),
         *(_SPRING, _FRICTION, _OFFSET),
     )
 
-    def dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
-        """Return dampings that share the peak force."""
+    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
         root = float(np.sqrt((1.0 - share) * peak)) / speed
         return {f"c_{k}": share * peak / speed, f"q_{k}": root}
 
 
-@dataclass(frozen=True)
+class SuraceWordenTomlinson(_ElasticDashpot):
+    """Two chambers of compressible oil and an orifice between them, with friction."""
+
+    name = "surace_worden_tomlinson"
+    title = "Surace-Worden-Tomlinson"
+    source = "Surace, Worden and Tomlinson 1992"
+    spring = ("k_s", "", "half_length")
+    ways = (("", "", "q_r"),)
+    own = (
+        _STIFFNESS,
+        _positive(
+            *("half_length", "half of the tube: stiffer as the piston nears an end", "m"),
+            *(1e-3, 1e2),
+            symbol="l",
+        ),
+        *(*_each_way((*_SQUARES, 1e-2, 1e5)), _FRICTION, _OFFSET),
+    )
+
+    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:  # noqa: ARG002
+        return {f"q_{k}": float(np.sqrt(peak)) / speed}
+
+
 class BesingerCebonCole(_ElasticDashpot):
     """Spring, a dashpot of two slopes and a knee for each direction: seven, and friction."""
 
-    name: ClassVar[str] = "besinger_cebon_cole"
-    title: ClassVar[str] = "Besinger-Cebon-Cole"
-    source: ClassVar[str] = "Besinger, Cebon and Cole 1995"
-    ways: ClassVar[tuple[tuple[str, str, str], ...]] = (("", "c_r1", ""), ("p_r", "c_r2", ""))
-    own: ClassVar[tuple[Quantity, ...]] = (
+    name = "besinger_cebon_cole"
+    title = "Besinger-Cebon-Cole"
+    source = "Besinger, Cebon and Cole 1995"
+    ways = (("", "c_r1", ""), ("p_r", "c_r2", ""))
+    own = (
         _STIFFNESS,
-        *_dampings(c1="damping up to the knee", c2="damping of what opens at the knee"),
-        *(
-            _positive(f"p_{k}", f"p_{k}", f"force of the knee in {way}", "N", (1e-1, 1e6))
-            for k, way in _WAYS
+        *_each_way(
+            ("c_{}1", "damping up to the knee", "N s/m", 1e-2, 1e9),
+            ("c_{}2", "damping of what opens at the knee", "N s/m", 1e-2, 1e9),
+            role=VISCOUS,
         ),
-        _FRICTION,
-        _OFFSET,
+        *_each_way(("p_{}", "force of the knee", "N", 1e-1, 1e6)),
+        *(_FRICTION, _OFFSET),
     )
 
-    def dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
-        """Return a knee at a share of the peak force, and a fifth of the slope beyond."""
+    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
+        # A knee at a share of the peak force, and a fifth of the slope beyond.
         first = peak * (share + 5.0 * (1.0 - share)) / speed
         return {f"c_{k}1": first, f"p_{k}": share * peak, f"c_{k}2": 0.25 * first}
 
 
-@dataclass(frozen=True)
-class SuraceWordenTomlinson(_ElasticDashpot):
-    """Two chambers of compressible oil and an orifice between them, with friction."""
-
-    name: ClassVar[str] = "surace_worden_tomlinson"
-    title: ClassVar[str] = "Surace-Worden-Tomlinson"
-    source: ClassVar[str] = "Surace, Worden and Tomlinson 1992"
-    spring: ClassVar[tuple[str, str, str]] = ("k_s", "", "half_length")
-    ways: ClassVar[tuple[tuple[str, str, str], ...]] = (("", "", "q_r"),)
-    own: ClassVar[tuple[Quantity, ...]] = (
-        _STIFFNESS,
-        _positive(
-            *("half_length", "l", "half of the tube: stiffer as the piston nears an end", "m"),
-            (1e-3, 1e2),
-        ),
-        *(*_squares(1e-2), _FRICTION, _OFFSET),
-    )
-
-    def dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:  # noqa: ARG002
-        """Return the orifice of the peak force."""
-        return {f"q_{k}": float(np.sqrt(peak)) / speed}
-
-
-@dataclass(frozen=True)
 class BoucWen(Rival):
     """Hysteresis that depends on the path alone, with damping and a spring beside it."""
 
-    name: ClassVar[str] = "bouc_wen"
-    title: ClassVar[str] = "Bouc-Wen"
-    source: ClassVar[str] = "Wen 1976; Ikhouane and Rodellar 2007"
-    caveat: ClassVar[str] = _LATER_TEXTS
+    name = "bouc_wen"
+    title = "Bouc-Wen"
+    source = "Wen 1976; Ikhouane and Rodellar 2007"
+    caveat = _LATER_TEXTS
     # Dampers have shape and sharpness at their edges too: back on a straight line, a sharp turn.
-    own: ClassVar[tuple[Quantity, ...]] = (
-        _positive("alpha", "alpha", "height of the hysteresis", "N", (1e-2, 1e6)),
-        replace(
-            _positive("rho", "rho", "1/rho is the stroke of the reversal", "1/m", (1.0, 1e6)),
-            ideal=_AT_ONCE,
-        ),
-        replace(
-            _positive("sigma", "sigma", "shape of reversal", "1", (0.5, 1e2)), has_own_edges=True
-        ),
-        replace(_positive("n", "n", "sharpness of reversal", "1", (1.0, 2e1)), has_own_edges=True),
-        *(
-            _positive(f"c_{k}", f"c_{k}", f"viscous damping in {way}", "N s/m", (1e-3, 1e7))
-            for k, way in _WAYS
-        ),
-        _signed("k", "k", "stiffness", "N/m", 1e3),
-        _OFFSET,
+    own = (
+        _positive("alpha", "height of the hysteresis", "N", 1e-2, 1e6),
+        _positive("rho", "1/rho is the stroke of the reversal", "1/m", 1.0, 1e6, ideal=_AT_ONCE),
+        _positive("sigma", "shape of reversal", "1", 0.5, 1e2, has_own_edges=True),
+        _positive("n", "sharpness of reversal", "1", 1.0, 2e1, has_own_edges=True),
+        *_each_way(("c_{}", "viscous damping", "N s/m", 1e-3, 1e7)),
+        *(_signed("k", "stiffness", "N/m", 1e3), _OFFSET),
     )
 
-    def law(self, y: Values, at: _Drive) -> Law:
-        """Return damping and hysteresis."""
+    def _law(self, y: Values, at: _Drive) -> Law:
         z, by = at.follow([y.rho, y.sigma, y.n], ())
         slopes = {f"c_{k}": part for k, part in at.strokes}
         force = y.c_r * slopes["c_r"] + y.c_b * slopes["c_b"] + y.alpha * z
         names = zip(("rho", "sigma", "n"), by, strict=True)
         return force, slopes | {"alpha": z} | {name: y.alpha * row for name, row in names}
 
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
-        """Return two heights that turn within a hundredth and a tenth of the stroke."""
-        for share, turn in ((0.3, 100.0), (0.7, 10.0)):
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
+        for share, turn in ((0.3, 100.0), (0.7, 10.0)):  # within 1/turn of the stroke
             guess = {f"c_{k}": (1.0 - share) * peak / seen.speed for k, peak in seen.peaks}
-            height = share * (seen.rebound + seen.bump) / 2.0
-            yield guess | {"alpha": height, "rho": turn / seen.stroke, "sigma": 1.0, "n": 1.5}
+            guess |= {"alpha": share * seen.both / 2.0, "rho": turn / seen.stroke}
+            yield guess | {"sigma": 1.0, "n": 1.5}
 
 
-@dataclass(frozen=True)
 class Biviscous(Rival):
     """Two slopes a direction, and a speed by which the branches of the loop lie apart."""
 
-    name: ClassVar[str] = "biviscous"
-    title: ClassVar[str] = "hysteretic bi-viscous"
-    source: ClassVar[str] = "Wereley, Pang and Kamath 1998"
-    caveat: ClassVar[str] = _LATER_TEXTS
-    own: ClassVar[tuple[Quantity, ...]] = (
-        _positive("c_pr", "c_pr", "damping before it yields", "N s/m", (1e-1, 1e8)),
-        _positive("v_0", "v_0", "speed between the branches", "m/s", (1e-6, 1e1)),
-        *(
-            _positive(
-                f"c_{k}", f"c_po,{k}", f"damping after it yields in {way}", "N s/m", (1e-2, 1e7)
-            )
-            for k, way in _WAYS
-        ),
-        *(
-            _positive(f"f_{k}", f"f_y,{k}", f"yield force in {way}", "N", (1e-2, 1e6))
-            for k, way in _WAYS
-        ),
+    name = "biviscous"
+    title = "hysteretic bi-viscous"
+    source = "Wereley, Pang and Kamath 1998"
+    caveat = _LATER_TEXTS
+    own = (
+        _positive("c_pr", "damping before it yields", "N s/m", 1e-1, 1e8),
+        _positive("v_0", "speed between the branches", "m/s", 1e-6, 1e1),
+        *_each_way(("c_{}", "damping after it yields", "N s/m", 1e-2, 1e7), symbol="c_po,{}"),
+        *_each_way(("f_{}", "yield force", "N", 1e-2, 1e6), symbol="f_y,{}"),
         _OFFSET,
     )
 
-    def law(self, y: Values, at: _Drive) -> Law:
-        """Return the middle one of the three lines."""
+    def _law(self, y: Values, at: _Drive) -> Law:
         v = at.v
         side = np.sign(np.gradient(v)) if len(v) > 1 else np.zeros_like(v)
         before = y.c_pr * (v - side * y.v_0)
@@ -753,65 +608,50 @@ class Biviscous(Rival):
         }
         return np.where(above, high, np.where(below, low, before)), slopes
 
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
-        """Return yields at two shares of the peak forces."""
-        steep = 10.0 * (seen.rebound + seen.bump) / (2.0 * seen.speed)
-        for share in (0.7, 0.25):
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
+        steep = 10.0 * seen.both / (2.0 * seen.speed)
+        for share in (0.7, 0.25):  # of the peak forces, at which it yields
             guess = {"c_pr": steep, "v_0": 0.03 * seen.speed}
             for k, peak in seen.peaks:
                 guess |= {f"c_{k}": (1.0 - share) * peak / seen.speed, f"f_{k}": share * peak}
             yield guess
 
 
-@dataclass(frozen=True)
 class Kwok(Rival):
     """Viscous, elastic and hysteretic force side by side."""
 
-    name: ClassVar[str] = "kwok"
-    title: ClassVar[str] = "Kwok's hyperbolic tangent"
-    source: ClassVar[str] = "Kwok et al. 2006"
-    caveat: ClassVar[str] = _LATER_TEXTS
-    own: ClassVar[tuple[Quantity, ...]] = (
-        _positive("c", "c", "viscous damping", "N s/m", (1e-3, 1e7)),
-        _signed("k", "k", "stiffness", "N/m", 1e3),
-        _positive("alpha", "alpha", "height of the hysteresis", "N", (1e-2, 1e6)),
-        _positive("beta", "beta", "steepness by velocity", "s/m", (1e-2, 1e5)),
-        _signed("delta", "delta", "width of the hysteresis", "1", 1.0),
+    name = "kwok"
+    title = "Kwok's hyperbolic tangent"
+    source = "Kwok et al. 2006"
+    caveat = _LATER_TEXTS
+    own = (
+        _positive("c", "viscous damping", "N s/m", 1e-3, 1e7),
+        _signed("k", "stiffness", "N/m", 1e3),
+        _positive("alpha", "height of the hysteresis", "N", 1e-2, 1e6),
+        _positive("beta", "steepness by velocity", "s/m", 1e-2, 1e5),
+        _signed("delta", "width of the hysteresis", "1", 1.0),
         _OFFSET,
     )
 
-    def law(self, y: Values, at: _Drive) -> Law:
-        """Return damping and hysteresis."""
+    def _law(self, y: Values, at: _Drive) -> Law:
         side = np.clip(at.x / _MIDDLE, -1.0, 1.0)
         bend = np.tanh(y.beta * at.v + y.delta * side)
         steep = y.alpha * (1.0 - bend**2)
         slopes = {"c": at.v, "alpha": bend, "beta": steep * at.v, "delta": steep * side}
         return y.c * at.v + y.alpha * bend, slopes
 
-    def guess(self, seen: _Seen) -> Iterable[Mapping[str, float]]:
-        """Return three steepnesses; the rest by least squares with them held."""
+    def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
+        # Three steepnesses; the rest by least squares with them held.
         for beta in (2.0 / seen.speed, 8.0 / seen.speed, 30.0 / seen.speed):
             rows = [seen.v, seen.x, np.tanh(beta * seen.v), np.ones_like(seen.v)]
             solution = np.linalg.lstsq(np.array(rows).T, seen.f, rcond=None)[0]
             c, k, alpha, offset = map(float, solution)
-            yield {"c": abs(c), "k": k, "alpha": abs(alpha), "beta": beta, "delta": 0.1} | {
-                "f_0": offset
-            }
+            of_shape = {"c": abs(c), "k": k, "alpha": abs(alpha), "f_0": offset}
+            yield of_shape | {"beta": beta, "delta": 0.1}
 
 
 RIVALS: tuple[type[Rival], ...] = (
-    Linear,
-    Bilinear,
-    PolynomialInSpeed,
-    PolynomialInStrokeAndSpeed,
-    RestoringForceSurface,
-    Degressive,
-    FourSlopes,
-    KaradayiMasada,
-    HagedornWallaschek,
-    SuraceWordenTomlinson,
-    BesingerCebonCole,
-    BoucWen,
-    Biviscous,
-    Kwok,
-)
+    Linear, Bilinear, PolynomialInSpeed, PolynomialInStrokeAndSpeed, RestoringForceSurface,
+    Degressive, FourSlopes, KaradayiMasada, HagedornWallaschek, SuraceWordenTomlinson,
+    BesingerCebonCole, BoucWen, Biviscous, Kwok,
+)  # fmt: skip

@@ -71,10 +71,8 @@ class SteppedDamper:
         out = set(OF_LOAD_CELL)
         if not with_rig:
             out |= {one.name for one in values.quantities if one.scope == RIG or one.is_offset}
-        known = {name: 0.0 if name in out else number for name, number in dict(values).items()}
-        values = type(values)(**known)
+        values = values.replace({name: 0.0 for name in values.names if name in out})
         self._how = (damper, values, options)
-        self.force = 0.0
         self._at = (x, 0.0)
         self._state = bytearray(_ROOM)
         self.force, self.pressures = self._run(1.0, [x], [0.0])

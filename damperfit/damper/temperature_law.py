@@ -26,14 +26,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.model import FurtherStart, Values
+    from damperfit.damper.model import FurtherStart, Names, Values
     from damperfit.damper.valves import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
     FloatArray = NDArray[np.float64]
-
-__all__ = ["BETA", "WithTemperature", "at_temperature"]
 
 BETA = Quantity(
     "beta", "beta", "fall with temperature",
@@ -54,24 +52,15 @@ _ITS_OWN = frozenset(
 class WithTemperature(Model):
     """A damper of any model with what temperature does to it.
 
-    Attributes
-    ----------
-    damper : Model
-        As it is at the reference temperature.
-    reference : float
-        T_ref, degrees Celsius; NaN: the mean of the logs, which are not read yet.
-    temperature : float or None
-        Where a motion does not tell its own; None: T_ref.
-
     Raises
     ------
     ConfigurationError
         Nothing of the model is viscous.
     """
 
-    damper: Model
-    reference: float = math.nan
-    temperature: float | None = None
+    damper: Model  # as it is at the reference temperature
+    reference: float = math.nan  # T_ref, degrees Celsius; NaN: the mean of the logs, not yet read
+    temperature: float | None = None  # where a motion does not tell its own; None: T_ref
 
     # One beta for all logs takes one fit of all.
     procedures: ClassVar[tuple[str, ...]] = ("joint", "plain")
@@ -131,7 +120,7 @@ class WithTemperature(Model):
 
     def at_reference(self, values: Values, temperature: float | None) -> Values:
         """Return values of the damper itself, as they are at a temperature; None: where told."""
-        numbers = dict(zip(values.names, values.numbers, strict=True))
+        numbers = dict(values)
         beta = numbers.pop(BETA.name)
         factor = math.exp(-beta * self._above(temperature))
         numbers |= {name: factor * numbers[name] for name in self.viscous}
@@ -143,12 +132,7 @@ class WithTemperature(Model):
         return 0.0 if told is None or math.isnan(self.reference) else told - self.reference
 
     def simulate(
-        self,
-        values: Values,
-        motion: Motion,
-        *,
-        sensitivities: Sequence[str],
-        options: SolverOptions,
+        self, values: Values, motion: Motion, *, sensitivities: Names, options: SolverOptions
     ) -> Response:
         """Return the damper's own response at the temperature of the motion."""
         own = self.at_reference(values, motion.temperature)
@@ -169,20 +153,18 @@ class WithTemperature(Model):
         """Return where the damper itself would start; the temperature does nothing there."""
         own = {name: value for name, value in fixed.items() if name != BETA.name}
         beta = fixed.get(BETA.name, 0.0)
-        return tuple(self._with(one, beta) for one in self.damper.start(traces, own))
-
-    def _with(self, values: Values, beta: float) -> Values:
-        return self.values(dict(zip(values.names, values.numbers, strict=True)), beta=beta)
+        return tuple(self.values(dict(one), beta=beta) for one in self.damper.start(traces, own))
 
     def further_starts(
-        self, start: Values, traces: Sequence[Trace], free: Sequence[str]
+        self, start: Values, traces: Sequence[Trace], free: Names
     ) -> tuple[FurtherStart, ...]:
         """Return those of the damper itself."""
         own = self.at_reference(start, None)
-        found = self.damper.further_starts(
-            own, traces, [name for name in free if name != BETA.name]
+        names = [name for name in free if name != BETA.name]
+        return tuple(
+            further._replace(start=self.values(dict(further.start), beta=start.beta))
+            for further in self.damper.further_starts(own, traces, names)
         )
-        return tuple(one._replace(start=self._with(one.start, start.beta)) for one in found)
 
     def examine(
         self, values: Values, seen: Sequence[tuple[Trace, Response]], *, solver: SolverOptions
@@ -207,13 +189,7 @@ class WithTemperature(Model):
 
 
 def at_temperature(damper: Model, temperature: float) -> Model:
-    """Return a damper as it is at a temperature, degrees Celsius.
-
-    Raises
-    ------
-    ConfigurationError
-        Its parameters were found without a temperature.
-    """
+    """Return a damper as it is at a temperature, degrees Celsius, if its parameters follow one."""
     if not isinstance(damper, WithTemperature):
         raise ConfigurationError(
             "these parameters do not follow a temperature; fit logs of several "

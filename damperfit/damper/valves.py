@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -38,21 +38,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "Loop",
-    "Side",
-    "ValveCharacteristic",
-    "ValveCurve",
-    "ValveReading",
-    "loop_of",
-    "read_loops",
-    "read_valves",
-    "valve_characteristics",
-    "valve_points",
-    "valve_starts",
-    "within_plausible",
-]
-
 # Shares of half the force's range. Seals have 1 to 15 %; a tare is about the rod's gas force.
 _FRICTIONS = (0.005, 0.02, 0.05, 0.1, 0.16)
 _OFFSETS = (-0.3, -0.15, -0.05, 0.0, 0.05, 0.15, 0.3)
@@ -70,7 +55,6 @@ _UNSEEN_OPENING, _UNSEEN_SHARE = 0.75, 0.1
 _LEAST_PORT = 0.05
 
 _POINTS = 120  # of a law's curve
-
 
 # Openings tried beside those read, in shares of the largest pressure: rebound, compression.
 _GUESSES = ((0.35, 0.35), (0.75, 0.35), (0.35, 0.75), (0.75, 0.75))
@@ -96,70 +80,33 @@ _READ_AT = ((None, 0.05), (None, 0.025), (0.0, 0.05), (0.0, 0.025), (0.0, 0.15))
 # Softest and stiffest mounting, N/m, and oil, Pa, that a start has.
 _STIFFNESS, _OIL = (5e4, 5e6), (5e7, 3e9)
 
-# What draws oil through a return check in rebound and in bump: it costs force by the speed.
-_FILLED = {
-    "twin_tube": ("rod_area", "annulus_area"),
-    "through_flow": ("piston_area", "annulus_area"),
-}
+
+class Side(NamedTuple):
+    """What presses through a valve."""
+
+    area: float  # displaces the oil and carries the pressure, m2
+    drag: float = 0.0  # force by the speed that other passages cost in this stroke, N s/m
 
 
-@dataclass(frozen=True, slots=True)
-class Side:
-    """What presses through a valve.
+class Loop(NamedTuple):
+    """Samples of a log that are compared, without the gas's and the ambient pressure's force."""
 
-    Attributes
-    ----------
-    area : float
-        Displaces the oil and carries the pressure, m2.
-    drag : float
-        Force by the speed that other passages cost in this stroke, N s/m.
-    """
-
-    area: float
-    drag: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Loop:
-    """Samples of a log that are compared, without the gas's and the ambient pressure's force.
-
-    Attributes
-    ----------
-    force, force_rate, velocity : numpy.ndarray
-        Shape (n,); N, N/s, m/s.
-    """
-
-    force: FloatArray
-    force_rate: FloatArray
-    velocity: FloatArray
+    force: FloatArray  # shape (n,), N
+    force_rate: FloatArray  # N/s
+    velocity: FloatArray  # m/s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ValveCurve:
-    """One valve as read off the loops.
+    """One valve as read off the loops."""
 
-    Attributes
-    ----------
-    drop, flow : numpy.ndarray
-        Shape (n,); D in Pa and a |v| - C dD/dt in m3/s at the samples of its stroke.
-    compliance : float
-        C, m3/Pa.
-    root : float
-        c, of the bleed, m3/(s sqrt(Pa)).
-    opening : float
-        p_open of the blow-off, Pa.
-    conductance : float
-        Of the blow-off beyond its opening, m3/(s Pa).
-    has_knee : bool
-        Whether an opening was found; else it and its conductance are only a place to start from.
-    """
-
-    drop: FloatArray
-    flow: FloatArray
-    compliance: float
-    root: float
-    opening: float
-    conductance: float
+    drop: FloatArray  # shape (n,), D at the samples of its stroke, Pa
+    flow: FloatArray  # a |v| - C dD/dt there, m3/s
+    compliance: float  # C, m3/Pa
+    root: float  # c, of the bleed, m3/(s sqrt(Pa))
+    opening: float  # p_open of the blow-off, Pa
+    conductance: float  # of the blow-off beyond its opening, m3/(s Pa)
+    # Whether an opening was found; else it and its conductance are only a place to start from.
     has_knee: bool
 
     @property
@@ -183,17 +130,8 @@ class ValveCurve:
         return float(root), float(roots @ knees) / port, port
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ValveReading:
-    """Both valves, and the friction and offset at which they explain the loops best.
-
-    Attributes
-    ----------
-    rebound, compression : ValveCurve
-        The valve of each stroke.
-    friction, offset : float
-        N.
-    """
+class ValveReading(NamedTuple):
+    """Both valves, and the friction and offset, N, at which they explain the loops best."""
 
     rebound: ValveCurve
     compression: ValveCurve
@@ -204,12 +142,7 @@ class ValveReading:
 def loop_of(trace: Trace, level: FloatArray) -> Loop:
     """Return the compared samples of a log.
 
-    Parameters
-    ----------
-    trace : Trace
-        A log.
-    level : numpy.ndarray
-        Shape (n,), what gas and ambient pressure alone do to the force at its samples, N.
+    The level, shape (n,), N, is what gas and ambient pressure alone do to the force at its samples.
     """
     force = trace.force - level
     rate = np.gradient(force, trace.interval)
@@ -226,49 +159,39 @@ def read_valves(
     offset: float | None = None,
     friction: float | None = None,
 ) -> ValveReading:
-    """Return both valves of a damper, with the friction and offset at which they fit best.
+    """Return both valves of a setting, with the friction and offset at which its logs fit best.
 
-    Parameters
-    ----------
-    loops : sequence of Loop
-        Logs of one setting.
-    rebound, compression : Side
-        What presses through the valve of each stroke.
-    offset, friction : float, optional
-        Where they are known, N. A loop tells little of the friction beside a blow-off.
+    Offset and friction are given where they are known, N. A loop tells little of the friction
+    beside a blow-off.
     """
-    whole = Loop(*(np.concatenate([getattr(one, k) for one in loops]) for k in Loop.__slots__))
+    whole = Loop(*map(np.concatenate, zip(*loops, strict=True)))
     half = 0.5 * float(np.ptp(whole.force))
     sides = ((1.0, rebound), (-1.0, compression))
-    middle = [half * share for share in _OFFSETS] if offset is None else [offset]
-    coarse = [half * share for share in _FRICTIONS] if friction is None else [friction]
-    best = _best(whole, sides, coarse, middle)
+
+    def best_of(frictions: Sequence[float], offsets: Sequence[float]) -> tuple[float, float]:
+        """The least misfit of the flows, each stroke's in units of its own."""
+        tried = []
+        for f in frictions:
+            for o in offsets:
+                rows = [_rows(whole, sign, side, f, o) for sign, side in sides]
+                misfit = sum(math.inf if of is None else of.solve()[1] for of in rows)
+                tried.append((misfit, f, o))
+        return min(tried)[1:]
+
+    offsets = [half * share for share in _OFFSETS] if offset is None else [offset]
+    frictions = [half * share for share in _FRICTIONS] if friction is None else [friction]
+    best = best_of(frictions, offsets)
     width = np.array(_FINER)
-    frictions = (best[0] * (1.0 + width)).tolist() if friction is None else coarse
-    offsets = (best[1] + 0.1 * half * width).tolist() if offset is None else middle
-    best = _best(whole, sides, frictions, offsets)
+    if friction is None:
+        frictions = (best[0] * (1.0 + width)).tolist()
+    if offset is None:
+        offsets = (best[1] + 0.1 * half * width).tolist()
+    best = best_of(frictions, offsets)
     curves = [_curve(whole, sign, side, *best) for sign, side in sides]
     return ValveReading(curves[0], curves[1], *best)
 
 
-def _best(
-    loop: Loop,
-    sides: Sequence[tuple[float, Side]],
-    frictions: Sequence[float],
-    offsets: Sequence[float],
-) -> tuple[float, float]:
-    """Friction and offset with the least misfit of the flows, each stroke's in units of its own."""
-    tried = []
-    for friction in frictions:
-        for offset in offsets:
-            rows = [_rows(loop, sign, side, friction, offset) for sign, side in sides]
-            misfit = sum(math.inf if one is None else one.solve()[1] for one in rows)
-            tried.append((misfit, friction, offset))
-    return min(tried)[1:]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
+class _Rows(NamedTuple):
     """The linear system of one stroke."""
 
     drop: FloatArray
@@ -307,12 +230,8 @@ def _rows(loop: Loop, sign: float, side: Side, friction: float, offset: float) -
     if len(at) < 4 * _KNEES:
         return None
     drop = drop[at]
-    return _Rows(
-        drop,
-        sign * loop.force_rate[at] / side.area,
-        side.area * sign * loop.velocity[at],
-        float(drop.max()) * _AT,
-    )
+    rate, displaced = sign * loop.force_rate[at] / side.area, side.area * sign * loop.velocity[at]
+    return _Rows(drop, rate, displaced, float(drop.max()) * _AT)
 
 
 def _curve(loop: Loop, sign: float, side: Side, friction: float, offset: float) -> ValveCurve:
@@ -346,54 +265,29 @@ def _curve(loop: Loop, sign: float, side: Side, friction: float, offset: float) 
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ValveCharacteristic:
-    """One valve of a setting.
+class ValveCharacteristic(NamedTuple):
+    """One valve of a setting."""
 
-    Attributes
-    ----------
-    stroke : str
-        "rebound" or "bump".
-    area : float
-        What presses oil through it, m2: a pressure times this is its force.
-    drop, flow : numpy.ndarray
-        Shape (n,), as measured; Pa and m3/s.
-    law_drop, law_flow : numpy.ndarray
-        Shape (k,), the fitted law from nothing to the largest pressure measured.
-    opening : float or None
-        p_open of its blow-off, Pa; None without one.
-    """
-
-    stroke: str
-    area: float
-    drop: FloatArray
-    flow: FloatArray
-    law_drop: FloatArray
+    stroke: str  # "rebound" or "bump"
+    area: float  # what presses oil through it, m2: a pressure times this is its force
+    drop: FloatArray  # shape (n,), as measured, Pa
+    flow: FloatArray  # shape (n,), m3/s
+    law_drop: FloatArray  # shape (k,), the fitted law from nothing to the largest pressure measured
     law_flow: FloatArray
-    opening: float | None
+    opening: float | None  # p_open of its blow-off, Pa; None without one
 
 
 def valve_characteristics(
     damper: ValveDamper, values: Values, traces: Sequence[Trace]
 ) -> tuple[ValveCharacteristic, ...]:
-    """Return the valves of a setting; one that the logs hardly press is left out.
-
-    Parameters
-    ----------
-    damper : ValveDamper
-        The damper.
-    values : Values
-        Of the setting.
-    traces : sequence of Trace
-        Its logs.
-    """
+    """Return the valves of a setting by its logs; one that these hardly press is left out."""
     numbers = dict(values)
     of_cell = {name: numbers[name] for name in OF_LOAD_CELL if name in numbers}
     loops = [
         loop_of(before_load_cell(trace, **of_cell), damper.rest_force(trace.displacement))
         for trace in traces
     ]
-    both = [Side(one.area, one.drag + numbers["drag"]) for one in _sides(damper, numbers)]
+    both = [Side(side.area, side.drag + numbers["drag"]) for side in _sides(damper, numbers)]
     reading = read_valves(loops, *both, offset=numbers["f_0"], friction=numbers["f_f"])
     read = []
     for stroke, side in zip(STROKES, both, strict=True):
@@ -429,19 +323,10 @@ def valve_starts(
 ) -> tuple[Values, ...]:
     """Return starting points for the logs of one setting, that of the loops first.
 
-    Parameters
-    ----------
-    damper : ValveDamper
-        The damper.
-    traces : sequence of Trace
-        Logs of one setting.
-    fixed : mapping of str to float
-        What is held.
-    readings : sequence of ValveReading
-        As of `read_loops`, where they are known.
+    The readings are those of `read_loops`, where they are known.
     """
     points = valve_points(damper, traces, fixed, readings)
-    return tuple(within_plausible(damper, one, fixed) for one in points)
+    return tuple(within_plausible(damper, point, fixed) for point in points)
 
 
 def valve_points(
@@ -484,13 +369,11 @@ def read_loops(
 def _sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]:
     """Return what presses through the rebound valve and through that of compression."""
     rebound, compression = damper.pressed_areas
-    known = {quantity.name: quantity.default for quantity in damper.quantities}
-    resistance = fixed.get("return_slope", known.get("return_slope") or 0.0) * damper.oil_density
-    filled = [getattr(damper, name) for name in _FILLED.get(damper.name, ())] or [0.0, 0.0]
-    return (
-        Side(rebound, resistance * filled[0] ** 2),
-        Side(compression, resistance * filled[1] ** 2),
-    )
+    if damper.filled is None:
+        return Side(rebound), Side(compression)
+    resistance = fixed.get("return_slope", damper.quantity("return_slope").default or 0.0)
+    drags = [resistance * damper.oil_density * getattr(damper, area) ** 2 for area in damper.filled]
+    return Side(rebound, drags[0]), Side(compression, drags[1])
 
 
 def _general(

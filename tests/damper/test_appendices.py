@@ -103,7 +103,7 @@ def test_typical_values(ratio, expected):
 
 def test_a_tube_without_wall_is_refused():
     with pytest.raises(ConfigurationError, match="must all be positive"):
-        appendices.Tube(wall_thickness=0.0, inner_diameter=0.03, youngs_modulus=7e10)
+        appendices.compliance_factor(1.5e9, appendices.Tube(0.0, 0.03, 7e10))
 
 
 # The incompressible limit and Appendix 2, against pressures, volumes and the slow oracle.

@@ -10,9 +10,8 @@ import pytest
 
 from damperfit.damper import _core
 from damperfit.damper.network import purdy, simulate_network
-from damperfit.damper.purdy import parameters
 from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
@@ -36,7 +35,7 @@ def test_a_pascal_cannot_be_seen_in_the_papers_damper(
 ) -> None:
     found = []
     for one in (rounding, 0.01):
-        monkeypatch.setattr(parameters, "_ROUNDING", one)
+        monkeypatch.setattr(Damper, "rounding", one)
         values, options = reference_parameters(setting), SolverOptions(tolerance=TIGHT)
         found.append(simulate(values, PURDY_DAMPER, STANDARD, options=options))
     assert least < worst(*found) < most

@@ -165,18 +165,18 @@ def test_toml_declares_it_and_config_prints_it_back(tmp_path):
     [
         ({"from": 4}, r"passage 2: from = 4; expected chamber 1 \(rod side\)"),
         ({"to": True}, "passage 2: to = True; expected chamber"),
-        ({"to": 1}, "passage 2 leads from chamber 1 to itself"),
+        ({"to": 1}, "passage 2: leads from chamber 1 to itself"),
         ({"law": "orifise"}, "passage 2: no law 'orifise'; .* Did you mean 'orifice'"),
         ({"name": "Base valve"}, "passage 2: name = 'Base valve'; expected small letters"),
         ({"two_way": 1}, "passage 2: two_way = 1; expected true or false"),
-        ({"twoway": True}, "passage 2 has no key 'twoway'; .* Did you mean 'two_way'"),
+        ({"twoway": True}, "passage 2: no key 'twoway'; .* Did you mean 'two_way'"),
     ],
 )
 def test_what_is_no_passage_is_refused_with_its_place(changed, said):
     good = {"from": 1, "to": 2, "name": "one", "law": "orifice"}
     with pytest.raises(ConfigurationError, match=said):
         declared_passages([good, good | changed])
-    with pytest.raises(ConfigurationError, match="passage 1 lacks to, law"):
+    with pytest.raises(ConfigurationError, match="passage 1: lacks to, law"):
         declared_passages([{"from": 1, "name": "one"}])
 
 

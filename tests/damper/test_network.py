@@ -6,17 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from damperfit.damper.network import (
-    Network,
-    Passage,
-    Valve,
-    monotube,
-    purdy_blow_off,
-    simulate_network,
-    through_flow,
-    twin_tube,
-)
+from damperfit.damper.network import Network, Passage, Valve, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import Motion, SolverOptions, sine_motion
 from tests.oracles import network as twin
@@ -33,10 +25,27 @@ SMALL = Damper(
 )
 STANDARD = {"k_e": 4.54e8, "f_f": 50.0}
 LONG = Valve("long", "rounded")
+# The paper's layout with a blow-off beside valve 1 and a preload on valve 2.
+PURDY_BLOW_OFF = Network(
+    "purdy_blow_off",
+    (
+        Passage(1, 3, orifice="r_m1", is_two_way=True),
+        Passage(1, 3, opening="rebound_opening", resistance="rebound_slope"),
+        Passage(2, 1, opening="compression_opening", resistance="r_m2"),
+        Passage(3, 2, resistance="r_m3"),
+    ),
+)
+
+
+def layout(kind=ThroughFlow, valve=Valve()):
+    """The passages of a preset without air."""
+    return kind(rebound=valve, compression=valve, ambient_pressure=0.0).network
+
+
 # name: network, numbers, damper, amplitude, frequency
 CASES = {
     "a": (
-        purdy_blow_off(),
+        PURDY_BLOW_OFF,
         STANDARD
         | {"r_m1": 3e4, "rebound_opening": 2e6, "rebound_slope": 1e7}
         | {"compression_opening": 5e5, "r_m2": 4e6, "r_m3": 2.597e6},
@@ -44,7 +53,7 @@ CASES = {
         (0.032, 1.5),
     ),
     "b": (
-        through_flow(),
+        layout(),
         {"k_e": 5e7, "f_f": 15.0, "return_slope": 2e5}
         | {"rebound_bleed": 1.9e5, "rebound_opening": 5.5e5, "rebound_slope": 3.5e6}
         | {"compression_bleed": 1.3e5, "compression_opening": 5e5, "compression_slope": 2.5e6},
@@ -52,7 +61,7 @@ CASES = {
         (0.0187, 1.05),
     ),
     "c": (
-        through_flow(LONG, LONG),
+        layout(valve=LONG),
         {"k_e": 1e9, "f_f": 15.0, "free_gas": 0.005, "return_slope": 2e5}
         | {"rebound_bleed": 1e4, "rebound_leak": 4e6, "rebound_opening": 2.4e5}
         | {"rebound_slope": 3e6, "rebound_width": 2e4, "compression_bleed": 1.2e4}
@@ -62,7 +71,7 @@ CASES = {
         (0.0187, 1.05),
     ),
     "d": (
-        twin_tube(),
+        layout(TwinTube),
         STANDARD
         | {"rebound_bleed": 3e4, "rebound_opening": 2e6, "rebound_slope": 4e6}
         | {"compression_bleed": 3e4, "compression_opening": 1e6, "compression_slope": 6e6}
@@ -71,7 +80,7 @@ CASES = {
         (0.032, 1.5),
     ),
     "e": (
-        monotube(),
+        layout(Monotube),
         STANDARD
         | {"rebound_bleed": 2.5e4, "rebound_opening": 2e6, "rebound_slope": 4e6}
         | {"compression_bleed": 5e4, "compression_opening": 4e5, "compression_slope": 2e6},
@@ -292,7 +301,7 @@ def test_a_blow_off_that_never_opens_is_not_there():
     motion = sine_motion(amplitude, frequency, cycles=4, sample_rate=1000 * frequency * (1 + 1e-12))
     gone = ("rebound_opening", "rebound_slope", "compression_opening", "compression_slope")
     kept = {k: v for k, v in values.items() if k not in gone}
-    without = simulate_network(through_flow(bleed, bleed), kept, damper, motion, options=SHARP)
+    without = simulate_network(layout(valve=bleed), kept, damper, motion, options=SHARP)
     assert with_it.force == pytest.approx(without.force, abs=2e-3)
     seen = run("b", rebound_opening=1e9, sensitivities=("rebound_opening", "rebound_slope"))
     assert not np.any(seen.sensitivities["rebound_opening"])
@@ -316,7 +325,7 @@ def test_a_law_fades_into_the_one_without_a_part(part):
     motion = sine_motion(amplitude, frequency, cycles=2, sample_rate=500 * frequency)
 
     def force(valve, **numbers):
-        network = through_flow(valve, valve)
+        network = layout(valve=valve)
         known = {key: x for key, x in (values | numbers).items() if key in network.numbers}
         return simulate_network(network, known, damper, motion, options=SHARP).force
 

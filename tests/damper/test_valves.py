@@ -7,14 +7,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.mounting import Mounting
-from damperfit.damper.network import (
-    Valve,
-    law_flow,
-    monotube,
-    simulate_network,
-    through_flow,
-    twin_tube,
-)
+from damperfit.damper.network import Valve, law_flow, simulate_network
 from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
@@ -144,7 +137,9 @@ def sides(layout, values):
 
 
 @pytest.mark.parametrize(
-    "layout", [through_flow(), monotube(), twin_tube()], ids=lambda one: one.name
+    "layout",
+    [ThroughFlow().network, Monotube().network, TwinTube().network],
+    ids=lambda one: one.name,
 )
 def test_bleed_opening_and_slope_are_read_off_the_loops(layout):
     values = dict(VALUES)
@@ -167,16 +162,16 @@ def test_bleed_opening_and_slope_are_read_off_the_loops(layout):
 
 
 def test_the_compliance_is_that_of_oil_and_mounting():
-    curve = read_valves(loops(through_flow(), VALUES | {"return_slope": 2e5}),
-                        *sides(through_flow(), VALUES), offset=-12.0).rebound  # fmt: skip
+    curve = read_valves(loops(ThroughFlow().network, VALUES | {"return_slope": 2e5}),
+                        *sides(ThroughFlow().network, VALUES), offset=-12.0).rebound  # fmt: skip
     chamber = DAMPER.chamber_1_length / (DAMPER.annulus_area * 9e8)
     give = curve.compliance / DAMPER.annulus_area**2
     assert give == pytest.approx(chamber + 1 / STIFFNESS, rel=0.15)
 
 
 def test_the_curve_is_the_valves_characteristic():
-    reading = read_valves(loops(through_flow(), VALUES | {"return_slope": 2e5}),
-                          *sides(through_flow(), VALUES), offset=-12.0)  # fmt: skip
+    reading = read_valves(loops(ThroughFlow().network, VALUES | {"return_slope": 2e5}),
+                          *sides(ThroughFlow().network, VALUES), offset=-12.0)  # fmt: skip
     curve = reading.rebound
     # Friction that was not told stands in the pressure.
     drop = curve.drop - (20.0 - reading.friction) / DAMPER.annulus_area
@@ -187,8 +182,8 @@ def test_the_curve_is_the_valves_characteristic():
 
 def test_a_valve_that_never_opens_has_no_knee_but_a_place_to_start_from():
     values = VALUES | {"return_slope": 2e5, "rebound_opening": 1e9}
-    curve = read_valves(loops(through_flow(), values, speeds=(0.08,)),
-                        *sides(through_flow(), VALUES), offset=-12.0).rebound  # fmt: skip
+    curve = read_valves(loops(ThroughFlow().network, values, speeds=(0.08,)),
+                        *sides(ThroughFlow().network, VALUES), offset=-12.0).rebound  # fmt: skip
     total = curve.root * np.sqrt(curve.highest)
     opened = curve.conductance * max(0.0, curve.highest - curve.opening)
     assert opened < 0.25 * total

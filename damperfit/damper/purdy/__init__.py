@@ -1,3 +1,1 @@
 """The paper's damper: an orifice and two linear checks, oil with one bulk modulus, friction."""
-
-__all__: list[str] = []

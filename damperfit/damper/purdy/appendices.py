@@ -34,8 +34,7 @@ or arrays that broadcast against each other, in SI. Source: D. J. Purdy, Proc. I
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -50,28 +49,18 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Tube:
-    """A thin-walled elastic tube: t_c and D_i in m, E in Pa."""
+class Tube(NamedTuple):
+    """A thin-walled elastic tube."""
 
-    wall_thickness: float
-    inner_diameter: float
-    youngs_modulus: float
-
-    def __post_init__(self) -> None:
-        """Refuse a tube that is not there."""
-        if not (self.wall_thickness > 0 and self.inner_diameter > 0 and self.youngs_modulus > 0):
-            raise ConfigurationError(
-                "thickness, diameter and Young's modulus must all be positive; give SI",
-                subject=self,
-                code="out-of-range",
-            )
+    wall_thickness: float  # t_c, m
+    inner_diameter: float  # D_i, m
+    youngs_modulus: float  # E, Pa
 
 
 def volume_fractions(volume_ratio: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return the shares of gas and liquid for V_r, eq. (24)."""
     ratio = np.asarray(volume_ratio, dtype=np.float64)
-    return np.asarray(ratio / (1.0 + ratio)), np.asarray(1.0 / (1.0 + ratio))
+    return ratio / (1.0 + ratio), 1.0 / (1.0 + ratio)
 
 
 def gas_modulus(pressure: ArrayLike, *, gas_exponent: float = 1.4) -> FloatArray:
@@ -81,6 +70,12 @@ def gas_modulus(pressure: ArrayLike, *, gas_exponent: float = 1.4) -> FloatArray
 
 def tube_modulus(tube: Tube) -> float:
     """Return K_c = t_c E/D_i, Pa, eq. (27): the bore widens by P D_i/(2 t_c E), its area twice."""
+    if not min(tube) > 0.0:
+        raise ConfigurationError(
+            "thickness, diameter and Young's modulus must all be positive; give SI",
+            subject=tube,
+            code="out-of-range",
+        )
     return tube.wall_thickness * tube.youngs_modulus / tube.inner_diameter
 
 
@@ -144,8 +139,7 @@ def high_pressure_limit(*, liquid: float, compliance: float) -> float:
     return liquid / compliance
 
 
-@dataclass(frozen=True, slots=True)
-class LinearValves:
+class LinearValves(NamedTuple):
     """R_v1, R_v2, R_v3 of Appendix 2: pressure drop per volume flow, Pa s/m3 (= N s/m5)."""
 
     r_v1: float
@@ -162,13 +156,13 @@ def gas_piston_displacement(damper: Damper, displacement: ArrayLike) -> FloatArr
 def rebound_flows(damper: Damper, velocity: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return Q_1 = a_p1 v and Q_3 = a_p2 v, m3/s, for v > 0, eq. (31)."""
     v = np.asarray(velocity, dtype=np.float64)
-    return np.asarray(damper.annulus_area * v), np.asarray(damper.piston_area * v)
+    return damper.annulus_area * v, damper.piston_area * v
 
 
 def bump_flows(damper: Damper, velocity: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return Q_1 = -a_r v and Q_2 = -a_p2 v, m3/s, for v < 0, eq. (34)."""
     v = np.asarray(velocity, dtype=np.float64)
-    return np.asarray(-damper.rod_area * v), np.asarray(-damper.piston_area * v)
+    return -damper.rod_area * v, -damper.piston_area * v
 
 
 def rebound_pressures(
@@ -177,7 +171,7 @@ def rebound_pressures(
     """Return P_1 and P_2, Pa, for v > 0, eq. (32); a negative P_2 means that it cavitates."""
     p_3 = gas_pressure(damper, displacement)
     q_1, q_3 = rebound_flows(damper, velocity)
-    return np.asarray(p_3 + valves.r_v1 * q_1), np.asarray(p_3 - valves.r_v3 * q_3)
+    return p_3 + valves.r_v1 * q_1, p_3 - valves.r_v3 * q_3
 
 
 def bump_pressures(
@@ -186,7 +180,7 @@ def bump_pressures(
     """Return P_1 and P_2, Pa, for v < 0, eq. (36)."""
     q_1, q_2 = bump_flows(damper, velocity)
     p_1 = gas_pressure(damper, displacement) + valves.r_v1 * q_1
-    return np.asarray(p_1), np.asarray(p_1 + valves.r_v2 * q_2)
+    return p_1, p_1 + valves.r_v2 * q_2
 
 
 def simple_slopes(valves: LinearValves, damper: Damper) -> tuple[float, float]:

@@ -38,32 +38,12 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "gas_pressure",
-    "incompressible_design",
-    "incompressible_force",
-]
-
 
 def gas_pressure(damper: Damper, displacement: ArrayLike) -> FloatArray:
     """Return P_3 = P_0 (V_g0/(V_g0 + a_r x))^gamma, eq. (17) corrected and (37).
 
-    Parameters
-    ----------
-    damper : Damper
-        Geometry and gas.
-    displacement : array_like
-        x, m, positive in rebound.
-
-    Returns
-    -------
-    numpy.ndarray
-        P_3 in Pa, absolute, of the shape of ``displacement``.
-
-    Raises
-    ------
-    SimulationError
-        The rod goes in so far that no room is left for the gas.
+    Pa absolute, of the shape of the displacement, m, positive in rebound. A `SimulationError`: the
+    rod goes in so far that no room is left for the gas.
 
     Examples
     --------
@@ -106,21 +86,8 @@ def incompressible_force(
 ) -> FloatArray:
     """Return the force of the full model for K_e -> infinity.
 
-    Valid as long as chamber 2 does not cavitate: P_3 > rho_0 R_m3 a_p2 v in rebound.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        ``k_e`` is not used.
-    damper : Damper
-        Geometry, oil and gas.
-    displacement, velocity : array_like
-        Shape (n,); x in m and v in m/s, positive in rebound.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n,); f in N, positive in rebound.
+    N, shape (n,), of x in m and v in m/s, shape (n,); all positive in rebound. Valid as long as
+    chamber 2 does not cavitate: P_3 > rho_0 R_m3 a_p2 v in rebound.
 
     Examples
     --------

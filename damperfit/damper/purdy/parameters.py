@@ -37,22 +37,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from math import inf
 from typing import TYPE_CHECKING, ClassVar
 
-from damperfit.damper.cylinder import Cylinder, filling
-from damperfit.damper.model import OilModel, Values
-from damperfit.damper.quantity import (
-    DAMPER,
-    FRICTION,
-    OFFSET,
-    RIGID,
-    STIFFNESS,
-    VISCOUS,
-    Quantity,
-)
-from damperfit.errors import SimulationError, did_you_mean, refuse_wrong_arguments
+from damperfit.damper.cylinder import F_0, F_F, K_E, RANGES, Cylinder
+from damperfit.damper.model import Values
+from damperfit.damper.quantity import DAMPER, VISCOUS, Quantity
+from damperfit.errors import refuse_wrong_arguments
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -61,74 +51,31 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.model import FurtherStart
+    from damperfit.damper.model import FurtherStart, Names
     from damperfit.damper.network import Network
     from damperfit.recording import Trace
-    from damperfit.simulation import Motion, Response, SolverOptions
-
-__all__ = [
-    "DAMPER_RANGES",
-    "OF_OIL",
-    "OIL",
-    "PURDY_DAMPER",
-    "QUANTITIES",
-    "Damper",
-    "Parameters",
-]
-
-# Eq. (28): 2 % of free gas at 4.6 bar leave 31 MPa. No oil is stiffer than twice mineral oil.
-OIL = (3e7, 3e9)
-OF_OIL = "oil has 1500 MPa, and 30 with 2 % of free gas in it"
-
-_VALVE_1, _VALVE = "s sqrt(N)/(m kg)", "N s/(m2 kg)"
+    from damperfit.simulation import Response, SolverOptions
 
 QUANTITIES = (
     Quantity(
-        "r_m1", "R_m1", "valve 1 (adjuster)", "resistance of valve 1, the adjuster", _VALVE_1,
-        (1e1, 1e7), power=3, shown_unit="10³ s √N / (m kg)",
+        "r_m1", "R_m1", "valve 1 (adjuster)", "resistance of valve 1, the adjuster",
+        "s sqrt(N)/(m kg)", (1e1, 1e7), power=3, shown_unit="10³ s √N / (m kg)",
     ),
     Quantity(
         "r_m2", "R_m2", "valve 2 (bump)", "resistance of valve 2, in the piston, open in bump",
-        _VALVE, (1e3, 1e10), power=6, shown_unit="10⁶ N s / (m² kg)", role=VISCOUS,
+        "N s/(m2 kg)", (1e3, 1e10), power=6, shown_unit="10⁶ N s / (m² kg)", role=VISCOUS,
     ),
     Quantity(
-        "r_m3", "R_m3", "valve 3 (rebound)", "resistance of valve 3, open in rebound", _VALVE,
-        (1e3, 1e10), scope=DAMPER, fallback=2.597e6, power=6, shown_unit="10⁶ N s / (m² kg)",
-        role=VISCOUS,
+        "r_m3", "R_m3", "valve 3 (rebound)", "resistance of valve 3, open in rebound",
+        "N s/(m2 kg)", (1e3, 1e10), scope=DAMPER, fallback=2.597e6, power=6,
+        shown_unit="10⁶ N s / (m² kg)", role=VISCOUS,
     ),
-    Quantity(
-        "k_e", "K_e", "bulk modulus of oil and chamber",
-        "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11), power=6,
-        shown_unit="MPa", is_open=True, trend_degree=2, believable=OIL, belief=OF_OIL,
-        role=STIFFNESS, ideal=RIGID,
-    ),
-    Quantity(
-        "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
-        scope=DAMPER, may_vanish=True, fallback=50.0, shown_unit="N",
-        role=FRICTION,
-    ),
-    # A force offset is about as much as the rod's gas force.
-    Quantity(
-        "f_0", "f_0", "force offset", "constant offset added to the force, the rig's tare", "N",
-        (-inf, inf), is_logarithmic=False, size=100.0, default=0.0, shown_unit="N",
-        role=OFFSET,
-    ),
+    replace(K_E, is_open=True, trend_degree=2),
+    replace(F_F, fallback=50.0),
+    replace(F_0, default=0.0),
 )  # fmt: skip
 
-# What any damper has, from a model car's to a bridge's, with room to spare, in SI. What lies
-# outside was misread: mm as m, bar as Pa. Pressures are absolute, hence never nothing.
-DAMPER_RANGES: dict[str, tuple[float, float, str]] = {
-    "rod_diameter": (1e-3, 0.5, "m"),
-    "piston_diameter": (2e-3, 1.0, "m"),
-    "gas_piston_diameter": (2e-3, 1.0, "m"),
-    "chamber_1_length": (2e-3, 5.0, "m"),
-    "chamber_2_length": (2e-3, 5.0, "m"),
-    "gas_length": (1e-3, 5.0, "m"),
-    "oil_density": (500.0, 2000.0, "kg/m3"),
-    "gas_pressure": (1e4, 1e8, "Pa"),
-    "gas_exponent": (1.0, 1.67, ""),  # slow compression of any gas, fast of one with single atoms
-    "ambient_pressure": (0.0, 1e7, "Pa"),
-}
+DAMPER_RANGES = {name: found for name, found in RANGES.items() if name != "gas_volume"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +93,7 @@ class Parameters(Values):
 
 
 @dataclass(frozen=True, slots=True)
-class Damper(Cylinder, OilModel):
+class Damper(Cylinder):
     """Geometry, oil and gas of a damper; the defaults are Table 1 of the paper.
 
     The paper does not print P_0 and gamma. P_0 = 0.46 MPa is recovered from its section 6.2
@@ -170,12 +117,15 @@ class Damper(Cylinder, OilModel):
     gas_exponent: float = 1.4
     ambient_pressure: float = 0.0
 
-    name: ClassVar[str] = "purdy"
-    title: ClassVar[str] = "the paper's damper: one orifice, two linear checks"
-    procedures: ClassVar[tuple[str, ...]] = ("paper", "joint", "plain")
-    conditions: ClassVar[tuple[str, ...]] = ("gas_pressure", "gas_exponent")
-    ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = DAMPER_RANGES
-    bulk_moduli: ClassVar[tuple[str, ...]] = ("free", "appendix1")
+    name = "purdy"
+    title = "the paper's damper: one orifice, two linear checks"
+    procedures = ("paper", "joint", "plain")
+    conditions = ("gas_pressure", "gas_exponent")
+    ranges = DAMPER_RANGES
+    bulk_moduli = ("free", "appendix1")
+    # The root of valve 1 is rounded within 1 Pa of zero, so that its slope stays finite at a
+    # reversal: 100 Pa cost 0.01 to 0.02 N, 1 Pa cannot be seen (`tests/damper/test_core.py`).
+    rounding = 1.0
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -186,6 +136,13 @@ class Damper(Cylinder, OilModel):
     def values_type(self) -> type[Values]:
         """`Parameters`."""
         return Parameters
+
+    @property
+    def network(self) -> Network:
+        """The paper's layout."""
+        from damperfit.damper.network import purdy
+
+        return purdy(self.ambient_pressure)
 
     @property
     def sentence(self) -> str:
@@ -199,35 +156,6 @@ class Damper(Cylinder, OilModel):
             f"{self.gas_exponent:g}, oil {self.oil_density:g} kg/m3{air}"
         )
 
-    def simulate(
-        self,
-        values: Values,
-        motion: Motion,
-        *,
-        sensitivities: Sequence[str],
-        options: SolverOptions,
-    ) -> Response:
-        """Integrate the paper's equations: `damperfit.damper.network.simulate_network`."""
-        from damperfit.damper.network import simulate_network
-
-        known = (*self.names, *self.conditions)
-        for name in sensitivities:
-            if name not in known:
-                raise SimulationError(
-                    f"no sensitivity by {name!r}; there are {', '.join(known)}."
-                    f"{did_you_mean(name, known)}",
-                    code="unknown-quantity",
-                )
-        filled = filling(motion, self.gas_pressure)
-        numbers = {**dict(values), "gas_pressure": filled * self.gas_pressure}
-        response = simulate_network(
-            _network(self.ambient_pressure), numbers, self, motion, sensitivities=sensitivities,
-            options=replace(options, rounding=_ROUNDING),
-        )  # fmt: skip
-        if "gas_pressure" in response.sensitivities:
-            response.sensitivities["gas_pressure"] *= filled
-        return response
-
     def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
         """Start from the incompressible closed form, with several bulk moduli."""
         from damperfit.damper.purdy.starting import starts
@@ -235,7 +163,7 @@ class Damper(Cylinder, OilModel):
         return starts(traces, self, fixed)
 
     def further_starts(
-        self, start: Values, traces: Sequence[Trace], free: Sequence[str]
+        self, start: Values, traces: Sequence[Trace], free: Names
     ) -> tuple[FurtherStart, ...]:
         """Come from below the onset of cavitation; then start beyond it."""
         from damperfit.damper.purdy.starting import further_starts
@@ -243,11 +171,7 @@ class Damper(Cylinder, OilModel):
         return further_starts(start, traces, self, free)
 
     def examine(
-        self,
-        values: Values,
-        seen: Sequence[tuple[Trace, Response]],
-        *,
-        solver: SolverOptions,
+        self, values: Values, seen: Sequence[tuple[Trace, Response]], *, solver: SolverOptions
     ) -> Cavitation:
         """With the margin of R_m3 and the gas pressure at which a chamber just stays full."""
         from damperfit.damper.cavitation import examine_cavitation
@@ -264,18 +188,6 @@ class Damper(Cylinder, OilModel):
     def gas_volume(self) -> float:
         """V_g0, gas at x = 0, m3."""
         return self.gas_length * math.pi / 4.0 * self.gas_piston_diameter**2
-
-
-# The root of valve 1 is rounded within 1 Pa of zero, so that its slope stays finite at a reversal:
-# 100 Pa cost 0.01 to 0.02 N, 1 Pa cannot be seen (`tests/damper/test_core.py`).
-_ROUNDING = 1.0
-
-
-@lru_cache(maxsize=8)
-def _network(ambient_pressure: float) -> Network:
-    from damperfit.damper.network import purdy
-
-    return replace(purdy(), ambient_pressure=ambient_pressure)
 
 
 # What dataclasses write says TypeError, of __init__.

@@ -20,18 +20,10 @@ With k = setting - 1:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from damperfit.damper.purdy.parameters import Parameters
 from damperfit.errors import ConfigurationError
-
-__all__ = [
-    "FAMILIES",
-    "REFERENCE_SETTINGS",
-    "REFERENCE_SOURCE",
-    "Family",
-    "reference_parameters",
-]
 
 REFERENCE_SETTINGS: tuple[int, ...] = tuple(range(1, 21))
 
@@ -47,10 +39,7 @@ _SCATTER = (
 def reference_parameters(setting: int) -> Parameters:
     """Return the synthetic parameters of one setting, 1 (softest) to 20; SI, ``f_0`` is 0.
 
-    Raises
-    ------
-    ConfigurationError
-        The setting is not one of the twenty.
+    A `ConfigurationError`: the setting is not one of the twenty.
 
     Examples
     --------
@@ -72,26 +61,13 @@ def reference_parameters(setting: int) -> Parameters:
     return Parameters(r_m1=r_m1, r_m2=r_m2, r_m3=2.597e6, k_e=k_e, f_f=50.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Family:
-    """One family of curves.
+class Family(NamedTuple):
+    """One family of curves."""
 
-    Attributes
-    ----------
-    name : str
-        The parameter.
-    number : int
-        Of the figure.
-    factors : tuple of float
-        What the parameter is multiplied with.
-    of_pressures : int
-        Number of the figure of its chamber pressures; 0: there is none.
-    """
-
-    name: str
-    number: int
-    factors: tuple[float, ...]
-    of_pressures: int = 0
+    name: str  # the parameter
+    number: int  # of the figure
+    factors: tuple[float, ...]  # what the parameter is multiplied with
+    of_pressures: int = 0  # number of the figure of its chamber pressures; 0: there is none
 
 
 FAMILIES = (

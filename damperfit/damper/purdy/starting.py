@@ -22,15 +22,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "REBOUND",
-    "cavitation_limit",
-    "further_starts",
-    "nonnegative_least_squares",
-    "starting_values",
-    "starts",
-]
-
 # A few hundred samples a log fix four numbers well enough to start from.
 _SAMPLES_A_LOG = 400
 # K_e of oil with 5 % to 0.1 % of undissolved gas at 20 bar, Appendix 1 (28); the likeliest first.
@@ -45,8 +36,7 @@ _BEYOND_ONSET = (1.9, 6.0)
 # What a start holds until the others have settled: at stiff settings R_m1 carries the rebound, and
 # one that is off in K_e lets R_m3 run into cavitation.
 REBOUND = frozenset({"r_m3", "f_f"})
-# A slope that is zero to the last digits, beside columns and values of length 1.
-_FLAT = 1e-12
+_FLAT = 1e-12  # a slope that is zero to the last digits, beside columns and values of length 1
 _MOST_ROUNDS = 100
 
 
@@ -56,8 +46,8 @@ def starts(
     """Return the closed form's values, with several bulk moduli unless that is fixed."""
     if "k_e" in fixed:
         return (starting_values(traces, damper, fixed, fixed["k_e"]),)
-    one = starting_values(traces, damper, fixed, _BULK_MODULI[0])
-    return tuple(replace(one, k_e=k_e) for k_e in _BULK_MODULI)
+    likeliest = starting_values(traces, damper, fixed, _BULK_MODULI[0])
+    return tuple(replace(likeliest, k_e=k_e) for k_e in _BULK_MODULI)
 
 
 def starting_values(
@@ -85,16 +75,13 @@ def starting_values(
         solution[free] = nonnegative_least_squares(scaled, force) / scale[free]
     with np.errstate(over="ignore"):  # a parameter held far off: the simulation will say so
         floor = _SMALL_SHARE * float(np.std(force)) / scale
-    offset = 0.0
-    if len(solution) > 4:
-        offset = float(solution[4] - solution[5])
     start = Parameters(
         r_m1=float(np.sqrt(max(solution[0], floor[0]))),
         r_m2=float(max(solution[1], floor[1])),
         r_m3=float(min(max(solution[2], floor[2]), cavitation_limit(traces, damper))),
         k_e=k_e,
         f_f=float(max(solution[3], 0.1 * floor[3])),
-        f_0=offset,
+        f_0=float(solution[4] - solution[5]) if len(solution) > 4 else 0.0,
     )
     return replace(start, **dict(fixed))
 
@@ -110,7 +97,6 @@ def further_starts(
     if "r_m3" not in free:
         return ()
     limit = cavitation_limit(traces, damper)
-    below = FurtherStart(start.replace(r_m3=min(start.r_m3, limit)), (REBOUND,))
     is_offset_free = "f_0" in free
     offset = 0.0 if is_offset_free else start.f_0
     stages = (REBOUND | {"f_0"}, *([frozenset({"f_0"})] if is_offset_free else []))
@@ -118,7 +104,7 @@ def further_starts(
         FurtherStart(start.replace(r_m3=factor * limit, f_0=offset), stages, is_last_resort=True)
         for factor in _BEYOND_ONSET
     )
-    return (below, *beyond)
+    return (FurtherStart(start.replace(r_m3=min(start.r_m3, limit)), (REBOUND,)), *beyond)
 
 
 def cavitation_limit(traces: Sequence[Trace], damper: Damper) -> float:
@@ -140,24 +126,17 @@ def _stack(traces: Sequence[Trace], damper: Damper) -> tuple[FloatArray, FloatAr
         columns, offset = incompressible_design(
             damper.filled_to(trace.gas_pressure), trace.displacement[part], trace.velocity[part]
         )
-        one = np.ones((len(columns), 1))
-        rows.append(np.hstack([columns, one, -one]))
+        tare = np.ones((len(columns), 1))
+        rows.append(np.hstack([columns, tare, -tare]))
         forces.append(trace.force[part] - offset)
     return np.vstack(rows), np.concatenate(forces)
 
 
 def nonnegative_least_squares(columns: FloatArray, values: FloatArray) -> FloatArray:
-    """Return x >= 0 that makes |columns x - values| least.
+    """Return x >= 0 that makes |columns x - values| least; columns (n, k) of about one length.
 
     Lawson and Hanson, "Solving Least Squares Problems", 1974, chapter 23: `scipy.optimize` takes
     longer to load than all starts take.
-
-    Parameters
-    ----------
-    columns : numpy.ndarray
-        Shape (n, k), of about the same length each.
-    values : numpy.ndarray
-        Shape (n,).
 
     Examples
     --------
@@ -167,29 +146,29 @@ def nonnegative_least_squares(columns: FloatArray, values: FloatArray) -> FloatA
     triangle = np.asarray(np.linalg.qr(np.column_stack([columns, values]), mode="r"))
     a, b = triangle[:, :-1], triangle[:, -1]
     least = _FLAT * float(np.linalg.norm(a, axis=0).max(initial=0.0) * np.linalg.norm(b))
-    found = np.zeros(a.shape[1])
+    solution = np.zeros(a.shape[1])
     is_free = np.zeros(a.shape[1], dtype=bool)
+
+    def unbounded() -> FloatArray:
+        trial = np.zeros(a.shape[1])
+        if is_free.any():
+            trial[is_free] = np.linalg.lstsq(a[:, is_free], b, rcond=None)[0]
+        return trial
+
     for _ in range(_MOST_ROUNDS):
-        slope = np.where(is_free, -np.inf, a.T @ (b - a @ found))
+        slope = np.where(is_free, -np.inf, a.T @ (b - a @ solution))
         best = int(np.argmax(slope))
         if not slope[best] > least:
             break
         is_free[best] = True
-        trial = _unbounded(a, b, is_free)
+        trial = unbounded()
         while np.any(is_free & (trial <= 0.0)):
             # As far as the first that would turn negative; it is held at nothing from there on.
             out = np.flatnonzero(is_free & (trial <= 0.0))
-            share = float(np.min(found[out] / np.maximum(found[out] - trial[out], 1e-300)))
-            found += share * (trial - found)
-            is_free &= found > _FLAT * float(found.max())
-            found[~is_free] = 0.0
-            trial = _unbounded(a, b, is_free)
-        found = trial
-    return found
-
-
-def _unbounded(a: FloatArray, b: FloatArray, is_free: NDArray[np.bool_]) -> FloatArray:
-    found = np.zeros(a.shape[1])
-    if is_free.any():
-        found[is_free] = np.linalg.lstsq(a[:, is_free], b, rcond=None)[0]
-    return found
+            share = float(np.min(solution[out] / np.maximum(solution[out] - trial[out], 1e-300)))
+            solution += share * (trial - solution)
+            is_free &= solution > _FLAT * float(solution.max())
+            solution[~is_free] = 0.0
+            trial = unbounded()
+        solution = trial
+    return solution
