@@ -9,13 +9,13 @@ another by the law of its parts, each of which may be absent::
     R       laminar resistance               N s/(m2 kg)
     p_open  preload                          Pa
     width   how gradually a stack of discs lifts: s(D) in place of D - p_open, see core/passages.h
-    lift    how much further it lifts the harder it is pressed: s (1 + lift s)   1/Pa
+    power   D - p_open = 10 bar (R w/10 bar)^power
 
 A passage with S is an orifice (needle, low-speed adjuster, valve 1); with R a leak or a linear
 check (piston ring, return valve, valves 2 and 3); with R and S a long orifice (needle at few
 clicks); with p_open and R a blow-off (preloaded disc, shim stack), with S beside them one with a
-port (high speed), with width a rounded one (shim stack), with lift a lifting one (poppet on a soft
-spring).
+port (high speed), with width a rounded one (shim stack), with power one of a stack that stiffens or
+gives way.
 
 The oil in chambers 1 and 2 is compressible; with free gas (volume share phi at P_0) it follows
 1/(1 + e) = 1 - (P - P_0)/K_e + phi (P_0/P - 1), e = m/(rho_0 V) - 1, isothermally, and never
@@ -112,7 +112,7 @@ class Part(NamedTuple):
 
 
 # Of a plain valve at the largest pressure and flow: a bleed that takes half of the flow up to the
-# opening; of what is bent or lifts further, as much as a fit can start from.
+# opening; of what is bent, as much as a fit can start from.
 PARTS: dict[str, Part] = {
     "bleed": Part(
         "orifice", "S", "bleed", "orifice of the bleed, 1/(C_d A sqrt(2 rho))", ROOT, (1e2, 1e8),
@@ -138,11 +138,9 @@ PARTS: dict[str, Part] = {
         "width", "d", "rounding", "how gradually the blow-off lifts", "Pa", (1e1, 1e7), 1.0,
         "below", lambda opening, _slope, _top, _flow: 0.1 * opening, 1e3,
     ),
-    "lift": Part(
-        "lift", "b", "lift", "how much further the blow-off lifts, the harder it is pressed",
-        "1/Pa", (1e-9, 1e-3), -1.0, "below above",
-        lambda opening, _slope, top, _flow: 0.3 / max(top - opening, 0.1 * top), 1e-6,
-        power=-5, shown_unit="1/bar",
+    "power": Part(
+        "power", "n", "power", "power of its flow that the pressure beyond the opening goes with",
+        "1", (0.5, 2.0), 0.0, "", lambda _opening, _slope, _top, _flow: 1.25, 1.0,
     ),
 }  # fmt: skip
 
@@ -158,7 +156,7 @@ BLOW_OFFS: dict[str, tuple[str, ...]] = {
     "linear": ("opening", "slope"),
     "port": ("opening", "slope", "port"),
     "rounded": ("opening", "slope", "width"),
-    "lifting": ("opening", "slope", "lift"),
+    "power": ("opening", "slope", "power"),
 }
 # In words: of a law, and of a structure that has it in place of another; the search of laws tries
 # them in this order.
@@ -172,11 +170,8 @@ BLOW_OFF_WORDS: dict[str, tuple[str, str]] = {
     "none": ("", "without a blow-off"),
     "linear": ("blow-off", "with a plain blow-off"),
     "rounded": ("rounded blow-off", "with blow-offs that lift gradually"),
-    "lifting": (
-        "lifting blow-off",
-        "with blow-offs that lift further the harder they are pressed",
-    ),
     "port": ("port blow-off", "with a port behind the blow-offs"),
+    "power": ("blow-off by a power", "with blow-offs by a power of their flow"),
 }
 # Numbers of blow-offs of any kind: a valve that does not open tells none of them.
 BLOW_OFF_PARTS = tuple(dict.fromkeys(part for parts in BLOW_OFFS.values() for part in parts))
@@ -194,13 +189,13 @@ class Passage(NamedTuple):
     resistance: str = ""  # of R
     opening: str = ""  # of p_open
     width: str = ""
-    lift: str = ""
+    power: str = ""
     is_two_way: bool = False  # whether the law holds backwards; otherwise the passage is a check
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Names of its numbers, in the order p_open, R, S, width, lift; empty where absent."""
-        return (self.opening, self.resistance, self.orifice, self.width, self.lift)
+        """Names of its numbers, in the order of the compiled core; empty where absent."""
+        return (self.opening, self.resistance, self.orifice, self.width, self.power)
 
     @classmethod
     def of_parts(
@@ -249,7 +244,7 @@ class Valve:
     """What a valve is made of: a bleed that is always open, and a blow-off beside it."""
 
     bleed: str = "orifice"  # one of `BLEEDS`: none, orifice, long (laminar and turbulent) or leak
-    blow_off: str = "linear"  # one of `BLOW_OFFS`: none, linear, port, rounded or lifting
+    blow_off: str = "linear"  # one of `BLOW_OFFS`: none, linear, port, rounded or power
 
     def __post_init__(self) -> None:
         kinds = (self.bleed, BLEEDS, "bleed"), (self.blow_off, BLOW_OFFS, "blow-off")
@@ -304,9 +299,12 @@ def law_flow(parts: Mapping[str, float], drop: FloatArray, density: float) -> Fl
         total += _through(drop, parts.get("leak", 0.0), parts.get("bleed", 0.0))
     if "slope" in parts:
         beyond = _beyond(drop, parts["opening"], parts.get("width", 0.0))
-        beyond = beyond * (1.0 + parts.get("lift", 0.0) * beyond)
+        beyond = _S_0 * (beyond / _S_0) ** (1.0 / parts.get("power", 1.0))
         total += _through(beyond, parts["slope"], parts.get("port", 0.0))
     return np.asarray(total / density)
+
+
+_S_0 = 1e6  # Pa, where a power changes nothing
 
 
 def _beyond(drop: FloatArray, opening: float, width: float) -> FloatArray:

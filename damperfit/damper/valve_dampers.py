@@ -23,7 +23,7 @@ its numbers are called; passages of one name share them::
     linear     {name}_opening, {name}_slope              preloaded disc
     port       {name}_opening, {name}_slope, {name}_port     and the port behind it
     rounded    {name}_opening, {name}_slope, {name}_width    a stack that lifts gradually
-    lifting    {name}_opening, {name}_slope, {name}_lift     and further, the harder it is pressed
+    power      {name}_opening, {name}_slope, {name}_power    by a power of its flow
 
 Oil goes from ``from`` to ``to`` alone unless ``two_way`` is true. A law of its own for each
 direction is two passages.

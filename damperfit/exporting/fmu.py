@@ -150,7 +150,7 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
         left_out.add("grip")
     return ExportedDamper(
         token,
-        f"damperfit-damper 2\ntoken {token}\n{text}\n",
+        f"damperfit-damper 3\ntoken {token}\n{text}\n",
         _numbers(damper, columns, rows[start]),
         named,
         start,

@@ -398,8 +398,6 @@ def _sentence(values: Values, name: str) -> str:
         return f"{what}: {_AS_IF[one.role]}."
     if name == _AT_REST[1] and value < high:
         beyond = f"below {1e3 * low:g} mm/s"
-    elif one.area_power < 0.0 and value >= high:
-        beyond = f"above {high / 10.0**one.power:g} {one.shown_unit}"
     else:
         return (
             f"{what} does nothing here: it is at a bound of its range, and the law is fitted "

@@ -124,7 +124,7 @@ _UNLIKELY = 0.01
 # Largest standard error, of its logarithm, of a value that can speak for or against a tie.
 _DETERMINED = 0.3
 # Numbers that a blow-off has beside its opening and slope: one for all settings until the logs ask.
-_OF_STACK = {"port", "width", "lift"}
+_OF_STACK = {"port", "width", "power"}
 _STEP = 1e-8
 _GLANCE = Stopping(cost_tolerance=2e-2, step_tolerance=_STEP, max_evaluations=4, rest=math.inf)
 _LOOK = _GLANCE._replace(max_evaluations=10)
@@ -653,8 +653,12 @@ class _Search:
         model = replace(self.model(structure, fit.model.settings), weights=fit.model.weights)
         start = {}
         for setting, values in fit.values.items():
+
+            def power(name: str, values: Values = values) -> float:
+                return float(getattr(values, f"{name.partition('_')[0]}_power", 1.0))
+
             known = {
-                n: getattr(values, n) * times_in(layout.name, fit.structure.damper, n)
+                n: getattr(values, n) * times_in(layout.name, fit.structure.damper, n, power(n))
                 for n in model.free
                 if n in values.names
             }

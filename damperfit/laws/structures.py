@@ -324,7 +324,7 @@ _CALLED = {
 }  # fmt: skip
 
 
-def times_in(layout: str, model: ValveDamper, name: str) -> float:
+def times_in(layout: str, model: ValveDamper, name: str, power: float = 1.0) -> float:
     """Return a valve's number in another layout over that of the model, for the same force.
 
     Parameters
@@ -335,6 +335,8 @@ def times_in(layout: str, model: ValveDamper, name: str) -> float:
         The damper in the layout that was taken.
     name : str
         Of a quantity; 1 for what is none of a valve.
+    power : float
+        Of the flow, where the valve's blow-off has one: its slope goes as A^-(1 + 1/power).
     """
     quantity = model.quantity(name)
     if quantity.stroke not in PLACES:
@@ -342,11 +344,14 @@ def times_in(layout: str, model: ValveDamper, name: str) -> float:
     known = {one.name: getattr(model, one.name) for one in fields(model) if one.init}
     other = LAYOUTS[layout](**known)
     place = PLACES.index(quantity.stroke)
-    return float((model.pressed_areas[place] / other.pressed_areas[place]) ** quantity.area_power)
+    area_power = quantity.area_power
+    if quantity.part == "slope":
+        area_power += 1.0 / power - 1.0
+    return float((model.pressed_areas[place] / other.pressed_areas[place]) ** area_power)
 
 
 def in_other_layouts(
-    layouts: Sequence[str], model: Model, name: str
+    layouts: Sequence[str], model: Model, name: str, power: float = 1.0
 ) -> Iterator[tuple[str, float]]:
     """Yield layouts, in words, in which a valve's number is another one, and how many times that.
 
@@ -358,10 +363,12 @@ def in_other_layouts(
         In the layout that was taken.
     name : str
         Of a quantity.
+    power : float
+        As of `times_in`.
     """
     if not isinstance(model, ValveDamper):
         return
     for layout in layouts:
-        times = times_in(layout, model, name)
+        times = times_in(layout, model, name, power)
         if times != 1.0:
             yield _CALLED[layout], times

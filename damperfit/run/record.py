@@ -281,15 +281,18 @@ def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[
     if not isinstance(damper, ValveDamper):
         return assessment
 
-    def reaching(name: str, own: Interval) -> Interval:
-        if name.partition("_")[0] not in {"rebound", "compression"}:
+    def reaching(name: str, own: Interval, beside: Mapping[str, Interval]) -> Interval:
+        stroke = name.partition("_")[0]
+        if stroke not in {"rebound", "compression"}:
             return own
-        times = [times_in(layout, damper, name) for layout in layouts]
+        raised = beside.get(f"{stroke}_power")
+        power = 1.0 if raised is None else math.sqrt(raised.low * raised.high)
+        times = [times_in(layout, damper, name, power) for layout in layouts]
         low, high = min(times) / _RETURNS, max(times) * _RETURNS
         return replace(own, low=min(1.0, low) * own.low, high=max(1.0, high) * own.high)
 
     wider = (
-        replace(one, intervals={k: reaching(k, own) for k, own in one.intervals.items()})
+        replace(one, intervals={k: reaching(k, own, one.intervals) for k, own in one.intervals.items()})
         for one in assessment.uncertainties
     )
     return replace(assessment, uncertainties=tuple(wider))

@@ -51,12 +51,12 @@ def test_a_valve_damper_on_a_rig_has_the_force_of_its_valves(kind, values):
     near(found.forces, [steady_force(model.network, numbers, model, v) for v in BOTH], found.rest)
 
 
-def test_gradual_long_and_lifting_valves_as_well():
-    for bleed, blow_off in (("long", "rounded"), ("leak", "lifting"), ("none", "port")):
+def test_valves_of_every_kind_as_well():
+    for bleed, blow_off in (("long", "rounded"), ("leak", "power"), ("none", "port")):
         valve = Valve(bleed, blow_off)
         model = TwinTube(rebound=valve, compression=valve)
         own = {"bleed": 4e4, "leak": 2e7, "opening": 4e5, "slope": 4e6, "port": 1e4}
-        own |= {"width": 5e4, "lift": 1e-6}
+        own |= {"width": 5e4, "power": 1.3}
         named = {name: own[name.split("_")[1]] for name in model.network.passage_numbers
                  if name != "return_slope"}  # fmt: skip
         known = model.values(named, k_e=1e9, f_f=20.0, k_s=1e6, f_0=0.0)

@@ -36,7 +36,7 @@ RIGID = Mounting("none", "none", "none")
 # No preset: a stack that lifts further in rebound, a leak about the piston, a base with a port.
 PASSAGES = (
     DeclaredPassage(1, 2, "piston", "orifice", is_two_way=True),
-    DeclaredPassage(1, 2, "low", "lifting"),
+    DeclaredPassage(1, 2, "low", "power"),
     DeclaredPassage(2, 1, "intake", "check"),
     DeclaredPassage(1, 2, "ring", "leak", is_two_way=True),
     DeclaredPassage(2, 3, "base", "orifice", is_two_way=True),
@@ -44,7 +44,7 @@ PASSAGES = (
     DeclaredPassage(3, 2, "foot", "check"),
 )
 DECLARED = {
-    "piston_bleed": 9e4, "low_opening": 4e5, "low_slope": 6e6, "low_lift": 2e-6,
+    "piston_bleed": 9e4, "low_opening": 4e5, "low_slope": 6e6, "low_power": 1.3,
     "intake_slope": 3e5,
     "ring_leak": 3e7, "base_bleed": 6e4, "base_opening": 9e5, "base_slope": 9e6, "base_port": 4e4,
     "foot_slope": 2e5, "f_f": 15.0, "f_0": 4.0, "k_e": 9e8,

@@ -61,7 +61,7 @@ def test_play_that_is_not_there_is_left_out(strained: Fit, lean: Fit) -> None:
 VALVE = {
     "bare": Valve("orifice"),
     "port": Valve("orifice", "port"),
-    "lift": Valve("orifice", "lifting"),
+    "power": Valve("orifice", "power"),
 }
 AT_REST = ["breakaway", "stribeck_speed"]
 
@@ -73,9 +73,8 @@ AT_REST = ["breakaway", "stribeck_speed"]
         ("port", "rebound_port", 0, "does nothing here", ["rebound_port"]),
         ("port", "rebound_port", 1, "does nothing here",
          ["rebound_opening", "rebound_slope", "rebound_port"]),
-        # A blow-off without a straight part is held there: it opened in one setting by a hair.
-        ("lift", "rebound_lift", 0, "does nothing here", ["rebound_lift"]),
-        ("lift", "rebound_lift", 1, "one above 100 1/bar, at which it is held", ["rebound_lift"]),
+        ("power", "rebound_power", 0, "", []),
+        ("power", "rebound_power", 1, "", []),
         # The preload of a blow-off that never opens says nothing of its resistance.
         ("bare", "rebound_opening", 1, "does nothing here", ["rebound_opening", "rebound_slope"]),
         ("bare", "rebound_slope", 0, "does nothing here", ["rebound_slope"]),

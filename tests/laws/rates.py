@@ -6,7 +6,7 @@ Dampers of every layout, valve and mounting are drawn by chance, logged at three
 8 um of noise at 1 kHz, and a fourth speed and stroke is held out. The disturbed ones follow a law
 that is none of the library's: friction that rises by a third below 10 mm/s with a seal's drag, or a
 stack of shims that opens by a power of the pressure. They may be told as friction that is larger at
-rest, and as a blow-off that lifts gradually, or further, or has a port; nothing else must be
+rest, and as a blow-off that lifts gradually, by a power, or has a port; nothing else must be
 invented to take their place. What a law holds at another value than the truth's (the oil's bulk
 modulus, the returns) may be freed. A plain blow-off for one that lifts gradually, or a bleed that
 is a gap or an orifice for one that is both, lacks a number: it is missed, and nothing is larger.
@@ -68,7 +68,7 @@ POWER = 1.6
 STEPS = 5
 # Kinds of a valve's part that others are with a number less: a part missed, and none too many.
 PLAINER = {
-    "linear": ("rounded", "port", "lifting"),
+    "linear": ("rounded", "port", "power"),
     "orifice": ("long",),
     "leak": ("long",),
 }
@@ -269,7 +269,7 @@ def verdict_on(one: Drawn, search: LawSearch) -> tuple[str, ...]:
         return ("missed",)
     if one.disturbance == "shim":  # which lifts gradually
         found = frozenset(
-            part.replace("rounded", "linear").replace("port", "linear").replace("lifting", "linear")
+            part.replace("rounded", "linear").replace("port", "linear").replace("power", "linear")
             for part in found
         )
     elif one.disturbance == "stribeck":  # whose friction is larger at rest

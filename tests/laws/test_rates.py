@@ -28,9 +28,9 @@ def verdict(true: Valve, found: Valve) -> tuple[str, ...]:
     (Valve("long", "none"), Valve("none", "linear"), ("larger", "missed")),
     (Valve("leak", "linear"), Valve("long", "linear"), ("larger", "missed")),
     (Valve("leak", "linear"), Valve("orifice", "linear"), ("larger", "missed")),
-    (Valve("none", "rounded"), Valve("none", "lifting"), ("larger", "missed")),
+    (Valve("none", "rounded"), Valve("none", "power"), ("larger", "missed")),
     (Valve("none", "linear"), Valve("leak", "linear"), ("larger",)),
-    (Valve("none", "lifting"), Valve("orifice", "linear"), ("larger", "missed")),
+    (Valve("none", "power"), Valve("orifice", "linear"), ("larger", "missed")),
     (Valve("leak", "linear"), Valve("none", "linear"), ("missed",)),
 ])  # fmt: skip
 def test_a_kind_that_lacks_a_number_of_the_true_one_is_no_larger_law(true, found, wrong) -> None:

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 __all__ = ["flow_through", "solve"]
 
 
-def flow_through(drop, *, opening, resistance, orifice, width, is_two_way, lift=0.0):
+def flow_through(drop, *, opening, resistance, orifice, width, is_two_way, power=1.0):
     """Mass flow of one passage, kg/s."""
     if drop < 0 and is_two_way:
         return -flow_through(
@@ -22,7 +22,7 @@ def flow_through(drop, *, opening, resistance, orifice, width, is_two_way, lift=
             orifice=orifice,
             width=width,
             is_two_way=False,
-            lift=lift,
+            power=power,
         )
     if width > 0:
         left = width * (
@@ -32,7 +32,7 @@ def flow_through(drop, *, opening, resistance, orifice, width, is_two_way, lift=
         left = drop - opening
     if left <= 0:
         return 0.0
-    left += lift * left**2  # the gap that it opens grows with it
+    left = 1e6 * (left / 1e6) ** (1 / power)
     if orifice == 0:
         return left / resistance
     # S^2 w^2 + R w - left = 0, its positive root
@@ -115,7 +115,7 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
                 resistance=known[way.resistance],
                 orifice=known[way.orifice],
                 width=known[way.width],
-                lift=known[way.lift],
+                power=known[way.power] or 1.0,
                 is_two_way=way.is_two_way,
             )
             change[way.start - 1] -= w

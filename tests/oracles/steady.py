@@ -52,7 +52,7 @@ def steady_force(network, values, damper, v, *, ambient=101325.0):
                     resistance=known[way.resistance],
                     orifice=known[way.orifice],
                     width=known[way.width],
-                    lift=known[way.lift],
+                    power=known[way.power] or 1.0,
                     is_two_way=way.is_two_way,
                 )
                 total += flow if way.start == chamber else -flow

@@ -15,7 +15,7 @@ static const char *const NETWORK_NAMES[N_NETWORK_BUFFERS] = {
     "body", "numbers", "passages", "displacement", "velocity", "jumps", "which",
     "pressures", "masses", "force", "sensitivities", "state"};
 
-/* Rows of eight integers: from, to, p_open, R, S, width, lift, two_way. */
+/* Rows of eight integers: from, to, p_open, R, S, width, power, two_way. */
 #define PASSAGE_ROW 8
 
 static int sizes_are(const Py_buffer *b, const char *const *names, const Py_ssize_t *expected, int n)

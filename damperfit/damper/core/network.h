@@ -41,7 +41,7 @@ enum {
 /* Chambers 1 and 2 hold oil, 3 the gas; with a floating piston 2 is at the gas pressure too. */
 typedef struct {
     int from, to;              /* 1, 2 or 3 */
-    int p_open, R, S, width, lift; /* places among the numbers, -1 where the term is absent */
+    int p_open, R, S, width, power; /* places among the numbers, -1 where the term is absent */
     int two_way;
 } df_passage;
 
@@ -61,7 +61,7 @@ typedef struct {
 
 /* A way that a number is of, and as what: of its opening, in `times` w, or by the law of those that are
  * composed. */
-typedef enum { DF_OPENING, DF_OF_FLOW, DF_R, DF_S, DF_WIDTH, DF_LIFT } df_term;
+typedef enum { DF_OPENING, DF_OF_FLOW, DF_R, DF_S, DF_WIDTH, DF_POWER } df_term;
 typedef struct {
     int way;
     df_term term;

@@ -121,7 +121,7 @@ DF_FOR_EACH_KIND passed pass(const df_network *q, const df_way *way, const df_ki
         *whole = df_passage_flow(&way->law, fabs(D), eps);
         p.w = copysign(whole->w, D);
         p.g = whole->by_D;
-        if (way->law.S > 0.0 && p.g > 0.0)
+        if ((way->law.S > 0.0 || way->law.power > 0.0) && p.g > 0.0)
             p.nearest = fabs(u);
     } else if (u >= way->opens) {
         const double square = u * u + eps * eps, root = sqrt(square);
@@ -147,8 +147,7 @@ static inline double from_its_corner(const df_network *q, const df_way *way, dou
     const double away = fabs(along - way->law.p_open) - 3.0 * q->rounding;
     const double straight = CORNER_SHARE * larger(away, 0.0);
     const double rounded = way->law.width > 0.0 ? way->law.width : straight;
-    const double lifting = way->law.lift > 0.0 ? 0.25 / way->law.lift : straight; /* as a root turns at this u */
-    return smaller(straight, smaller(rounded, lifting));
+    return smaller(straight, rounded);
 }
 
 /* All ways between two chambers. `nearest` tells how a correction of the pressures turns the slope of all

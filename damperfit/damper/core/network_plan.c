@@ -6,7 +6,7 @@
 
 static int passage_is_sound(const df_network *q, const df_passage *p)
 {
-    const int places[5] = {p->p_open, p->R, p->S, p->width, p->lift};
+    const int places[5] = {p->p_open, p->R, p->S, p->width, p->power};
     for (int i = 0; i < 5; i++) {
         if (places[i] >= q->n_numbers || (places[i] >= 0 && places[i] < DF_FIRST_PASSAGE_NUMBER))
             return 0;
@@ -14,8 +14,8 @@ static int passage_is_sound(const df_network *q, const df_passage *p)
             return 0;
     }
     const double R = number(q, p->R), S = number(q, p->S);
-    /* A rounded orifice would have an infinite slope at D = 0; one that lifts is a blow-off with a port. */
-    if (!(R + S > 0.0) || ((number(q, p->width) > 0.0 || number(q, p->lift) > 0.0) && !(R > 0.0)))
+    /* A rounded orifice would have an infinite slope at D = 0; one with a power is a blow-off. */
+    if (!(R + S > 0.0) || ((number(q, p->width) > 0.0 || number(q, p->power) > 0.0) && !(R > 0.0)))
         return 0;
     if (p->from < 1 || p->from > 3 || p->to < 1 || p->to > 3 || p->from == p->to)
         return 0;
@@ -57,7 +57,7 @@ static int pair_of(const df_passage *p)
 static df_way way_of(const df_network *q, const df_passage *p)
 {
     const df_passage_law law = {number(q, p->p_open), number(q, p->R),    number(q, p->S),
-                                number(q, p->width),  number(q, p->lift), p->two_way};
+                                number(q, p->width),  number(q, p->power), p->two_way};
     df_way way = {law, DF_COMPOSED, pair_of(p), {-1.0, 0.0}, 0.0, DBL_MIN, 0.0, 0.0};
     if (way.pair == DF_2_3)
         way.out[0] = 0.0;
@@ -65,7 +65,7 @@ static df_way way_of(const df_network *q, const df_passage *p)
         way.out[1] = way.pair == DF_1_2 ? 1.0 : -1.0;
     if (!p->two_way)
         way.turn = p->from < p->to ? 1.0 : -1.0;
-    if (law.S == 0.0 && !(law.width > 0.0) && !(law.lift > 0.0)) {
+    if (law.S == 0.0 && !(law.width > 0.0) && !(law.power > 0.0)) {
         way.kind = DF_LEAK;
         way.inverse_R = 1.0 / law.R;
     } else if (p->R < 0) {
@@ -99,8 +99,8 @@ static void touch(df_network *q, const int passage_of[DF_MOST_PASSAGES])
         plan->touched[place] = n;
         for (int k = 0; k < q->n_passages && place >= DF_FIRST_PASSAGE_NUMBER; k++) {
             const df_passage *p = &q->passages[passage_of[k]];
-            const int places[] = {p->p_open, p->R, p->S, p->width, p->lift};
-            const df_term terms[] = {DF_OPENING, DF_R, DF_S, DF_WIDTH, DF_LIFT};
+            const int places[] = {p->p_open, p->R, p->S, p->width, p->power};
+            const df_term terms[] = {DF_OPENING, DF_R, DF_S, DF_WIDTH, DF_POWER};
             for (int i = 0; i < 5; i++) {
                 if (places[i] == place)
                     plan->touches[n++] = touch_of(&plan->ways[k], k, terms[i]);

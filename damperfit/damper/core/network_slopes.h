@@ -54,7 +54,7 @@ DF_FOR_EACH_KIND double flow_by(const df_network *q, const int kind, const df_fl
                          : touch->term == DF_R     ? whole->by_R
                          : touch->term == DF_S     ? whole->by_S
                          : touch->term == DF_WIDTH ? whole->by_width
-                                                   : whole->by_lift;
+                                                   : whole->by_power;
     return w > 0.0 ? slope : -slope;
 }
 

@@ -1,5 +1,8 @@
 #include "passages.h"
 
+/* Where a power changes no flow, Pa: blow-offs of cars see 1 to 100 bar. */
+static const double S_0 = 1e6;
+
 /* ln(1 + e^z), its slope, and its derivative by the width in units of the width. */
 static void soft_plus(double z, double *value, double *slope, double *by_width)
 {
@@ -42,14 +45,19 @@ static df_flow open_flow(const df_passage_law *law, double D, double eps)
         by_D = u * (u * u + 2.0 * eps * eps) / (square * root);
         by_open = -by_D;
     }
-    const double more = 1.0 + 2.0 * law->lift * s, by_lift = s * s;
-    s += law->lift * by_lift;
+    double more = 1.0, by_power = 0.0;
+    if (law->power > 0.0 && s > 0.0) {
+        const double inverse = 1.0 / law->power, raised = S_0 * pow(s / S_0, inverse);
+        by_power = -raised * inverse * inverse * log(s / S_0);
+        more = inverse * raised / s;
+        s = raised;
+    }
     const double r = sqrt(R * R + 4.0 * S * S * s), inverse = 1.0 / r;
     f.w = 2.0 * s / (R + r);
     f.by_D = by_D * more * inverse;
     f.by_open = by_open * more * inverse;
     f.by_width = by_width * more * inverse;
-    f.by_lift = by_lift * inverse;
+    f.by_power = by_power * inverse;
     f.by_R = -f.w * inverse;
     f.by_S = -2.0 * S * f.w * f.w * inverse;
     return f;
@@ -66,14 +74,14 @@ df_flow df_passage_flow(const df_passage_law *law, double D, double eps)
     f.by_R = -f.by_R;
     f.by_S = -f.by_S;
     f.by_width = -f.by_width;
-    f.by_lift = -f.by_lift;
+    f.by_power = -f.by_power;
     return f;
 }
 
 double df_passage_drop(const df_passage_law *law, double w, double eps)
 {
-    const double size = fabs(w), lifted = size * (law->R + law->S * law->S * size);
-    const double s = 2.0 * lifted / (1.0 + sqrt(1.0 + 4.0 * law->lift * lifted));
+    const double size = fabs(w), raised = size * (law->R + law->S * law->S * size);
+    const double s = law->power > 0.0 ? S_0 * pow(raised / S_0, law->power) : raised;
     const double u = sqrt(0.5 * s * (s + sqrt(s * s + 4.0 * eps * eps)));
     return copysign(law->p_open + u, w);
 }

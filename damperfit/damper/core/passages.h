@@ -5,14 +5,14 @@
  *   R       laminar resistance                                                     N s/(m2 kg)
  *   S       orifice, S = 1/(C_d A sqrt(2 rho))                                     s sqrt(N)/(m kg)
  *   width   how gradually a stack of discs lifts off its seat                      Pa
- *   lift    how much further it lifts the harder it is pressed                     1/Pa
+ *   power   of the flow that the pressure beyond the opening goes with; 0: as 1     1
  *   w       mass flow                                                              kg/s
  *
  *   D = p_open + R w + (S w)^2,   w = 0 up to p_open
  *   w = 2 s/(R + r), r = sqrt(R^2 + 4 S^2 s)                       no cancellation; R or S may be 0
  *   s = u^2/sqrt(u^2 + eps^2), u = D - p_open > 0                  the root rounded within eps
  *   s = sp(D - p_open) - sp(-p_open), sp(u) = width ln(1 + e^(u/width))         where width > 0
- *   s (1 + lift s) in place of s                     a gap that s opens lets through more, the wider it is
+ *   s_0 (s/s_0)^(1/power) in place of s, s_0 = 10 bar            a stack that stiffens or gives way
  */
 #ifndef DAMPERFIT_PASSAGES_H
 #define DAMPERFIT_PASSAGES_H
@@ -20,13 +20,13 @@
 #include <math.h>
 
 typedef struct {
-    double p_open, R, S, width, lift;
+    double p_open, R, S, width, power;
     int two_way; /* the same law backwards; otherwise closed for D < 0 */
 } df_passage_law;
 
 /* Mass flow and its derivatives. */
 typedef struct {
-    double w, by_D, by_open, by_R, by_S, by_width, by_lift;
+    double w, by_D, by_open, by_R, by_S, by_width, by_power;
 } df_flow;
 
 df_flow df_passage_flow(const df_passage_law *law, double D, double eps);

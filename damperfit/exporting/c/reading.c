@@ -1,6 +1,6 @@
 /* damper.txt: words and numbers, separated by white space, in this order:
  *
- *   damperfit-damper 2
+ *   damperfit-damper 3
  *   token TEXT
  *   purdy a_p1 a_p2 a_r V_10 V_20 V_g0 rho_0 rod_force
  *   solver tolerance max_steps
@@ -14,7 +14,7 @@
  * and of a damper of valves, in place of the line `purdy`:
  *
  *   network a_1 a_2 V_1 V_2 rho_0 rod_force rounding has_floating_piston n_passages n_numbers
- *   from to p_open R S width lift two_way             (n_passages times)
+ *   from to p_open R S width power two_way            (n_passages times)
  *
  * Numbers have a point, whatever the locale of the host says.
  */
@@ -132,7 +132,7 @@ static void read_network(cursor *c, ex_damper *d)
     q->n_numbers = read_whole(c, DF_FIRST_PASSAGE_NUMBER, DF_MOST_NUMBERS);
     for (int k = 0; k < q->n_passages; k++) {
         df_passage *p = &q->passages[k];
-        int *const places[] = {&p->p_open, &p->R, &p->S, &p->width, &p->lift};
+        int *const places[] = {&p->p_open, &p->R, &p->S, &p->width, &p->power};
         p->from = read_whole(c, 1, 3);
         p->to = read_whole(c, 1, 3);
         for (int i = 0; i < 5; i++)
@@ -149,7 +149,7 @@ static void read_body(cursor *c, ex_damper *d)
 {
     const char *word;
     expect(c, "damperfit-damper");
-    expect(c, "2");
+    expect(c, "3");
     expect(c, "token");
     const size_t n = next_word(c, &word);
     if (n >= EX_TOKEN) {
