@@ -172,7 +172,9 @@ def _errors(
             # In the interval's own errors, side by side: noise, repeating misfit and defaults.
             far = 1.96 * (true - value) / (high - value if true > value else value - low)
             place = f"{name} at {row['setting']}"
-            yield place, 100.0 * abs(value / true - 1.0), abs(far), low <= true <= high
+            # An offset is of either sign: it has no relative error.
+            percent = 0.0 if name == "f_0" else 100.0 * abs(value / true - 1.0)
+            yield place, percent, abs(far), low <= true <= high
 
 
 def _law(settings: list[dict[str, str]], model: str) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import permutations
 from typing import TYPE_CHECKING
 
@@ -53,7 +54,7 @@ BELIEVED_FRICTION, FRICTION_SPREAD = 22.0, 0.75
 _UNBELIEVED = 0.1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class OneModel:
     """A law, the logs of settings, and what these have in common.
 
@@ -75,7 +76,7 @@ class OneModel:
     weights: Mapping[Setting, float]
     jobs: int = 1
 
-    @property
+    @cached_property
     def settings(self) -> tuple[Setting, ...]:
         """By rising setting."""
         return tuple(sorted(self.misfits))
@@ -96,7 +97,7 @@ class OneModel:
         adjusters = self.settings[0].adjusters
         return tuple(name for name in self.free if self.follows.get(name) == adjusters)
 
-    @property
+    @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
         """What is found, quantity by quantity."""
         return unknowns_of(self.free, self.follows, self.settings)

@@ -147,6 +147,7 @@ class _Fit:
     structure: Structure
     model: OneModel
     minimum: Minimum[dict[Setting, Values]]
+    began: str = ""  # which of its starts beside another structure led here
 
     @property
     def values(self) -> dict[Setting, Values]:
@@ -281,7 +282,7 @@ class _Search:
 
     def starts(
         self, structure: Structure, model: OneModel, near: _Fit
-    ) -> list[dict[Setting, Values]]:
+    ) -> dict[str, dict[Setting, Values]]:
         """Starts beside another structure: what is new as the loops tell it, or little of it.
 
         A valve of another kind starts, as well, wholly as the loops tell it: a bleed that takes
@@ -302,9 +303,11 @@ class _Search:
             little[setting] = full[setting].replace(half)
             beside = {n: x for n, x in known.items() if not n.startswith(changed or "-")}
             anew[setting] = start.replace(beside)
-        found = [full]
-        found += [at for at in (little, anew) if at not in found]
-        return [model.with_common(at) for at in found]
+        found = {"full": full}
+        for words, at in (("little", little), ("anew", anew)):
+            if at not in found.values():
+                found[words] = at
+        return {words: model.with_common(at) for words, at in found.items()}
 
     def start(self, structure: Structure, setting: Setting) -> Values:
         """The model's own first start at a setting."""
@@ -318,17 +321,22 @@ class _Search:
             self._starts[key] = valve_starts(damper, logs, held, self._readings[place])[0]
         return self._starts[key]
 
-    def glanced(self, structure: Structure, near: _Fit) -> _Fit | None:
-        """A few evaluations from the structure at hand, from the start that promises most."""
+    def glanced(self, structure: Structure, near: _Fit, began: str = "") -> _Fit | None:
+        """A few evaluations from the structure at hand, from the start that promises most.
+
+        Where it is known which start leads on, from that one alone.
+        """
         model = replace(self.model(structure, near.model.settings), weights=near.model.weights)
         try:
             starts = self.starts(structure, model, near)
         except (SimulationError, ValueError):
             return None
         found: list[_Fit] = []
-        for at in starts:
+        for words, at in starts.items():
+            if began in starts and words != began:
+                continue
             with suppress(SimulationError, np.linalg.LinAlgError):
-                found.append(_Fit(structure, model, model.descend(at, _GLANCE)))
+                found.append(_Fit(structure, model, model.descend(at, _GLANCE), words))
                 if found[-1].minimum.cost < near.minimum.cost:
                     break  # the others are for where this one leads away
         return min(found, key=lambda one: one.promised, default=None)
@@ -355,16 +363,14 @@ class _Search:
         """C of the module's text; without what was held out while candidates are screened."""
         percent, n = fit.percent, self.n_eff
         found = sum(n[s] * math.log(p + FLOOR_PERCENT) for s, p in percent.items())
-        found += self.price(fit) + self.unbelieved(fit)
+        found += self.price(fit.structure, fit.model.settings) + self.unbelieved(fit)
         return found if is_screening else found + self.of_held_out(fit)
 
-    def price(self, fit: _Fit) -> float:
+    def price(self, structure: Structure, settings: Sequence[Setting]) -> float:
         """What the numbers and parts of a structure cost: a number by the samples that see it."""
-        seen = [
-            sum(self.n_eff[s] for s in fit.model.settings if one.holds_at(s))
-            for one in fit.model.unknowns
-        ]
-        return sum(map(math.log, seen)) + _NEEDLESS * fit.structure.n_needless
+        unknowns = self.model(structure, settings).unknowns
+        seen = [sum(self.n_eff[s] for s in settings if one.holds_at(s)) for one in unknowns]
+        return sum(map(math.log, seen)) + _NEEDLESS * structure.n_needless
 
     def unbelieved(self, fit: _Fit) -> float:
         """The part of C for a friction that seals hardly have, and for defaults that were freed."""
@@ -431,32 +437,28 @@ class _Search:
     def improved(self, fit: _Fit) -> _Fit:
         """Take moves until none is better by the criterion.
 
-        First those that do not make the structure smaller: a part is missed where another one's
-        absence hides it. Moves that were far from a gain are left aside until no other gains, and
-        so are those that were refused beside a structure with more: then all are screened again.
+        First those that add or replace: a part is missed where another one's absence hides it.
+        Of them those that were near a gain when they were last screened, and were not refused since
+        the structure grew; then those that remove; when these gain nothing either, all the others.
         """
-        above: dict[str, float] = {}
-        refused, refused_here = set[str](), set[str]()
+        rises: dict[str, float] = {}  # by move, when it was last screened
+        refused = set[str]()
         for _ in range(_ROUNDS):
             known = {w: one for w, one in moves(fit.structure).items() if self.may_gain(one, fit)}
             size = len(fit.structure.free)
-            smaller = {w: known.pop(w) for w, one in [*known.items()] if len(one.free) < size}
+            removals = {w: known.pop(w) for w, one in [*known.items()] if len(one.free) < size}
             margin = self.margin(fit)
-            left = {w for w, rise in above.items() if rise > margin} | refused
-            near = {w: one for w, one in known.items() if w not in left}
-            ended = self.followed(fit, near, above)
-            refused |= {*near}
-            refused_here |= {*near}
-            if (ended := ended or self.with_ties(fit)) is not None:
+            near = {w for w in known if w not in refused and rises.get(w, 0.0) <= margin}
+            hopeful = {w for w in known if rises.get(w, 0.0) <= _HOPELESS * margin}
+            ended = self.followed(fit, known, near, rises) or self.with_ties(fit)
+            if ended is not None:
                 refused.clear()
-            elif (ended := self.followed(fit, smaller, above)) is None:
-                hopeless = _HOPELESS * margin
-                left = {w for w, rise in above.items() if rise > hopeless} | refused_here
-                far = {w: one for w, one in known.items() if w not in left}
-                if (ended := self.followed(fit, far, above)) is None:
-                    break
+            elif (ended := self.followed(fit, removals, {*removals}, rises)) is not None:
+                refused |= near
+            elif (ended := self.followed(fit, known, hopeful - near, rises)) is not None:
                 refused.clear()
-            refused_here.clear()
+            else:
+                break
             fit = ended
         self.spread = self.between(fit)
         return fit
@@ -485,20 +487,22 @@ class _Search:
         return _MARGIN * sum(self.n_eff[s] for s in fit.values)
 
     def followed(
-        self, fit: _Fit, candidates: Mapping[str, Structure], above: dict[str, float]
+        self, fit: _Fit, known: Mapping[str, Structure], which: set[str], rises: dict[str, float]
     ) -> _Fit | None:
-        """The best of the candidates that screening puts first, at its minimum; None: no better.
+        """The best of some candidates that screening puts first, at its minimum; None: no better.
 
         What is better beside the best is tried on top of it.
         """
+        began: Mapping[str, str] = {}
+        candidates = {words: one for words, one in known.items() if words in which}
         pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
         if len(fit.values) > len(pair) and candidates:
-            few = self.screened(candidates, self.at(fit, pair, _ONE))
-            above |= {words: rise for rise, words, _ in few}
-            near = (words for rise, words, _ in few[:_LOOKED_AT] if rise <= self.margin(fit))
-            candidates = {words: candidates[words] for words in near}
-        screened = self.screened(candidates, fit)
-        above |= {words: rise for rise, words, _ in screened}
+            few = self.screened(candidates, self.at(fit, pair, _ONE), fit, {})
+            rises |= {words: rise for rise, words, _ in few}
+            near = {w: one.began for rise, w, one in few[:_LOOKED_AT] if rise <= self.margin(fit)}
+            candidates, began = {words: candidates[words] for words in near}, near
+        screened = self.screened(candidates, fit, fit, began)
+        rises |= {words: rise for rise, words, _ in screened}
         ends = []
         for rise, words, glance in screened[:_FOLLOWED]:
             if rise > self.margin(fit):
@@ -535,32 +539,43 @@ class _Search:
         return self.most_to_gain(fit) > math.log(sum(self.n_eff[s] for s in fit.values))
 
     def screened(
-        self, candidates: Mapping[str, Structure], fit: _Fit
+        self,
+        candidates: Mapping[str, Structure],
+        near: _Fit,
+        fit: _Fit,
+        began: Mapping[str, str],
     ) -> list[tuple[float, str, _Fit]]:
         """By how much the criterion of each promises to rise above that of a fit.
 
-        All after a few evaluations, the first of them after some more.
+        All after a few evaluations beside the fit, which may be at fewer settings, the first of
+        them after some more.
         """
         found = []
         for words, structure in candidates.items():
-            glance = self.glanced(structure, fit)
+            glance = self.glanced(structure, near, began.get(words, ""))
             if glance is not None:
-                found.append((self.rise(glance, fit), words, glance))
+                found.append((self.rise(glance, near, fit), words, glance))
         found.sort(key=lambda one: one[0])
         for k, (rise, words, glance) in enumerate(found[:_LOOKED_AT]):
             if rise <= 0.0 and glance.minimum.status == 0:
                 minimum = glance.model.descend(glance.values, _LOOK)
                 again = replace(glance, minimum=minimum)
-                found[k] = (self.rise(again, fit), words, again)
+                found[k] = (self.rise(again, near, fit), words, again)
         return sorted(found, key=lambda one: one[0])
 
-    def rise(self, glance: _Fit, fit: _Fit) -> float:
-        """By how much the criterion, without what was held out, promises to rise."""
+    def rise(self, glance: _Fit, near: _Fit, fit: _Fit) -> float:
+        """By how much the criterion, without what was held out, promises to rise.
+
+        At all settings of a fit, by what is gained beside it at those of `near`: a number of the
+        damper gains at each of them, and is paid once.
+        """
         n = sum(self.n_eff[s] for s in fit.values)
-        price = self.price(glance) - self.price(fit)
-        promised = max(glance.promised, 1e-6 * fit.minimum.cost)
-        here = fit.minimum.cost
-        shares = [FLOOR_PERCENT / max(one, 1e-9) for one in fit.percent.values()]
+        price = self.price(glance.structure, fit.model.settings) - self.price(
+            fit.structure, fit.model.settings
+        )
+        promised = max(glance.promised, 1e-6 * near.minimum.cost)
+        here = near.minimum.cost
+        shares = [FLOOR_PERCENT / max(one, 1e-9) for one in near.percent.values()]
         floor = here * float(np.mean(shares))
         return n * math.log((promised + floor) / (here + floor)) + price
 
@@ -622,8 +637,13 @@ class _Search:
         self.count_samples(taken)
         return taken
 
-    def in_its_layout(self, fit: _Fit, layouts: Sequence[ValveDamper]) -> _Fit:
-        """The parts that were found in the other layouts: those that do as well are alike."""
+    def in_its_layout(
+        self, fit: _Fit, layouts: Sequence[ValveDamper], *, is_again: bool = False
+    ) -> _Fit:
+        """The parts that were found in the other layouts: those that do as well are alike.
+
+        Where another layout is taken, moves from there, and once more the other layouts.
+        """
         law, others = self.judged(fit), dict[int, _Fit]()
         for layout in layouts:
             is_far = self.first_layouts.get(layout.name, math.inf) > _FAR_WORSE
@@ -645,7 +665,9 @@ class _Search:
         taken = min(near, key=self.criterion)
         self.fits_alike = [one for one in near if one is not taken]
         self.alike = tuple(one.structure.damper.name for one in self.fits_alike)
-        return taken if fit in near else self.improved(taken)
+        if taken is fit or is_again:
+            return taken
+        return self.in_its_layout(self.improved(taken), layouts, is_again=True)
 
     def laid_out(self, fit: _Fit, layout: ValveDamper) -> _Fit:
         """The parts of a fit in another layout, from valves that press as hard there."""

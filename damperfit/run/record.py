@@ -292,7 +292,9 @@ def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[
         return replace(own, low=min(1.0, low) * own.low, high=max(1.0, high) * own.high)
 
     wider = (
-        replace(one, intervals={k: reaching(k, own, one.intervals) for k, own in one.intervals.items()})
+        replace(
+            one, intervals={k: reaching(k, own, one.intervals) for k, own in one.intervals.items()}
+        )
         for one in assessment.uncertainties
     )
     return replace(assessment, uncertainties=tuple(wider))

@@ -94,7 +94,8 @@ CASES = {
             (
                 Passage(1, 3, orifice="rebound_bleed", is_two_way=True),
                 Passage(
-                    1, 3, opening="rebound_opening", resistance="rebound_slope", power="rebound_power"
+                    1, 3, opening="rebound_opening", resistance="rebound_slope",
+                    power="rebound_power",
                 ),
                 Passage(3, 1, resistance="return_slope"),
                 Passage(2, 3, orifice="compression_bleed", is_two_way=True),
