@@ -70,6 +70,9 @@ NOT_FOUND = 0.5
 NOT_FIT_TO_SHARE = 1.0 / 3.0
 # Friction below this share of the force's deviation that the logs do not fix has run to zero.
 _NO_FRICTION = 1e-2
+# A fit whose full step promises less than a tenth of an error is at its minimum, though the
+# integrator's own error lets no step lead there.
+_NO_ERROR = 0.1
 # MSE in per cent that the paper calls excellent; that of a wrong local minimum is about 2 %.
 EXCELLENT = 1.0
 
@@ -332,11 +335,21 @@ def _outcome(result: FitResult, status: Mapping[str, Status], right_angle: float
     if result.is_cavitating:
         return Outcome.CAVITATING
     is_minimum = result.gradient_cosine < right_angle or result.mse_percent < 1e-8
+    is_minimum = is_minimum or _promised_errors(result) < _NO_ERROR
     if result.ending == _LIMIT:
         return Outcome.CONVERGED if is_minimum else Outcome.EVALUATION_LIMIT
     if not is_minimum:
         return Outcome.NOT_FINITE if result.failed_trials else Outcome.NO_DESCENT
     return Outcome.CONVERGED
+
+
+def _promised_errors(result: FitResult) -> float:
+    """How many standard errors the full step is long that is left at a point."""
+    lengths = np.maximum(np.sqrt(np.sum(result.jacobian**2, axis=0)), 1e-300)
+    columns, pull = result.jacobian / lengths, result.gradient / lengths
+    along = np.linalg.lstsq(columns.T, pull, rcond=None)[0]
+    cost = max(result.mse_percent / 100.0, 1e-300)
+    return math.sqrt(float(along @ along) * result.n_independent / cost)
 
 
 def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:

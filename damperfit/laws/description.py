@@ -44,24 +44,12 @@ _SHOWN_FLOW = 1e-5  # m3/s, at which people are told what a laminar passage cost
 
 @dataclass(frozen=True, slots=True)
 class SeenAt:
-    """A law at one setting, as far as sentences say it.
-
-    Attributes
-    ----------
-    setting : Setting
-        Which.
-    model : Model
-        The law.
-    values : Values
-        What was found.
-    undetermined, at_bound : tuple of str
-        What the logs do not determine; what ran into an edge of its range.
-    """
+    """A law at one setting, as far as sentences say it."""
 
     setting: Setting
     model: Model
     values: Values
-    undetermined: tuple[str, ...]
+    undetermined: tuple[str, ...]  # by the logs
     at_bound: tuple[str, ...]
 
 
@@ -69,15 +57,6 @@ def seen_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> d
     """Return what is kept of a choice, with the physics in the numbers of the fits after it.
 
     The search knows its law at a few settings and a coarser tolerance; tables are of the fits.
-
-    Parameters
-    ----------
-    choice : mapping
-        As it stands in run.json.
-    campaign : Campaign
-        The fits of the chosen law.
-    model : Model
-        That law.
     """
     fits = [
         SeenAt(
@@ -96,17 +75,7 @@ def _with(status: Mapping[str, Status], wanted: frozenset[Status]) -> tuple[str,
 
 
 def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
-    """Return the oil's force at which the blow-off of a stroke opens, N.
-
-    Parameters
-    ----------
-    damper : ValveDamper
-        The damper.
-    stroke : str
-        "rebound" or "compression".
-    opening : float
-        p_open, Pa.
-    """
+    """Return the oil's force at which the blow-off of a stroke opens, N; its p_open is in Pa."""
     rebound, compression = damper.pressed_areas
     return opening * (rebound if stroke == "rebound" else compression)
 
@@ -114,12 +83,7 @@ def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
 def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -> tuple[str, ...]:
     """Return one sentence for each part that the law has.
 
-    Parameters
-    ----------
-    fits : sequence of LawFit or SeenAt
-        The chosen law at each setting.
-    layouts : sequence of str
-        Others that the logs do not tell from its own: what the valves' numbers are in these.
+    With what the valves' numbers are in layouts that the logs do not tell from its own.
     """
     if not hasattr(fits[0].model, "rebound"):
         return ()
@@ -144,6 +108,7 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
             ("bleed", _orifice, "the bleed is an orifice of {} mm2 (C_d A)"),
             ("leak", _laminar, f"the {kind} bleed takes {{}} bar at 10 cm3/s of flow"),
             ("port", _orifice, "a port behind the blow-off is an orifice of {} mm2 (C_d A)"),
+            ("power", _bare, "beyond its opening the pressure goes with the flow to the power {}"),
         )  # fmt: skip
         for part, shown, words in parts:
             name = f"{stroke}_{part}"
@@ -234,6 +199,10 @@ def _orifice(damper: ValveDamper, resistance: float) -> float:
     return 1e6 / (resistance * math.sqrt(2.0 * damper.oil_density))
 
 
+def _bare(_: ValveDamper, number: float) -> float:
+    return number
+
+
 def _laminar(damper: ValveDamper, resistance: float) -> float:
     return 1e-5 * resistance * damper.oil_density * _SHOWN_FLOW
 
@@ -311,17 +280,7 @@ class _Tests:
 def undecided(
     search: LawSearch, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
 ) -> tuple[str, ...]:
-    """Return one sentence for each thing that the logs leave open, with the test that decides it.
-
-    Parameters
-    ----------
-    search : LawSearch
-        The laws that were tried.
-    fits : sequence of LawFit
-        The law that was taken, at every setting.
-    evidence : sequence of SettingLogs
-        The logs of these settings.
-    """
+    """Return one sentence for each thing that the logs leave open, with the test to decide it."""
     tests = _tests(evidence)
     if tests is None:
         return ()
@@ -336,17 +295,7 @@ def undecided(
 def interchangeable_parts(
     search: LawSearch, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
 ) -> tuple[str, ...]:
-    """Return of these sentences those on parts of the law that may be taken for each other.
-
-    Parameters
-    ----------
-    search : LawSearch
-        The laws that were tried.
-    fits : sequence of LawFit
-        The law that was taken, at every setting.
-    evidence : sequence of SettingLogs
-        The logs of these settings.
-    """
+    """Return of these sentences those on parts of the law that may be taken for each other."""
     tests = _tests(evidence)
     if tests is None:
         return ()

@@ -123,24 +123,13 @@ UNDETERMINED = 1.65
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SettingLogs:
-    """What one setting gives to compare laws by.
-
-    Attributes
-    ----------
-    setting : Setting
-        Adjuster setting.
-    fitted, held_out : tuple of Trace
-        Logs that are fitted, and those that are only predicted; without any, what moves beside the
-        steady cycles of the fitted ones, if anything does.
-    more_start : mapping of str to float
-        A place more to start from, as far as a law has these quantities.
-    fixed : mapping of str to float
-        What is held, and where, in every law that has these quantities.
-    """
+    """The logs of one setting, by which structures are compared."""
 
     setting: Setting
     fitted: tuple[Trace, ...]
+    # Only predicted; without any, what moves beside the steady cycles of the fitted ones.
     held_out: tuple[Trace, ...] = ()
+    # One more start, and what is held, as far as a structure has these quantities.
     more_start: Mapping[str, float] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
 
@@ -159,52 +148,22 @@ class SettingLogs:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawFit:
-    """A law at the logs of one setting.
-
-    Attributes
-    ----------
-    setting : Setting
-        Adjuster setting.
-    model : Model
-        The law.
-    values : Values
-        At the best point found.
-    free : tuple of str
-        What was fitted.
-    at_bound : tuple of str
-        What ran into an edge of its plausible range.
-    mse_percent : float
-        Eq. (22) over all that is compared in the fitted logs.
-    stretches : tuple of float
-        Eq. (22) of each of their stretches alone.
-    held_out_percent : float
-        Eq. (22) over what is compared in what was held out; NaN without any.
-    held_out : str
-        What that was: "logs", "transients", or nothing.
-    residuals : tuple of numpy.ndarray
-        Model less measurement over each stretch, N.
-    evaluations : int
-        Simulations with sensitivities.
-    undetermined : tuple of str
-        What these logs do not determine: it may as well be `UNDETERMINED` times as much or as
-        little.
-    worst_force_percent : float
-        100 times the force by which the model is off at the speed where it is off most, over the
-        force there or a fifth of half the range.
-    """
+    """A structure at the logs of one setting."""
 
     setting: Setting
     model: Model
     values: Values
     free: tuple[str, ...]
     at_bound: tuple[str, ...]
-    mse_percent: float
-    stretches: tuple[float, ...]
-    held_out_percent: float
-    held_out: str
-    residuals: tuple[FloatArray, ...]
-    evaluations: int
-    undetermined: tuple[str, ...] = ()
+    mse_percent: float  # eq. (22) over all that is compared in the fitted logs
+    stretches: tuple[float, ...]  # of each of their segments alone
+    held_out_percent: float  # of what was held out; NaN without any
+    held_out: str  # what that was: "logs", "transients", or nothing
+    residuals: tuple[FloatArray, ...]  # model less measurement over each segment, N
+    evaluations: int  # simulations with sensitivities
+    undetermined: tuple[str, ...] = ()  # `UNDETERMINED` times as much or as little would do
+    # 100 times the force by which the model is off at the speed where it is off most, over the
+    # force there or a fifth of half the range.
     worst_force_percent: float = math.nan
 
 
@@ -217,28 +176,11 @@ def fit_law(
     solver: SolverOptions = SolverOptions(),
     is_whole: bool = True,
 ) -> LawFit:
-    """Fit a law to the logs of a setting and predict those that were held out.
+    """Fit a model to the logs of a setting and predict those that were held out.
 
-    Parameters
-    ----------
-    model : Model
-        The law; what has a default is held there unless it is freed.
-    evidence : SettingLogs
-        The logs.
-    freed : sequence of str
-        What is fitted although it has a default.
-    near : Values, optional
-        Of a law fitted before, to start from as far as both have the same quantities.
-    solver : SolverOptions
-        How exactly to integrate.
-    is_whole : bool
-        Whether the descent ends on the whole logs; else on their settled cycles, for comparing.
-        What is said of the fit is of the whole logs in both cases.
-
-    Raises
-    ------
-    SimulationError
-        The law cannot be simulated at any start.
+    What has a default is held there unless it is freed; `near` is a start more. The fit ends on
+    the whole logs, or on their mean cycles, for comparing. A model that cannot be simulated at any
+    start is a `SimulationError`.
     """
     held = {
         one.name: one.default
@@ -271,26 +213,7 @@ def fit_at(
     evaluations: int,
     undetermined: tuple[str, ...] = (),
 ) -> LawFit:
-    """Return what a law leaves at some values, of what was fitted and of what was held out.
-
-    Parameters
-    ----------
-    misfit : Block
-        The law, and what was free.
-    evidence : SettingLogs
-        The logs.
-    values : Values
-        Where a fit has ended.
-    evaluations : int
-        What it took.
-    undetermined : tuple of str
-        As of `LawFit`.
-
-    Raises
-    ------
-    SimulationError
-        The law cannot be simulated there.
-    """
+    """What a model leaves at some values, of the fitted logs and of those held out."""
     model, free, solver = misfit.model, misfit.free, misfit.solver
     has_own_offsets = misfit.offset is not None
     missed = _misses(model, values, evidence.fitted, solver, has_own_offsets=has_own_offsets)
@@ -384,15 +307,7 @@ NO_WORSE = 1.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tried:
-    """One law with its fits, pooled over the settings that are compared.
-
-    Attributes
-    ----------
-    title : str
-        In words.
-    fits : tuple of LawFit
-        One a setting.
-    """
+    """A structure with its fits, one a setting that is compared."""
 
     title: str
     fits: tuple[LawFit, ...]
@@ -460,13 +375,7 @@ def times_worse(best: Tried, other: Tried) -> float:
 
 
 def are_alike(best: Tried, other: Tried) -> bool:
-    """Return whether nobody would choose a layout by what the two fit and predict.
-
-    Parameters
-    ----------
-    best, other : Tried
-        The same parts in two layouts.
-    """
+    """Whether nobody would choose a layout by what the same parts fit and predict in the two."""
     held = other.held_out_percent
     left = max(other.mse_percent, 0.0 if math.isnan(held) else held)
     return times_worse(best, other) < (SEEN_APART if left > ENOUGH_PERCENT else _NOTHING_APART)
@@ -481,97 +390,44 @@ def _mean(values: Sequence[float]) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JudgedLaw:
-    """One law that was tried.
-
-    Attributes
-    ----------
-    tried : Tried
-        The law with its fits.
-    is_taken : bool
-        Whether it was the law to go on from when it had been judged.
-    reason : str
-        Why, or why not, in one sentence.
-    bic : float
-        Against the law it was compared with, positive where it is for the larger; NaN for none.
-    change : str
-        What it has more or less than the law it was compared with, in words.
-    gain : float
-        MSE of the smaller of the two over that of the larger; NaN where it was compared with none.
-    """
+    """One structure that was tried, beside another."""
 
     tried: Tried
-    is_taken: bool
-    reason: str
-    bic: float = math.nan
-    change: str = ""
-    gain: float = math.nan
+    is_taken: bool  # whether it was the one to go on from
+    reason: str  # why, or why not
+    bic: float = math.nan  # positive where it is for the larger of the two; NaN for none
+    change: str = ""  # what it has more or less than the other, in words
+    gain: float = math.nan  # MSE of the smaller over that of the larger; NaN for none
 
 
 class Exchange(NamedTuple):
-    """A structure that fits about as well as the chosen one, with one part in place of another.
-
-    Attributes
-    ----------
-    part, instead : str
-        What is given up, and what stands for it, in words.
-    times : float
-        Its MSE over that of the chosen structure.
-    values : mapping of Setting to Values
-        What was found.
-    """
+    """A structure that fits about as well as the chosen one, one part in place of another."""
 
     part: str
     instead: str
-    times: float
+    times: float  # its MSE over that of the chosen structure
     values: Mapping[Setting, Values]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawSearch:
-    """All laws tried, in their order, and the one to take.
-
-    Attributes
-    ----------
-    laws : tuple of JudgedLaw
-        As they were tried.
-    chosen : Tried
-        The law that the logs tell.
-    n_eff : float
-        Effective samples of all settings compared.
-    alike : tuple of str
-        Layouts that fit and predict hardly worse than the one that was taken.
-    held_share : float
-        Of their force that the logs hold down to a tenth of the speed, where they yield before they
-        slide; NaN where they do not.
-    is_held_by_some : bool
-        Whether that is the most that a setting holds, and others do not yield.
-    doubt : str
-        What of the law of valves that was taken no damper has, where logs yield; empty for nothing.
-    also : str
-        What yields and tells the logs about as well as the law that was taken; empty for none.
-    is_of_one_model : bool
-        Whether the law was taken as one model, at all settings: what these have in common is equal.
-    offsets : mapping of str to float
-        By name of a log, N: by how much its force lies beside that of the other logs of its
-        setting, whose offset is fitted. A cell is zeroed anew.
-    follows : mapping of str to tuple of str
-        Adjusters that what is free follows, of one model; what is not named has one value.
-    exchanges : tuple of Exchange
-        What of it may be taken for another thing that gives.
-    spread : mapping of Setting to mapping of str to float
-        Deviation of the logarithms over the structures that are about as likely, where compared.
-    """
+    """All structures tried, in their order, and the one to take."""
 
     laws: tuple[JudgedLaw, ...]
     chosen: Tried
-    n_eff: float
-    alike: tuple[str, ...] = ()
+    n_eff: float  # effective samples of all settings compared
+    alike: tuple[str, ...] = ()  # layouts that fit and predict hardly worse than the one taken
+    # Of their force that the logs hold down to a tenth of the speed, where they yield before they
+    # slide; NaN where they do not.
     held_share: float = math.nan
-    also: str = ""
-    is_of_one_model: bool = False
-    is_held_by_some: bool = False
-    doubt: str = ""
+    also: str = ""  # what yields and fits about as well as the valves that were taken
+    is_of_one_model: bool = False  # taken at all settings together: what they share is equal
+    is_held_by_some: bool = False  # some settings hold that share, others do not yield
+    doubt: str = ""  # what of the valves that were taken no damper has, where logs yield
+    # By log, N: its force beside the mean of its setting's, whose offset is fitted.
     offsets: Mapping[str, float] = field(default_factory=dict)
+    # Adjusters that what is free follows; what is not named has one value.
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     exchanges: tuple[Exchange, ...] = ()
+    # Deviation of the logarithms over the structures that are about as likely.
     spread: Mapping[Setting, Mapping[str, float]] = field(default_factory=dict)

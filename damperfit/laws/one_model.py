@@ -56,25 +56,14 @@ _UNBELIEVED = 0.1
 
 @dataclass(frozen=True, eq=False)
 class OneModel:
-    """A law, the logs of settings, and what these have in common.
+    """A law, the logs of settings, and what these have in common."""
 
-    Attributes
-    ----------
-    misfits : mapping of Setting to Block
-        Of one law, with the same quantities free.
-    follows : mapping of str to tuple of str
-        Adjusters that quantities follow, all of them for what is each setting's own; what is not
-        named has one value at all settings.
-    weights : mapping of Setting to float
-        Of the squares of each setting, whose sum is 1 for a useless law.
-    jobs : int
-        Threads.
-    """
-
-    misfits: Mapping[Setting, Block]
+    misfits: Mapping[Setting, Block]  # with the same quantities free
+    # Adjusters that quantities follow, all of them for what is each setting's own; what is not
+    # named has one value at all settings.
     follows: Follows
-    weights: Mapping[Setting, float]
-    jobs: int = 1
+    weights: Mapping[Setting, float]  # of the squares of each, whose sum is 1 for a useless law
+    jobs: int = 1  # threads
 
     @cached_property
     def settings(self) -> tuple[Setting, ...]:
@@ -106,11 +95,6 @@ class OneModel:
         """Return the same with the weights that values of the settings leave them.
 
         What is left counts as `least` at least, and as much as the cycles differ.
-
-        Raises
-        ------
-        SimulationError
-            The law cannot be simulated there.
         """
         found = self.misfits.items()
         left = {setting: max(one.cost(at[setting]), one.scatter, least) for setting, one in found}
@@ -165,13 +149,7 @@ class OneModel:
         return found
 
     def best_of(self, starts: Sequence[Mapping[Setting, Values]]) -> Minimum[dict[Setting, Values]]:
-        """Return where the best of some starts leads.
-
-        Raises
-        ------
-        SimulationError
-            The law cannot be simulated at any of them.
-        """
+        """Where the best of some starts leads; a `SimulationError` where none can be simulated."""
         ranked = sorted(range(len(starts)), key=lambda k: self.cost(starts[k]))
         seen = []
         for k in ranked[:_LOOKED_AT]:
@@ -208,13 +186,7 @@ class OneModel:
     def descend(
         self, at: Mapping[Setting, Values], stopping: Stopping = _END
     ) -> Minimum[dict[Setting, Values]]:
-        """Minimise from values at which what is common is equal.
-
-        Raises
-        ------
-        SimulationError
-            The law cannot be simulated at the start.
-        """
+        """Minimise from values at which what is common is equal."""
         unknowns, settings = self.unknowns, self.settings
         places = {one: k for k, one in enumerate(unknowns)}
         rows = {

@@ -38,21 +38,7 @@ def rank_rivals(
 ) -> tuple[Tried, ...]:
     """Fit every model of the literature to the settings; the best prediction comes first.
 
-    Parameters
-    ----------
-    evidence : sequence of SettingLogs
-        What the laws were compared by.
-    solver : SolverOptions
-        Half width of the friction's band; the rest is the physical models'.
-    on_rival : callable
-        Called with each that was fitted.
-    jobs : int
-        Workers; the result does not depend on them.
-
-    Returns
-    -------
-    tuple of Tried
-        By what was held out, else by what was fitted. One that cannot be simulated is left out.
+    One that cannot be simulated is left out; `on_rival` is called with each of the others.
     """
 
     def fit(job: tuple[type[Rival], SettingLogs]) -> LawFit | None:
@@ -100,14 +86,9 @@ _CLEARLY = 4.0
 
 
 def held_against(law: Tried, other: Tried, share: float) -> tuple[bool, str]:
-    """Return whether what yields is taken instead of a law of valves, and why.
+    """Whether what yields is taken instead of valves, and why.
 
-    Parameters
-    ----------
-    law, other : Tried
-        Of valves, and of what yields.
-    share : float
-        Of their force that the logs hold down to a tenth of the speed.
+    `share` is what the logs hold of their force down to a tenth of the speed.
     """
     holds = f"the logs hold {100.0 * share:.0f} % of their force down to a tenth of the speed"
     if times_worse(other, law) > 1.0 and not are_alike(other, law):
@@ -136,11 +117,6 @@ def unbelievable(law: Tried) -> str:
 
     A law of valves that is bent to what yields has oil as soft as air at one setting, and as stiff
     as steel at another.
-
-    Parameters
-    ----------
-    law : Tried
-        Of valves.
     """
     for fit in law.fits:
         for one in fit.model.quantities:
@@ -153,15 +129,7 @@ def unbelievable(law: Tried) -> str:
 
 
 def yielding_seen(search: LawSearch, fits: Sequence[LawFit]) -> tuple[str, ...]:
-    """Return what is told of a damper that yields; nothing of one whose valves are told.
-
-    Parameters
-    ----------
-    search : LawSearch
-        The laws that were tried.
-    fits : sequence of LawFit
-        The law that was taken, at every setting.
-    """
+    """Return what is told of a damper that yields; nothing of one whose valves are told."""
     model = fits[0].model
     up_to = "up to " if search.is_held_by_some else ""
     share = f"{up_to}{100.0 * search.held_share:.0f} %"

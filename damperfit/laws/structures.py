@@ -327,16 +327,8 @@ _CALLED = {
 def times_in(layout: str, model: ValveDamper, name: str, power: float = 1.0) -> float:
     """Return a valve's number in another layout over that of the model, for the same force.
 
-    Parameters
-    ----------
-    layout : str
-        Name of a damper of valves.
-    model : ValveDamper
-        The damper in the layout that was taken.
-    name : str
-        Of a quantity; 1 for what is none of a valve.
-    power : float
-        Of the flow, where the valve's blow-off has one: its slope goes as A^-(1 + 1/power).
+    1 for what is none of a valve. The slope of a blow-off by a power of its flow goes as
+    A^-(1 + 1/power).
     """
     quantity = model.quantity(name)
     if quantity.stroke not in PLACES:
@@ -351,24 +343,12 @@ def times_in(layout: str, model: ValveDamper, name: str, power: float = 1.0) -> 
 
 
 def in_other_layouts(
-    layouts: Sequence[str], model: Model, name: str, power: float = 1.0
+    layouts: Sequence[str], model: Model, name: str
 ) -> Iterator[tuple[str, float]]:
-    """Yield layouts, in words, in which a valve's number is another one, and how many times that.
-
-    Parameters
-    ----------
-    layouts : sequence of str
-        Names of dampers of valves.
-    model : Model
-        In the layout that was taken.
-    name : str
-        Of a quantity.
-    power : float
-        As of `times_in`.
-    """
+    """Yield layouts, in words, where a valve's number is another one, and how many times that."""
     if not isinstance(model, ValveDamper):
         return
     for layout in layouts:
-        times = times_in(layout, model, name, power)
+        times = times_in(layout, model, name)
         if times != 1.0:
             yield _CALLED[layout], times
