@@ -27,6 +27,7 @@ from damperfit.uncertainty.flaws import seek_flaws, signatures
 from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES
+from tests.test_numbers import check
 
 EVERY = pytest.mark.parametrize("name", MODELS)
 RATE, NOISE = 500.0, 2.0
@@ -163,6 +164,11 @@ def test_its_own_log_is_met_to_the_noise_and_the_truth_is_inside_the_intervals(n
         if quantity.is_logarithmic and interval.error < 0.1 * abs(true):
             off = abs(getattr(fit.parameters, quantity.name) - true) / interval.error
             assert off < 5.0 or fit.mse_percent > 2.0 * floor, (quantity.name, off)
+
+
+@EVERY
+def test_no_number_of_it_has_moved(name: str) -> None:
+    check(f"model {name}")
 
 
 @cache

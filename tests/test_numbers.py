@@ -1,0 +1,802 @@
+"""Every number of small whole runs, held against `snapshots/numbers.txt`.
+
+    python -m tests.test_numbers           # writes them anew: review the difference
+    python -m tests.test_numbers joint     # those of one case
+
+A line of the snapshot is a place in what a case returns, and its numbers in order; more than six
+are held as their count, the mean of their sizes and a mean with uneven weights. Of a sentence its
+numbers count (~), to their last digit, and not its words. A test that fails prints what has moved.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, fields, is_dataclass, replace
+from enum import Enum
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import butter, sosfilt
+
+import damperfit
+from damperfit.conditioning import condition
+from damperfit.configuration.loading import load_configuration
+from damperfit.damper.model import MODELS
+from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.valve_dampers import TwinTube
+from damperfit.errors import DamperfitError
+from damperfit.problem import Problem
+from damperfit.recording import Finding, Recording
+from damperfit.simulation import Motion, SolverOptions, simulate
+from damperfit.tested.setting import Setting
+
+SNAPSHOT = Path(__file__).parent / "snapshots" / "numbers.txt"
+MOST, TOGETHER = 6, 2  # numbers of a line that are shown, and of what shares a line
+# What a number may be off on another machine, of itself: by case and place, the first that fits.
+# Scans end at one of their steps, and errors hang on how many lags of a correlation count.
+LOOSE = (
+    (r"evaluations", 0.7),
+    (r"skew|advise|in_steps.*tare", 0.3),
+    (
+        r"(plain|temperatures) .*(_se|error|correl|jackknife|ci_|sandwich|verdict|profil|sentenc)",
+        0.08,
+    ),
+    (r"searched|own_offset", 0.05),
+    (r"margin|plain|temperatures", 3e-3),
+    (r"", 3e-4),
+)
+ROUNDED = 1e-9  # of what is nothing but rounding
+# What is no number of a run, or stands in it twice.
+IDLE = {"configuration", "timings", "version", "path", "sha256", "schema", "quantities", "message"}
+IDLE |= {"warnings", "procedure", "displacement", "description", "files"}
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
+
+# Numbers of any object, as lines.
+
+
+def leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:  # noqa: PLR0912
+    """Yield places and numbers; what a list holds has one place, or that of its names."""
+    if isinstance(value, Finding | Problem):
+        yield from leaves([value.severity, getattr(value, "value", None)], place)
+        value = str(value.sentence if isinstance(value, Finding) else value)
+    if isinstance(value, Enum):
+        value = value.value
+    if isinstance(value, Setting):
+        value = str(value)
+    if is_dataclass(value):
+        value = {one.name: getattr(value, one.name) for one in fields(value)}
+    elif hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, Mapping):
+        for key, one in value.items():
+            if key not in IDLE and not (isinstance(one, str) and place.endswith(f".{one}")):
+                yield from leaves(one, f"{place}.{str(key).replace(' ', '_')}".strip("."))
+    elif isinstance(value, np.ndarray):
+        yield from ((place, float(one)) for one in value.ravel())
+    elif isinstance(value, list | tuple | set | frozenset):
+        for one in value:
+            yield from leaves(one, place + _label(one))
+    elif isinstance(value, str) and " " in value:
+        yield from ((place, f"~{one}") for one in _NUMBER.findall(value))
+    elif isinstance(value, str | int | float | np.generic) and value != "":
+        yield place, value
+
+
+def _label(one: Any) -> str:
+    """What tells an element of a list from the others: its name or code."""
+    get = one.get if isinstance(one, Mapping) else lambda key: getattr(one, key, None)
+    names = (name for name in map(get, ("name", "code")) if isinstance(name, str))
+    return "".join(f".{name.replace(' ', '_')}" for name in names)
+
+
+def lines_of(value: Any) -> dict[str, str]:
+    """Return the lines of a case, by place; what has a number or two stands together."""
+    by_place: dict[str, list[Any]] = {}
+    for place, one in leaves(value):
+        by_place.setdefault(place, []).append(one)
+    lines: dict[str, list[str]] = {}
+    for place, values in by_place.items():
+        parent, _, own = place.rpartition(".")
+        if len(values) > TOGETHER:
+            lines[place] = _shown(values)
+        else:
+            lines.setdefault(parent, []).append(f"{own}={','.join(_shown(values))}")
+    return {place: " ".join(tokens) for place, tokens in sorted(lines.items())}
+
+
+def _shown(values: list[Any]) -> list[str]:
+    numbers = [float(one) for one in values if not isinstance(one, str)]
+    words = [one.replace(" ", "_") for one in values if isinstance(one, str)]
+    shown = [f"{one:.6g}" for one in numbers]
+    if len(numbers) > MOST:
+        known = np.array([one for one in numbers if math.isfinite(one)])
+        weights = 1.0 + 0.5 * np.sin(1.0 + np.arange(len(known)))
+        means = np.mean(np.abs(known)), np.mean(weights * known)
+        shown = [f"{len(known)}/{len(numbers)}", *(f"{one:.6g}" for one in means)]
+    if len(words) > MOST:
+        counts = Counter(word for word in words if word[0] != "~")
+        told = [float(word[1:]) for word in words if word[0] == "~"]
+        words = [f"{n}*{word}" for word, n in sorted(counts.items())[:MOST]]
+        words += [f"{len(told)}~", f"{sum(map(abs, told)):.6g}"] * bool(told)
+    return [*shown, *words]
+
+
+def moved(place: str, was: str, now: str) -> str:
+    """Say what of a line has moved by more than it may; empty: nothing."""
+    olds, news = was.split(), now.split()
+    if "=" in was + now:
+        before, after = (dict(one.split("=", 1) for one in tokens) for tokens in (olds, news))
+        both = ((name, before.get(name, ""), after.get(name, "")) for name in {**before, **after})
+        told = (_moved(f"{place}.{name}", *values) for name, *values in both)
+        return "; ".join(filter(None, told))
+    return _moved(place, ",".join(olds), ",".join(news))
+
+
+def _moved(place: str, was: str, now: str) -> str:
+    olds, news = was.split(","), now.split(",")
+    share = next(most for pattern, most in LOOSE if re.search(pattern, place))
+    change = f"{place}: {was} -> {now}"
+    if len(olds) != len(news):
+        return change
+    sizes = [abs(float(one)) for one in olds if _NUMBER.fullmatch(one)]
+    off = []
+    for old, new in zip(olds, news, strict=True):
+        if old == new:
+            continue
+        texts = [one.lstrip("~") for one in (old, new)]
+        if not all(map(_NUMBER.fullmatch, texts)):
+            return change
+        first, second = map(float, texts)
+        allowed = share * max([*sizes, abs(second)]) + ROUNDED
+        if old[0] == "~":
+            allowed = max(share * abs(first), *(1.01 * _digit(one) for one in texts))
+        if abs(second - first) > allowed:
+            off.append(f"{100.0 * (second - first) / (abs(first) or 1.0):+.3g} %")
+    return f"{change} ({', '.join(off)})" if off else ""
+
+
+def _digit(text: str) -> float:
+    mantissa, _, power = text.partition("e")
+    return 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
+
+
+Change = Callable[[np.ndarray, Recording], np.ndarray]  # of a channel
+Fault = Callable[[Recording], Recording]
+
+# Logs: the core's forces of a motion, with noise, and what a rig does to them.
+
+RATE = 500.0
+ROUGH = SolverOptions(tolerance=1e-2)
+
+
+def parts(*motions: tuple[float, float, float], rest: float = 0.3, rate: float = RATE) -> Motion:
+    """Sines of amplitudes, m, frequencies, Hz, and cycles one after the other, behind a rest."""
+    x = [np.zeros(round(rest * rate))]
+    v = [np.zeros(round(rest * rate))]
+    for amplitude, frequency, cycles in motions:
+        angle = 2.0 * np.pi * frequency * np.arange(round(cycles * rate / frequency)) / rate
+        x.append(amplitude * np.sin(angle))
+        v.append(amplitude * 2.0 * np.pi * frequency * np.cos(angle))
+    return Motion(1.0 / rate, np.concatenate(x), np.concatenate(v))
+
+
+def sine(
+    cycles: float = 8.3, *, lead: float = 0.7, rate: float = RATE, amplitude: float = 0.032
+) -> Motion:
+    """A machine that runs when the log starts."""
+    angle = 3.0 * np.pi * (np.arange(round(cycles / 1.5 * rate)) / rate + lead)
+    return Motion(1.0 / rate, amplitude * np.sin(angle), amplitude * 3.0 * np.pi * np.cos(angle))
+
+
+def triangle(
+    speed: float, *, cycles: float = 6.0, amplitude: float = 0.03, width: int = 1
+) -> Motion:
+    """Even speeds, with corners that are rounded over so many samples."""
+    period = 4.0 * amplitude / speed
+    turn = (np.arange(round(cycles * period * RATE)) / RATE / period + 0.07) % 1.0
+    x = amplitude * (1.0 - 4.0 * np.abs(((turn + 0.25) % 1.0) - 0.5))
+    x = np.convolve(np.pad(x, width // 2, "edge"), np.ones(width) / width, "valid")
+    return Motion(1.0 / RATE, x, np.gradient(x, 1.0 / RATE))
+
+
+def road(*, highest: float = 4.0, duration: float = 8.0, middle: float = 0.0) -> Motion:
+    """A motion that does not repeat."""
+    random, t = np.random.default_rng(3), np.arange(round(duration * RATE)) / RATE
+    rates = np.arange(0.3, highest, 0.25)
+    turns = 2.0 * np.pi * rates[:, None] * t + random.uniform(0.0, 6.3, (len(rates), 1))
+    x, v = (1.0 / rates) @ np.sin(turns), (2.0 * np.pi * np.ones(len(rates))) @ np.cos(turns)
+    size = 0.035 / np.abs(x).max()
+    return Motion(1.0 / RATE, middle + size * x, size * v)
+
+
+def sweep() -> Motion:
+    """A sine of rising frequency."""
+    t = np.arange(round(8.0 * RATE)) / RATE
+    rate = 0.5 + 0.3 * t
+    angle = 2.0 * np.pi * (0.5 * t + 0.15 * t**2)
+    return Motion(1.0 / RATE, 0.015 * np.sin(angle), 0.03 * np.pi * rate * np.cos(angle))
+
+
+def log(
+    motion: Motion,
+    values: Any = None,
+    model: Any = PURDY_DAMPER,
+    *,
+    setting: Any = 10,
+    noise: float = 2.0,
+    jitter: float = 4e-6,
+    temperature: float | None = 26.0,
+    name: str = "",
+) -> Recording:
+    """What a rig writes of a motion; by default of the paper's damper at a setting."""
+    values = values or reference_parameters(int(setting))
+    force = simulate(values, model, motion, options=ROUGH).force
+    random, n = np.random.default_rng(len(force) + len(str(setting))), len(force)
+    return Recording(
+        name=name or f"setting_{setting}.csv".replace(" ", "_"),
+        path="",
+        sha256="",
+        setting=Setting.of(setting),
+        time=motion.interval * np.arange(n),
+        displacement=motion.displacement + jitter * random.standard_normal(n),
+        force=force + noise * random.standard_normal(n),
+        temperature=None if temperature is None else np.full(n, temperature),
+    )
+
+
+def with_(channel: str, change: Change) -> Fault:
+    """What changes a channel of a log."""
+    return lambda one: replace(one, **{channel: change(getattr(one, channel).copy(), one)})
+
+
+def rows(keep: Callable[[np.ndarray], np.ndarray]) -> Fault:
+    """What keeps some rows of a log."""
+
+    def kept(one: Recording) -> Recording:
+        at = keep(np.arange(len(one.time)))
+        channels = ("time", "displacement", "force", "temperature")
+        return replace(one, **{name: getattr(one, name)[at] for name in channels})
+
+    return kept
+
+
+def low_pass(corner: float) -> Change:
+    return lambda y, one: (
+        sosfilt(butter(2, corner, fs=1.0 / (one.time[1] - one.time[0]), output="sos"), y - y[0])
+        + y[0]
+    )
+
+
+def late(seconds: float) -> Change:
+    return lambda y, one: np.interp(one.time - seconds, one.time, y)
+
+
+def _spiked(y: np.ndarray, one: Recording) -> np.ndarray:
+    y[[700, 1100, 1101, 1600, 2000]] += np.array([0.3, 0.5, -0.2, 0.04, -0.6]) * np.ptp(y)
+    return y
+
+
+def _stuck(y: np.ndarray, one: Recording) -> np.ndarray:
+    y[1240:1275] = y[1240]
+    return y
+
+
+def ramp(one: Recording) -> np.ndarray:
+    return one.time / one.time[-1]
+
+
+FORCE, PLACE = partial(with_, "force"), partial(with_, "displacement")
+STEPPED = ((0.02, 0.5, 3), (0.02, 1.5, 6), (0.02, 3.0, 9))
+SINE = cache(lambda: log(sine()))
+FINE = cache(lambda: log(sine(rate=1000.0)))
+LONG = cache(lambda: log(sine(12.3)))
+STEPS = cache(lambda: log(parts(*STEPPED)))
+ROAD = cache(lambda: log(road()))
+TRIANGLE = cache(lambda: log(triangle(0.2)))
+# A log, what is done to it, and what is declared.
+LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = {
+    "sine": (SINE, None, {}),
+    "sine at 2 kHz": (lambda: log(sine(5.3, rate=2000.0)), None, {}),
+    "sine at 100 Hz": (lambda: log(sine(12.3, rate=100.0)), None, {}),
+    "sine at 40 Hz": (lambda: log(sine(12.3, rate=40.0)), None, {}),
+    "few cycles": (lambda: log(sine(3.6)), None, {}),
+    "stepped": (STEPS, None, {}),
+    "stepped with rests": (
+        lambda: log(parts((0.02, 1.0, 5), (1e-9, 1.0, 1), (0.01, 3.0, 12), rest=1.0)),
+        None,
+        {},
+    ),
+    "sweep": (lambda: log(sweep()), None, {}),
+    "road": (ROAD, None, {}),
+    "road far from 0": (lambda: log(road(middle=0.03)), None, {}),
+    "triangle": (TRIANGLE, None, {}),
+    "rounded triangle": (lambda: log(triangle(0.2, width=9)), None, {}),
+    "fast": (lambda: log(parts((0.003, 12.0, 60))), None, {}),
+    "two forces": (
+        lambda: log(parts((0.02, 2.0, 16))),
+        FORCE(lambda y, one: np.where(one.time > 4.3, 1.4, 1.0) * y),
+        {},
+    ),
+    "causal filter": (SINE, None, {"conditioning": {"filter": "causal"}}),
+    "no filter": (SINE, None, {"conditioning": {"filter": "none"}}),
+    "another corner": (STEPS, None, {"conditioning": {"filter_corner": "12Hz", "filter_order": 2}}),
+    "auto corner": (STEPS, None, {"conditioning": {"filter_corner": "auto"}}),
+    "rig filter": (SINE, None, {"rig": {"filter": "causal", "filter_corner": "25Hz"}}),
+    "rig filter, zero phase": (
+        TRIANGLE,
+        None,
+        {"rig": {"filter": "zero_phase", "filter_order": 2}},
+    ),
+    "centre": (SINE, PLACE(lambda y, _: y + 0.012), {"rig": {"centre": "11mm"}}),
+    "off centre": (SINE, PLACE(lambda y, _: y + 0.012), {}),
+    "late, taken back": (LONG, FORCE(late(3e-3)), {"rig": {"skew": "auto"}}),
+    "early": (LONG, FORCE(late(-2e-3)), {}),
+    "late as declared": (SINE, FORCE(late(3e-3)), {"rig": {"skew": "3ms"}}),
+    "force behind a filter": (LONG, FORCE(low_pass(20.0)), {}),
+    "both behind a filter": (
+        LONG,
+        lambda one: FORCE(low_pass(20.0))(PLACE(low_pass(20.0))(one)),
+        {},
+    ),
+    "force reversed": (SINE, FORCE(lambda y, _: -y), {}),
+    "displacement reversed": (SINE, PLACE(lambda y, _: -y), {}),
+    "both reversed": (
+        SINE,
+        lambda one: replace(one, force=-one.force, displacement=-one.displacement),
+        {},
+    ),
+    "as declared": (SINE, FORCE(lambda y, _: -y), {"rig": {"reverse_force": True}}),
+    "tared": (SINE, FORCE(lambda y, _: y + 130.4), {}),
+    "tared by half": (STEPS, FORCE(lambda y, _: y + 70.0), {}),
+    "force clipped": (
+        lambda: log(sine(), noise=0.5),
+        FORCE(lambda y, _: np.clip(y, 0.93 * y.min(), 0.96 * y.max())),
+        {},
+    ),
+    "displacement clipped": (
+        lambda: log(sine(), jitter=1e-6),
+        PLACE(lambda y, _: np.clip(y, -0.0312, 0.0315)),
+        {},
+    ),
+    "force in steps": (
+        lambda: log(sine(), noise=0.5),
+        FORCE(lambda y, _: 25.0 * np.round(y / 25.0)),
+        {},
+    ),
+    "displacement in steps": (
+        lambda: log(sine(), jitter=2e-6),
+        PLACE(lambda y, _: 2e-4 * np.round(y / 2e-4)),
+        {},
+    ),
+    "spikes": (SINE, FORCE(_spiked), {}),
+    "spikes, bridged": (SINE, FORCE(_spiked), {"conditioning": {"spikes": "bridge"}}),
+    "spikes on a road": (ROAD, FORCE(_spiked), {}),
+    "spiked displacement": (SINE, PLACE(_spiked), {}),
+    "force stuck": (SINE, FORCE(_stuck), {}),
+    "displacement stuck": (SINE, PLACE(_stuck), {}),
+    "rows frozen": (SINE, lambda one: FORCE(_stuck)(PLACE(_stuck)(one)), {}),
+    "values held": (FINE, FORCE(lambda y, _: y[np.arange(len(y)) // 20 * 20]), {}),
+    "running mean": (
+        FINE,
+        FORCE(lambda y, _: np.convolve(np.pad(y, 20, "edge"), np.ones(41) / 41, "valid")),
+        {},
+    ),
+    "force drifts": (LONG, FORCE(lambda y, one: y + 40.0 * ramp(one)), {}),
+    "force fades": (LONG, FORCE(lambda y, one: y * (1.0 - 0.06 * ramp(one))), {}),
+    "stroke drifts": (
+        LONG,
+        PLACE(lambda y, one: (1.0 + 0.03 * ramp(one)) * y + 1e-3 * ramp(one)),
+        {},
+    ),
+    "a blow": (LONG, FORCE(lambda y, one: y + 200.0 * ((one.time > 4.0) & (one.time < 4.05))), {}),
+    "hum": (LONG, FORCE(lambda y, one: y + 25.0 * np.sin(2.0 * np.pi * 50.0 * one.time)), {}),
+    "a line": (LONG, FORCE(lambda y, one: y + 20.0 * np.sin(18.2 * np.pi * one.time)), {}),
+    "noisy": (lambda: log(sine(), noise=20.0, jitter=6e-5), None, {}),
+    "warms up": (LONG, with_("temperature", lambda y, one: y + 12.0 * ramp(one)), {}),
+    "too warm": (lambda: log(sine(), temperature=33.0), None, {}),
+    "no temperature": (lambda: log(sine(), temperature=None), None, {}),
+    "rows missing": (SINE, rows(lambda n: n[(n % 47 != 5) & ~((n > 900) & (n < 904))]), {}),
+    "a long gap": (LONG, rows(lambda n: n[(n < 900) | (n > 1500)]), {}),
+    "clock jitters": (
+        SINE,
+        with_("time", lambda t, _: t + 3e-4 * np.sin(7.3 * np.arange(len(t)))),
+        {},
+    ),
+    "clock in ms": (
+        lambda: log(sine(rate=2000.0)),
+        with_("time", lambda t, _: np.floor(1e3 * t) / 1e3 + 1e-7 * (np.arange(len(t)) % 2)),
+        {},
+    ),
+    "clock drifts": (SINE, with_("time", lambda t, _: t + 0.004 * t**2), {}),
+    "swapped": (
+        SINE,
+        lambda one: replace(one, force=one.displacement * 1e5, displacement=one.force * 1e-5),
+        {},
+    ),
+    "one cycle": (lambda: log(sine(1.4)), None, {}),
+    "constant": (SINE, FORCE(lambda y, _: 0.0 * y), {}),
+    "mm read as m": (SINE, PLACE(lambda y, _: 1e3 * y), {}),
+    "kN read as N": (SINE, FORCE(lambda y, _: 1e-3 * y), {}),
+    "m read as mm": (SINE, PLACE(lambda y, _: 1e-3 * y), {}),
+    "beyond the chamber": (SINE, PLACE(lambda y, _: 5.0 * y), {}),
+    "slow": (lambda: log(parts((0.03, 0.2, 3))), None, {}),
+    "crank": (SINE, PLACE(lambda y, _: y + 0.03 * (y**2 / 0.032)), {}),
+    "unsteady": (LONG, PLACE(lambda y, one: y * (1.0 + 0.12 * np.sin(5.0 * one.time))), {}),
+}
+
+
+def conditioned(name: str) -> Any:
+    """Return the trace of a log, or why there is none."""
+    make, change, declared = LOGS[name]
+    options = load_configuration(overlay=declared).conditioning
+    one = make()
+    try:
+        return condition(one if change is None else change(one), options)
+    except DamperfitError as error:
+        return {"refused": error.problem, "code": error.problem.code}
+
+
+@cache
+def all_conditioned() -> dict[str, Any]:
+    return {name.replace(" ", "_"): conditioned(name) for name in LOGS}
+
+
+def of_model(name: str) -> Any:
+    """Return the fit of a model to a log of its own, and how it was judged."""
+    from tests.test_every_model import case as fitted
+
+    done = fitted(name)
+    (one,), (known,) = done.campaign.fits, done.assessment.uncertainties
+    ended = {"force": done.trace.force, "ended": (one.outcome, one.mse_percent)}
+    if name in {
+        "polynomial_xv",
+        "restoring_force_surface",
+    }:  # on one sine their terms are not independent
+        return ended
+    return {
+        **ended,
+        "fit": asdict(one.parameters),
+        "status": one.status,
+        "evaluations": one.evaluations,
+        "known": known,
+        "diagnoses": done.assessment.diagnoses,
+        "doubts": done.assessment.doubts(done.campaign),
+    }
+
+
+CASES: dict[str, Callable[[], Any]] = {
+    "logs": all_conditioned,
+    **{f"model {name}": partial(of_model, name) for name in MODELS},
+}
+
+
+def case(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Hold what a function returns."""
+    CASES[make.__name__] = make
+    return make
+
+
+# Runs.
+
+TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "profiles")
+
+
+def told(run: damperfit.Run, *, whole: bool = False) -> dict[str, Any]:
+    """Return what a run holds; of its logs, forces and checks only with `whole`."""
+    record = dict(run.record)
+    if not whole:
+        signs = {True: "+", False: "-", None: "?"}
+        kept = (
+            "problems",
+            "uncertainty",
+            "profiles",
+            "grades_withheld",
+            "held_out",
+            "speed_forces",
+        )
+        short = {name: record[name] for name in kept}
+        short["checks"] = "".join(signs[one["passed"]] for one in record["checks"])
+        return {**short, **{name: run.rows(name) for name in ("parameters", "mse")}}
+    inputs = record.pop("inputs")
+    logs = [{**one, "findings": (), "notes": (), "warnings": ()} for one in inputs]
+    signals = [(one.force, one.force_measured, one.pressures) for one in run.signals]
+    return {"run": record, "logs": logs, "signals": signals, **{n: run.rows(n) for n in TABLES}}
+
+
+def fit(logs: Any, **how: Any) -> damperfit.Run:
+    return damperfit.identify(logs, jobs=1, **how)
+
+
+SETTINGS = (4, 8, 12, 16, 20)
+
+
+@cache
+def of_paper() -> damperfit.Run:
+    """Three settings by the paper's procedure."""
+    return fit([log(sine(), setting=one) for one in SETTINGS[:3]])
+
+
+@case
+def paper() -> Any:
+    return told(of_paper(), whole=True)
+
+
+@case
+def asked_of_a_run() -> Any:
+    run, ask = of_paper(), damperfit
+    motion = {"parameters": run, "amplitude": 0.02, "frequency": 2.0, "cycles": 2.0}
+    return {
+        "simulate": ask.simulate(8, **motion).document(),
+        "triangle": ask.simulate(8, wave="triangle", **motion).document(),
+        "sweep": ask.sweep(8, parameters=run, vary={"r_m1": [0.8, 1.2], "k_e": [0.5]}).records,
+        "settings": ask.settings(run).document(),
+        "which": ask.settings(run, force="900N", velocity="0.2m/s").document(),
+        "advise": ask.advise(run, for_="k_e", setting="8").document(),
+        "compare": ask.compare(run, of_five()).document(),
+    }
+
+
+@cache
+def of_five() -> damperfit.Run:
+    """Five settings in one fit; the middle one has another valve."""
+    odd = replace(reference_parameters(12), r_m1=1.06 * reference_parameters(12).r_m1)
+    logs = [log(sine(), odd if one == 12 else None, setting=one) for one in SETTINGS]
+    return fit(logs, procedure="joint")
+
+
+@case
+def joint() -> Any:
+    return told(of_five(), whole=True)
+
+
+@case
+def joint_gas_content() -> Any:
+    logs = [log(sine(), setting=one) for one in SETTINGS[:3]]
+    return told(fit(logs, procedure="joint", bulk_modulus="appendix1", hold_out=["setting_8*"]))
+
+
+@case
+def plain() -> Any:
+    """Two logs a setting, the last cycles and a log held out, an offset, a start."""
+    logs = [
+        log(motion, setting=one, name=f"s{one}_{name}.csv")
+        for one in (4, 16)
+        for name, motion in (
+            ("a", sine()),
+            ("b", parts((0.02, 3.0, 12))),
+            ("c", parts((0.03, 0.5, 4))),
+        )
+    ]
+    logs = [FORCE(lambda y, _: y + 25.0)(one) for one in logs]
+    how = {"fix": {"f_f": "50N"}, "free": "r_m1,r_m2,r_m3,k_e,f_0", "start": {"r_m1": 1e4}}
+    run = fit(logs, procedure="plain", hold_out=["*_c*"], hold_out_cycles=0.3, profile="k_e", **how)
+    return told(run, whole=True)
+
+
+@case
+def steps_held_out() -> Any:
+    return told(fit([STEPS(), log(parts(*STEPPED), setting=4)], hold_out=["0.3m/s-"]), whole=True)
+
+
+@case
+def motions() -> Any:
+    """Motions that do not repeat, and a log of few samples a cycle."""
+    logs = {
+        "road": ROAD(),
+        "sweep": log(sweep()),
+        "triangle": log(triangle(0.2, cycles=8.0), noise=0.5),
+        "slow_log": log(sine(10.3, rate=66.0)),
+        "small": log(sine(amplitude=0.002)),
+    }
+    known = {"f_f": "50N", "r_m3": 2.597e6}
+    return {name: told(fit([one], procedure="plain", fix=known)) for name, one in logs.items()}
+
+
+@case
+def oil() -> Any:
+    """A chamber that empties, oil that does not give, oil that gives much."""
+    own = reference_parameters(16)
+    values = {
+        "cavitates": replace(own, r_m3=1.3 * own.r_m3),
+        "rigid": replace(own, k_e=1e12),
+        "soft": replace(own, k_e=3e7),
+    }
+    return {name: told(fit([log(sine(), one, setting=16)])) for name, one in values.items()}
+
+
+@case
+def temperatures() -> Any:
+    logs = [
+        log(
+            sine(),
+            warmer(reference_parameters(one), hot),
+            setting=one,
+            temperature=hot,
+            name=f"s{one}_{hot:g}.csv",
+        )
+        for one in (4, 16)
+        for hot in (26.0, 45.0)
+    ]
+    return told(
+        fit(logs, covariate="temperature", procedure="joint", share="r_m3,f_f,beta"), whole=True
+    )
+
+
+def warmer(values: Any, temperature: float) -> Any:
+    thinner = math.exp(-0.012 * (temperature - 26.0))
+    return replace(values, r_m2=thinner * values.r_m2, r_m3=thinner * values.r_m3)
+
+
+FLAWS: dict[str, Fault] = {
+    "late": FORCE(late(3e-3)),
+    "filter": FORCE(low_pass(30.0)),
+    "slow_friction": FORCE(
+        lambda y, one: y + 30.0 * np.sign(speed(one)) * np.exp(-np.abs(speed(one)) / 0.05)
+    ),
+    "side_load": FORCE(lambda y, one: y + 900.0 * np.abs(one.displacement) * np.sign(speed(one))),
+    "presliding": FORCE(
+        lambda y, one: (
+            y - 100.0 * np.sign(speed(one)) * np.exp(-(0.032 - np.abs(one.displacement)) / 5e-4)
+        )
+    ),
+    "gas": FORCE(lambda y, one: y - 1500.0 * one.displacement),
+    "mass": FORCE(lambda y, one: y - 3.0 * (3.0 * np.pi) ** 2 * one.displacement),
+    "zero": FORCE(lambda y, _: y + 25.0),
+    "drift": FORCE(lambda y, one: y + 15.0 * ramp(one)),
+    "fades": FORCE(lambda y, one: y * (1.0 - 0.05 * ramp(one))),
+    "cell": FORCE(lambda y, _: y + 0.03 * y * (y / 1500.0) ** 2),
+    "mounting": PLACE(lambda y, one: y + one.force / 2e6),
+    "play": PLACE(lambda y, one: y + 1.5e-4 * np.tanh(one.force / 20.0)),
+    "end_stop": FORCE(lambda y, one: y + 5e4 * np.maximum(one.displacement - 0.03, 0.0)),
+    "hum": FORCE(lambda y, one: y + 15.0 * np.sin(18.2 * np.pi * one.time)),
+}
+
+
+def speed(one: Recording) -> np.ndarray:
+    return np.gradient(0.032 * np.sin(3.0 * np.pi * (one.time + 0.7)), one.time)
+
+
+@case
+def flaws() -> Any:
+    """One fault of rig or damper each, and what is said of its misfit."""
+    return {
+        name: told(fit([change(SINE())], fix={"r_m3": 2.597e6})) for name, change in FLAWS.items()
+    }
+
+
+@case
+def odd_logs() -> Any:
+    """One log of three with another clock, stroke or gain."""
+    sound = [log(sine(), setting=one) for one in (4, 10, 16)]
+    changes = {
+        "clock": with_("time", lambda t, _: 1.02 * t),
+        "stroke": PLACE(lambda y, _: 1.03 * y),
+        "gain": FORCE(lambda y, _: 1.05 * y),
+    }
+    return {
+        name: told(fit([sound[0], change(sound[1]), sound[2]])) for name, change in changes.items()
+    }
+
+
+VALVES = {
+    "rebound_bleed": 5e4, "rebound_opening": 2.5e5, "rebound_slope": 5e6,
+    "compression_bleed": 4e4, "compression_opening": 2e5, "compression_slope": 4e6,
+    "k_e": 9e8, "f_f": 20.0, "f_0": -12.0, "return_slope": 2.5e5, "k_s": 4e5,
+    "play": 4e-4, "lag": 6e-3,
+}  # fmt: skip
+SLOWER = ((0.02, 0.5, 3), (0.02, 2.0, 7))
+
+
+def valve_log(
+    model: Any, setting: Any, motion: Motion | None = None, **factors: float
+) -> Recording:
+    values = {name: VALVES[name] * factors.get(name, 1.0) for name in VALVES if name in model.names}
+    motion = motion or parts(*SLOWER)
+    return log(motion, model.values(values), model, setting=setting, noise=1.5, jitter=3e-6)
+
+
+@cache
+def of_valves() -> damperfit.Run:
+    """A twin tube behind a mounting with play and lag."""
+    model = TwinTube(gas_pressure=5e5, mounting=Mounting(FIT, FIT, FIT))
+    logs = [valve_log(model, 3), valve_log(model, 5, rebound_bleed=0.7, rebound_opening=1.4)]
+    return fit(logs, damper=model)
+
+
+@case
+def valves() -> Any:
+    run = of_valves()
+    return {
+        **told(run, whole=True),
+        "orifices": damperfit.valves(run, seat="8mm", force="500N", velocity="0.2m/s").document(),
+        "advise": damperfit.advise(run, for_="force@0.1m/s", setting="3").document(),
+    }
+
+
+@case
+def adjusters() -> Any:
+    """Two adjusters whose clicks move bleeds and openings, in one fit."""
+    model = TwinTube(gas_pressure=5e5, mounting=Mounting(NONE))
+    moves = {6: 1.0, 14: 0.6}, {1: 1.0, 3: 1.5}
+    logs = [
+        valve_log(
+            model,
+            Setting((("low", low), ("high", high))),
+            rebound_bleed=soft,
+            compression_bleed=soft,
+            rebound_opening=stiff,
+        )
+        for low, soft in moves[0].items()
+        for high, stiff in moves[1].items()
+    ]
+    return told(fit(logs, damper=model, procedure="joint"), whole=True)
+
+
+@case
+def searched() -> Any:
+    """Structures of one log."""
+    model = TwinTube(gas_pressure=5e5, mounting=Mounting(NONE))
+    one = valve_log(model, 3)
+    frame = pd.DataFrame(
+        {"time_s": one.time, "displacement_m": one.displacement, "force_N": one.force}
+    )
+    found = damperfit.models({"3": frame}, layout="twin_tube", damper=model, jobs=1).document()
+    return {name: found[name] for name in ("chosen", "settings")}
+
+
+def written() -> dict[str, dict[str, str]]:
+    """Return the stored lines, by case and place."""
+    found: dict[str, dict[str, str]] = {}
+    for line in SNAPSHOT.read_text(encoding="utf-8").splitlines() if SNAPSHOT.exists() else ():
+        if line.startswith("["):
+            found[line[1:-1]] = now = {}
+        elif line:
+            place, _, values = line.partition(": ")
+            now[place] = values
+    return found
+
+
+def check(name: str) -> None:
+    """Say which numbers of a case have moved."""
+    was, now = written()[name], lines_of(CASES[name]())
+    gone = [f"{place}: gone, was {was[place]}" for place in was if place not in now]
+    new = [f"{place}: new, {now[place]}" for place in now if place not in was]
+    both = [moved(f"{name} {place}", was[place], now[place]) for place in was if place in now]
+    told = [line for line in (*both, *gone, *new) if line]
+    assert not told, (
+        f"{len(told)} lines of {name} moved; python -m tests.test_numbers {name}:\n"
+        + "\n".join(told[:60])
+    )
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if not name.startswith("model ")])
+def test_no_number_has_moved(name: str) -> None:
+    check(name)
+
+
+def main() -> None:
+    """Write the numbers of some cases, or of all."""
+    asked = sys.argv[1:] or list(CASES)
+    known = written() | {name: lines_of(CASES[name]()) for name in asked}
+    text = "".join(
+        f"[{name}]\n"
+        + "".join(f"{place}: {values}\n" for place, values in known[name].items())
+        + "\n"
+        for name in CASES
+        if name in known
+    )
+    SNAPSHOT.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
