@@ -20,7 +20,7 @@ __version__ = "0.1.0"
 # A name of the door, and the module that has it.
 _DOOR = {
     "Damper": "damperfit.damper.purdy.parameters",
-    "Motion": "damperfit.simulation.motion",
+    "Motion": "damperfit.simulation",
     "Run": "damperfit.results",
     **dict.fromkeys(
         ("advise", "passport", "ride", "valves", "watch"), "damperfit.after_fit.functions"

@@ -24,8 +24,6 @@ from damperfit.simulation import Motion, SolverOptions, motion_of, simulate
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Values
     from damperfit.damper.purdy.parameters import Damper
     from damperfit.recording import Trace
@@ -39,7 +37,6 @@ _WIDEST_FACTOR, _TOLERANCE = 1e3, 1e-3
 _SETTLING = 0.25
 # The straight line is this good at the sample runs; a wider bracket follows where it is not.
 _FIRST_STEP = 0.01
-_DOUBT = "; the model does not match these logs, so the damper itself may be full"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +60,12 @@ class Cavitation:
         """Fraction by which the resistance may rise that empties a chamber; as `r_m3_margin`."""
         return self.r_m3_margin
 
+    @property
+    def moment(self) -> str:
+        """When the pressure is lowest, in words."""
+        x, v = f"x = {1e3 * self.displacement:+.0f} mm", f"v = {self.velocity:+.2f} m/s"
+        return f"{x}, {v} of the {'rebound' if self.velocity > 0.0 else 'bump'}"
+
 
 def describe_cavitation(
     settings: Mapping[Setting, Cavitation], *, doubted: Collection[Setting] = ()
@@ -72,50 +75,38 @@ def describe_cavitation(
     Of what the fitted model shows; in settings that are doubted it does not match the logs, where
     its empty chamber is no evidence, and nothing is advised against it.
     """
-    empty = {setting: one for setting, one in settings.items() if one.fraction > 0.0}
+    said = []
+    for setting, one in sorted((s, one) for s, one in settings.items() if one.fraction > 0.0):
+        sentence = (
+            f"setting {setting}: {_share(one.fraction)} of the cycle with chamber {one.chamber} at "
+            f"zero pressure, from {one.moment}"
+        )
+        if setting in doubted:
+            sentence += "; the model does not match these logs, so the damper itself may be full"
+        elif not math.isnan(one.safe_gas_pressure):
+            lower = f", or R_m3 lower by {_share(-one.r_m3_margin)},"
+            sentence += (
+                f"; it takes a gas pressure of {one.safe_gas_pressure / 1e5:.2f} bar absolute"
+                f"{'' if math.isnan(one.r_m3_margin) else lower} to keep it full"
+            )
+        said.append(sentence)
     full = {setting: one for setting, one in settings.items() if one.fraction == 0.0}
-    said = [
-        f"setting {setting}: {_share(one.fraction)} of the cycle with chamber {one.chamber} at "
-        f"zero pressure, {_moment(one, 'from')}{_DOUBT if setting in doubted else _needed(one)}"
-        for setting, one in sorted(empty.items())
-    ]
-    if full:
-        said.append(_nearest(full, "no chamber cavitates" if not empty else "elsewhere none does"))
+    if full:  # by the one that is nearest to it
+        setting = min(full, key=lambda setting: full[setting].lowest_pressure)
+        one = full[setting]
+        sentence = (
+            f"{'elsewhere none does' if said else 'no chamber cavitates'}; lowest pressure "
+            f"{one.lowest_pressure / 1e5:.2f} bar absolute, in chamber {one.chamber} of setting "
+            f"{setting}, at {one.moment}"
+        )
+        if not math.isnan(one.r_m3_margin + one.safe_gas_pressure):
+            sentence += (
+                f"; there R_m3 may rise by {_share(one.r_m3_margin)}, or the gas pressure "
+                f"fall to {one.safe_gas_pressure / 1e5:.2f} bar absolute, until a chamber "
+                "cavitates on this motion"
+            )
+        said.append(sentence)
     return tuple(said)
-
-
-def _nearest(full: Mapping[Setting, Cavitation], opening: str) -> str:
-    """The settings that do not cavitate, by the one that is nearest to it."""
-    setting = min(full, key=lambda setting: full[setting].lowest_pressure)
-    one = full[setting]
-    words = (
-        f"{opening}; lowest pressure {one.lowest_pressure / 1e5:.2f} bar absolute, in chamber "
-        f"{one.chamber} of setting {setting}, {_moment(one, 'at')}"
-    )
-    if math.isnan(one.r_m3_margin) or math.isnan(one.safe_gas_pressure):
-        return words
-    return (
-        f"{words}; there R_m3 may rise by {_share(one.r_m3_margin)}, or the gas pressure "
-        f"fall to {one.safe_gas_pressure / 1e5:.2f} bar absolute, until a chamber cavitates on "
-        "this motion"
-    )
-
-
-def _moment(one: Cavitation, word: str) -> str:
-    stroke = "rebound" if one.velocity > 0.0 else "bump"
-    return (
-        f"{word} x = {1e3 * one.displacement:+.0f} mm, v = {one.velocity:+.2f} m/s of the {stroke}"
-    )
-
-
-def _needed(one: Cavitation) -> str:
-    if math.isnan(one.safe_gas_pressure):
-        return ""
-    by_valve = f", or R_m3 lower by {_share(-one.r_m3_margin)},"
-    return (
-        f"; it takes a gas pressure of {one.safe_gas_pressure / 1e5:.2f} bar absolute"
-        f"{'' if math.isnan(one.r_m3_margin) else by_valve} to keep it full"
-    )
 
 
 def _share(fraction: float) -> str:
@@ -124,45 +115,26 @@ def _share(fraction: float) -> str:
 
 def seen_cavitation(seen: Sequence[tuple[Trace, Response]]) -> Cavitation:
     """Return what the pressures of a setting's logs show."""
-    trace, pressures, chamber, moment = _lowest_log(seen)
-    lowest, fraction = float(pressures.min()), 0.0
+    return _lowest(seen)[0]
+
+
+def _lowest(seen: Sequence[tuple[Trace, Response]]) -> tuple[Cavitation, Trace, Response, int]:
+    """The same with the log of the lowest pressure, and its sample."""
+    trace, response = min(seen, key=lambda log: float(log[1].pressures[:, log[0].compared].min()))
+    part = trace.compared
+    pressures = response.pressures[:, part]
+    row, at = np.unravel_index(int(np.argmin(pressures)), pressures.shape)
+    lowest, fraction = float(pressures[row, at]), 0.0
     if lowest <= 0.0:
         empty = [(r.pressures[:, t.compared] <= 0.0).any(axis=0) for t, r in seen]
         fraction = float(np.mean(np.concatenate(empty)))
-    return Cavitation(
-        fraction=fraction,
-        lowest_pressure=lowest,
-        chamber=chamber + 1,
-        displacement=float(trace.displacement[moment]),
-        velocity=float(trace.velocity[moment]),
-    )
-
-
-def _lowest_log(
-    seen: Sequence[tuple[Trace, Response]],
-) -> tuple[Trace, NDArray[np.float64], int, int]:
-    """Return the log with the lowest pressure, its compared pressures, chamber (from 0), sample."""
-    trace, response = seen[0]
-    if len(seen) > 1:
-        trace, response = min(
-            seen, key=lambda pair: float(pair[1].pressures[:, pair[0].compared].min())
-        )
-    part = trace.compared
-    pressures = response.pressures[:, part]
-    chamber, sample = _emptiest(pressures)
-    moment = part.start + sample if isinstance(part, slice) else part[sample]
-    return trace, pressures, chamber, int(moment)
-
-
-def _emptiest(pressures: NDArray[np.float64]) -> tuple[int, int]:
-    """Chamber (from 0) and sample of the lowest pressure, or of the longest time at zero."""
-    chamber, sample = np.unravel_index(int(np.argmin(pressures)), pressures.shape)
-    if pressures[chamber, sample] > 0.0:
-        return int(chamber), int(sample)
-    is_empty = pressures <= 0.0
-    longest = int(np.argmax(np.count_nonzero(is_empty, axis=1)))
-    begins = np.flatnonzero(np.diff(is_empty[longest].astype(np.int8)) > 0)
-    return longest, int(begins[0]) + 1 if len(begins) else 0
+        # The chamber that is longest at zero, and when it gets there.
+        row = np.argmax(np.count_nonzero(pressures <= 0.0, axis=1))
+        begins = np.flatnonzero(np.diff((pressures[row] <= 0.0).astype(np.int8)) > 0)
+        at = begins[0] + 1 if len(begins) else np.intp(0)
+    moment = int(part.start + at if isinstance(part, slice) else part[at])
+    x, v = float(trace.displacement[moment]), float(trace.velocity[moment])
+    return Cavitation(fraction, lowest, int(row) + 1, x, v), trace, response, moment
 
 
 def examine_cavitation(
@@ -176,9 +148,7 @@ def examine_cavitation(
 
     The one with the lowest pressure is looked at closely.
     """
-    found = seen_cavitation(seen)
-    trace, _, _, moment = _lowest_log(seen)
-    response = next(one for of, one in seen if of is trace)
+    shown, trace, response, moment = _lowest(seen)
     line = _nearness(parameters, trace, response, damper)
     motion, n = _shortest(trace, moment)
 
@@ -198,7 +168,7 @@ def examine_cavitation(
         known,
     )
     safe = _root(lambda factor: lowest(parameters, factor * damper.gas_pressure), line, known)
-    return replace(found, r_m3_margin=margin - 1.0, safe_gas_pressure=safe * damper.gas_pressure)
+    return replace(shown, r_m3_margin=margin - 1.0, safe_gas_pressure=safe * damper.gas_pressure)
 
 
 def _nearness(parameters: Values, trace: Trace, response: Response, damper: Damper) -> float:

@@ -19,7 +19,7 @@ from damperfit.comparison import Point
 from damperfit.errors import ConfigurationError
 from damperfit.fleets.parts import SERIAL, SYMBOL
 from damperfit.problem import Option
-from damperfit.simulation.characteristics import NAMED_SPEEDS
+from damperfit.simulation import NAMED_SPEEDS
 from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tested.setting import Setting, parse_place
 

@@ -32,11 +32,8 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-# A steady cycle of any model by its own integrator, and synthetic numbers of real valves.
-#
-# Only the paper's model is integrated once more in plain Python (`steady`). What is made of the
-# others tests fits, intervals and searches for a law, not the integrator.
-
+# Of a steady cycle by the model's own integrator. Only the paper's is integrated once more in plain
+# Python (`steady`); what is made of the others tests fits and searches for a law.
 _SAMPLES = 2000  # of a cycle; 0.3 ms at 1.5 Hz
 _CYCLES = 8
 _PERIODIC = 1e-3  # of the force's range: what the last two cycles may differ by
@@ -95,7 +92,7 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
     `speed` is the highest of the test, m/s.
     """
     from damperfit.damper.network import PARTS
-    from damperfit.damper.valve_dampers import Monotube, ValveDamper
+    from damperfit.damper.valve_dampers import STROKES, Monotube, ValveDamper
 
     if not isinstance(damper, ValveDamper):
         raise ConfigurationError(
@@ -104,19 +101,17 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
             parameters=Option("parameters"),
             code="no-parameters",
         )
-    force = _FORCE + _CLICK * setting
-    known = {name: one for name, one in _BESIDE.items() if name in damper.names}
-    strokes = zip(("rebound", "compression"), damper.pressed_areas, (1.0, _BUMP), strict=True)
-    for stroke, area, share in strokes:
-        highest = share * force / area
+    numbers = dict(_BESIDE)
+    for stroke, area, share in zip(STROKES, damper.pressed_areas, (1.0, _BUMP), strict=True):
+        highest = share * (_FORCE + _CLICK * setting) / area
         if isinstance(damper, Monotube) and stroke == "compression":
             highest = min(highest, _OF_GAS * damper.gas_pressure)
         flow = _THROUGH_BLEED * damper.oil_density * area * speed
         opening, bleed = _OPENS * highest, math.sqrt(highest) / flow
         slope = (highest - opening) / flow
         parts = {p: one.guess(opening, slope, highest, flow) for p, one in PARTS.items()}
-        known |= {f"{stroke}_{p}": number for p, number in (parts | {"bleed": bleed}).items()}
-    return damper.values({name: one for name, one in known.items() if name in damper.names})
+        numbers |= {f"{stroke}_{p}": number for p, number in (parts | {"bleed": bleed}).items()}
+    return damper.values({name: one for name, one in numbers.items() if name in damper.names})
 
 
 _MADE_UP = "# rig: synthetic (damperfit samples)"
@@ -260,11 +255,9 @@ def _log_text(cycle: SteadyCycle | SimulatedCycle, setting: int, options: Sample
 
 def _truth_text(truth: Mapping[int, Values], names: Sequence[str]) -> str:
     """Return the true values as CSV, every digit, SI."""
-    rows = [",".join(("setting", *names))]
-    for setting, parameters in truth.items():
-        values = (getattr(parameters, name) for name in names)
-        rows.append(",".join((str(setting), *(repr(float(value)) for value in values))))
-    return "\n".join([*rows, ""])
+    rows = [("setting", *names)]
+    rows += [(str(s), *(repr(float(number)) for number in y.numbers)) for s, y in truth.items()]
+    return "\n".join([*(",".join(row) for row in rows), ""])
 
 
 def _readme_text(options: SampleOptions, *, is_reference: bool) -> str:
@@ -329,11 +322,11 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
 ) -> tuple[Path, ...]:
     """Write one synthetic log for each setting, ``truth.csv`` and ``README.md``, as a set.
 
+    The folder is made when it does not exist; files of the same name are replaced, and synthetic
+    logs of other settings go. Returns the logs, in the order of ``options.settings``.
+
     Parameters
     ----------
-    folder : str or Path
-        Made when it does not exist; files of the same name are replaced, and synthetic logs of
-        other settings go.
     options : SampleOptions, optional
         Test, instruments, damper; the default is the paper's test at 500 Hz.
     parameters : mapping of int to Values, optional
@@ -341,11 +334,6 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
         model, synthetic valves of the others.
     on_log : callable, optional
         Called with the path of each log when it is computed (for progress).
-
-    Returns
-    -------
-    tuple of Path
-        The logs, in the order of ``options.settings``.
 
     Raises
     ------

@@ -8,8 +8,7 @@ any phase.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,8 +33,7 @@ _MOST_CYCLES = 30
 _DEAD_BAND = 1e-4  # m/s; friction is linear inside
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SteadyCycle:
+class SteadyCycle(NamedTuple):
     """One steady cycle of a sine test, x = A sin(2 pi phase); phases are in cycles, shape (n,)."""
 
     parameters: Parameters
@@ -71,10 +69,16 @@ class SteadyCycle:
         return np.asarray(oil + device.rod_area * device.ambient_pressure + friction + y.f_0)
 
 
-def _rates(
-    parameters: Parameters, damper: Damper, amplitude: float, frequency: float
-) -> Callable[[float, FloatArray], tuple[float, float]]:
-    """Return dm_1, dm_2 per cycle as a function of phase and (m_1, m_2), kg."""
+def steady_cycle(
+    parameters: Parameters, damper: Damper, *, amplitude: float, frequency: float
+) -> SteadyCycle:
+    """Integrate a sine test of m and Hz with SciPy's Radau until a cycle repeats the one before.
+
+    Returns the first cycle that ends as it began, to 1e-9 of the oil mass.
+    """
+    from scipy.integrate import solve_ivp
+
+    gas_pressure(damper, -amplitude)  # refuses a stroke with no room for the gas
     a_p1, a_p2 = damper.annulus_area, damper.piston_area
     v_10, v_20, v_g0 = damper.chamber_1_volume, damper.chamber_2_volume, damper.gas_volume
     rho, p_0, gamma = damper.oil_density, damper.gas_pressure, damper.gas_exponent
@@ -83,6 +87,7 @@ def _rates(
     period = 1.0 / frequency
 
     def rates(phase: float, masses: FloatArray) -> tuple[float, float]:
+        """Return dm_1 and dm_2 per cycle, kg."""
         m_1, m_2 = float(masses[0]), float(masses[1])
         x = amplitude * math.sin(2.0 * math.pi * phase)
         p_1 = max(0.0, k_e * (m_1 / (rho * (v_10 - x * a_p1)) - 1.0) + p_0)
@@ -98,35 +103,13 @@ def _rates(
         w_3 = max(0.0, p_3 - p_2) / r_m3
         return period * (w_2 - w_1), period * (w_3 - w_2)
 
-    return rates
-
-
-def steady_cycle(
-    parameters: Parameters, damper: Damper, *, amplitude: float, frequency: float
-) -> SteadyCycle:
-    """Integrate a sine test of m and Hz with SciPy's Radau until a cycle repeats the one before.
-
-    Returns the first cycle that ends as it began, to 1e-9 of the oil mass.
-    """
-    from scipy.integrate import solve_ivp
-
-    gas_pressure(damper, -amplitude)  # refuses a stroke with no room for the gas
-    rates = _rates(parameters, damper, amplitude, frequency)
-    rho = damper.oil_density
-    masses = np.array([rho * damper.chamber_1_volume, rho * damper.chamber_2_volume])
-    gap = math.inf
+    masses, gap = np.array([rho * v_10, rho * v_20]), math.inf
     for _ in range(_MOST_CYCLES):
         with np.errstate(divide="ignore", over="ignore"):  # a step without error is no trouble
             solution = solve_ivp(
-                rates,
-                (0.0, 1.0),
-                masses,
-                method="Radau",
-                rtol=RTOL,
-                atol=1e-6 * RTOL * masses,
-                max_step=_LONGEST_STEP,
-                dense_output=True,
-            )
+                rates, (0.0, 1.0), masses, method="Radau", rtol=RTOL, atol=1e-6 * RTOL * masses,
+                max_step=_LONGEST_STEP, dense_output=True,
+            )  # fmt: skip
         if not solution.success or solution.sol is None:
             raise SimulationError(
                 f"samples: {parameters}: {solution.message}", code="not-integrated"

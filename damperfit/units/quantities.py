@@ -47,6 +47,14 @@ class Unit(NamedTuple):
         return value * self.factor + self.offset
 
 
+# Where it matters what a pressure counts from; without a letter it is absolute.
+_ABSOLUTE: dict[str, float | tuple[float, float]] = {
+    "bar": 1e5, "bara barA bar(a) bar(abs)": 1e5, "barg barG bar(g)": (1e5, _ATMOSPHERE),
+    "psi": _PSI, "psia psiA psi(a)": _PSI, "psig psiG psi(g)": (_PSI, _ATMOSPHERE),
+    "MPa": 1e6, "MPaa MPa(a)": 1e6, "MPag MPa(g)": (1e6, _ATMOSPHERE),
+    "kPa": 1e3, "kPaa kPa(a)": 1e3, "kPag kPa(g)": (1e3, _ATMOSPHERE),
+    "Pa": 1.0, "Paa Pa(a)": 1.0,
+}  # fmt: skip
 # Dimension -> spelling(s) divided by blanks -> factor (or factor and offset) to SI.
 # Case matters: MN and mN, or MPa and mPa, are a billion apart. Spellings in capitals are listed
 # only where they can mean nothing else.
@@ -77,31 +85,8 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "h hr hour hours": 3600.0,
         "day days": 86_400.0,
     },
-    "pressure": {
-        "Pa": 1.0,
-        "kPa": 1e3,
-        "MPa": 1e6,
-        "GPa": 1e9,
-        "bar": 1e5,
-        "psi": _PSI,
-    },
-    # Where it matters what a pressure counts from; without a letter it is absolute.
-    "absolute pressure": {
-        "bar": 1e5,
-        "bara barA bar(a) bar(abs)": 1e5,
-        "barg barG bar(g)": (1e5, _ATMOSPHERE),
-        "psi": _PSI,
-        "psia psiA psi(a)": _PSI,
-        "psig psiG psi(g)": (_PSI, _ATMOSPHERE),
-        "MPa": 1e6,
-        "MPaa MPa(a)": 1e6,
-        "MPag MPa(g)": (1e6, _ATMOSPHERE),
-        "kPa": 1e3,
-        "kPaa kPa(a)": 1e3,
-        "kPag kPa(g)": (1e3, _ATMOSPHERE),
-        "Pa": 1.0,
-        "Paa Pa(a)": 1.0,
-    },
+    "pressure": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5, "psi": _PSI},
+    "absolute pressure": _ABSOLUTE,
     "frequency": {"Hz": 1.0, "kHz": 1e3},
     "power": {"W": 1.0, "kW": 1e3},
     "temperature": {
@@ -136,7 +121,6 @@ _UNITS = {
     }
     for dimension, table in _TABLE.items()
 }
-_BARE_PRESSURES = {"bar", "psi", "MPa", "kPa", "Pa"}
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.+-].*?)?\s*",
     re.ASCII,
@@ -156,10 +140,7 @@ def is_unit(name: str | None, dimension: str = "") -> bool:
 def find_unit(name: str, dimension: str) -> Unit:
     """Return the unit of a dimension ("length", "force", ...) by its name, in which case matters.
 
-    Raises
-    ------
-    QuantityError
-        The dimension has no such unit.
+    A `QuantityError`: the dimension has no such unit.
 
     Examples
     --------
@@ -189,9 +170,10 @@ def _hint(name: str, units: dict[str, Unit]) -> str:
         return ""
     if name.lower() == "kg" and "kgf" in units:
         return " A kilogram is a mass: a load in kilograms is 'kgf', 9.80665 N each"
-    near = [unit for unit in units if unit.lower() == name.lower()]
     # Whoever writes a capital M means mega.
-    near = [unit for unit in near if (name[0], unit[0]) != ("M", "m")]
+    near = [
+        unit for unit in units if unit.lower() == name.lower() and (name[0], unit[0]) != ("M", "m")
+    ]
     if not near and len(name) >= _WORD:
         words = [unit for unit in units if len(unit) >= _WORD - 1 and unit[0] == name[0]]
         near = get_close_matches(name, words, n=1, cutoff=_SLIP)
@@ -237,28 +219,28 @@ def _converted(text: str | float, dimension: str) -> float:
             raise QuantityError(
                 f"expected a number or a text such as '{example}' for a {dimension}, found {text!r}"
             ) from None
-    found = _QUANTITY.fullmatch(text)
-    if found is None:
+    parts = _QUANTITY.fullmatch(text)
+    if parts is None:
         raise QuantityError(
             f"{text!r} cannot be read as {dimension}; expected a finite number with a unit, "
             f"as in {example}, or a bare number in {example[3:]}"
         )
-    number = float(found["number"])
-    if found["unit"] is None:
+    number = float(parts["number"])
+    if parts["unit"] is None:
         return number
-    unit = find_unit(found["unit"], dimension)
+    unit = find_unit(parts["unit"], dimension)
     if unit.offset != 0.0 or not 1e-200 < abs(number) < 1e200:  # Fraction(1e-999999) never ends
         return unit.to_si(number)
     from fractions import Fraction
 
-    return float(Fraction(found["number"]) * Fraction(repr(unit.factor)))
+    return float(Fraction(parts["number"]) * Fraction(repr(unit.factor)))
 
 
 def says_absolute_or_gauge(text: str) -> bool:
     """Say whether the unit of a pressure tells what it counts from."""
-    found = _QUANTITY.fullmatch(text)
-    units = _UNITS["absolute pressure"].keys() - _BARE_PRESSURES
-    return found is not None and found["unit"] in units
+    parts = _QUANTITY.fullmatch(text)
+    units = _UNITS["absolute pressure"].keys() - _UNITS["pressure"].keys()
+    return parts is not None and parts["unit"] in units
 
 
 def engineering(value: float, *, digits: int = 4) -> str:

@@ -90,12 +90,8 @@ SI = ShownUnits()
 def parse_units(text: str, where: Where | None = None) -> ShownUnits:
     """Return the units of a list such as "lbf,in/s", in any order; what is not named stays SI.
 
-    `where` it stands is by itself the option ``--units``.
-
-    Raises
-    ------
-    QuantityError
-        A unit is unknown, or two are of one kind.
+    `where` it stands is by itself the option ``--units``. A `QuantityError`: a unit is unknown, or
+    two are of one kind.
     """
     where = where or Option("units", text)
     chosen: dict[str, Unit] = {}
