@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     Names = Sequence[str]
     Ranges = Mapping[str, tuple[float, float, str]]
 
-# Signatures of `damperfit.uncertainty.flaws`: of any force, and of what holds oil and gas.
+# Signatures of `damperfit.uncertainty.residuals`: of any force, and of what holds oil and gas.
 FLAWS_OF_FORCE = (
     "delay", "offset", "friction_with_speed", "friction_with_position", "friction_with_pressure",
     "valve_law_rebound", "valve_law_bump",

@@ -18,10 +18,9 @@ if TYPE_CHECKING:
     from damperfit.uncertainty.profiles import *  # noqa: F403
     from damperfit.uncertainty.residuals import *  # noqa: F403
     from damperfit.uncertainty.speed_forces import *  # noqa: F403
-    from damperfit.uncertainty.verdicts import *  # noqa: F403
 
 _NAMES = {
-    "assessment": "METHOD Assessment assess profile_campaign",
+    "assessment": "METHOD Assessment assess profile_campaign reconsider",
     "covariance": "GasContent Interval Uncertainty uncertainties",
     "grades": "Objection objections",
     "linearisation": "linearise_settings",
@@ -31,7 +30,6 @@ _NAMES = {
     "profiles": "Bench MisfitProfile",
     "residuals": "Diagnosis",
     "speed_forces": "SpeedForces",
-    "verdicts": "reconsider",
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 

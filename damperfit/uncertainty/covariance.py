@@ -52,6 +52,8 @@ if TYPE_CHECKING:
 
 # Of the largest eigenvalue, of matrices with a diagonal of ones: what is less is rounding.
 _ROUNDED_OFF = 1e-14
+# At this correlation knowing the one would shrink the error of the other to a third.
+_CORRELATED = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +96,15 @@ class Uncertainty:
         with np.errstate(invalid="ignore"):
             return np.asarray(self.covariance / np.outer(scale, scale))
 
+    @property
+    def ties(self) -> list[tuple[str, str, float]]:
+        """Pairs of names that are strongly correlated."""
+        matrix = self.correlation
+        return [
+            (self.names[i], self.names[j], float(matrix[i, j]))
+            for i, j in zip(*np.nonzero(np.abs(np.triu(matrix, 1)) > _CORRELATED), strict=True)
+        ]
+
     def error(self, name: str) -> float:
         """Return the standard error of noise of ln y, of an offset in its unit."""
         place = self.names.index(name)
@@ -125,10 +136,7 @@ def make_interval(
 def uncertainties(
     linearised: Sequence[Linearisation], sharing: Sharing, *, on_error: OnError | None = None
 ) -> tuple[Uncertainty, ...]:
-    """Return errors and intervals for every setting of a campaign.
-
-    A setting that meets an error is left out where `on_error` is there to be told of it.
-    """
+    """Return errors and intervals by setting; one that meets an error is told to `on_error`."""
     both = list(zip(_shared_rows(linearised, sharing), linearised, strict=True))
     nothing = np.zeros((len(sharing.variables),) * 2)
     noise = [row @ one.scores @ row.T for row, one in both]
@@ -156,9 +164,10 @@ def _of_setting(
     pulls: tuple[FloatArray, FloatArray],
     flawed: Mapping[str, FloatArray],
 ) -> Uncertainty:
-    """The sandwich of one setting; ``others`` are T M T^T summed over all but it.
+    """The sandwich of one setting.
 
-    ``pulls`` are T of what repeats in each block of phase and of defaults, summed over all.
+    `others` are T M T^T summed over all but it, `pulls` T of what repeats in each block of phase
+    and of defaults, `flawed` T of each flaw, summed over all.
     """
     fit, values = one.fit, one.fit.parameters
     own, shared = own_names(fit, sharing), sharing.found_at(fit.setting)
@@ -174,20 +183,18 @@ def _of_setting(
     misfit = np.diag(by_shared @ others[1] @ by_shared.T)
     if one.misfit is not None:
         misfit = misfit + np.diag(of_own @ one.misfit @ of_own.T)
+
+    def shifts(of_all: FloatArray, mine: FloatArray | None) -> FloatArray:
+        return by_shared @ of_all if mine is None else by_shared @ of_all + direct @ mine
+
     repeating, supposed = pulls
     if repeating.ndim:  # the same law misses every setting alike
-        alike = by_shared @ repeating
-        if one.repeating is not None:
-            alike = alike + direct @ one.repeating.T
-        misfit = np.maximum(misfit, np.sum(alike**2, axis=1))
+        mine = None if one.repeating is None else one.repeating.T
+        misfit = np.maximum(misfit, np.sum(shifts(repeating, mine) ** 2, axis=1))
     if one.supposed is not None:
-        shifts = direct @ one.supposed + by_shared @ supposed
-        misfit = misfit + np.sum(shifts**2, axis=1)
-    for name, of_shared in flawed.items():
-        shift = by_shared @ of_shared
-        if name in one.flawed:
-            shift = shift + direct @ one.flawed[name]
-        misfit = misfit + shift**2
+        misfit = misfit + np.sum(shifts(supposed, one.supposed) ** 2, axis=1)
+    for name, of_all in flawed.items():
+        misfit = misfit + shifts(of_all, one.flawed.get(name)) ** 2
     by_cycles, by_lags = (
         np.diag(direct @ scores @ direct.T) for scores in (one.cycle_scores, one.scores)
     )
@@ -217,10 +224,7 @@ def _sums_of_others(parts: Sequence[FloatArray], nothing: FloatArray) -> list[Fl
 
 
 def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
-    """Return the parameters that a setting's own fit found or sought, but for those at a bound.
-
-    None where that fit is no minimum, for nothing holds there.
-    """
+    """Return what a setting's own fit found or sought, but at a bound; none beside a minimum."""
     if not fit.outcome.is_minimum:
         return ()
     shared = sharing.found_at(fit.setting)
@@ -245,11 +249,9 @@ def _shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
 
 
 def solved(linearised: Linearisation, names: Sequence[str]) -> FloatArray:
-    """Return H_ff^-1 E_f of some parameters f, shape (k, n); a pseudo-inverse where H is singular.
-
-    The diagonal of H is brought to ones first.
-    """
+    """Return H_ff^-1 E_f of some parameters f, shape (k, n); by a pseudo-inverse."""
     places = linearised.places(names)
+    # The diagonal of H is brought to ones first.
     rows = np.zeros((len(places), len(linearised.names)))
     rows[:, places] = _inverse(linearised.information[np.ix_(places, places)])
     return rows

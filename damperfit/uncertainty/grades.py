@@ -95,17 +95,8 @@ def objections(
 ) -> dict[Setting, tuple[Objection, ...]]:
     """Return by setting why its grade is withheld; settings without a reason are left out.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The fits, with the statuses that their errors allow.
-    assessment : Assessment
-        What their residuals say.
-    gas : GasFacts or None
-        Of the damper, to tell the offset of a log by; None: it is not looked at.
-    assumed : str
-        Dimensions that nobody declared and what stands for them, as in "[damper] is not declared,
-        and with the dimensions of a generic damper"; empty where all are declared.
+    Without `gas` the offset is not looked at. `assumed` are dimensions that nobody declared, in
+    words, as in "[damper] is not declared, and with the dimensions of a generic damper".
     """
     diagnoses = {one.setting: one for one in assessment.diagnoses}
     doubted = _doubted_dimensions(campaign, diagnoses, assumed)
@@ -216,22 +207,16 @@ def _repeats(diagnosis: Diagnosis) -> bool:
 def _doubted_dimensions(
     campaign: Campaign, diagnoses: Mapping[Setting, Diagnosis], assumed: str
 ) -> dict[Setting, tuple[Objection]]:
-    """Return where what repeats is that of other dimensions, or of dimensions that nobody gave.
+    """Where what repeats is that of other dimensions, or of dimensions that nobody gave.
 
     Dimensions are the damper's: where one setting has shown them to be wrong, the others in which
     the same repeats are bent by them too, however little it is there.
     """
 
-    def is_of_gas(one: Diagnosis, *, or_offset: bool = False) -> bool:
-        """Whether what repeats is locked to the position as the force of another gas spring is.
-
-        What a wrong gas pressure does is an offset at soft settings.
-        """
-        if not one.hints:
-            return False
-        first = one.hints[0]
-        has_name = first.name.startswith("gas_") or (or_offset and first.name == "offset")
-        return has_name and first.share > LIMITS.dimensions
+    def is_of_gas(one: Diagnosis, *names: str) -> bool:
+        """Whether nearly all that repeats is as of another gas spring."""
+        is_named = bool(one.hints) and one.hints[0].name.startswith(("gas_", *names))
+        return is_named and one.hints[0].share > LIMITS.dimensions
 
     bent = [
         diagnoses[fit.setting]
@@ -240,30 +225,26 @@ def _doubted_dimensions(
         and _repeats(diagnoses[fit.setting])
         and fit.mse_percent > LIMITS.nothing_percent
     ]
-    said = {}
+    # What a wrong gas pressure does is an offset at soft settings.
+    is_gas_wrong = any(is_of_gas(one, "offset") for one in bent)
+    found = {}
     for setting, one in diagnoses.items() if bent else ():
-        misses = (
+        words = (
             f"the MSE is {one.mse_percent:.2g} %, of which only {one.noise_percent:.2g} % is noise"
         )
-        if one.is_structured and assumed:
-            said[setting] = f"{assumed} {misses}"
-        elif (
-            one.is_structured and is_of_gas(one) and any(is_of_gas(k, or_offset=True) for k in bent)
-        ):
-            said[setting] = f"{misses}, and the rest is as from {one.hints[0].words}"
-    return {
-        setting: (Objection("dimensions", "", f"{words}: declare the damper as it is"),)
-        for setting, words in said.items()
-    }
+        if not one.is_structured or not (assumed or (is_gas_wrong and is_of_gas(one))):
+            continue
+        words = f"{assumed} {words}" if assumed else f"{words}, and the rest is as from "
+        words += "" if assumed else one.hints[0].words
+        found[setting] = (Objection("dimensions", "", f"{words}: declare the damper as it is"),)
+    return found
 
 
 def offset_mismatch(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] | None:
-    """Return how far an offset is from the logs', over what that may be wrong by, and that, N.
-
-    Of the log that is farthest, of those that hide it least; None where no log tells.
-    """
+    """Return an offset's distance from the logs', over what that may be wrong by, and that, N."""
     value = getattr(fit.parameters, name)
     found = []
+    # Of the log that is farthest, of those that hide it least.
     levels = [force_level(log.trace, gas) for log in fit.logs if log.trace.n_cycles]
     most = _AS_CLEAR * min((one.doubt for one in levels), default=0.0)
     for level in (one for one in levels if one.doubt <= most):
@@ -277,8 +258,8 @@ def offset_mismatch(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] |
 def jump_ratio(fit: Fit, friction: float) -> float:
     """Return the jump of a Coulomb friction at the reversals over that of the logs.
 
-    Both behind the same filter and lag, over 20 ms to both sides. Valves add to the jump, so that a
-    sound damper has less than 1. NaN where something spreads the jump, or nothing repeats.
+    Both behind the same filter and lag, over 20 ms to both sides. Valves add to the jump: a sound
+    damper has less than 1. NaN where something spreads the jump, or nothing repeats.
     """
     if what_spreads(fit):
         return math.nan
@@ -341,8 +322,7 @@ def air_objections(
 ) -> dict[Setting, Objection]:
     """Return why no grade stands where the logs of the paper's model show the air on the rod.
 
-    They are fitted again, as the campaign without it was, with 1.013 bar of air. Nothing of another
-    model, where a free offset takes the air's place, or where it is not needed.
+    They are fitted again with 1.013 bar of air; nothing where a free offset takes its place.
     """
     offsets = {one.name for one in damper.quantities if one.is_offset}
     has_offset = any(fit.status[name] != Status.FIXED for fit in campaign.fits for name in offsets)
@@ -373,7 +353,7 @@ def air_objections(
         if other.mse_percent <= _OF_NOISE * noise.get(fit.setting, math.nan)
         for gain in _gains((fit, damper), (other, with_air), options.solver)
     ]
-    if not _is_certain(gains):
+    if not is_certain(gains):
         return {}
     return {
         fit.setting: Objection(
@@ -403,9 +383,7 @@ def _gains(
                 yield float(np.sum(cycle))
 
 
-def _is_certain(gains: Sequence[float]) -> bool:
+def is_certain(gains: Sequence[float]) -> bool:
     """Whether the mean of what is gained is above nothing by far more than chance."""
-    if len(gains) < 2:
-        return False
-    error = float(np.std(gains, ddof=1)) / math.sqrt(len(gains))
-    return float(np.mean(gains)) > _CERTAIN * error
+    n = len(gains)
+    return n > 1 and bool(np.mean(gains) > _CERTAIN * np.std(gains, ddof=1) / math.sqrt(n))

@@ -30,6 +30,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -40,19 +41,12 @@ from damperfit.damper.friction import other_turns, with_pressed_seal
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import SimulationError, sparing
 from damperfit.identification.log_facts import weights
+from damperfit.identification.mean_cycle import fast_length
 from damperfit.identification.outcome import Status
 from damperfit.identification.simulated_log import compare
+from damperfit.recording import FilterDesign
 from damperfit.simulation import SolverOptions, simulate
-from damperfit.uncertainty.correlation import (
-    correlation_length,
-    cycle_covariance,
-    independent_samples,
-    larger,
-    score_covariance,
-    stationary_covariance,
-    sums_by_cycle,
-    widening,
-)
+from damperfit.statistics import NORMAL_95, student_quantile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -62,9 +56,219 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit, LogFit, SimulatedLog
+    from damperfit.identification.mean_cycle import SettledCycle
     from damperfit.recording import Stretch, Trace
 
     FloatArray = NDArray[np.float64]
+
+
+# How residuals are correlated, and the variance of sums of correlated numbers.
+#
+# The error of a fit is linear in its scores g_t = J_t r_t (one row of the Jacobian times its
+# residual), so that its covariance needs the variance of their sum::
+#
+#     M = sum over lags l of  w(l) sum_t g_t g_{t+l}^T,     w(l) = 1 up to m, falling to 0 at 2 m
+#
+# The flat-topped window w leaves no bias where correlation ends before lag m; m is read from the
+# residual's own autocorrelation (Politis, "Adaptive bandwidth choice", J. Nonparametric
+# Statistics, 2003, with Bartlett's variance of a sample autocorrelation in place of that of white
+# noise, because a filtered residual is far from white). No form of the correlation is assumed,
+# and residuals that are larger in part of the cycle than elsewhere are allowed for.
+#
+# Where few samples hold most of what the log says of a parameter (a chamber that empties and
+# fills again), M rests on the few residuals there, which the fit has made small besides. The
+# residuals' autocovariance c over the whole stretch knows better how strong the noise is::
+#
+#     M' = sum over lags l of  w(l) c(l) sum_t J_t J_{t+l}^T
+#
+# It takes the noise to be alike everywhere; `larger` of both, direction by direction, errs least.
+#
+# Numbers with the autocorrelation rho are worth n / (2 sum of rho^2 - 1) independent ones. Lags
+# and lengths are in samples, matrices (k, k) and positive semi-definite.
+
+# A sample autocorrelation within this many of its standard errors counts as none.
+_NO_CORRELATION = 2.5
+# Directions of less variance than this share of the largest are nothing but rounding.
+_NOTHING = 1e-14
+# Independent samples a parameter; with more, errors are hardly short.
+_ENOUGH = 50.0
+# Samples to which lengths are rounded up: what a filter keeps of an impulse ends long before.
+_LIKE_LONG = 1024
+
+
+def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
+    """Return the sample autocorrelation at lags 0 to ``n_lags``; 1, 0, 0, ... for zeros."""
+    length = fast_length(len(residuals) + n_lags + 1)
+    spectrum = np.fft.rfft(residuals, length)
+    sums = np.fft.irfft(spectrum.real**2 + spectrum.imag**2, length)[: n_lags + 1]
+    if not sums[0] > 0.0:
+        return np.asarray(np.eye(1, n_lags + 1)[0])
+    return np.asarray(sums / sums[0])
+
+
+def independent(rho: FloatArray, n: float) -> float:
+    """Return how many independent numbers n with an autocorrelation from lag 0 on are worth."""
+    return n / (2.0 * float(rho @ rho) - 1.0)
+
+
+def independent_samples(design: FilterDesign, n: int) -> float:
+    """Return how many independent samples n of white noise behind a filter are worth."""
+    sections = np.ascontiguousarray(design.sections, dtype=np.float64)
+    longer = -(-n // _LIKE_LONG) * _LIKE_LONG
+    return independent(_behind(sections.tobytes(), longer, design.is_zero_phase)[:n], n)
+
+
+@lru_cache(maxsize=16)  # logs of one rig have one filter, and are as long to a few cycles
+def _behind(sections: bytes, n: int, is_zero_phase: bool) -> FloatArray:  # noqa: FBT001
+    """Autocorrelation of white noise behind a filter, (n,)."""
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
+    impulse = np.zeros(2 * n + 1)
+    impulse[n] = 1.0
+    rho = autocorrelation(apply_filter(design, impulse), n - 1)
+    rho.flags.writeable = False
+    return rho
+
+
+def correlation_length(residuals: FloatArray, *, longest: int) -> int:
+    """Return the lag beyond which residuals are not correlated, at most the longest."""
+    n = len(residuals)
+    longest = max(1, min(longest, n // 4))
+    rho = autocorrelation(residuals, longest)
+    # Bartlett: var(rho at a lag beyond m) is (1 + 2 sum of rho^2 up to m)/n.
+    bars = _NO_CORRELATION * np.sqrt((2.0 * np.cumsum(rho * rho) - 1.0) / n)
+    loud = np.flatnonzero(~(np.abs(rho[1:]) < bars[:-1])) + 1
+    begins, ends = np.concatenate([[0], loud]), np.concatenate([loud, [longest + 1]])
+    # Quiet for as long as the correlation itself lasted, and for five lags at least.
+    is_quiet = ends - begins > np.maximum(begins, 5)
+    return int(begins[np.argmax(is_quiet)]) if is_quiet.any() else longest
+
+
+def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
+    """Return M of the scores of one stretch, (n, k), that are correlated up to a lag."""
+    n = len(scores)
+
+    def windowed(window: FloatArray) -> FloatArray:
+        length = fast_length(n + len(window))
+        rows = np.fft.rfft(np.ascontiguousarray(scores.T), length, axis=1).view(np.float64)
+        total = (rows * _frequency_weights(window.tobytes(), length)) @ rows.T / length
+        # The fit takes this share of the variance by making the sum of the scores zero.
+        lost = min((2.0 * float(np.sum(window)) - 1.0) / n, 0.5)
+        return np.asarray(0.5 * (total + total.T) / (1.0 - lost))
+
+    window = _flat_topped(lag, n)
+    total = windowed(window)
+    if lag and not _is_positive(total):
+        # A misfit that repeats with the cycle can do that; a triangle never gives a negative sum.
+        total = windowed(1.0 - np.arange(len(window)) / (2.0 * lag + 1.0))
+    return total
+
+
+def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int) -> FloatArray:
+    """Return M' of one stretch: slopes (n, k) and residuals (n,) that are alike everywhere."""
+    n = len(residuals)
+    window = _flat_topped(lag, n)
+    covariance = autocorrelation(residuals, len(window) - 1) * window
+    covariance *= float(residuals @ residuals) / n
+    length = fast_length(2 * n)
+    # No frequency has less noise than none; the window alone would let some.
+    gain = np.maximum(_gain(covariance, length), 0.0)
+    seen = np.fft.rfft(jacobian, length, axis=0) * gain[:, None]
+    total = jacobian.T @ np.fft.irfft(seen, length, axis=0)[:n]
+    return np.asarray(0.5 * (total + total.T))
+
+
+def _flat_topped(lag: int, n: int) -> FloatArray:
+    """The window of lags from 0 on, at most n: 1 up to a lag, falling to 0 at its double."""
+    lags = np.arange(min(2 * lag + 1, n))
+    return np.asarray(np.clip(2.0 - lags / max(lag, 1), 0.0, 1.0) if lag else np.ones(1))
+
+
+def _gain(kernel: FloatArray, length: int) -> FloatArray:
+    """What a symmetric kernel, given from lag 0, makes of each frequency."""
+    reach = len(kernel)
+    whole = np.zeros(length)
+    whole[:reach] = kernel
+    whole[length - reach + 1 :] = kernel[:0:-1]
+    return np.asarray(np.fft.rfft(whole).real)
+
+
+@lru_cache(maxsize=16)  # logs alike have a few lengths of correlation
+def _frequency_weights(taps: bytes, length: int) -> FloatArray:
+    """What real and imaginary parts count in sums over frequencies, both ways."""
+    weight = 2.0 * _gain(np.frombuffer(taps), length)
+    weight[0] *= 0.5
+    if length % 2 == 0:
+        weight[-1] *= 0.5
+    return np.repeat(weight, 2)
+
+
+def _is_positive(matrix: FloatArray) -> bool:
+    variances = matrix.diagonal()
+    if not all(variance > 0.0 for variance in variances.tolist()):  # NaN is not
+        return False
+    scale = np.sqrt(variances)
+    return bool(np.linalg.eigvalsh(matrix / (scale[:, None] * scale))[0] > 0.0)
+
+
+def larger(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the larger of two covariances in each direction in which both are independent."""
+    scale = np.sqrt(np.maximum(np.diag(one), np.diag(other)))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(other / unit)
+    is_known = values > _NOTHING * max(float(values[-1]), 1e-300)
+    if not is_known.any():
+        return one
+    root = vectors[:, is_known] * np.sqrt(values[is_known])
+    inverse = vectors[:, is_known] / np.sqrt(values[is_known])
+    ratios, turned = np.linalg.eigh(inverse.T @ (one / unit) @ inverse)
+    axes = root @ turned
+    # What `one` has beyond the other is added to it, so that nothing of it is lost.
+    more = (axes * np.maximum(1.0 - ratios, 0.0)) @ axes.T
+    return np.asarray(one + unit * more)
+
+
+def cycle_covariance(sums: Sequence[FloatArray]) -> FloatArray:
+    """Return M from sums of the scores over whole cycles, (cycles, k) a stretch: a jackknife."""
+    table = np.concatenate(sums)
+    n = len(table)
+    if n < 2:  # nothing is known of one cycle
+        return np.full((table.shape[1],) * 2, math.nan)
+    table -= table.mean(axis=0)
+    return np.asarray(table.T @ table * (n / (n - 1.0)))
+
+
+def sums_by_cycle(scores: FloatArray, edges: FloatArray) -> FloatArray:
+    """Return the sums of scores (n, k) between edges of cycles, in samples: (cycles, k)."""
+    if len(edges) < 2:
+        return np.empty((0, scores.shape[1]))
+    n = len(scores)
+    before = np.vstack([np.zeros(scores.shape[1]), np.cumsum(scores, axis=0)])
+    at = np.clip(edges, 0.0, n)
+    whole = np.minimum(at.astype(np.int64), n - 1)
+    inside = (at - whole)[:, None] * (before[whole + 1] - before[whole])
+    return np.asarray(np.diff(before[whole] + inside, axis=0))
+
+
+def widening(stretches: Sequence[tuple[int, float, int]], n_fitted: int) -> float:
+    """Return the factor, 1 or more, on the covariance of the scores of a short log.
+
+    Of each stretch samples, independent ones among them and correlation length.
+    """
+    n_independent = sum(worth for _, worth, _ in stretches)
+    if not n_fitted or n_independent > _ENOUGH * n_fitted:
+        return 1.0
+    # A variance that a window w sums over n samples has only n / sum w^2 degrees of freedom: the
+    # factor makes 1.96 errors hold 95 % of Student's t (`python -m tests.uncertainty.few_cycles`).
+    sizes, spread = 0, 0.0
+    for n, _, lag in stretches:
+        window = _flat_topped(lag, n)
+        sizes += n
+        spread += n * (2.0 * float(window @ window) - 1.0)
+    student = student_quantile(max(sizes * sizes / spread, 1.0), 0.975) / NORMAL_95
+    # A fit takes out of the residuals what its parameters follow: k/N of N independent samples.
+    return student**2 * n_independent / max(n_independent - n_fitted, 0.5 * n_independent)
+
 
 # Blocks of a cycle whose pulls are taken for independent. Misfits behind a 30 Hz filter at 1.5 Hz
 # have some 20 independent values.
@@ -95,10 +299,10 @@ class LogLinearisation(NamedTuple):
     force: FloatArray  # (n,), modelled, behind the filter
     # Of each stretch velocity, and what the filter takes off the model's force there; of what
     # repeats in one cycle.
-    rounding: tuple[tuple[FloatArray, FloatArray], ...] = ()
+    rounding: tuple[tuple[FloatArray, ...], ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # no slots: what is asked for again is kept
 class Linearisation:
     """The fit of one setting, made linear at its end; matrices are (k, k) in the model's order."""
 
@@ -129,6 +333,31 @@ class Linearisation:
         """Names of the rows and columns: the model's quantities, in its order."""
         return self.fit.parameters.names
 
+    @cached_property
+    def counts(self) -> FloatArray:
+        """Of the samples of all logs, (n,): 1, or 0 beside a jump of the speed."""
+        return np.concatenate([(seen.weights > 0.0).astype(np.float64) for seen in self.logs])
+
+    @cached_property
+    def residuals(self) -> FloatArray:
+        """Of all logs, (n,), 0 where none counts."""
+        return np.asarray(self.counts * np.concatenate([seen.residuals for seen in self.logs]))
+
+    @cached_property
+    def force(self) -> FloatArray:
+        """Modelled, of all logs, (n,)."""
+        return np.concatenate([seen.force for seen in self.logs])
+
+    @cached_property
+    def jacobian(self) -> FloatArray:
+        """Of all logs, (n, k)."""
+        return np.vstack([seen.jacobian for seen in self.logs])
+
+    def pull(self, column: FloatArray) -> FloatArray:
+        """What a force over all logs, (n,) or (n, m), adds to the summed scores: (k,) or (k, m)."""
+        squares = np.concatenate([seen.weights for seen in self.logs]) ** 2
+        return np.asarray((self.jacobian * squares[:, None]).T @ column)
+
     def places(self, names: Sequence[str]) -> NDArray[np.intp]:
         """Return the rows of some quantities."""
         return np.array([self.names.index(name) for name in names], dtype=np.intp)
@@ -145,8 +374,7 @@ class Linearisation:
     ) -> Linearisation:
         """Return the same with what its misfit does, without curves, which fill the memory.
 
-        `pulls`, (k,) each, are those of the flaws that explain it; structured is a residual of
-        which more repeats than noise can explain.
+        `pulls`, (k,) each, are those of the flaws that explain it.
         """
         flawed = {name: np.asarray(pull / math.sqrt(len(pulls))) for name, pull in pulls.items()}
         flawed["drift"] = _drift_pull(self)
@@ -161,10 +389,9 @@ def linearise_settings(
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     on_error: OnError | None = None,
 ) -> tuple[Linearisation, ...]:
-    """Linearise the fit of every setting, by rising setting; one simulation for each log.
+    """Return the linearised fits, by rising setting; one simulation for each log.
 
-    A setting that cannot be simulated at its fitted point is left out. So is one with another
-    error, where ``on_error`` is there to be told of it.
+    One that cannot be simulated is left out, another error is told to `on_error`, or raised.
     """
     found = []
     for fit in campaign.fits:
@@ -176,10 +403,7 @@ def linearise_settings(
 def linearise_at_fit(
     fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()
 ) -> Linearisation:
-    """Take the derivative of a fit's logs by every parameter, on mean cycles where they repeat.
-
-    A SimulationError: the model cannot be integrated.
-    """
+    """Take the derivative of a fit's logs by every parameter, on mean cycles where they repeat."""
     values = fit.parameters
     own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
     scales = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
@@ -193,17 +417,18 @@ def linearise_at_fit(
     squares = 0.0
     for log, weight in zip(fit.logs, weights([log.trace for log in fit.logs]), strict=True):
         trace, part = log.trace, log.trace.compared
-        force, pressures, slopes, rounding = _simulated(log, values, damper, solver)
-        others = _other_frictions(log, values, damper, solver, slopes)
+        seen, names = log.cycles_of(values, damper, solver), (*damper.names, *damper.conditions)
+        force, pressures, rows, rounding = _responses(log, seen, values, damper, solver, names)
+        others = _other_frictions(log, seen, values, damper, solver, rows)
         for name, here in _pressed_on(damper, pressures[:, part]).items():
             pressed[name] = max(here, pressed.get(name, here))
         own_weights = np.ones(trace.n_samples) if weight is None else weight
         residuals = trace.force[part] - force[part]
         squares += float(np.sum((own_weights * residuals) ** 2))
-        by = [np.ascontiguousarray((rows * scales[:, None]).T) for rows in slopes]
+        by = [np.ascontiguousarray((slopes[1:] * scales[:, None]).T) for slopes in rows]
         for k, (stretch, place) in enumerate(zip(trace.stretches, trace.places, strict=True)):
             jacobian, rest = by[k][:, :n], residuals[place]
-            unknown = errors[:, None] * slopes[k][:n] if np.any(errors) or others else None
+            unknown = errors[:, None] * rows[k][1 : n + 1] if np.any(errors) or others else None
             if others is not None and unknown is not None:
                 unknown = np.vstack([unknown, others[k]])
             if weight is not None:
@@ -252,41 +477,41 @@ def linearise_at_fit(
     )
 
 
-def _simulated(
-    log: LogFit, values: Values, damper: Model, solver: SolverOptions
-) -> tuple[
-    FloatArray,
-    NDArray[np.floating[Any]],
-    list[FloatArray],
-    list[tuple[FloatArray, FloatArray]],
-]:
-    """The model's force and pressures, the sensitivities of each stretch, (k, n), the `rounding`.
+def _responses(
+    log: LogFit,
+    cycles: Sequence[SettledCycle],
+    values: Values,
+    damper: Model,
+    solver: SolverOptions,
+    names: Sequence[str] = (),
+) -> tuple[FloatArray, NDArray[np.floating[Any]], list[FloatArray], list[tuple[FloatArray, ...]]]:
+    """Force and pressures of a log, of each stretch force and sensitivities, and the `rounding`.
 
-    What repeats has the mean cycle's sensitivities: they differ from those of the log by what the
-    noise of the displacement does, and cost far less.
+    Of the mean cycles that the fit went down on, where it did: their sensitivities, (k, n), differ
+    from those of the log by what noise of the displacement does, and cost far less.
     """
-    names = (*damper.names, *damper.conditions)
     trace, kept = log.trace, log.seen
-    slopes: list[FloatArray] = []
-    rounding: list[tuple[FloatArray, FloatArray]] = []
-    if kept is not None and (cycles := log.cycles_of(values, damper, solver)):
+    rows: list[FloatArray] = []
+    rounding: list[tuple[FloatArray, ...]] = []
+    if kept is not None and cycles:
         for cycle, stretch in zip(cycles, trace.stretches, strict=True):
             options = cycle.solver(solver)
             response = simulate(values, damper, cycle.motion, sensitivities=names, options=options)
-            slopes.append(cycle.over(stretch, list(response.sensitivities.values())))
+            signals = [response.force, *response.sensitivities.values()]
+            rows.append(cycle.over(stretch, signals))
             taken = cycle.taken_by_filter(response.force)
             rounding.append((cycle.motion.velocity[-len(taken) :], taken))
-        return kept.force, kept.pressures, slopes, rounding
+        return kept.force, kept.pressures, rows, rounding
     seen = compare(values, trace, damper, sensitivities=names, solver=solver)
-    whole, taken = _sensitivities(trace, seen), seen.response.force - seen.force
+    whole, taken = np.vstack([seen.force, _slopes(trace, seen)]), seen.response.force - seen.force
     for stretch in trace.stretches:
-        slopes.append(whole[:, stretch.window])
+        rows.append(whole[:, stretch.window])
         rounding.append((trace.velocity[stretch.window], taken[stretch.window]))
-    return seen.force, seen.response.pressures, slopes, rounding
+    return seen.force, seen.response.pressures, rows, rounding
 
 
-def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:
-    """Return the sensitivities behind the filter, with part of what a sample sees of a refilling.
+def _slopes(trace: Trace, seen: SimulatedLog) -> FloatArray:
+    """The sensitivities behind the filter, with part of what a sample sees of a refilling.
 
     A chamber that has been empty fills within a millisecond. Whether a sample falls into that, and
     then shows the moment to some microseconds, changes with the parameters by less than their
@@ -307,16 +532,12 @@ def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:
 
 
 def _pressed_on(damper: Model, pressures: NDArray[np.floating[Any]]) -> dict[str, float]:
-    """Return the highest pressure across each preloaded passage, Pa, by the name of its opening.
-
-    One that lifts gradually lets oil through below its opening, and has none.
-    """
-    network = getattr(
-        damper.damper if isinstance(damper, WithTemperature) else damper, "network", None
-    )
+    """The highest pressure across each passage that opens at once, Pa, by its opening's name."""
+    own = damper.damper if isinstance(damper, WithTemperature) else damper
+    network = getattr(own, "network", None)
     most: dict[str, float] = {}
     for one in () if network is None else network.passages:
-        if one.opening and not one.width:
+        if one.opening and not one.width:  # one that lifts gradually lets oil through below it
             here = float((pressures[one.start - 1] - pressures[one.end - 1]).max())
             most[one.opening] = max(here, most.get(one.opening, 0.0))
     return most
@@ -339,12 +560,13 @@ def _ignorance(fit: Fit) -> FloatArray:
 
 def _other_frictions(
     log: LogFit,
+    cycles: Sequence[SettledCycle],
     values: Values,
     damper: Model,
     solver: SolverOptions,
-    slopes: Sequence[FloatArray],
+    here: Sequence[FloatArray],
 ) -> list[FloatArray] | None:
-    """Return what the force would be more with a friction of another form, (2, n) a stretch.
+    """What the force would be more than `here` with a friction of another form, (2, n) a stretch.
 
     One that turns otherwise; one that the pressure on the seal adds to, as large as the fitted one
     at the pressure of the gas at rest. None for a damper of which no other form is doubted.
@@ -352,35 +574,20 @@ def _other_frictions(
     turns, pressed = other_turns(damper, values), with_pressed_seal(damper, values)
     if not turns and pressed is None:
         return None
-    cycles = log.cycles_of(values, damper, solver)
-
-    def force(law: Model, at: Values) -> list[FloatArray]:
-        if not cycles:
-            whole = compare(at, log.trace, law, solver=solver).force
-            return [whole[stretch.window] for stretch in log.trace.stretches]
-        found = []
-        for cycle, stretch in zip(cycles, log.trace.stretches, strict=True):
-            response = simulate(at, law, cycle.motion, options=cycle.solver(solver))
-            found.append(cycle.over(stretch, [response.force])[0])
-        return found
-
-    here = force(damper, values)
-    more = [np.zeros((2, len(of))) for of in here]
+    more = [np.zeros((2, rows.shape[1])) for rows in here]
     for share, law, at in turns:
-        for into, there in zip(more, force(law, at), strict=True):
-            into[0] += share * there
+        for into, there in zip(more, _responses(log, cycles, at, law, solver)[2], strict=True):
+            into[0] += share * there[0]
     if turns:
         for into, now in zip(more, here, strict=True):
-            into[0] -= now
+            into[0] -= now[0]
     if pressed is not None:
         own = next(place for place, one in enumerate(values.quantities) if one.is_friction)
         at_rest = pressed[1].seal_area * values.gas_pressure
-        for into, there, now, rows in zip(more, force(*pressed), here, slopes, strict=True):
-            into[1] = there - now - at_rest * rows[own]
+        seen = _responses(log, cycles, pressed[1], pressed[0], solver)[2]
+        for into, there, now in zip(more, seen, here, strict=True):
+            into[1] = there[0] - now[0] - at_rest * now[1 + own]
     return more
-
-
-# What a misfit, and a zero that drifts, do to the summed scores
 
 
 def _misfit_scores(linearised: Linearisation) -> tuple[FloatArray, FloatArray]:

@@ -89,33 +89,27 @@ class SegmentRange:
         is_speed = self.dimension == "velocity"
         return self.low <= (segment.peak_speed if is_speed else segment.frequency) <= self.high
 
-    def split(self, trace: Trace) -> tuple[Trace | None, Trace | None]:
-        """Return a log without the segments within the limits, and with these alone.
-
-        None stands for a part without a segment.
-        """
+    def split(self, trace: Trace) -> tuple[Trace | None, ...]:
+        """Return a log without the segments within the limits, and these alone; None for none."""
         parts = []
         for is_held in (False, True):
             kept = tuple(part for part in trace.stretches if self.holds(part) is is_held)
             parts.append(replace(trace, stretches=kept) if kept else None)
-        return parts[0], parts[1]
+        return tuple(parts)
 
 
 def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
     """Return a log without its last steady cycles, and with these alone.
 
-    The last ones of each stretch, in one piece: where a log drifts, from warming or gas, it shows
-    there, and the filter's memory joins the two parts at one place only. A stretch with too few
-    cycles to part is fitted whole. Cycles are a whole number, or below 1 a share (one at least). A
-    LogError: no cycle would be left to fit.
+    A whole number, or below 1 a share of them (one at least). A stretch with too few is fitted
+    whole; a LogError: no cycle would be left to fit.
     """
-
-    def held_of(n: int) -> int:
-        return max(1, round(cycles * n)) if cycles < 1.0 else round(cycles)
-
     fitted, held_out = [], []
     for stretch in trace.stretches:
-        left, starts = stretch.n_cycles - held_of(stretch.n_cycles), stretch.cycle_starts
+        # The last ones of each, in one piece: where a log drifts, it shows there, and the filter's
+        # memory joins the two parts at one place only.
+        n, starts = stretch.n_cycles, stretch.cycle_starts
+        left = n - (max(1, round(cycles * n)) if cycles < 1.0 else round(cycles))
         if left <= 0:
             fitted.append(stretch)
             continue
@@ -270,27 +264,11 @@ def predict(
     damper: Model,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
 ) -> tuple[Prediction, ...]:
-    """Predict logs with the parameters found for their settings; costs one simulation each.
+    """Predict held-out logs with the parameters of their settings, by setting; a simulation each.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Result of `identify`, made without these logs or cycles.
-    assessment : Assessment
-        What `assess` says of it; without it all misfit of the fitted logs counts as lack of fit.
-    traces : sequence of Trace
-        What was held out. Those of a setting without a fit are predicted where others of a joint
-        fit have its clicks; else, or where they cannot be simulated, they are left out of the
-        result.
-    damper : Model
-        The damper's model.
-    solver : SolverOptions
-        How exactly to integrate.
-
-    Returns
-    -------
-    tuple of Prediction
-        By setting, then in the order given.
+    Those of a setting without a fit are predicted where others of a joint fit have its clicks;
+    else, or where they cannot be simulated, they are left out. An empty assessment: all misfit of
+    the fitted logs counts as lack of fit.
     """
     fits = {fit.setting: fit for fit in campaign.fits}
     parameters = {setting: fit.parameters for setting, fit in fits.items()}
@@ -301,12 +279,9 @@ def predict(
     for trace in traces:
         if trace.setting is None:
             continue
+        setting = Setting.of(trace.setting)
         fit = fits.get(trace.setting)
-        values = (
-            values_from_others(parameters, Setting.of(trace.setting))
-            if fit is None
-            else fit.parameters
-        )
+        values = values_from_others(parameters, setting) if fit is None else fit.parameters
         if values is None:
             continue
         try:
@@ -322,7 +297,7 @@ def predict(
         lack = float(np.mean(lacks))
         found.append(
             Prediction(
-                setting=Setting.of(trace.setting),
+                setting=setting,
                 trace=trace,
                 is_part=False,
                 mse_percent=normalised_mse(measured, simulated),
@@ -343,11 +318,15 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
     noise = _noise(trace, measured - simulated, elsewhere)
     is_part = any(log.trace.name == trace.name for log in fit.logs)
     is_same_motion = _is_same_motion(fit, trace)
-    offset = 0.0
-    if not is_part and not is_same_motion and _is_offset_found(fit):
+    # An offset that the fit has found is that of its own logs, and no number of the damper.
+    is_tared = any(
+        one.is_offset and fit.status[one.name] in {Status.FITTED, Status.SHARED}
+        for one in fit.parameters.quantities
+    )
+    offset, share = 0.0, 1.0
+    if is_tared and not is_part and not is_same_motion:
         offset = float(np.mean(measured - simulated))
         simulated = simulated + offset
-    share = 1.0
     if is_part and not trace.n_cycles:
         # The MSE below which no law is asked to explain more of what moves beside cycles.
         least = _SMALL * float(np.std(fitted)) / float(np.std(measured))
@@ -381,10 +360,7 @@ def _expected(percent: float) -> float:
 
 
 def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
-    """What scatter between the cycles of a residual costs, in per cent of the force's variance.
-
-    A single cycle, or what does not repeat, has as much as there is `elsewhere`, N^2.
-    """
+    """What scatter between a residual's cycles costs, %; else as much as there is `elsewhere`."""
     scatter = sum(
         stretch.n_samples
         * (residual_scatter(rest[place], stretch) if stretch.n_cycles > 1 else elsewhere)
@@ -399,14 +375,6 @@ def _known(percent: float) -> float:
     return 0.0 if math.isnan(percent) else percent
 
 
-def _is_offset_found(fit: Fit) -> bool:
-    """Whether the fit has found the offset of its own logs, which is no number of the damper."""
-    return any(
-        one.is_offset and fit.status[one.name] in {Status.FITTED, Status.SHARED}
-        for one in fit.parameters.quantities
-    )
-
-
 def _tested(trace: Trace) -> NDArray[np.bool_]:
     """Return the compared samples whose speed is beyond its noise, which turns friction there."""
     found = (one.value for one in trace.findings if one.name == "displacement_noise")
@@ -418,10 +386,7 @@ def _tested(trace: Trace) -> NDArray[np.bool_]:
 
 
 def _is_same_motion(fit: Fit, trace: Trace, *, has_same_stroke: bool = True) -> bool:
-    """Whether every stretch of a log has the speed of one that was fitted, and its stroke.
-
-    Motion that does not repeat has neither: another road is another test.
-    """
+    """Whether every stretch of a log has the speed of a fitted one, and its stroke; no road has."""
     fitted = [one for log in fit.logs for one in log.trace.stretches if one.n_cycles]
     return all(
         one.n_cycles
@@ -468,22 +433,18 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[Problem, ...
 def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objection]:
     """Return by setting the held-out test that is missed most, as a reason to withhold its grade.
 
-    Of fitted settings alone, and of other motions than those that were fitted: a repeat that is
-    missed tells of drift, not of the law. What settings without a fit would be has no grade.
+    Of fitted settings and of other motions: a repeat that is missed tells of drift, not of the law.
     """
-    worst: dict[Setting, Prediction] = {}
-    for one in predictions:
-        is_much = one.mse_percent > LIMITS.predicted_percent and one.ratio > LIMITS.predicted_times
-        if is_much and not one.is_same_motion and not one.is_unseen:
-            known = worst.setdefault(one.setting, one)
-            worst[one.setting] = max(known, one, key=lambda missed: missed.mse_percent)
 
     def percent(value: float) -> str:
         """Two digits, and no power of ten."""
         return f"{value:.2g}" if value < 100.0 else f"{float(f'{value:.2g}'):.0f}"
 
     found = {}
-    for setting, one in worst.items():
+    for one in sorted(predictions, key=lambda missed: missed.mse_percent):
+        is_much = one.mse_percent > LIMITS.predicted_percent and one.ratio > LIMITS.predicted_times
+        if not is_much or one.is_same_motion or one.is_unseen:
+            continue
         what, was, is_missed = one.trace.name, "was", "is"
         if one.cycles == TRANSIENTS:
             what = f"the run-up, coast-down or changes of speed of {what}"
@@ -493,5 +454,5 @@ def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objec
             f"{percent(one.mse_percent)} % where {percent(one.expected_mse_percent)} % is "
             "expected: the numbers hold for the motion that was fitted"
         )
-        found[setting] = Objection("prediction", "", text)
+        found[one.setting] = Objection("prediction", "", text)  # the worst, last, stands
     return found

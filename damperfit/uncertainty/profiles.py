@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -196,14 +196,14 @@ def _unit(fit: Fit, name: str) -> float:
 class _Walker:
     """Refits with one parameter held at a place along its line; `points` are where it was."""
 
-    quantity: Quantity
-    best: float  # value of the fit, SI
     error: float  # standard error of u as printed; where nothing is known, infinity
+    spent: int = 0  # simulations
+    centre: Any  # the best fit,
+    state: Any  # and the last: from where to go on
 
-    def __init__(self, at: Mapping[Setting, Values]) -> None:
-        self.points: list[tuple[float, float, Mapping[Setting, Values]]] = []
-        self.spent = 0
-        self.note(0.0, 0.0, at)
+    def __init__(self, quantity: Quantity, best: float, at: Mapping[Setting, Values]) -> None:
+        self.quantity, self.best = quantity, best
+        self.points: list[tuple[float, float, Mapping[Setting, Values]]] = [(0.0, 0.0, at)]
 
     def note(self, along: float, rise: float, at: Mapping[Setting, Values]) -> float:
         """Keep a point; return its sqrt(rise)."""
@@ -213,10 +213,6 @@ class _Walker:
 
     def refit(self, along: float) -> float:
         """Refit, going on from the place before; return the sqrt(rise) there."""
-        raise NotImplementedError
-
-    def restart(self) -> None:
-        """Go back to the best fit."""
         raise NotImplementedError
 
     def value_at(self, along: float) -> float:
@@ -235,7 +231,7 @@ class _Walker:
             edges = max(down, -_LINEAR_EDGE), min(up, _LINEAR_EDGE)
         limits, is_complete = [], True
         for side in (-1.0, 1.0):
-            self.restart()
+            self.state = self.centre
             limit, is_known = self._side(side, stride, edges)
             limits.append(None if limit is None else self.value_at(limit))
             is_complete &= is_known
@@ -296,12 +292,9 @@ class _Walker:
 
 
 def _interpolated_limit(places: Sequence[tuple[float, float]], side: float) -> tuple[float, bool]:
-    """Return the limit between the points around it, and whether they are near enough.
-
-    Of each point its place along the line and sqrt(rise); one beyond the limit is among them. On
-    the scale that grows outwards, y upwards and 1/y downwards: where the misfit is flat and then
-    steep, its root is straight in that; near the best value it makes no difference.
-    """
+    """The limit between points, (place, sqrt(rise)), one beyond it; whether they are near."""
+    # On the scale that grows outwards, y upwards and 1/y downwards, where the misfit is flat and
+    # then steep, its root is straight; near the best value it makes no difference.
     mine = sorted((p for p in places if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
     after = next(k for k, p in enumerate(mine) if p[1] >= NORMAL_95)
     (near, low), (far, high) = mine[after - 1], mine[after]
@@ -333,12 +326,10 @@ class _OwnWalker(_Walker):
         budget: int,
     ) -> None:
         self.setting, self.start, self.misfit = one.fit.setting, one.fit.parameters, misfit
-        self.scale, self.error, self.budget, self.spent = scale, error, budget, 0
-        self.quantity = self.start.quantity(name)
+        self.scale, self.error, self.budget = scale, error, budget
         self.variables = misfit.common_variables
-        ranges = [self.start.quantity(free).plausible for free in misfit.free]
-        low, high = (self.variables.pack(np.array([pair[k] for pair in ranges])) for k in (0, 1))
-        self.bounds = low, high
+        ranges = np.array([self.start.quantity(free).plausible for free in misfit.free])
+        self.bounds = self.variables.pack(ranges[:, 0]), self.variables.pack(ranges[:, 1])
         self.place = misfit.free.index(name)
         every = np.arange(len(misfit.free), dtype=np.intp)
         self.others = np.delete(every, self.place)
@@ -346,13 +337,8 @@ class _OwnWalker(_Walker):
         # From the edge of its range the profiled one would leave it.
         is_stuck = is_at_edge(self.start, name)
         self.centre, self.least = self._settled(start, self.others if is_stuck else every)
-        self.best = float(getattr(self.centre.parameters, name))
-        spent = self.spent
-        super().__init__({self.setting: self.centre.parameters})
-        self.state, self.spent = self.centre, spent
-
-    def restart(self) -> None:
-        self.state = self.centre
+        best = float(getattr(self.centre.parameters, name))
+        super().__init__(self.start.quantity(name), best, {self.setting: self.centre.parameters})
 
     def refit(self, along: float) -> float:
         """Go along the line, the others along their tangent, and settle there."""
@@ -409,27 +395,23 @@ class _JointWalker(_Walker):
         scale: float,
         error: float,
     ) -> None:
-        self.problem, self.unknown, self.solution, self.scale = problem, unknown, best, scale
+        self.problem, self.unknown, self.centre, self.scale = problem, unknown, best, scale
         having = [at for setting, at in best.parameters.items() if unknown.holds_at(setting)]
-        self.quantity, self.error = having[0].quantity(unknown.name), error
-        self.best = float(getattr(having[0], unknown.name))
-        self.last = best
-        super().__init__(best.parameters)
-
-    def restart(self) -> None:
-        self.last = self.solution
+        own, value = having[0].quantity(unknown.name), float(getattr(having[0], unknown.name))
+        self.error = error
+        super().__init__(own, value, best.parameters)
 
     def refit(self, along: float) -> float:
         held = {self.unknown.name: self.value_at(along)}
         starts = {
             setting: at.replace(held) if self.unknown.holds_at(setting) else at
-            for setting, at in self.last.parameters.items()
+            for setting, at in self.state.parameters.items()
         }
-        problem = replace(self.problem, gas=self.last.gas, weights=self.solution.weights)
-        self.last = fit_jointly(problem, starts)
-        self.spent += self.last.evaluations
-        rise = self.scale * (self.last.cost - self.solution.cost)
-        return self.note(along, rise, self.last.parameters)
+        problem = replace(self.problem, gas=self.state.gas, weights=self.centre.weights)
+        self.state = fit_jointly(problem, starts)
+        self.spent += self.state.evaluations
+        rise = self.scale * (self.state.cost - self.centre.cost)
+        return self.note(along, rise, self.state.parameters)
 
 
 def profile_at(
@@ -442,8 +424,8 @@ def profile_at(
 ) -> MisfitProfile | None:
     """Return the profile of a parameter at a setting; None where it is not told there.
 
-    A parameter of a joint fit has none here; see `profile_jointly`. A SimulationError: the best fit
-    itself cannot be simulated; a FitCancelledError: the caller asked to stop.
+    One of a joint fit has none here. A SimulationError: the best fit cannot be simulated; a
+    FitCancelledError: the caller asked to stop.
     """
     fit, setting = one.fit, one.fit.setting
     own = own_names(fit, sharing)
@@ -489,11 +471,7 @@ def profile_at(
 def doubtful_profiles(
     one: Linearisation, known: Uncertainty, sharing: Sharing, bench: Bench
 ) -> tuple[MisfitProfile, ...]:
-    """Return short profiles of what the quadratic approximation leaves in doubt at a setting.
-
-    Values at a bound, not identified, or with a standard error of ln y above 0.1; a shared
-    R_m3 where it was taken from. Together they may cost 0.7 of what the fit has.
-    """
+    """Return short profiles of what the quadratic approximation leaves in doubt at a setting."""
     fit, budget = one.fit, max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
     found = []
     # What has failed first: the budget may not reach for all.
@@ -522,8 +500,7 @@ def profile_jointly(
 ) -> tuple[MisfitProfile, ...]:
     """Return the profile of a shared parameter of a joint fit, once for every setting that has it.
 
-    The rise is that of all settings together. `unknown` is one of ``sharing.unknowns``, `known` of
-    any setting that has it. Errors as of `profile_at`.
+    The rise is that of all settings; `known` is of any that has it. Errors as of `profile_at`.
     """
     fits = [
         one.fit

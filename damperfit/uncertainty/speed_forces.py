@@ -145,7 +145,7 @@ class _Segment(NamedTuple):
     force: FloatArray
     residuals: FloatArray
     noise: float  # variance of the residuals that does not repeat, N2
-    rounding: tuple[FloatArray, FloatArray]
+    rounding: tuple[FloatArray, ...]
     slowest: float  # m/s; a slower passage is too near to a reversal
     peaks: FloatArray  # (2, 8): of both strokes a row as below
 
@@ -155,10 +155,7 @@ _SPEED, _FORCE, _ERROR, _DIFFERENCE = range(4)
 
 
 def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[SpeedForces, ...]:
-    """Return the forces of a setting in rebound and in bump; none where no cycle repeats.
-
-    Structured is a residual of which more repeats than noise explains.
-    """
+    """Return the forces of a setting in rebound and in bump; none where no cycle repeats."""
     segments = sorted(_segments(linearised), key=lambda one: one.stretch.peak_speed)
     if not segments:
         return ()

@@ -19,7 +19,7 @@ from damperfit.laws.structures import everything
 from damperfit.recording import Trace
 from damperfit.run.auto_model import _layouts, assumed_gas, open_dimensions, with_chosen_law
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.flaws import gain, signatures
+from damperfit.uncertainty.residuals import gain, signatures
 from tests import fakes
 
 

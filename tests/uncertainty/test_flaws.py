@@ -18,14 +18,14 @@ from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding
 from damperfit.run.record import unconfirmed_tares
 from damperfit.uncertainty import Diagnosis, assess, objections
-from damperfit.uncertainty.flaws import (
+from damperfit.uncertainty.residuals import (
     BySpeed,
     Hint,
     _as_stiffness,
     _is_reasonable,
     hidden_friction,
+    reconciled,
 )
-from damperfit.uncertainty.residuals import reconciled
 from tests.identification.rig import recording, short_trace, short_traces
 from tests.uncertainty.flaws import FLAWS, judged, outcomes, speed
 

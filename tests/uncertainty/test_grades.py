@@ -20,8 +20,8 @@ from damperfit.identification import Status, identify
 from damperfit.recording import Finding
 from damperfit.simulation import simulate, sine_motion
 from damperfit.uncertainty import Assessment, Diagnosis, assess, grades, objections
-from damperfit.uncertainty.flaws import Hint
 from damperfit.uncertainty.grades import LIMITS, air_objections, jump_ratio, offset_mismatch
+from damperfit.uncertainty.residuals import Hint
 from tests import fakes
 from tests.fakes import campaign
 from tests.identification.rig import short_trace
@@ -267,4 +267,4 @@ def test_a_model_that_misses_by_twice_its_noise_says_nothing(monkeypatch, of_the
 def test_the_squares_fall_by_four_standard_errors(mean, is_certain) -> None:
     around = np.array([-1.0, 1.0] * 8)  # sixteen cycles
     error = float(np.std(around, ddof=1)) / 4.0
-    assert grades._is_certain((around + mean * error).tolist()) is is_certain
+    assert grades.is_certain((around + mean * error).tolist()) is is_certain

@@ -12,7 +12,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Uncertainty, assess, linearise_settings, uncertainties
-from damperfit.uncertainty.correlation import (
+from damperfit.uncertainty.linearisation import (
     autocorrelation,
     correlation_length,
     cycle_covariance,

@@ -13,7 +13,6 @@ from scipy.stats import f as fisher
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Sharing
 from damperfit.uncertainty import assessment
-from damperfit.uncertainty.flaws import seek_flaws
 from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
 from damperfit.uncertainty.residuals import (
     StretchResiduals,
@@ -21,6 +20,7 @@ from damperfit.uncertainty.residuals import (
     independent_phases,
     is_beyond_chance,
     residual_scatter,
+    seek_flaws,
     split_power,
 )
 from tests import fakes

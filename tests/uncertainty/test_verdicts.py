@@ -22,9 +22,9 @@ from damperfit.run.record import unlike_frictions
 from damperfit.simulation import simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Interval, Uncertainty, assess, reconsider
+from damperfit.uncertainty.assessment import with_least_openings
 from damperfit.uncertainty.covariance import make_interval
 from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint
-from damperfit.uncertainty.verdicts import doubts, verdicts, with_least_openings
 from tests import fakes
 from tests.laws.valve_logs import VALUES, damper, moved
 
@@ -175,6 +175,11 @@ def test_a_friction_that_follows_the_clicks_is_none(found, is_said) -> None:
         assert bool(said) is (is_said and status == "fitted")
 
 
+def verdicts(fit, known, sharing, *profiles):
+    judged = Assessment(uncertainties=(known,), profiles=profiles)
+    return judged.verdicts(SimpleNamespace(fits=(fit,), sharing=sharing))[fit.setting]
+
+
 @pytest.mark.parametrize(
     ("status", "limits", "said"),
     [
@@ -190,8 +195,8 @@ def test_a_friction_that_follows_the_clicks_is_none(found, is_said) -> None:
 )
 def test_a_verdict_says_how_a_parameter_was_found_and_its_limits(status, limits, said) -> None:
     fit = fakes.fit(1, status={"r_m3": status})
-    profiles = {} if limits is None else {"r_m3": profile(*limits)}
-    told = verdicts(fit, known(tie=0.98), Sharing(taken={"r_m3": 1}), profiles)
+    profiles = () if limits is None else (profile(*limits),)
+    told = verdicts(fit, known(tie=0.98), Sharing(taken={"r_m3": 1}), *profiles)
     assert told["r_m3"].startswith(said)
     assert told["r_m1"].endswith("correlated with r_m2 (+0.98)")
 
@@ -204,7 +209,7 @@ def test_another_minimum_is_better_from_half_a_unit(rise, *, is_better) -> None:
 @pytest.mark.parametrize(("tie", "is_tie"), [(0.9, False), (0.96, True), (-0.96, True)])
 def test_a_tie_is_a_correlation_that_triples_an_error(tie, *, is_tie) -> None:
     judged = Assessment(uncertainties=(known(tie=tie),))
-    found = doubts(fakes.campaign(fakes.fit(1)), judged)
+    found = judged.doubts(fakes.campaign(fakes.fit(1)))
     assert [one.code for one in found] == ["correlated"] * is_tie
     assert all(f"at setting 1 ({tie:+.2f})" in str(one) for one in found)
 
@@ -260,7 +265,7 @@ def test_an_opening_below_the_highest_pressure_lets_next_to_nothing_through(open
     fit = SimpleNamespace(setting=setting, parameters=values, status=status)
     intervals, least = {NAME: make_interval(opening, 1.0)}, {NAME: 1e6}
     seen = Uncertainty(setting, intervals, (NAME,), np.eye(1), unopened=least)
-    assert used in verdicts(fit, seen, Sharing(), {})[NAME]
+    assert used in verdicts(fit, seen, Sharing())[NAME]
 
 
 def linearised(setting, opening, pressed, slope=1e6):
