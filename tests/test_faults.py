@@ -1,53 +1,61 @@
-"""Faults by code and exit status: what is given, what is wrong, what is named."""
+"""Faults by code: what is wrong, what is named, and that a bad log costs itself alone."""
 
 import ast
+import gzip
+import io
 import json
 import pickle
+import sys
+import zipfile
 from pathlib import Path
 
 import pytest
 
 import damperfit
-from damperfit import errors
-from damperfit.cli.main import app, main
+from damperfit import compiled_core, errors
+from damperfit.cli.main import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
 from damperfit.problem import FilePlace, Option, Problem, Words, warning
 from damperfit.synthetic import SampleOptions, make_samples
 
-# The command; its exit status, the code of the problem, and what its sentence begins with.
-COMMANDS = [
-    ("identify nothing.csv", 2, "no-such-file", "nothing.csv"),
-    ("inspect --config nothing.toml LOG", 2, "unreadable", "--config nothing.toml"),
-    ("identify LOG --config bad.toml", 2, "out-of-range", "--config bad.toml:2: rig.skew"),
-    ("identify LOG --config unknown.toml", 2, "unknown-key", "--config unknown.toml:2"),
-    ("identify LOG --procedure x", 2, "unknown-procedure", "--procedure"),
-    ("identify LOG --free x", 2, "unknown-quantity", "--free"),
-    ("identify LOG --fix k_e=x", 2, "not-a-number", "--fix"),
-    ("identify LOG --start k_e=1", 2, "implausible", "--start"),
-    ("identify LOG --check x", 2, "unknown-check", "--check"),
-    ("identify LOG --rig skip_lines=a", 2, "wrong-value", "--rig skip_lines"),
-    ("identify LOG --hold-out x*", 2, "no-such-file", "--hold-out x*"),
-    ("identify LOG --setting 9", 2, "other-setting", "--setting 9"),
-    ("identify LOG --tests nothing.csv", 2, "bad-table-of-tests", "--tests nothing.csv"),
-    ("identify LOG --out a_file", 2, "not-a-folder", "--out a_file"),
-    ("identify LOG --out a_file/x", 2, "not-a-folder", "--out a_file/x"),
-    ("identify LOG --out s3://b/x", 2, "no-address", "--out s3://b/x"),
-    ("simulate --setting 5 --out a_file/x.csv", 2, "not-a-folder", "--out a_file/x.csv"),
-    ("settings nothing", 2, "no-folder", "nothing"),
-    ("compare a_file a_file", 2, "no-results", "a_file"),
-    ("export nothing --to csv", 2, "no-folder", "nothing"),
-    ("config surplus", 2, "unexpected-argument", "config: unexpected argument surplus"),
-    ("samples runs --force-noise -1N", 2, "out-of-range", "--force-noise -1"),
-    ("sweep --setting 5 --vary x=1", 2, "unknown-name", "--vary x=1"),
-]
-# The log; the exit status of `identify`, and the code in run.json beside a good log.
-LOGS = [
-    ("", 1, "no-data"),
-    ("time_s,displacement_mm,force_N\n0,1,2\n", 1, "too-short"),
-    ("time_s,displacement_mm\n0,1\n1,2\n", 1, "no-column"),
-    ("# setting: 2\ntime_s,displacement_mm,force_N\n" + "0,0,0\n" * 9, 1, "bad-clock"),
-]
+LIMIT = 4_000_000  # bytes, so that bombs can be small
+QUICK = (
+    *("--procedure", "plain", "--free", "r_m1,r_m2,k_e", "--fix", "r_m3=2.6e6"),
+    *("--fix", "f_f=50N", "--quiet", "--rig", f"max_log_bytes={LIMIT}"),
+)
+TABLES = ("parameters.parquet", "parameters.csv", "mse.parquet", "mse.csv", "responses.parquet")
+HEAD = "time_s,displacement_mm,force_N\n"
+NO_CLOCK = "0,0,0\n" * 9
+
+
+def zipped(*members: str) -> bytes:
+    sink = io.BytesIO()
+    with zipfile.ZipFile(sink, "w") as archive:
+        for name in members:
+            archive.writestr(name, b"")
+    return sink.getvalue()
+
+
+def bad_logs(good: str) -> dict[str, tuple[bytes, str]]:
+    """Each kind once, with its code; all that a reader may refuse is in `io/`."""
+    rows = [row.split(",") for row in good.splitlines() if row[:1].isdigit()]
+    small = "".join(f"{t},{float(x) / 1000:.7f},{f}\n" for t, x, f, *_ in rows)
+    return {
+        "empty_s101.csv": (b"", "no-data"),
+        "short_s102.csv": (f"{HEAD}0,1,2\n".encode(), "too-short"),
+        "lacking_s103.csv": (b"time_s,displacement_mm\n0,1\n1,2\n", "no-column"),
+        "still_s104.csv": (f"{HEAD}{NO_CLOCK}".encode(), "bad-clock"),
+        "page_s105.csv": (b"<!DOCTYPE html><html>404</html>", "unknown-format"),
+        "bomb_s106.csv.gz": (gzip.compress(b"0,1,2,3\n" * (LIMIT // 8 + 1)), "unreadable"),
+        "pickle_s107.pkl": (pickle.dumps([1.0]), "unknown-format"),
+        "noise_s108.tdms": (bytes(range(256)), "damaged"),
+        "many_s109.xlsx": (zipped(*(f"xl/workbook{k}" for k in range(20_000))), "too-large"),
+        "above_s110.zip": (zipped("../../log.csv"), "damaged"),
+        "metres_s111.csv": (good.replace("_mm", "_m", 1).encode(), "implausible"),
+        "small_s112.csv": (f"{HEAD}{small}".encode(), "too-small"),
+        "kilo_s113.csv": (good.replace("force_N", "force_kN", 1).encode(), "implausible"),
+    }
 
 
 @pytest.fixture(scope="module")
@@ -58,49 +66,46 @@ def log(tmp_path_factory):
     return make_samples(folder, options)[0]
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
+def test_bad_logs_have_their_codes_and_leave_the_results_of_a_good_one(
+    log, tmp_path, monkeypatch, capsys
+) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "a_file").write_text("kept")
-    (tmp_path / "bad.toml").write_text("[rig]\nskew = 3\n")
-    (tmp_path / "unknown.toml").write_text("[rig]\nskeww = 3\n")
-    return tmp_path
+    bad = bad_logs(log.read_text().partition("time_s")[1] + log.read_text().partition("time_s")[2])
+    for name, (content, _) in bad.items():
+        Path(name).write_bytes(content)
+    assert main(["inspect", str(log), *bad, "--json", *QUICK[-2:]]) == 1
+    failures = json.loads(capsys.readouterr().out)["failures"]
+    assert {one["log"]: one["code"] for one in failures} == {k: v[1] for k, v in bad.items()}
+    assert all(one["log"] in one["message"] and one["message"].isprintable() for one in failures)
+    assert main(["identify", str(log), *QUICK, "--out", "alone"]) == 0
+    half = [*bad][:6], [*bad][6:]
+    assert main(["identify", *half[0], str(log), *half[1], *QUICK, "--out", "among"]) == 1
+    for name in TABLES:
+        assert Path("among", name).read_bytes() == Path("alone", name).read_bytes()
+    told = json.loads(Path("among", "run.json").read_text())["failures"]
+    assert [one["code"] for one in told] == [one["code"] for one in failures]
+    assert {"path", "setting", "kind", "message"} <= set(told[0])
 
 
-@pytest.mark.parametrize(("words", "status", "code", "begins"), COMMANDS)
-def test_a_command_that_cannot_be(here, log, capsys, words, status, code, begins) -> None:
-    argv = [str(log) if word == "LOG" else word for word in words.split()]
-    assert main(argv) == status
-    seen = capsys.readouterr()
-    assert seen.out == ""
-    (line,) = seen.err.splitlines()
-    assert line.startswith(f"damperfit: {begins}"), line
-    with pytest.raises(DamperfitError) as caught:
-        app(argv, standalone_mode=False, prog_name="damperfit")
-    assert caught.value.problem.code == code
-    assert sorted(one.name for one in here.iterdir()) == ["a_file", "bad.toml", "unknown.toml"]
-
-
-@pytest.mark.parametrize(("text", "status", "code"), LOGS)
-def test_a_log_that_cannot_be_costs_itself_alone(here, log, capsys, text, status, code) -> None:
-    (here / "bad.csv").write_text(text)
-    assert main(["identify", str(log), "bad.csv", "--out", "out", "--quiet"]) == status
-    (failure,) = json.loads((here / "out" / "run.json").read_text())["failures"]
-    assert failure["log"] == "bad.csv"
-    assert failure["code"] == code
-    assert {"path", "setting", "kind", "message"} <= set(failure)
+def test_a_core_that_does_not_load_is_one_sentence(log, monkeypatch, capsys) -> None:
+    monkeypatch.setitem(sys.modules, "damperfit.damper._core", None)  # its import fails
+    monkeypatch.setattr(compiled_core, "_installed_core", lambda: None)
+    assert main(["identify", str(log)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "pip install --force-reinstall damperfit" in line
 
 
 @pytest.mark.parametrize("name", ["no/run--hot.csv", "a--check=3.csv", "{setting}.csv"])
-def test_a_file_is_named_as_it_is(here, name) -> None:
+def test_a_file_is_named_as_it_is(name) -> None:
     with pytest.raises(DamperfitError) as caught:
         damperfit.identify([name])
     assert caught.value.problem.subject == name
     assert name in str(caught.value)
 
 
-def test_a_wrong_value_is_blamed_on_its_own_line(here) -> None:
-    (here / "two.toml").write_text(
+def test_a_wrong_value_is_blamed_on_its_own_line(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("two.toml").write_text(
         "[test]\nserial = 'papr'\n[identification]\nprocedure = 'papr'\n[rig]\nprofile = ''\n"
     )
     with pytest.raises(ConfigurationError) as caught:
@@ -153,15 +158,13 @@ def test_a_template_does_not_touch_braces_of_values() -> None:
     assert str(error) == "column {force}; give --rig x=N"
 
 
-@pytest.mark.parametrize(
-    "package", ["io", "identification", "configuration", "errors", "arguments", "api"]
-)
-def test_every_refusal_has_a_code_of_its_own(package) -> None:
-    place = Path(damperfit.__file__).parent / package
+def test_every_refusal_has_a_code_of_its_own() -> None:
     kinds = {name for name in vars(errors) if name.endswith("Error")}
     bare = [
         f"{path.name}:{node.lineno}"
-        for path in (place.rglob("*.py") if place.is_dir() else [place.with_suffix(".py")])
+        for name in ("io", "identification", "configuration", "errors.py", "arguments.py", "api.py")
+        for place in [Path(damperfit.__file__).parent / name]
+        for path in (place.rglob("*.py") if place.is_dir() else [place])
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") in kinds
         if not any(one.arg in {"code", None} for one in node.keywords)

@@ -121,13 +121,6 @@ def test_logs_beyond_a_limit_of_the_next_test_still_count(fitted, limit) -> None
     assert free.tests[0].share < 1.0
 
 
-@pytest.mark.parametrize("asked", ["nothing", "force", "force@fast"])
-def test_a_question_that_cannot_be_is_refused(results, capsys, asked) -> None:
-    assert main(["advise", str(results), "--for", asked]) == 2
-    (sentence,) = capsys.readouterr().err.splitlines()
-    assert asked.partition("@")[2] in sentence
-
-
 def test_the_adjuster_as_one_hole_passes_the_flow_of_its_resistance(fitted) -> None:
     holes = {hole.setting: hole for hole in fitted.valves(cd=0.7, cd_spread=0.0).holes}
     density = fitted.damper.oil_density
@@ -155,11 +148,6 @@ def test_the_sensitivity_is_the_slope_of_the_force(fitted) -> None:
     assert np.abs(slope - seen["r_m1"]).max() < 0.01 * np.abs(slope).max()
 
 
-def test_the_last_setting_jumps(fitted) -> None:
-    (remark,) = fitted.valves().remarks
-    assert "setting 19 to 20" in remark
-
-
 def test_a_part_is_sized_for_a_force(fitted) -> None:
     found = fitted.valves(force="900N", velocity="0.2m/s")
     (row,) = (one for one in found.sized if one.setting == "12")
@@ -176,33 +164,6 @@ def test_a_model_without_valves_has_none(sample_results) -> None:
     found = damperfit.identify([log], model="bilinear")
     with pytest.raises(ConfigurationError, match="no orifices"):
         found.valves()
-
-
-@pytest.mark.parametrize(
-    ("words", "code"),
-    [
-        ("advise {results}", 2),
-        ("advise {results} --for k_e --minutes nan", 2),
-        ("advise {results} --for k_e --minutes 0", 2),
-        ("advise {results} --for k_e --max-stroke -5mm", 2),
-        ("advise {results} --for k_e --max-force 0N", 2),
-        ("valves {results} --cd 0", 2),
-        ("valves {results} --cd nan", 2),
-        ("valves {results} --cd-spread 0.8", 2),
-        ("valves {results} --seat 0mm", 2),
-        ("valves {results} --force 400N", 2),
-        ("valves {results} --velocity 0.2m/s", 2),
-        ("passport {results} --out {log}", 2),
-        ("watch {folder} --out {folder}", 2),
-        ("ride {results} --stroke nowhere.csv", 2),
-        ("ride {results} --car nowhere.toml", 2),
-    ],
-)
-def test_what_cannot_be_is_one_line(results, sample_results, capsys, words, code) -> None:
-    folder = sample_results / "sample_runs"
-    given = {"results": results, "log": folder / "setting_01.csv", "folder": folder}
-    assert main(words.format(**given).split()) == code
-    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
@@ -229,9 +190,3 @@ def test_an_edited_table_is_no_bug(results, tmp_path, value, words) -> None:
     table = table.set_column(place, table.schema.field(place), column)
     pq.write_table(table, edited / "parameters.parquet")
     assert main(words.format(edited).split()) in {0, 1, 2}
-
-
-def test_a_larger_rig_is_no_hindrance(fitted) -> None:
-    advice = fitted.advise("k_e", setting=10, max_stroke=5.0)
-    assert advice.tests
-    assert advice.tests[0].amplitude < fitted.damper.travel

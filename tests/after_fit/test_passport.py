@@ -115,11 +115,6 @@ def test_a_watched_folder_answers_complete_logs_once_and_keeps_the_results(
     assert (out / "report.html").exists()
 
 
-def test_a_folder_that_is_not_there_is_refused(tmp_path, capsys) -> None:
-    assert main(["watch", str(tmp_path / "nowhere")]) == 2
-    assert "no such folder" in capsys.readouterr().err
-
-
 @pytest.mark.skipif(
     not pytest.importorskip("importlib.util").find_spec("watchfiles"), reason="needs watchfiles"
 )

@@ -61,14 +61,15 @@ def repeated():
     """Repeat a test: the text of its log with other noise, for the same test counts once."""
 
     def repeat(text: str, seed: int) -> str:
-        noise = np.random.default_rng(seed)
-        lines = text.splitlines()
-        for i, line in enumerate(lines):
-            if line[:1].isdigit():
-                time, displacement, force, *rest = line.split(",")
-                force = f"{float(force) + noise.normal(0.0, 2.0):.1f}"
-                lines[i] = ",".join([time, displacement, force, *rest])
-        return "\n".join(lines) + "\n"
+        begin = text.index("\n", text.index("time_s")) + 1
+        head, rows = text[:begin], text[begin:].splitlines()
+        noise = np.random.default_rng(seed).normal(0.0, 2.0, len(rows)).tolist()
+        cells = (row.split(",", 3) for row in rows)
+        told = (
+            ",".join([t, x, f"{float(f) + more:.1f}", *rest])
+            for (t, x, f, *rest), more in zip(cells, noise, strict=True)
+        )
+        return head + "\n".join(told) + "\n"
 
     return repeat
 

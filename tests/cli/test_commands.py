@@ -1,26 +1,29 @@
-"""inspect, samples, config, and what holds for every command."""
+"""samples, config, help, and what holds for every command: colours, completion, exit codes."""
 
+import errno
+import io
 import json
 import re
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 
-from damperfit import __version__
+from damperfit import __version__, errors
 from damperfit.cli import console, main
+from damperfit.cli.commands import _worst
 from damperfit.configuration.loading import load_configuration
 from damperfit.manual import TOPICS
+from damperfit.run.logs import Ending
 
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("command", ["identify", "simulate", "inspect", "samples", "config"])
-def test_the_version_is_told_everywhere(run, command) -> None:
-    assert run("--version").out == f"damperfit {__version__}\n"
-    assert run(command, "--version").out == f"damperfit {__version__}\n"
+def test_the_version_is_told_everywhere(run) -> None:
+    for words in ((), ("identify",), ("config",)):
+        assert run(*words, "--version").out == f"damperfit {__version__}\n"
 
 
 def test_config_prints_toml_that_loads_back(run, tmp_path) -> None:
@@ -30,18 +33,6 @@ def test_config_prints_toml_that_loads_back(run, tmp_path) -> None:
     (tmp_path / "all.toml").write_text(printed)
     assert load_configuration(tmp_path / "all.toml") == load_configuration(tmp_path / "mine.toml")
     assert json.loads(run("config", "--json").out)["rig"]["frequency"] == "1.5Hz"
-
-
-def test_inspect_tells_what_is_in_the_logs_and_fits_nothing(run, logs, tmp_path) -> None:
-    ended = run("inspect", logs / "*.csv")
-    assert ended.code == 0
-    rows = [line.split() for line in ended.out.splitlines()]
-    row = next(row for row in rows if row and row[0] == "setting_02.csv")
-    assert row[:4] == ["setting_02.csv", "2", "2333", "500.0"]
-    assert row[5:7] == ["of", "7"]
-    assert row[7:] == ["1.500", "32.00", row[-2], "good"]
-    assert max(len(line) for line in ended.out.splitlines()) <= 80
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_samples_are_the_same_for_the_same_seed(run, tmp_path) -> None:
@@ -62,16 +53,13 @@ def test_samples_are_the_same_for_the_same_seed(run, tmp_path) -> None:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
-def test_what_goes_into_a_file_is_utf_8_whatever_the_locale(tmp_path) -> None:
+def test_what_goes_into_a_file_is_utf_8_whatever_the_locale(run, tmp_path, monkeypatch) -> None:
     (tmp_path / "µ.toml").write_text('[output]\nfolder = "Größe"\n', encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "damperfit", "config", "--config", "µ.toml"],
-        capture_output=True,
-        check=True,
-        cwd=tmp_path,
-        env={"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "ascii"},
-    )
-    assert tomllib.loads(done.stdout.decode("utf-8"))["output"]["folder"] == "Größe"
+    kept = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(kept, encoding="ascii"))
+    assert main(["config", "--config", "µ.toml"]) == 0
+    sys.stdout.flush()
+    assert tomllib.loads(kept.getvalue().decode("utf-8"))["output"]["folder"] == "Größe"
 
 
 def test_nothing_behind_the_equals_sign_gives_the_default_back(run, logs, tmp_path) -> None:
@@ -97,6 +85,7 @@ def test_declarations_on_the_command_line_read_the_log(run, logs, tmp_path) -> N
     assert ended.code == 0, ended.err
     (facts,) = json.loads(ended.out)["logs"]
     assert facts["amplitude_m"] == pytest.approx(0.032, rel=1e-2)
+    assert [path.name for path in tmp_path.iterdir()] == ["bench.csv"]  # it fits nothing
 
 
 def test_the_configuration_of_the_folder_or_above_is_used_and_named(
@@ -115,12 +104,6 @@ def test_the_configuration_of_the_folder_or_above_is_used_and_named(
     assert 'frequency = "3Hz"' in run("config", "-q").out
     monkeypatch.setenv("DAMPERFIT_CONFIG", "nothing.toml")
     assert run("config").code == 2
-
-
-def test_colours_are_as_asked(run) -> None:
-    asked = ("simulate", "--setting", "5", "-q", "--color")
-    assert "\x1b[" in run(*asked, "always").out
-    assert "\x1b[" not in run(*asked, "never").out
 
 
 def test_checks_that_failed_are_red_and_others_dim(capsys, monkeypatch) -> None:
@@ -144,36 +127,35 @@ def test_checks_that_failed_are_red_and_others_dim(capsys, monkeypatch) -> None:
         assert capsys.readouterr().out == shown
 
 
-# What the shell completes behind an option.
-
-
 @pytest.mark.parametrize(
-    ("typed", "completed"),
-    [
-        ("export --to f", ["fmu2", "fmu3"]),
-        ("identify --model tw", ["twin_tube"]),
-        ("identify --check purdy2000,every_c", ["purdy2000,every_click_counts"]),
-        ("identify --free r_m1,k", ["r_m1,k_e"]),
-        ("simulate --wave ", ["sine", "triangle"]),
-        ("simulate --parameters results --setting 1", ["1", "10", "11"]),
-        ("ride results --setting 1", ["1", "10", "11"]),
-        ("ride nowhere --setting 1", []),
-        ("help tru", ["trust"]),
-        ("help ident", ["identify"]),
-    ],
+    "row",
+    """
+export --to f -> fmu2 fmu3
+identify --model tw -> twin_tube
+identify --check purdy2000,every_c -> purdy2000,every_click_counts
+identify --free r_m1,k -> r_m1,k_e
+simulate --wave  -> sine triangle
+simulate --parameters results --setting 1 -> 1 10 11
+ride results --setting 1 -> 1 10 11
+ride nowhere --setting 1 ->
+help tru -> trust
+help ident -> identify
+""".strip().splitlines(),
 )
-def test_values_are_completed(capsys, monkeypatch, tmp_path, typed, completed) -> None:
+def test_values_are_completed(capsys, monkeypatch, tmp_path, row) -> None:
+    """What the shell completes behind an option."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "results").mkdir()
     table = "setting,r_m1\n1,2.0\n10,2.0\n11,2.0\n2,2.0\n"
     (tmp_path / "results" / "parameters.csv").write_text(table, encoding="utf-8")
+    typed, _, completed = row.partition(" ->")
     words = ["damperfit", *typed.split(" ")]
     monkeypatch.setenv("_DAMPERFIT_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", " ".join(words))
     monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
     with pytest.raises(SystemExit):
         main([])
-    assert capsys.readouterr().out.split() == completed
+    assert capsys.readouterr().out.split() == completed.split()
 
 
 # `damperfit help`: pages of the manual, and what commands take.
@@ -188,12 +170,60 @@ def test_without_a_topic_the_topics_are_listed(run) -> None:
     assert tuple(told) == TOPICS
 
 
-@pytest.mark.parametrize("topic", TOPICS)
-def test_every_page_is_shown_in_the_columns_asked_for(run, monkeypatch, topic) -> None:
+def test_every_page_is_shown_in_the_columns_asked_for(run, monkeypatch) -> None:
     monkeypatch.setenv("COLUMNS", "72")
-    ended = run("help", topic)
-    assert (ended.code, ended.err) == (0, "")
-    lines = ended.out.splitlines()
-    assert max(map(len, lines)) <= 72
-    assert len(lines) > 8
-    assert not re.search(r"<!--|\]\(\w+\.md|```|^## ", ended.out, flags=re.MULTILINE)
+    for topic in TOPICS:
+        ended = run("help", topic)
+        assert (ended.code, ended.err) == (0, "")
+        lines = ended.out.splitlines()
+        assert max(map(len, lines)) <= 72
+        assert len(lines) > 8
+        assert not re.search(r"<!--|\]\(\w+\.md|```|^## ", ended.out, flags=re.MULTILINE)
+
+
+# Every exit code, and every kind of error that leads to it.
+
+door = sys.modules["damperfit.cli.main"]  # the package has the function under this name
+CODES = {
+    1: "Damperfit Conditioning Contradiction Internal Log Output Simulation Timeless",
+    2: "Configuration Installation",
+    4: "Quality",
+    130: "FitCancelled",
+}
+RAISED = [
+    *(
+        (getattr(errors, f"{name}Error")("what, where, what to do"), code, "what, where")
+        for code, names in CODES.items()
+        for name in names.split()
+    ),
+    (RuntimeError("oops"), 70, "internal error, RuntimeError: oops; this is a bug, --debug shows"),
+    (OSError(errno.EACCES, "denied"), 70, "internal error"),
+    (OSError(errno.ENOSPC, "No space"), 1, "cannot write the output: No space"),
+    (OSError(errno.ENAMETOOLONG, "too long", "n" * 300), 2, "nnn...: a file's name cannot be"),
+    (MemoryError(), 1, "out of memory; give fewer or shorter logs"),
+    (KeyboardInterrupt(), 130, "interrupted"),
+    (typer.Abort(), 130, "interrupted"),
+    (typer.BadParameter("no such thing."), 2, "no such thing; see"),
+    (BrokenPipeError(), 0, ""),  # its reader has left
+]
+
+
+@pytest.mark.parametrize(("error", "code", "says"), RAISED)
+def test_what_a_command_raises_ends_in_one_line_and_a_code(
+    run, error, code, says, monkeypatch
+) -> None:
+    def fail(*_arguments, **_options):
+        raise error
+
+    monkeypatch.setattr(door, "app", fail)
+    ended = run("config")
+    assert (ended.code, ended.out) == (code, "")
+    assert says in ended.err
+    assert ended.err.count("\n") == bool(says)
+
+
+@pytest.mark.parametrize(
+    ("endings", "code"), [("00", 0), ("33", 3), ("03", 1), ("04", 4), ("14", 1), ([3, 130], 130)]
+)
+def test_of_several_dampers_the_gravest_ending_tells(endings, code) -> None:
+    assert _worst({Ending(int(one)).value for one in endings}) == code

@@ -3,63 +3,66 @@
 import csv
 import hashlib
 import json
-import resource
+import re
 import shutil
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from damperfit.arguments import starts_of
 from damperfit.cli import main
+from damperfit.configuration.loading import load_configuration
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.errors import ConfigurationError
+from damperfit.identification import procedures
+from damperfit.run.given_starts import with_given_start
+from damperfit.run.log_files import is_own_table
+from damperfit.simulation import Motion, simulate
+from damperfit.synthetic import SampleOptions, make_samples
+from damperfit.units.quantities import find_unit
 from tests.fakes import values_in
 
-FILES = {
-    "parameters.parquet",
-    "parameters.csv",
-    "mse.parquet",
-    "mse.csv",
-    "adjustment.parquet",
-    "adjustment.csv",
-    "characteristics.parquet",
-    "characteristics.csv",
-    "responses.parquet",
-    "report.md",
-    "run.json",
-}
-TABLES = sorted(FILES - {"run.json", "report.md"})
+SAMPLES = Path(__file__).parents[2] / "sample_runs"
+TABLES = ("parameters", "mse", "adjustment", "characteristics")
+FILES = {f"{name}.{kind}" for name in TABLES for kind in ("parquet", "csv")}
+FILES |= {"responses.parquet", "report.md", "run.json"}
 
 
-def _bytes(folder: Path) -> dict[str, bytes]:
-    return {name: (folder / name).read_bytes() for name in TABLES}
+def record_of(folder) -> dict:
+    return json.loads(Path(folder, "run.json").read_text(encoding="utf-8"))
 
 
-def _record(folder: Path) -> dict:
-    return json.loads((folder / "run.json").read_text())
+def rows_of(name: str, folder="results") -> list[dict]:
+    return pq.read_table(Path(folder, f"{name}.parquet")).to_pylist()
+
+
+def cells_of(path) -> list[dict[str, str]]:
+    return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
 
 
 def test_the_parameters_are_the_true_ones(logs, results) -> None:
-    truth = values_in(logs / "truth.csv")
     found = values_in(results / "parameters.parquet")
     assert found == values_in(results / "parameters.csv")
-    for setting, true in truth.items():
-        assert found[setting].r_m1 == pytest.approx(true.r_m1, rel=2e-3)
-        assert found[setting].r_m2 == pytest.approx(true.r_m2, rel=5e-3)
-        assert found[setting].k_e == pytest.approx(true.k_e, rel=2e-2)
-        assert found[setting].r_m3 == pytest.approx(true.r_m3, rel=1e-2)
-        assert found[setting].f_f == pytest.approx(true.f_f, rel=2e-2)
+    for setting, true in values_in(logs / "truth.csv").items():
+        for name, off in {
+            "r_m1": 2e-3,
+            "r_m2": 5e-3,
+            "k_e": 2e-2,
+            "r_m3": 1e-2,
+            "f_f": 2e-2,
+        }.items():
+            assert getattr(found[setting], name) == pytest.approx(getattr(true, name), rel=off), (
+                name
+            )
 
 
 def test_run_json_tells_the_whole_story(logs, results) -> None:
-    record = _record(results)
-    assert {
-        "version",
-        "configuration",
-        "inputs",
-        "failures",
-        "warnings",
-        "timings",
-        "schema",
-    } <= record.keys()
+    record = record_of(results)
+    assert {"version", "configuration", "inputs", "warnings", "timings", "schema"} <= record.keys()
     assert record["failures"] == []
     first = record["inputs"][0]
     digest = hashlib.sha256((logs / "setting_01.csv").read_bytes()).hexdigest()
@@ -73,105 +76,65 @@ def test_run_json_tells_the_whole_story(logs, results) -> None:
 
 def test_when_every_log_fails_the_code_is_3_and_the_tables_are_empty(run, tmp_path) -> None:
     (tmp_path / "setting_1.csv").write_bytes(b"")
-    ended = run("identify", "setting_1.csv")
-    assert ended.code == 3
-    assert pq.read_table(tmp_path / "results" / "parameters.parquet").num_rows == 0
-    assert pq.read_table(tmp_path / "results" / "responses.parquet").num_rows == 0
-    assert len(_record(tmp_path / "results")["failures"]) == 1
+    assert run("identify", "setting_1.csv").code == 3
+    assert rows_of("parameters") == rows_of("responses") == []
+    assert len(record_of("results")["failures"]) == 1
 
 
-def test_a_gate_that_is_not_met_is_code_4_and_everything_is_written(run, logs, tmp_path) -> None:
+def test_a_gate_that_is_not_met_is_code_4_and_everything_is_written(run, logs) -> None:
     ended = run("identify", logs / "setting_01.csv", "--max-mse", "0.00001")
     assert ended.code == 4
     assert "setting 1: MSE" in ended.err
-    assert {path.name for path in (tmp_path / "results").iterdir()} == FILES
+    assert {path.name for path in Path("results").iterdir()} == FILES
     assert run("identify", logs / "setting_01.csv", "--max-mse", "1").code == 0
 
 
-def test_several_logs_of_one_setting_are_fitted_together(run, logs, repeated, tmp_path) -> None:
+def test_several_logs_of_one_setting_are_fitted_together(run, logs, repeated) -> None:
     text = (logs / "setting_01.csv").read_text()
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    (tmp_path / "a" / "x.csv").write_text(text)
-    (tmp_path / "b" / "x.csv").write_text(repeated(text, 1))
-    ended = run("identify", "a/x.csv", "b/x.csv")
-    assert ended.code == 0
-    row = pq.read_table(tmp_path / "results" / "parameters.parquet").to_pylist()[0]
+    for name, content in (("a", text), ("b", repeated(text, 1))):
+        Path(name).mkdir()
+        Path(name, "x.csv").write_text(content)
+    assert run("identify", "a/x.csv", "b/x.csv").code == 0
+    (row,) = rows_of("parameters")
     assert (row["setting"], row["n_logs"]) == (1, 2)
-    with (tmp_path / "results" / "mse.csv").open(newline="") as file:
-        assert [r["log"] for r in csv.DictReader(file)] == ["", "a/x.csv", "b/x.csv"]
+    assert [row["log"] or "" for row in rows_of("mse")] == ["", "a/x.csv", "b/x.csv"]
 
 
-def test_a_log_without_a_setting_takes_the_one_given_or_fails(run, logs, tmp_path) -> None:
+def test_a_log_without_a_setting_takes_the_one_given_or_fails(run, logs) -> None:
     text = (logs / "setting_02.csv").read_text().replace("# setting: 2\n", "")
-    (tmp_path / "run.csv").write_text(text)
+    Path("run.csv").write_text(text)
     ended = run("identify", "run.csv")
     assert ended.code == 3
     assert "--setting N" in ended.err
     assert run("identify", "run.csv", "--setting", "7").code == 0
-    table = pq.read_table(tmp_path / "results" / "parameters.parquet")
-    assert table["setting"].to_pylist() == [7]
+    assert [row["setting"] for row in rows_of("parameters")] == [7]
 
 
-def test_settings_that_the_configuration_expects_are_explicit_gaps(run, logs, tmp_path) -> None:
-    (tmp_path / "rig.toml").write_text("[rig]\nsettings = [1, 2, 3, 4]\n")
+def test_settings_that_the_configuration_expects_are_explicit_gaps(run, logs) -> None:
+    Path("rig.toml").write_text("[rig]\nsettings = [1, 2, 3, 4]\n")
     ended = run("identify", logs / "setting_0[13].csv", "--config", "rig.toml")
     assert ended.code == 1
     assert "setting 2: no log" in ended.err
-    table = pq.read_table(tmp_path / "results" / "parameters.parquet")
-    assert table["setting"].to_pylist() == [1, 2, 3, 4]
-    assert table["outcome"].to_pylist()[1] == "missing"
-
-
-def test_a_second_run_replaces_the_first_as_a_set(run, logs, tmp_path) -> None:
-    run("identify", logs / "setting_*.csv")
-    run("identify", logs / "setting_02.csv")
-    folder = tmp_path / "results"
-    assert {path.name for path in folder.iterdir()} == FILES
-    for name in ("parameters", "mse", "responses"):
-        assert set(pq.read_table(folder / f"{name}.parquet")["setting"].to_pylist()) == {2}
-    assert [i["log"] for i in _record(folder)["inputs"]] == ["setting_02.csv"]
-
-
-def test_a_full_disk_leaves_the_old_results_whole(spawn, logs, results, tmp_path) -> None:
-    folder = tmp_path / "results"
-    shutil.copytree(results, folder)
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    ended = spawn(
-        "identify",
-        logs / "setting_01.csv",
-        # A limit on file sizes is the nearest to a full disk that needs no rights.
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
-    )
-    assert ended.code == 1
-    assert "earlier results there are untouched" in ended.err
-    assert "Traceback" not in ended.err
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-
-
-# damperfit identify: profiles, many starts, gas content and cavitation in the results.
+    told = [(row["setting"], row["outcome"] == "missing") for row in rows_of("parameters")]
+    assert told == [(1, False), (2, True), (3, False), (4, True)]
 
 
 def test_profiles_are_written_on_request_and_go_with_the_next_run(logs, tmp_path) -> None:
     command = ["identify", str(logs / "setting_*.csv"), "--out", str(tmp_path), "--quiet"]
     assert main([*command, "--profile", "k_e,r_m3", "--profile", "r_m1"]) == 0
-    table = pq.read_table(tmp_path / "profiles.parquet")
-    assert table.schema.field("k_e").metadata[b"unit"] == b"Pa"
-    rows = table.to_pylist()
-    with (tmp_path / "profiles.csv").open(encoding="utf-8") as file:
-        assert [float(row["value"]) for row in csv.DictReader(file)] == [r["value"] for r in rows]
+    assert pq.read_schema(tmp_path / "profiles.parquet").field("k_e").metadata[b"unit"] == b"Pa"
+    rows = rows_of("profiles", tmp_path)
+    told = [float(row["value"]) for row in cells_of(tmp_path / "profiles.csv")]
+    assert told == [row["value"] for row in rows]
     followed = {(row["setting"], row["parameter"]) for row in rows}
     assert followed == {(1, "r_m3")} | {(s, name) for s in (1, 2, 3) for name in ("k_e", "r_m1")}
     for row in rows:
         assert row["value"] == row[row["parameter"]]
         assert row["misfit_rise"] >= -0.05
-    record = json.loads((tmp_path / "run.json").read_text())
-    assert {"profile_s", "judge_s"} <= record["timings"].keys()
-    assert "profiles.parquet" in record["files"]
+    record = record_of(tmp_path)
     assert "profiles" in record["schema"]
     assert len(record["profiles"]) == 7
     for one in record["profiles"]:
-        assert one["shape"] == "closed"
         # Beside each other: the profile's limits and those of the sandwich covariance.
         wide = one["sandwich_ci_high"] - one["sandwich_ci_low"]
         assert one["ci_low"] == pytest.approx(one["sandwich_ci_low"], abs=0.02 * wide)
@@ -179,23 +142,243 @@ def test_profiles_are_written_on_request_and_go_with_the_next_run(logs, tmp_path
     assert record["uncertainty"][0]["verdicts"]["k_e"].endswith("by its profile")
     assert main(command) == 0
     assert not list(tmp_path.glob("profiles.*"))
-    record = json.loads((tmp_path / "run.json").read_text())
-    assert record["profiles"] == []
-    assert "profiles.parquet" not in record["files"]
+    assert record_of(tmp_path)["profiles"] == []
 
 
-def test_the_gas_content_stands_in_the_report(run, logs, tmp_path) -> None:
-    ended = run(
-        "identify", logs / "setting_*.csv", "--procedure", "joint", "--bulk-modulus", "appendix1"
-    )
-    assert ended.code == 0
-    record = json.loads((tmp_path / "results" / "run.json").read_text())
-    found = record["gas_content"]
+def test_the_gas_content_stands_in_the_report(run, logs) -> None:
+    joint = ("--procedure", "joint", "--bulk-modulus", "appendix1")
+    assert run("identify", logs / "setting_*.csv", *joint).code == 0
+    found = record_of("results")["gas_content"]
     assert found["volume_ratio_interval"]["low"] < found["volume_ratio"]
     assert set(found["pressures"]) == {"1", "2", "3"}
-    rows = pq.read_table(tmp_path / "results" / "parameters.parquet").to_pylist()
+    rows = rows_of("parameters")
     assert {row["k_e_status"] for row in rows} == {"shared"}
     assert rows[0]["k_e"] < rows[1]["k_e"] < rows[2]["k_e"]
     assert all(row["k_e_ci_low"] < row["k_e"] < row["k_e_ci_high"] for row in rows)
-    report = (tmp_path / "results" / "report.md").read_text(encoding="utf-8")
-    assert "gas content: V_r = " in report
+    assert "gas content: V_r = " in Path("results/report.md").read_text(encoding="utf-8")
+
+
+# What is not fitted is predicted, and told everywhere.
+
+
+@pytest.fixture(scope="module")
+def shorter(tmp_path_factory) -> Path:
+    """Setting 1 at 16 mm."""
+    folder = tmp_path_factory.mktemp("shorter")
+    quiet = {"force_noise": 1.0, "displacement_noise": 2e-6, "cycles": 7.0}
+    (path, *_) = make_samples(folder, SampleOptions(settings=(1,), amplitude=0.016, **quiet))
+    return path.rename(folder / "setting_01_16mm.csv")
+
+
+def test_held_out_logs_are_predicted_and_told_everywhere(run, logs, shorter) -> None:
+    fitted = logs / "setting_0[12].csv"
+    ended = run("identify", fitted, shorter, "--hold-out", "*_16mm.csv")
+    assert ended.code == 0
+    assert "setting_01_16mm.csv" in ended.out
+    assert "predicted as well as fitted" in ended.out
+    mse = rows_of("mse")
+    assert [(row["setting"], row["log"] or "", row["role"]) for row in mse] == [
+        (1, "", "fitted"),
+        (1, "setting_01.csv", "fitted"),
+        (1, "setting_01_16mm.csv", "held_out"),
+        (2, "", "fitted"),
+        (2, "setting_02.csv", "fitted"),
+    ]
+    report = Path("results/report.md").read_text(encoding="utf-8")
+    assert r"| 1 | setting_01_16mm.csv | all | 16.0 | 1.50 |" in report
+    (held,) = record_of("results")["held_out"]
+    assert (held["setting"], held["log"], held["cycles"]) == (1, "setting_01_16mm.csv", "all")
+    assert held["amplitude_m"] == pytest.approx(0.016, rel=1e-3)
+    assert held["mse_percent"] == pytest.approx(mse[2]["mse_percent"])
+    # The parameters are those of the other logs alone.
+    with_them = rows_of("parameters")
+    assert run("identify", fitted).code == 0
+    assert rows_of("parameters") == with_them
+    assert record_of("results")["held_out"] == []
+
+
+def test_cycles_are_held_out_and_counted(run, logs) -> None:
+    ended = run("identify", f"{logs}/*.csv", "--hold-out-cycles", "2")
+    assert ended.code == 0
+    assert "last 2" in ended.out
+    assert [row["role"] for row in rows_of("mse")] == ["fitted", "fitted", "held_out"] * 3
+    fewer = rows_of("parameters")
+    assert run("identify", f"{logs}/*.csv").code == 0
+    for whole, part in zip(rows_of("parameters"), fewer, strict=True):
+        assert part["n_cycles"] == whole["n_cycles"] - 2
+        assert part["r_m1"] != whole["r_m1"]
+
+
+def test_a_setting_that_is_only_held_out_is_a_failure_of_that_log(run, logs) -> None:
+    ended = run("identify", logs / "setting_0[12].csv", "--hold-out", "setting_01*.csv")
+    assert ended.code == 1
+    assert "setting_01.csv: held out, but cannot be predicted: setting 1 has no fit" in ended.err
+    assert [row["setting"] for row in rows_of("parameters")] == [2]
+
+
+def test_segments_are_held_out_by_frequency_or_speed(run) -> None:
+    """Setting 1 at 1.5 and at 3 Hz in one record."""
+    t = np.arange(8000) / 500.0
+    turns = np.where(t < 8.0, 1.5 * t, 12.0 + 3.0 * (t - 8.0))
+    x = 0.032 * np.sin(2.0 * np.pi * turns)
+    motion = Motion(1.0 / 500.0, x, np.gradient(x, t))
+    force = simulate(reference_parameters(1), PURDY_DAMPER, motion).force
+    noise = np.random.default_rng(1).standard_normal(len(force))
+    rows, head = np.column_stack((t, 1e3 * x, force + noise)), "time_s,displacement_mm,force_N"
+    np.savetxt("setting_1.csv", rows, "%.5f", ",", header=head, comments="")
+    assert run("identify", "setting_1.csv", "--hold-out", "0.4m/s-").code == 0
+    fitted, held = [row for row in rows_of("mse") if row["log"]]
+    assert (fitted["role"], held["role"]) == ("fitted", "held_out")
+    assert fitted["n_samples"] == pytest.approx(10 * 500 / 1.5, rel=0.01)  # 10 cycles
+    assert held["n_samples"] > 3000
+    assert held["mse_percent"] < 0.05  # noise at one speed decides which verdict
+    by_frequency = ("--hold-out", "2.5Hz-10Hz", "--out", "other")
+    assert run("identify", "setting_1.csv", *by_frequency).code == 0
+    assert rows_of("mse", "other") == rows_of("mse")
+
+
+# --start FILE and --start NAME=VALUE.
+
+
+@pytest.fixture
+def began(monkeypatch, fitted_anew):
+    """Where the fits of a run begin, by setting."""
+    found = {}
+
+    def fit_from(setting, problem, start, **more):
+        found[setting] = start
+        return real_fit(setting, problem, start, **more)
+
+    real_fit = procedures.fit_from
+    monkeypatch.setattr(procedures, "fit_from", fit_from)
+    return found
+
+
+@pytest.mark.parametrize("name", ["", "parameters.csv"])
+def test_a_run_begins_where_an_earlier_one_ended_or_at_values(
+    run, logs, results, began, tmp_path, name
+) -> None:
+    earlier = shutil.copytree(results, tmp_path / "earlier")
+    for path in earlier.glob("parameters.*"):  # settings 1 and 3 alone
+        table = pq.read_table(path) if path.suffix == ".parquet" else None
+        if table is None:
+            lines = path.read_text().splitlines()
+            path.write_text("\n".join([*lines[:2], lines[3]]) + "\n")
+        else:
+            pq.write_table(table.take([0, 2]), path)
+    command = ["identify", logs / "setting_0[12].csv", "--procedure", "plain", "--json", "--quiet"]
+    values = ("--start", "k_e=900MPa", "--start", "r_m1 = 2e4")
+    known = values_in(results / "parameters.parquet")[1]
+    for more, start in (((), known), (values, known.replace(k_e=9e8, r_m1=2e4))):
+        done = run(*command, "--start", earlier / name, *more)
+        assert done.code == 0, done.err
+        assert began == {1: start, 2: start}  # 1 and 3 are as near to 2: the first counts
+        told = json.loads(done.out)["configuration"]["identification"]
+        assert told["start"] == str(earlier / name)
+        assert told["start_values"] == ({"k_e": "900MPa", "r_m1": "2e4"} if more else {})
+
+
+def test_values_come_in_a_list_and_may_be_written_as_in_the_paper(run, logs, began) -> None:
+    command = ["identify", logs / "setting_02.csv", "--procedure", "plain", "--json", "--quiet"]
+    done = run(*command, "--start", "f_f=30, K_e=2e9", "--start", "r_m1=2e4", "--fix", "F_0=0")
+    assert done.code == 0
+    assert (began[2].f_f, began[2].k_e, began[2].r_m1) == (30.0, 2e9, 2e4)
+    assert json.loads(done.out)["configuration"]["identification"]["fix"] == {"f_0": "0"}
+
+
+def test_a_log_or_another_models_table_is_no_start(run, logs, results, tmp_path) -> None:
+    done = run("identify", logs / "setting_01.csv", "--start", logs / "setting_01.csv", "--quiet")
+    assert done.code == 2
+    assert "not a parameters table: it has no column 'setting'" in done.err
+    other = {"damper": {"model": "twin_tube"}, "identification": {"start": str(results)}}
+    with pytest.raises(ConfigurationError, match="belong to another model than twin_tube"):
+        with_given_start(load_configuration(overlay=other))
+    empty = tmp_path / "empty.csv"
+    empty.write_text("setting,r_m1,r_m2\n")
+    with pytest.raises(ConfigurationError, match="contain no parameter"):
+        with_given_start(load_configuration(overlay={"identification": {"start": str(empty)}}))
+
+
+def test_a_file_whose_name_looks_like_a_value_is_a_file(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("day=2.csv", "a=1,b=2"):
+        Path(name).write_text("setting\n")
+    assert starts_of(["day=2.csv", "k_e=3"]) == ("day=2.csv", {"k_e": "3"})
+    assert starts_of(["a=1,b=2"]) == ("a=1,b=2", {})
+    assert starts_of(None) == (None, {})
+
+
+# --units: the terminal, the page and files for people; `report` repeats it.
+
+
+def test_files_for_people_are_in_the_units_asked_for_and_those_for_programs_are_not(
+    run, logs, results
+) -> None:
+    us = Path("us")
+    ended = run("identify", logs / "setting_*.csv", "--out", us, "--units", "lbf,in/s", "--report")
+    assert ended.code == 0
+    cells, shown = (cells_of(place / "characteristics.csv")[0] for place in (results, us))
+    force = next(name for name in cells if name.endswith("_N") and cells[name])
+    in_pounds = float(cells[force]) / find_unit("lbf", "force").factor
+    assert float(shown[f"{force[:-2]}_lbf"]) == pytest.approx(in_pounds)
+    speed = next(name for name in cells if name.endswith("_m_per_s") and cells[name])
+    in_inches = float(cells[speed]) / 0.0254
+    assert float(shown[speed.replace("_m_per_s", "_in_per_s")]) == pytest.approx(in_inches)
+    assert not [name for name in shown if name.endswith(("_N", "_m_per_s"))]
+    assert all(is_own_table(path) for path in us.glob("*.csv"))
+    for path in results.glob("*.parquet"):
+        assert pq.read_schema(us / path.name).names == pq.read_schema(path).names
+    assert cells_of(results / "parameters.csv") == cells_of(us / "parameters.csv")
+    page = us / "report.html"
+    first = page.read_text(encoding="utf-8")
+    assert "in/s" in first
+    assert run("report", us, "-q").code == 0
+    assert page.read_text(encoding="utf-8") == first
+    assert run("report", us, "--units", "N,m/s", "-q").code == 0
+    assert "in/s" not in page.read_text(encoding="utf-8")
+
+
+# A servo-hydraulic rig's export, and a force that comes late.
+
+
+def sample_rows(setting: int) -> list[list[float]]:
+    lines = (SAMPLES / f"setting_{setting:02d}.csv").read_text().splitlines()[4:]
+    return [[float(field) for field in line.split(",")] for line in lines]
+
+
+def test_a_servo_hydraulic_export_bump_positive_and_off_centre(run) -> None:
+    """Quoted, semicolons, decimal comma, preamble with both, kN, time last, stroke at 41.7 mm."""
+    lines = [
+        *('"Prüfstand 2; Dämpfer Nr. 7"', '"Operator";"J. Müller"', '"Date";"12.03.2024 10:15:01"'),
+        *("", '"Axial Force ";"Axial Displacement ";"Running Time "', '"kN";"mm";"sec"'),
+    ]
+    for time, x, force, _ in sample_rows(10):
+        values = (-force / 1e3, 41.7 - x, time)
+        lines.append(";".join(f'"{value:.9g}"'.replace(".", ",") for value in values))
+    Path("setting_10.csv").write_bytes(("\r\n".join(lines) + "\r\n").encode("latin-1"))
+    assert run("identify", SAMPLES / "setting_10.csv", "--out", "plain").code == 0
+    ended = run("identify", "setting_10.csv", "--out", "foreign")
+    assert ended.code == 0, ended.err
+    (expected,), (found,) = (rows_of("parameters", place) for place in ("plain", "foreign"))
+    for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f"):
+        assert found[name] == pytest.approx(expected[name], rel=1e-5)  # asked for: 1e-3
+    for channel in ("displacement", "force"):
+        assert f"{channel}: found positive in compression and reversed" in ended.err
+
+
+def test_skew_is_taken_back_on_request(run) -> None:
+    lines = ["time_s,displacement_mm,force_N"]
+    # One sample is 2 ms: the force of the row before.
+    lines += [f"{t},{x},{before[2]}" for before, (t, x, *_) in pairwise(sample_rows(5))]
+    Path("late_s5.csv").write_text("\n".join(lines) + "\n")
+    assert run("identify", SAMPLES / "setting_05.csv", "--out", "plain").code == 0
+    late = run("identify", "late_s5.csv", "--out", "late")
+    assert run("identify", "late_s5.csv", "--skew", "auto", "--out", "right").code == 0
+    k_e = {name: rows_of("parameters", name)[0]["k_e"] for name in ("plain", "late", "right")}
+    assert k_e["late"] < 0.75 * k_e["plain"]
+    assert k_e["right"] == pytest.approx(k_e["plain"], rel=0.05)
+    assert re.search(r"set rig.skew = '(1.9|2.\d)ms', or --skew auto", late.err)
+    for skew, is_told in (("auto", False), ("2ms", True)):
+        shown = run("inspect", "late_s5.csv", "--skew", skew, "--json")
+        findings = {one["name"] for one in json.loads(shown.out)["logs"][0]["findings"]}
+        assert ("skew_declared" in findings) is is_told

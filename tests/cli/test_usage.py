@@ -1,29 +1,34 @@
 """Wrong usage: code 2, one line that names what was typed, nothing on stdout, nothing touched."""
 
+import re
 import shlex
+import sys
 
 import pytest
+import typer
 
+from damperfit.cli.main import app
+from damperfit.errors import DamperfitError
+
+door = sys.modules["damperfit.cli.main"]  # the package has the function under this name
 GIVEN = "--set r_m1=1.8e4 --set r_m2=3.527e6 --set r_m3=2.597e6 --set k_e=365MPa --set f_f=50N"
-# What is typed -> what the line has. LOG is a good log, RESULTS what was found of it.
+# What is typed -> what the line has, and the code of the problem where scripts may ask for it.
+# LOG is a good log, RESULTS what was found of it.
 USAGE = """
 identify -> Missing argument
-identify nope.csv -> nope.csv: no such file
-identify nope.csv neither.csv -> nope.csv: no such file
+identify nope.csv -> nope.csv: no such file #no-such-file
 identify 'nope*.csv' -> nope*.csv: the pattern matches no file
-identify LOG 'nope*.csv' -> nope*.csv: the pattern matches no file
 identify fol* -> matches only folders
 identify folder -> no log in this folder
-inspect folder -> no log in this folder
 inspect @none.txt -> none.txt cannot be read
 identify '' -> found ''
 identify LOG --frree r_m1 -> No such option: --frree
-identify LOG --free r_m9 -> --free: no parameter 'r_m9'
+identify LOG --free r_m9 -> --free: no parameter 'r_m9' #unknown-quantity
 identify LOG --free k_e --fix k_e=1e9 -> --free: k_e is both free and fixed
 identify LOG --fix r_m1 -> --fix r_m1: expected NAME=VALUE
-identify LOG --fix k_e=soft -> k_e = soft
+identify LOG --fix k_e=soft -> k_e = soft #not-a-number
 identify LOG --fix r_m1=1e99 -> --fix: r_m1 = 1e+99 is fixed, far from
-identify LOG --procedure papr -> Did you mean 'paper'
+identify LOG --procedure papr -> Did you mean 'paper' #unknown-procedure
 identify LOG --share r_m3 -> --share r_m3 has no effect
 identify LOG --model auto --free r_m1,r_m2 -> --free has no effect
 identify LOG --procedure joint --share k_e --free k_e -> --share: k_e is shared and also
@@ -31,44 +36,42 @@ identify LOG --model bouc_wen --covariate temperature -> --covariate: nothing of
 identify LOG --bulk-modulus appendix1 -> --bulk-modulus: appendix1
 identify LOG --bulk-modulus appendix2 --procedure joint -> Did you mean 'appendix1'
 identify LOG --max-mse nan -> --max-mse
-identify LOG --max-mse 0 -> --max-mse 0: expected more than 0
-identify LOG --check nothing -> --check: no check 'nothing'
+identify LOG --check nothing -> --check: no check 'nothing' #unknown-check
 identify LOG --jobs 0 -> --jobs 0: expected 1 or more
 identify LOG --jobs two -> --jobs two: expected a whole number
-identify LOG --jobs 1.5 -> --jobs 1.5: expected a whole number
 identify LOG --starts 0 -> --starts: expected 1 or more
 identify LOG --profile k_f -> no parameter 'k_f' to profile
 identify LOG --profile f_f --fix f_f=50N -> f_f is both fixed and to be profiled
 identify LOG --plots bmp -> expected one of png
-identify LOG --hold-out 'zzz*' -> --hold-out zzz*: matches no log
+identify LOG --hold-out 'zzz*' -> --hold-out zzz*: matches no log #no-such-file
 identify LOG --hold-out '*' -> every log is held out
 identify LOG --hold-out 20Hz- -> no log has a segment
 identify LOG --hold-out=-20Hz -> none is left to fit
 identify LOG --hold-out 4Hz-2Hz -> the upper limit lies below
 identify LOG --hold-out-cycles 2.5 -> --hold-out-cycles: expected
-identify LOG --hold-out-cycles -1 -> --hold-out-cycles: expected
 identify LOG --setting '?' -> --setting ?: expected clicks
-identify LOG --setting 0 -> --setting 0: setting_01.csv says setting 1
+identify LOG --setting 0 -> --setting 0: setting_01.csv says setting 1 #other-setting
 identify LOG --skew 2mm -> --skew: no unit of time 'mm'
 identify LOG --skew 1s -> skew
-identify LOG --rig amplitude=32 -> --rig amplitude: expected at most 2 m
 inspect LOG --rig frequency=1500 -> --rig frequency: expected at most 500 Hz
 identify LOG --rig-profile lab -> --rig-profile: no profile 'lab'
 identify LOG --github-summary -> GITHUB_STEP_SUMMARY is not set
-identify LOG --config nope.toml -> --config nope.toml: cannot be read
+identify LOG --config nope.toml -> --config nope.toml: cannot be read #unreadable
 identify LOG --config text -> --config text: not valid TOML
-identify LOG --tests nope.csv -> --tests nope.csv: cannot be read
+identify LOG --config bad.toml -> --config bad.toml:2: rig.skew #out-of-range
+identify LOG --config unknown.toml -> --config unknown.toml:2: unknown #unknown-key
+identify LOG --rig skip_lines=a -> --rig skip_lines #wrong-value
+identify LOG --tests nope.csv -> --tests nope.csv: cannot be read #bad-table-of-tests
 identify LOG --tests text -> --tests text:1: no column 'file'
 identify LOG --out '' -> --out: found ''
-identify LOG --out text -> --out text: cannot be written: text is not a folder
-identify LOG --out s3://bucket/x -> s3://bucket/x
+identify LOG --out text -> --out text: cannot be written: text is not a folder #not-a-folder
+identify LOG --out s3://bucket/x -> s3://bucket/x #no-address
 identify LOG --start nope.csv -> --start nope.csv: cannot be read
-identify LOG --start text -> --start text: not a parameters table
 identify LOG --start '' -> expected a file or NAME=VALUE
 identify LOG --start k_e= -> --start k_e=: expected NAME=VALUE
 identify LOG --start k_e=1e9,K_e=2e9 -> --start k_e=2e9: k_e is given twice
 identify LOG --start a --start b -> --start b: a is given already
-identify LOG --start k_e=1e99 -> far from any damper's
+identify LOG --start k_e=1e99 -> far from any damper's #implausible
 identify LOG --start f_0=5 -> --start: f_0 is given a start but is not
 identify LOG --start k_e=1e9 --fix k_e=1e9 -> --start: k_e is fixed and also given a start
 inspect LOG --log-file folder -> --log-file folder: cannot be written
@@ -77,53 +80,48 @@ models LOG --start play=1 -> --start: play = 1 is given as a start, far from
 models LOG --start rebound_openning=5bar -> Did you mean 'rebound_opening'?
 models LOG --layout nothing -> --layout
 fleet LOG --out text/x -> --out text/x: cannot be written: text is not a folder
-fleet -> expected LOGS
+fleet -> expected LOGS, or --collect
+fleet x --jobs 2 --scheduler tcp://a:1 -> --jobs cannot be combined with --scheduler
+fleet x --part 1/2 --collect -> --collect cannot be combined with --part
+fleet x --part 3/2 -> expected I/N
+fleet nowhere -> no such file
+fleet --collect --out nowhere -> no parts of a fleet there
+fleet ftp://host/x -> no such store
 simulate -> give --setting N
 simulate --set r_m1=1e4 -> no parameters for r_m2
-simulate --setting 0 -> setting 0
 simulate --setting 21 -> setting 21
 simulate --setting ten -> --setting
 simulate --setting 1 --set k_e -> expected NAME=VALUE
 simulate --setting 1 --set ke=1 -> Did you mean 'k_e'
-simulate --setting 1 --set k_e=5mm -> k_e = 5mm: expected a number in Pa
 simulate --setting 1 --set k_e=500barg -> k_e = 500barg: expected a number in Pa
 simulate --setting 1 --set f_f=1 --set f_f=2 -> f_f is given twice
 simulate --setting 1 --amplitude 3kg -> --amplitude: no unit of length 'kg'
 simulate --setting 1 --amplitude 200mm -> beyond the damper's travel
-simulate --setting 1 --frequency 1500 -> --frequency: expected at most 500 Hz
 simulate --setting 1 --wave square -> --wave: expected 'sine' or 'triangle'
 simulate --setting 1 --cycles 0.5 -> --cycles: expected 1 or more
 simulate --setting 1 --cycles x -> --cycles x: expected a number
 simulate --setting 1 --out x.xlsx -> --out x.xlsx
 simulate --setting 1 --plot x.gif -> --plot x.gif
-simulate --setting 1 --plot text/x.svg -> --plot text/x.svg: cannot be written
 simulate --setting 1 --parameters none.csv -> none.csv: cannot be read
 simulate --setting 1 --parameters folder -> no parameters.parquet in this folder
-simulate --setting 1 --displacement none.csv -> none.csv: no such file
 simulate --setting 1 --displacement LOG --wave sine -> cannot be combined with --displacement
 simulate GIVEN --parameters LOG -> nothing is taken from it
 sweep --setting 1 -> nothing to vary
-sweep --setting '?' --vary r_m1=1,2 -> --setting ?: expected clicks
-sweep --setting 1 --vary r_m1=1,2 --out text -> --out text: cannot be written
-samples runs --seed -1 -> --seed -1: expected 0 or more
-samples runs --sample-rate -1 -> --sample-rate -1.0: expected more than 0
-samples text -> text: cannot be written: text is not a folder
+samples runs --seed -1 -> --seed -1: expected 0 or more #out-of-range
 samples runs --settings 2 --parameters RESULTS --model monotube -> leave --model out
 settings RESULTS --force 900N -> Give --velocity too
 settings RESULTS --velocity 0 -> other than zero
 settings RESULTS --velocity 0.2 --stroke jounce -> expected rebound or compression
 settings RESULTS --force 900kg --velocity 0.2 -> no unit of force
-settings RESULTS --amplitude 200mm -> beyond the damper's travel
 settings RESULTS --amplitude=-1mm -> expected more than 0
 settings RESULTS --rig units.force=N -> --rig units.force=N has no effect
 settings curves.csv --velocity 0.5m/s -> no curve of curves.csv has points on both sides
 settings curves.csv --amplitude 20mm -> --amplitude 20mm has no effect
 settings curves.csv RESULTS -> expected one results folder, or files of measured curves alone
 compare nope RESULTS -> nope: no such file or folder
-compare folder RESULTS -> holds any; expected run.json
+compare folder RESULTS -> holds any; expected run.json #no-results
 compare RESULTS -> one run alone has nothing to be compared with
 compare RESULTS LOG -> to compare logs and files of curves
-compare RESULTS RESULTS --velocity 0 -> expected a speed other than zero
 compare RESULTS RESULTS --amplitude 20mm -> give both or neither
 compare RESULTS RESULTS --repeats RESULTS -> give further runs
 compare RESULTS RESULTS --tolerance none.csv -> --tolerance none.csv: cannot be read
@@ -135,40 +133,127 @@ export RESULTS -> no target: give --to
 export RESULTS --to csw -> --to csw: expected one of
 export RESULTS --to csv --out front.dpr -> csv writes .csv files
 export RESULTS --to adams --units lbf -> --units lbf: adams has units and marks of its own
-export RESULTS --to xlsx --decimal , -> --decimal ,: xlsx has units and marks of its own
-export RESULTS --to csv --decimal ';' -> expected . or ,
 export RESULTS --to csv --units ell -> --units ell: no unit 'ell'
 export RESULTS --to modelica --extend 0.5m/s -> modelica holds no table here
 export RESULTS --to carsim --extend 0.1m/s -> expected a speed above the tested
-report RESULTS --out text -> --out text: cannot be written
-report nope -> nope
+report nope -> nope #no-folder
 init --set rod_diamter=12mm -> unknown key 'rod_diamter' in [damper]
-init --set rod_diameter=12bar -> --set rod_diameter
 init --set gas_pressure=1bar -> is it absolute, or
 init --model monotub -> monotub
 init --model auto -> let the logs choose
-init nope.csv -> nope.csv: no such file
 init --out text -> give --overwrite
 help glosary -> Did you mean 'glossary'?
 help identfy -> Did you mean 'identify'?
-config surplus -> unexpected argument surplus
+config surplus -> unexpected argument surplus #unexpected-argument
+sweep --setting 5 --vary x=1 -> --vary x=1 #unknown-name
+advise RESULTS -> --for
+advise RESULTS --for nothing -> nothing
+advise RESULTS --for force -> force
+advise RESULTS --for force@fast -> fast
+advise RESULTS --for law -> --model auto
+advise RESULTS --for k_e --minutes nan -> --minutes
+advise RESULTS --for k_e --minutes 0 -> --minutes
+advise RESULTS --for k_e --max-stroke -5mm -> --max-stroke
+advise RESULTS --for k_e --max-force 0N -> --max-force
+valves RESULTS --cd 0 -> --cd
+valves RESULTS --cd nan -> --cd
+valves RESULTS --cd-spread 0.8 -> --cd-spread
+valves RESULTS --seat 0mm -> --seat
+valves RESULTS --force 400N -> --velocity
+valves RESULTS --velocity 0.2m/s -> --force
+passport RESULTS --out text -> --out text
+watch folder --out folder -> --out
+watch nowhere -> no such folder
+ride RESULTS --stroke nowhere.csv -> nowhere.csv
+ride RESULTS --car nowhere.toml -> nowhere.toml
 """.strip().splitlines()
+FILES = {
+    "text": "zzz\n",
+    "bad.toml": "[rig]\nskew = 3\n",
+    "unknown.toml": "[rig]\nskeww = 3\n",
+    "curves.csv": "speed_m/s,Rebound (N)\n0.1,200\n0.2,300\n0.3,400\n",
+    "later.json": '{"damperfit_baseline": 99, "version": "9.9"}',
+}
+
+
+@pytest.fixture
+def refused(run, logs, results, tmp_path, monkeypatch):
+    """Run a command that is refused among files that stay: its line, and the code."""
+    caught = []
+
+    def noted(*arguments, **how):
+        try:
+            return app(*arguments, **how)
+        except DamperfitError as error:
+            caught.append(error.problem.code)
+            raise
+
+    monkeypatch.setattr(door, "app", noted)
+    monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)
+    (tmp_path / "folder").mkdir()
+    for name, content in FILES.items():
+        (tmp_path / name).write_text(content)
+    given = {"LOG": str(logs / "setting_01.csv"), "RESULTS": str(results)}
+
+    def call(words: str) -> tuple[str, list[str]]:
+        argv = shlex.split(words.replace("GIVEN", GIVEN))
+        ended = run(*(given.get(word, word) for word in argv))
+        assert (ended.code, ended.out) == (2, ""), ended.err
+        (line,) = ended.err.splitlines()
+        assert {path.name for path in tmp_path.iterdir()} == {*FILES, "folder"}
+        assert (tmp_path / "text").read_text() == FILES["text"]
+        return line, caught
+
+    return call
 
 
 @pytest.mark.parametrize("row", USAGE, ids=lambda row: row.partition(" -> ")[0])
-def test_wrong_usage(run, logs, results, tmp_path, monkeypatch, row) -> None:
-    monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "text").write_text("zzz\n")
-    (tmp_path / "curves.csv").write_text("speed_m/s,Rebound (N)\n0.1,200\n0.2,300\n0.3,400\n")
-    (tmp_path / "later.json").write_text('{"damperfit_baseline": 99, "version": "9.9"}')
-    before = sorted(tmp_path.iterdir())
-    words, _, says = row.partition(" -> ")
-    given = {"LOG": str(logs / "setting_01.csv"), "RESULTS": str(results)}
-    argv = shlex.split(words.replace("GIVEN", GIVEN))
-    ended = run(*(given.get(word, word) for word in argv))
-    assert (ended.code, ended.out) == (2, "")
-    (line,) = ended.err.splitlines()
+def test_wrong_usage(refused, row) -> None:
+    words, says, code = re.fullmatch(r"(.*) -> (.*?)(?: #([\w-]+))?", row).groups()
+    line, codes = refused(words)
     assert says in line
-    assert sorted(tmp_path.iterdir()) == before
-    assert (tmp_path / "text").read_text() == "zzz\n"
+    assert code is None or codes == [code]
+
+
+# A value that no option takes is refused by the option that was typed, with what was found.
+
+BAD = "§"
+COMMANDS = typer.main.get_command(app).commands  # built anew at each call
+# What each command needs besides; no log is read and nothing is fitted before its options are.
+BESIDE = {
+    **dict.fromkeys(("identify", "inspect", "models"), "LOG"),
+    **dict.fromkeys(("valves", "passport", "ride", "report"), "RESULTS"),
+    **dict.fromkeys(("samples", "watch"), "runs"),
+    "fleet": "LOG --out fleet",
+    "simulate": "--setting 10",
+    "sweep": "--setting 10 --vary r_m1=1,2",
+    "advise": "RESULTS --for k_e",
+    "export": "RESULTS --to csv",
+    "compare": "RESULTS RESULTS",
+    "settings": "RESULTS --velocity 0.1m/s",
+}
+# Two of them make a motion together.
+TOGETHER = {"compare --amplitude": "--frequency 1Hz", "compare --frequency": "--amplitude 9mm"}
+# Any text is a file's name there, or a word that names something.
+WORDS = {"--out", "--log-file", "--plot", "--save", "--junit", "--config", "--tests", "--help"}
+WORDS |= {"--parameters", "--displacement", "--repeats", "--hold-out"}
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        # Dask is not everywhere.
+        pytest.param(f"{name} {word}", marks=[pytest.mark.extras] * (word == "--scheduler"))
+        for name, command in COMMANDS.items()
+        for one in command.params
+        for word in [text for text in one.opts if text.startswith("--")][:1]
+        if one.param_type_name == "option" and not one.is_flag and word not in WORDS
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_by_its_option(refused, typed) -> None:
+    command, option = typed.split()
+    line, _ = refused(
+        f"{command} {BESIDE.get(command, '')} {TOGETHER.get(typed, '')} {option}={BAD}"
+    )
+    assert option in line
+    assert BAD in line

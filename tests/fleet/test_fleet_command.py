@@ -123,28 +123,6 @@ def test_the_fleet_s_own_folder_holds_no_logs(three, here, capsys):
     assert "3 done before; 6 logs" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ([], "expected LOGS, or --collect"),
-        (
-            ["x", "--jobs", "2", "--scheduler", "tcp://a:1"],
-            "--jobs cannot be combined with --scheduler",
-        ),
-        (["x", "--part", "1/2", "--collect"], "--collect cannot be combined with --part"),
-        (["x", "--part", "3/2"], "expected I/N"),
-        (["nowhere"], "no such file"),
-        (["--collect", "--out", "nowhere"], "no parts of a fleet there"),
-        (["ftp://host/x"], "no such store"),
-    ],
-)
-def test_wrong_usage_is_told_and_touches_nothing(arguments, said, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert run(*arguments) == 2
-    assert said in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
 def poisoned(folder: Path, texts) -> None:
     for name in ("D1", "D2", "D3"):
         put(folder / name, texts)

@@ -167,17 +167,27 @@ def test_a_bug_costs_what_it_meets_and_nothing_else(
     assert call("settings", "results")[0] in {0, 1}
 
 
-def test_a_log_that_cannot_be_simulated_is_a_failure_of_its_own(
-    call, samples, tmp_path, broken
+@pytest.mark.parametrize(
+    "error", [SimulationError("stiff."), np.linalg.LinAlgError("SVD did not converge")]
+)
+def test_a_setting_that_cannot_be_fitted_costs_itself_alone(
+    call, samples, tmp_path, broken, error
 ) -> None:
-    name = "identification.LogFit.compared"
-    broken(name, is_log_two, SimulationError("simulation failed"))
-    assert call("identify", *samples, *QUICK)[0] == 1
+    broken("identification.procedures.fit_from", lambda setting, *_, **__: setting == 2, error)
+    how = (*QUICK, "--fix", "f_0=1N")  # fits that no other test has made
+    code, _, err = call("identify", *samples, *how)
+    assert code == 1
+    assert "2 settings fitted, 1 failed" in err
+    assert "Traceback" not in err
     (failure,) = failures(tmp_path)
-    assert (failure["log"], failure["kind"]) == (LOG, "SimulationError")
-    assert LOG in (tmp_path / "results" / "report.md").read_text().split("Not done")[1]
-    signals = pd.read_parquet(tmp_path / "results" / "responses.parquet")
-    assert set(signals["setting"]) == {1, 3}
+    is_bug = not isinstance(error, SimulationError)
+    kind = "InternalError" if is_bug else "SimulationError"
+    assert (failure["setting"], failure["kind"]) == (2, kind)
+    assert ("please report" in failure["message"]) is is_bug
+    after = pd.read_csv(tmp_path / "results" / "parameters.csv")
+    assert after["setting"].tolist() == [1, 3]
+    assert str(error) in (tmp_path / "results" / "report.md").read_text().split("Not done")[1]
+    assert call("identify", samples[1], *how)[0] == 3
 
 
 @pytest.mark.parametrize("name", ["run.logs.read_logs", "run.logs.condition"])
@@ -198,11 +208,6 @@ def test_memory_that_one_log_lacks_is_said_so(call, samples, tmp_path, broken) -
     (failure,) = failures(tmp_path)
     assert failure["kind"] == "MemoryError"
     assert "(Unable to allocate 9.00 GiB); give fewer or shorter logs" in failure["message"]
-
-
-def test_whoever_wants_to_stop_is_not_held_up(call, samples, broken) -> None:
-    broken("run.logs.condition", is_file_two, KeyboardInterrupt())
-    assert call("inspect", samples[1])[0] == 130
 
 
 def test_a_gate_that_a_bug_kept_from_being_looked_at_is_not_met(

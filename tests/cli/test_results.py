@@ -1,0 +1,474 @@
+"""What is asked of results: report, settings, simulate, sweep, export; whose damper they are of."""
+
+import csv
+import html
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from damperfit.cli import main
+from damperfit.configuration.loading import load_configuration
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.exporting import TARGETS
+from damperfit.reporting import drawing
+from damperfit.synthetic import SampleOptions, make_samples
+from tests.fakes import values_in
+from tests.oracles.golden import GOLDEN, PHASES
+from tests.report_folder import make_results
+
+ROOT = Path(__file__).parents[2]
+SLIM, PAPER = (ROOT / "configs" / f"{name}.toml" for name in ("slim_race", "purdy2000"))
+
+
+@pytest.fixture
+def folder(results, tmp_path) -> Path:
+    """A copy to be spoilt."""
+    return Path(shutil.copytree(results, tmp_path / "results"))
+
+
+def record_of(folder: Path) -> dict:
+    return json.loads((folder / "run.json").read_text())
+
+
+# report
+
+
+def test_a_page_is_written_and_what_is_damaged_is_said(undrawn, run, tmp_path) -> None:
+    results = make_results(tmp_path / "results")
+    before = {path.name for path in results.iterdir()}
+    ended = run("report", results)
+    assert (ended.code, ended.out) == (0, "")
+    assert {path.name for path in results.iterdir()} - before == {"report.html"}
+    assert (results / "report.html").stat().st_size < 8e6
+    ended = run("report", results, "--figures", "svg", "--out", tmp_path / "there", "--json")
+    assert ended.code == 0
+    files = [Path(name) for name in json.loads(ended.out)["files"]]
+    assert tmp_path / "there" / "figures" / "fan.svg" in files
+    assert all(path.is_file() for path in files)
+    (results / "mse.parquet").unlink()
+    ended = run("report", results)
+    assert ended.code == 1
+    assert "mse.parquet is missing" in ended.err
+
+
+def test_identify_writes_page_figures_and_the_summary_of_a_job(run, logs, monkeypatch) -> None:
+    draw = drawing.draw_plot  # one figure is looked at; the others are those of test_figures.py
+
+    def only_the_fan(path, plot, **how):
+        draw(path, plot, **how) if plot.name == "fan" else path.touch()
+
+    monkeypatch.setattr("damperfit.reporting.drawing.draw_plot", only_the_fan)
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
+    Path("summary.md").write_text("before\n", encoding="utf-8")
+    more = ("--report", "--plots", "png", "--github-summary")
+    ended = run("identify", logs / "setting_01.csv", *more)
+    assert ended.code == 0, ended.err
+    assert Path("results/report.html").stat().st_size < 8e6
+    assert Path("results/figures/fan.png").stat().st_size > 1000
+    report = Path("results/report.md").read_text(encoding="utf-8")
+    assert Path("summary.md").read_text(encoding="utf-8") == f"before\n{report}"
+
+
+# settings, and the checks and trends that identify tells
+
+
+@pytest.fixture(scope="module")
+def samples(sample_results) -> Path:
+    """Results of the twenty sample runs."""
+    return sample_results / "results"
+
+
+def test_the_sample_runs_get_what_the_paper_found_by_hand(samples) -> None:
+    checks = {check["name"]: check for check in record_of(samples)["checks"]}
+    assert {k for k, one in checks.items() if one["passed"] is False} == {"no_outlier_setting"}
+    assert checks["damper_declared"]["passed"] is None
+    assert "setting 20 (r_m1 +12." in checks["no_outlier_setting"]["reason"]
+    trends = {trend["parameter"]: trend for trend in record_of(samples)["trends"]}
+    outliers = {name: [o["setting"] for o in one["outliers"]] for name, one in trends.items()}
+    assert (outliers["r_m1"], outliers["r_m2"], outliers["k_e"]) == ([20], [20], [])
+    assert trends["k_e"]["is_erratic"]
+    assert all(trend["monotone"] and trend["direction"] == "rising" for trend in trends.values())
+    assert {p["setting"] for p in trends["k_e"]["points"]} == set(range(1, 21))
+    assert "16 of 19 checks passed" in (samples / "report.md").read_text(encoding="utf-8")
+
+
+def test_a_click_is_the_difference_of_two_forces_with_its_interval_around_it(samples) -> None:
+    rows = pq.read_table(samples / "adjustment.parquet").to_pylist()
+    assert len(rows) == 20 * 5 * 2
+    table = {(r["setting"], r["speed_m_per_s"], r["stroke"]): r for r in rows}
+    for click in record_of(samples)["clicks"]:
+        place = (click["speed_m_per_s"], click["stroke"])
+        a, b = table[click["from"], *place], table[click["to"], *place]
+        assert click["change_N"] == b["change_N"] == pytest.approx(b["force_N"] - a["force_N"])
+        assert click["low_N"] < click["change_N"] < click["high_N"]
+        assert click["change_N"] == pytest.approx(0.5 * (click["low_N"] + click["high_N"]))
+
+
+@pytest.mark.parametrize(
+    ("question", "stroke", "wanted", "neighbours"),
+    [
+        ("--force 900N --velocity 0.2m/s", "rebound", 900.0, (12, 13)),
+        ("--force -900N --velocity 0.2m/s", "bump", -900.0, (11, 12)),
+        ("--force 0.9kN --velocity -200mm/s", "bump", -900.0, (11, 12)),
+        ("--force=900 --velocity=0.2 --stroke bump", "bump", -900.0, (11, 12)),
+    ],
+)
+def test_which_setting_gives_a_force(run, samples, question, stroke, wanted, neighbours) -> None:
+    ended = run("settings", samples, *question.split(), "--json")
+    assert ended.code == 0, ended.err
+    document = json.loads(ended.out)
+    assert document["question"] == {"speed": 0.2, "force": wanted, "stroke": stroke}
+    (answer,) = document["answers"]
+    assert (answer["below"], answer["above"]) == neighbours
+    assert answer["below"] < answer["low"] < answer["position"] < answer["high"] < answer["above"]
+    forces = {r["setting"]: r["force_N"] for r in document["forces"] if r["stroke"] == stroke}
+    between = sorted(forces[setting] for setting in neighbours)
+    assert between[0] < wanted < between[1]
+
+
+def test_a_speed_beyond_the_tests_is_answered_with_a_note(run, results) -> None:
+    for speed, tested, note in (
+        ("0.5m/s", "no", "never tested at settings 1-3"),
+        ("0.2", "yes", ""),
+    ):
+        ended = run("settings", results, "--velocity", speed, "--json")
+        assert ended.code == 0
+        assert note in ended.err
+        assert bool(ended.err) == bool(note)
+        assert {row["tested"] for row in json.loads(ended.out)["forces"]} == {tested}
+
+
+@pytest.mark.parametrize("content", [None, '{"version": "0.1", "inp', "[1]"])
+def test_a_damaged_run_json_is_said(run, folder, content) -> None:
+    path = folder / "run.json"
+    path.unlink()
+    if content is not None:
+        path.write_text(content)
+    ended = run("settings", folder, "--velocity", "0.2")
+    assert ended.code == 1
+    assert "the damper of the run is not known" not in ended.err  # parameters.parquet tells it
+    (folder / "parameters.parquet").unlink()
+    ended = run("settings", folder, "--velocity", "0.2")
+    assert ended.code == 1
+    assert "the damper of the run is not known" in ended.err
+    assert "the motion of the test is not known" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("checks", "code"),
+    [("no_cavitation,mse_below_1_percent", 0), ("purdy2000", 4), ("trend_monotone", 4)],
+)
+def test_a_check_asked_for_is_a_gate(run, logs, checks, code) -> None:
+    more = ("--check", "fits_converged", "--check", checks)
+    ended = run("identify", logs / "setting_*.csv", "--out", "r", *more)
+    assert ended.code == code, ended.err
+    assert ("check not evaluated: trend_monotone: " in ended.err) is (code == 4)
+    assert bool(record_of(Path("r"))["gates_missed"]) is (code == 4)
+
+
+# Curves without time: shown, asked, and refused where time is needed.
+
+
+@pytest.fixture
+def curves(tmp_path) -> Path:
+    path = tmp_path / "curves.csv"
+    rows = "50,100,50,200,50,80,50,150 100,180,100,420,100,150,100,330 "
+    rows += "200,300,200,900,200,260,200,700 400,500,400,1600,400,450,400,1300"
+    names = "(25-4.3) V-C,C,V-R,R,(12-4.3) V-C,C,V-R,R\nmm/s,N,mm/s,N,mm/s,N,mm/s,N"
+    path.write_text("\n".join([names, *rows.split()]) + "\n")
+    return path
+
+
+def test_curves_are_shown_asked_and_not_fitted(run, curves) -> None:
+    told = run("inspect", curves)
+    assert (told.code, told.err) == (0, "")
+    rows = [" ".join(line.split()) for line in told.out.splitlines()]
+    assert "25-4.3 rebound 4 0.400 1600 200.0 420.0 564.0 1110 -" in rows
+    assert "compression 4 0.400 -450.0 -80.00 -150.0 -183.0 -317.0 -" in rows
+    assert max(map(len, told.out.splitlines())) <= 80
+    told = run("identify", curves, "--out", "out")
+    assert told.code == 3
+    assert "damperfit settings curves.csv finds a force among them" in told.err
+    (failure,) = record_of(Path("out"))["failures"]
+    assert failure["kind"] == "TimelessError"
+    assert not run("settings", curves).out.startswith("\n")
+
+
+@pytest.mark.parametrize(
+    ("force", "speed", "says"),
+    [
+        ("900N", "0.22m/s", "between 12-4.3 with 760 N and 25-4.3 with 970 N; nearest is 25-4.3"),
+        ("-350N", "0.22m/s", "no curve gives it; the nearest is 25-4.3 with -320 N"),
+        ("700N", "0.2m/s", "12-4.3 gives it"),
+    ],
+)
+def test_a_force_is_found_among_curves(run, curves, force, speed, says) -> None:
+    told = run("settings", curves, "--force", force, "--velocity", speed, "--quiet")
+    assert told.code == 0
+    assert says in " ".join(told.out.split())
+
+
+# simulate and sweep
+
+SET_M = "r_m1=1.8e4,r_m2=3.527e6,r_m3=2.597e6,k_e=365MPa,f_f=50N"
+
+
+def sets(assignments: str) -> list[str]:
+    return [word for one in assignments.split(",") for word in ("--set", one)]
+
+
+@pytest.mark.parametrize(("parameters", "rows"), GOLDEN)
+def test_golden_values_come_out_of_the_written_file(run, parameters, rows) -> None:
+    names = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+    values = ",".join(f"{n}={getattr(parameters, n)!r}" for n in names)
+    assert run("simulate", *sets(values), "--sample-rate", "1500Hz", "--out", "one.csv").code == 0
+    with Path("one.csv").open(newline="") as file:
+        table = {float(row["time_s"]): row for row in csv.DictReader(file)}
+    times = np.array(sorted(table))
+    for phase, expected in zip(PHASES, rows, strict=True):
+        moment = times[np.argmin(np.abs(times - (3.0 + phase) / 1.5))]
+        assert moment == pytest.approx((3.0 + phase) / 1.5, abs=1e-9)
+        row = table[moment]
+        assert float(row["force_N"]) == pytest.approx(expected[0], abs=0.05)
+        for chamber in (1, 2, 3):
+            pressure = float(row[f"pressure_{chamber}_Pa"]) / 1e5
+            assert pressure == pytest.approx(expected[chamber], abs=2e-3)
+
+
+def test_the_figures_of_json_are_si_and_signed(run) -> None:
+    document = json.loads(run("simulate", *sets(SET_M), "--json").out)
+    figures = document["characteristics"]
+    assert document["parameters"]["k_e"] == 3.65e8
+    assert figures["energy"] == pytest.approx(79.2114 + 6.4, abs=0.01)
+    assert figures["peak_force_rebound"] > 900.0
+    assert figures["peak_force_bump"] < -900.0
+    assert figures["cavitation_shares"] == [0.0, 0.0, 0.0]
+
+
+def test_whose_parameters_are_taken_is_told(run, logs, folder) -> None:
+    """Results beside it come before the reference set; a table and replacements before both."""
+    ended = run("simulate", "--setting", "2", "--json")
+    assert "results/parameters.parquet" in ended.err
+    found = values_in(folder / "parameters.parquet")[2]
+    assert json.loads(ended.out)["parameters"]["r_m1"] == found.r_m1
+    missing = run("simulate", "--setting", "9")
+    assert missing.code == 2
+    assert "no parameters of setting 9; there are 1, 2, 3" in missing.err
+    table = ("--parameters", logs / "truth.csv", "--set", "f_f=0")
+    ended = run("simulate", "--setting", "3", *table, "--json")
+    assert "replaced: f_f" in ended.err
+    parameters = json.loads(ended.out)["parameters"]
+    assert (parameters["f_f"], parameters["r_m2"]) == (0.0, reference_parameters(3).r_m2)
+
+
+def test_a_triangle_moves_at_constant_speed(run) -> None:
+    assert run("simulate", "--setting", "1", "--wave", "triangle", "--out", "t.parquet").code == 0
+    velocity = np.array(pq.read_table("t.parquet")["velocity_m_per_s"])
+    assert np.median(np.abs(velocity)) == pytest.approx(4 * 0.032 * 1.5)
+
+
+def test_a_recorded_displacement_gives_the_force_of_the_log(run, logs) -> None:
+    log = logs / "setting_02.csv"
+    driven = ("--displacement", log, "--out", "r.parquet")
+    ended = run("simulate", "--setting", "2", "--parameters", logs / "truth.csv", *driven)
+    assert ended.code == 0
+    table = pq.read_table("r.parquet")
+    times, force = np.array(table["time_s"]), np.array(table["force_N"])
+    rows = np.genfromtxt(log, delimiter=",", skip_header=4)
+    measured = np.interp(times, rows[:, 0], rows[:, 2])
+    later = times > times[0] + 1.0 / 1.5  # the first cycle is the model's own start
+    assert np.sqrt(np.mean((force - measured)[later] ** 2)) < 5.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "start"),
+    [
+        ("svg", b"<?xml"),
+        pytest.param("png", b"\x89PNG", marks=pytest.mark.slow),
+        pytest.param("pdf", b"%PDF", marks=pytest.mark.slow),
+    ],
+)
+def test_table_and_loops_are_one_set_in_each_format(run, tmp_path, kind, start) -> None:
+    picture = tmp_path / f"loops.{kind}"
+    ended = run("simulate", "--setting", "5", "--out", "signals.csv", "--plot", picture)
+    assert ended.code == 0
+    assert picture.read_bytes().startswith(start)
+    assert Path("signals.csv").exists()
+
+
+def test_a_family_is_table_figure_and_sentence(run) -> None:
+    ended = run("sweep", "--setting", "10", "--vary", "R_m1=0.8,1,1.2", "--figures", "svg")
+    assert ended.code == 0, ended.err
+    assert "r_m1 x0.8 to x1.2: peak rebound " in ended.out
+    assert {path.name for path in Path("sweep").iterdir()} == {"sweep.csv", "sweep_r_m1.svg"}
+    with Path("sweep/sweep.csv").open(encoding="utf-8", newline="") as file:
+        assert [row["factor"] for row in csv.DictReader(file)] == ["0.8", "1.0", "1.2"]
+    assert "r_m1 x0.8" in Path("sweep/sweep_r_m1.svg").read_text(encoding="utf-8")
+
+
+def test_the_papers_figures_at_once(run, undrawn) -> None:
+    ended = run("sweep", "--paper", "--out", "paper", "--json")
+    assert ended.code == 0, ended.err
+    assert len(json.loads(ended.out)["rows"]) == 15
+    figures = sorted(path.name[:8] for path in Path("paper").glob("*.png"))
+    assert figures == [f"figure_{number}" for number in range(4, 10)]
+
+
+def test_the_work_is_estimated_before_it_is_done(run) -> None:
+    """0.0001 Hz ran for 29 s, unasked."""
+    given = sets(SET_M)
+    ended = run("simulate", *given, "--frequency", "0.0001Hz")
+    assert ended.code == 2
+    for words in ("4e+07 samples", "expected at most 5000000", "--max-steps 44000000"):
+        assert words in ended.err
+    # 4 cycles of 25 samples: the integrator takes more steps than that.
+    few = ("simulate", *given, "--sample-rate", "37.5Hz", "--max-steps")
+    steps = int(run(*few, "100").err.split("--max-steps ")[1])
+    assert 500 < steps < 10_000
+    assert run(*few, str(steps)).code == 0
+    assert run(*few, str(int(steps / 1.2))).code == 2
+    # The samples alone: 4 cycles of 1000.
+    many = ("simulate", *given, "--frequency", "1Hz", "--sample-rate", "100kHz", "--max-steps")
+    assert run(*many, "400000").code == 0
+    assert run(*many, "399999").code == 2
+    assert run("sweep", "--paper", "--max-steps", "100").code == 2
+
+
+# export, and what stands where export, simulate and sweep write
+
+SIMULATE = "simulate --setting 10 --cycles 1 -q"
+WRITES = {
+    **{name: f"export RESULTS --to {name} --out there -q" for name in sorted(TARGETS)},
+    "sweep": "sweep --setting 10 --vary f_f=1,2 -q --out there",
+    **{kind: f"{SIMULATE} --out there/a.{kind}" for kind in ("csv ", "parquet")},
+    **{kind: f"{SIMULATE} --plot there/a.{kind}" for kind in ("png", "svg", "pdf")},
+}
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory) -> Path:
+    return make_results(tmp_path_factory.mktemp("over") / "results")
+
+
+@pytest.mark.parametrize("name", WRITES)
+def test_what_was_written_before_is_replaced_and_another_file_is_not(run, exported, name) -> None:
+    Path("there").mkdir()
+    words = [str(exported) if word == "RESULTS" else word for word in WRITES[name].split()]
+    assert run(*words).code in (0, 1)
+    assert run(*words).code in (0, 1)
+    for path in (one for one in Path("there").iterdir() if not one.name.startswith(".")):
+        path.write_text("kept by hand\n")
+        ended = run(*words)
+        assert ended.code == 2
+        assert f"{path.name}: is there already" in ended.err
+        assert path.read_text() == "kept by hand\n"
+        assert run(*words, "--overwrite").code in (0, 1)
+        assert path.read_bytes() != b"kept by hand\n"
+
+
+def test_an_export_is_a_folder_or_a_file_and_tells_what_it_loses(run, exported, tmp_path) -> None:
+    for out, expected in (("new/folder", "new/folder/damper.csv"), ("front.csv", "front.csv")):
+        ended = run("export", exported, "--to", "csv", "--out", tmp_path / out, "--json")
+        assert ended.code == 1
+        assert "the damper of the run is not known" in ended.err
+        assert json.loads(ended.out)["files"][0] == str(tmp_path / expected)
+        assert (tmp_path / expected).read_text().startswith("setting,")
+    ended = run("export", exported, "--to", "carsim", "--out", "there", "--extend", "0.4")
+    assert "on a class B road" in ended.err
+    assert "the tables are untested" in ended.err
+    assert ended.err.splitlines()[-1].startswith("note: force determined by the logs")
+
+
+# Parameters hold for one damper: which one is always said, and never another one taken.
+
+
+@pytest.fixture(scope="module")
+def slim(tmp_path_factory) -> Path:
+    """Results of another damper, tested at 15 mm and 2 Hz."""
+    folder = tmp_path_factory.mktemp("slim")
+    options = SampleOptions(
+        settings=(1, 2), cycles=7.0, force_noise=1.0, displacement_noise=2e-6, amplitude=0.015,
+        frequency=2.0, damper=load_configuration(SLIM).damper,
+    )  # fmt: skip
+    make_samples(folder / "logs", options)
+    logs, out = str(folder / "logs" / "setting_*.csv"), str(folder / "results")
+    code = main(["identify", logs, "--config", str(SLIM), "--out", out])
+    assert code in {0, 1}  # the configuration expects a third setting
+    return folder / "results"
+
+
+def peak_of(ended) -> float:
+    return json.loads(ended.out)["characteristics"]["peak_force_rebound"]
+
+
+def test_a_configuration_s_damper_is_found_from_its_logs(slim) -> None:
+    found, known = (values_in(slim / ".." / name) for name in ("results", "logs/truth.csv"))
+    for setting, true in known.items():
+        for name, off in (("r_m1", 2e-3), ("r_m2", 3e-3), ("k_e", 1e-2), ("f_f", 2e-2)):
+            assert getattr(found[setting], name) == pytest.approx(getattr(true, name), rel=off)
+    assert load_configuration(PAPER) == load_configuration()
+
+
+@pytest.mark.parametrize("table", ["parameters.csv", ""])
+def test_simulate_and_samples_take_damper_and_motion_from_the_results(run, slim, table) -> None:
+    """They took the paper's geometry: 15 N for 661 N, and 828 N for 10117 N."""
+    asked = ("simulate", "--setting", "1", "--parameters", slim / table, "--json")
+    ended = run(*asked)
+    assert ended.code == 0, ended.err
+    first = ended.err.splitlines()[0]
+    assert first.startswith("damperfit: Damper: rod 12 mm, piston 36 mm")
+    assert "that of " in first
+    document = json.loads(ended.out)
+    assert document["frequency_Hz"] == pytest.approx(2.0, rel=1e-3)
+    assert document["characteristics"]["peak_speed_rebound"] == pytest.approx(0.1885, rel=1e-2)
+    motion = ("--amplitude", "15mm", "--frequency", "2Hz")
+    same = run(*asked, "--config", SLIM, *motion)
+    assert peak_of(same) == pytest.approx(peak_of(ended), rel=1e-3)
+    paper = run("simulate", "--setting", "1", "--json", *motion)
+    assert peak_of(paper) != pytest.approx(peak_of(ended), rel=0.1)
+    quiet = ("--cycles", "3", "--force-noise", "0N", "--displacement-noise", "0um")
+    made = run("samples", "s", "--settings", "1", "--parameters", slim / table, *quiet)
+    assert made.code == 0, made.err
+    assert made.err.startswith("damperfit: Damper: rod 12 mm, piston 36 mm")
+    assert "Drive: sine, 15 mm, 2 Hz" in Path("s/README.md").read_text()
+    rows = Path("s/setting_01.csv").read_text().splitlines()[4:]
+    peak = max(float(row.split(",")[2]) for row in rows)
+    assert peak == pytest.approx(peak_of(ended), rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["simulate --setting 1 --parameters", "sweep --setting 1 --vary r_m1=1,2 --parameters",
+     "settings"],
+)  # fmt: skip
+def test_another_damper_is_refused(run, slim, tmp_path, words) -> None:
+    asked = (*words.split(), slim)
+    ended = run(*asked, "--config", PAPER)
+    assert ended.code == 2
+    (line,) = ended.err.splitlines()
+    assert "damper.rod_diameter is 0.019 m" in line
+    assert "were fitted with 0.012 m" in line
+    assert list(tmp_path.iterdir()) == []
+    # What does not contradict is no other damper: the same value in another unit, other keys.
+    Path("same.toml").write_text('[damper]\ngas_pressure = "1.2MPaa"\n[rig]\nstrict = true')
+    assert run(*asked, "--config", "same.toml").code == 0
+
+
+@pytest.mark.parametrize("mark", [":", ";", "\t"])
+def test_whose_test_it_is_stands_on_the_page_however_the_preamble_writes_it(run, mark) -> None:
+    log = (ROOT / "sample_runs" / "setting_01.csv").read_text().splitlines()
+    told = {"Operator": "J. Smith", "Customer": "Team <Blue>", "Date": "2026-03-04"}
+    head = [f"{key}{mark}{value}" for key, value in told.items()]
+    rows = [line for line in log if not line.startswith("#")]
+    Path("log.csv").write_text("\n".join([*head, *rows]) + "\n")
+    ended = run("identify", "log.csv", "--setting", "1", "--report")
+    assert ended.code == 0, ended.err
+    page = Path("results/report.html").read_text(encoding="utf-8")
+    report = Path("results/report.md").read_text().replace("\\", "")
+    for key, value in told.items():
+        assert f"<dt>{key.lower()}</dt><dd>{html.escape(value)}</dd>" in page
+        assert f"{key.lower()}: {value}" in report
