@@ -64,7 +64,7 @@ def test_cc_may_hold_options_and_comes_first(backend, tmp_path, monkeypatch):
 def test_with_neither_the_failure_is_one_line_that_says_what_to_do(backend, monkeypatch, tmp_path):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     with pytest.raises(CompileError, match="pip install ziglang") as caught:
-        backend._compile_with_zig(Extension("core", ["core.c"]), tmp_path / "core.so", "")
+        backend._compile_with_zig(Extension("core", ["core.c"]), tmp_path / "core.so")
     assert "\n" not in str(caught.value)
 
 

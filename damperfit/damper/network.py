@@ -84,7 +84,8 @@ _NEEDED = ("f_f", "k_e")  # the others are the damper's or nothing
 _MOST_PASSAGES, _MOST_NUMBERS = 16, 47
 
 ROOT, LINEAR = "s sqrt(N)/(m kg)", "N s/(m2 kg)"
-_SHOWN = {ROOT: (3, "10³ s √N / (m kg)"), LINEAR: (6, "10⁶ N s / (m² kg)"), "Pa": (5, "bar")}
+# Power of ten and unit, as people read it.
+SHOWN = {ROOT: (3, "10³ s √N / (m kg)"), LINEAR: (6, "10⁶ N s / (m² kg)"), "Pa": (5, "bar")}
 
 
 class Part(NamedTuple):
@@ -102,13 +103,6 @@ class Part(NamedTuple):
     # largest pressure and mass flow.
     guess: Callable[[float, float, float, float], float]
     elsewhere: float  # of a check valve of a car's damper, where no log says anything of it
-    power: int = 0  # as people read it; 0 and "": as others of the unit
-    shown_unit: str = ""
-
-    @property
-    def shown(self) -> tuple[int, str]:
-        """Power of ten and unit, as people read it."""
-        return _SHOWN.get(self.unit, (self.power, self.shown_unit))
 
 
 # Of a plain valve at the largest pressure and flow: a bleed that takes half of the flow up to the

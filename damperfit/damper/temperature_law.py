@@ -23,7 +23,7 @@ from damperfit.problem import Key, Option
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.model import FurtherStart, Names, Values
@@ -43,7 +43,7 @@ BETA = Quantity(
 _ITS_OWN = frozenset(
     {
         "name", "title", "conditions", "kinks", "determined_together", "ranges", "signals", "flaws",
-        "gas", "parts", "chamber_lengths", "travel", "bulk_moduli",
+        "gas", "parts", "chamber_lengths", "travel", "bulk_moduli", "rest_force",
     }
 )  # fmt: skip
 
@@ -182,10 +182,6 @@ class WithTemperature(Model):
     def filled_to(self, gas_pressure: float | None) -> WithTemperature:
         """Return the same damper filled to another pressure, Pa; None: as it is declared."""
         return replace(self, damper=self.damper.filled_to(gas_pressure))
-
-    def rest_force(self, displacement: ArrayLike) -> FloatArray | None:
-        """Return that of the damper itself: at rest nothing flows."""
-        return self.damper.rest_force(displacement)
 
 
 def at_temperature(damper: Model, temperature: float) -> Model:

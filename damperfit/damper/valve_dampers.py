@@ -48,6 +48,7 @@ from damperfit.damper.network import (
     LINEAR,
     PARTS,
     ROOT,
+    SHOWN,
     Network,
     Passage,
     Valve,
@@ -290,23 +291,14 @@ def _of_valve(name: str, names: Collection[str]) -> Quantity:
         idle = "above below"  # wide open, all of its pressure is the laminar share's
     if part == "leak" and f"{stroke}_bleed" not in names:  # all that the bleed has
         idle = "above"
-    power, shown_unit = law.shown
+    power, shown_unit = SHOWN.get(law.unit, (0, ""))
     return Quantity(
-        name,
-        f"{law.symbol}_{stroke[0]}",
-        f"{stroke} {law.label}",
-        f"{stroke} valve: {law.meaning}",
-        law.unit,
-        law.plausible,
-        power=power,
-        shown_unit=shown_unit,
-        role=VISCOUS if law.unit == LINEAR else "",
-        stroke=stroke,
-        part=part,
-        group="blow_off" if part in BLOW_OFF_PARTS else "bleed",
-        area_power=law.area_power,
-        idle=idle,
-    )
+        name, f"{law.symbol}_{stroke[0]}", f"{stroke} {law.label}",
+        f"{stroke} valve: {law.meaning}", law.unit, law.plausible, power=power,
+        shown_unit=shown_unit, role=VISCOUS if law.unit == LINEAR else "", stroke=stroke,
+        part=part, group="blow_off" if part in BLOW_OFF_PARTS else "bleed",
+        area_power=law.area_power, idle=idle,
+    )  # fmt: skip
 
 
 # The numbers of each law of a declared passage.

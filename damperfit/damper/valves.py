@@ -65,10 +65,11 @@ _HALF = 0.5  # of the flow at the opening goes through the bleed, in a guess
 _LEAST = 0.1
 # A blow-off whose port was read off the loops: share of the port's pressure at the largest flow.
 _BESIDE_A_PORT = 0.1
-_PLAY, _LAG, _MASS, _DRAG, _FRICTION = 3e-4, 5e-3, 0.5, 10.0, 0.01
+_FRICTION = 0.01  # of the force's standard deviation, at least
 # What few logs tell, where it is freed. A few steps from a turning speed of 1 mm/s do not show one
 # of 18 mm/s, for friction that turns so early hardly changes with it.
 _RARE = {
+    "play": 3e-4, "lag": 5e-3, "moving_mass": 0.5, "drag": 10.0,
     "free_gas": 5e-3, "presliding": 3e-5, "breakaway": 10.0, "stribeck_speed": 0.02,
     "seal_area": 3e-6, "turning_speed": 1e-2, "rubber": 20.0, "rubber_bend": 3e-4,
 }  # fmt: skip
@@ -337,12 +338,33 @@ def valve_points(
 ) -> list[dict[str, float]]:
     """Return the same points by name, whatever of it the damper has."""
     readings = readings or read_loops(damper, traces, fixed)
-    points = [
-        _general(damper, reading, traces) | _valves(damper, reading, traces, None)
-        for reading in readings
-    ]
-    points += [points[0] | _valves(damper, readings[0], traces, guess) for guess in _GUESSES]
-    return points
+    speed = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in traces)
+    force = np.concatenate([trace.force[trace.compared] for trace in traces])
+    least_friction = _FRICTION * float(np.std(force))
+    area, length = damper.annulus_area, damper.chamber_1_length
+    oil = length / (area * 1e9)  # what the oil alone gives, m/N
+    sides = tuple(zip(STROKES, _sides(damper, {}), strict=True))
+
+    def valves(reading: ValveReading, guess: Sequence[float | None]) -> dict[str, float]:
+        numbers: dict[str, float] = {}
+        for (stroke, side), share in zip(sides, guess, strict=True):
+            valve, curve = getattr(damper, stroke), getattr(reading, stroke)
+            parts = _parts(valve, curve, side.area * speed, damper.oil_density, share)
+            numbers |= {f"{stroke}_{part}": value for part, value in parts.items()}
+        return numbers
+
+    points = []
+    for reading in readings:
+        give = max(reading.rebound.compliance / area**2, 1e-12)
+        stiffness = 1.0 / max(give - oil, 0.1 * give)
+        beside = {
+            "f_f": max(reading.friction, least_friction),
+            "f_0": reading.offset,
+            "k_e": float(np.clip(length / (area * give), *_OIL)),
+            "k_s": float(np.clip(stiffness, *_STIFFNESS)),
+        }
+        points.append(beside | _RARE | valves(reading, (None, None)))
+    return points + [points[0] | valves(readings[0], guess) for guess in _GUESSES]
 
 
 def read_loops(
@@ -374,44 +396,6 @@ def _sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]
     resistance = fixed.get("return_slope", damper.quantity("return_slope").default or 0.0)
     drags = [resistance * damper.oil_density * getattr(damper, area) ** 2 for area in damper.filled]
     return Side(rebound, drags[0]), Side(compression, drags[1])
-
-
-def _general(
-    damper: ValveDamper, reading: ValveReading, traces: Sequence[Trace]
-) -> dict[str, float]:
-    """Everything but the valves."""
-    force = np.concatenate([trace.force[trace.compared] for trace in traces])
-    area, length = damper.annulus_area, damper.chamber_1_length
-    give = max(reading.rebound.compliance / area**2, 1e-12)
-    oil = length / (area * 1e9)  # what the oil alone gives, m/N
-    stiffness = 1.0 / max(give - oil, 0.1 * give)
-    return {
-        "f_f": max(reading.friction, _FRICTION * float(np.std(force))),
-        "f_0": reading.offset,
-        "k_e": float(np.clip(length / (area * give), *_OIL)),
-        "k_s": float(np.clip(stiffness, *_STIFFNESS)),
-        "play": _PLAY,
-        "lag": _LAG,
-        "moving_mass": _MASS,
-        "drag": _DRAG,
-        **_RARE,
-    }
-
-
-def _valves(
-    damper: ValveDamper,
-    reading: ValveReading,
-    traces: Sequence[Trace],
-    guess: tuple[float, float] | None,
-) -> dict[str, float]:
-    speed = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in traces)
-    found: dict[str, float] = {}
-    for k, (stroke, side) in enumerate(zip(STROKES, _sides(damper, {}), strict=True)):
-        share = None if guess is None else guess[k]
-        valve, curve = getattr(damper, stroke), getattr(reading, stroke)
-        parts = _parts(valve, curve, side.area * speed, damper.oil_density, share)
-        found |= {f"{stroke}_{part}": value for part, value in parts.items()}
-    return found
 
 
 def _parts(
@@ -451,13 +435,9 @@ def within_plausible(
     damper: ValveDamper, point: Mapping[str, float], fixed: Mapping[str, float]
 ) -> Values:
     """Return values within the plausible ranges; what the damper has not is left out."""
-    known: dict[str, float] = {}
+    known = {q.name: q.default for q in damper.quantities if q.default is not None}
     for quantity in damper.quantities:
-        name = quantity.name
-        if name in fixed:  # also at 0, where a part is absent
-            known[name] = fixed[name]
-        elif name in point:
-            known[name] = float(np.clip(point[name], *quantity.plausible))
-        elif quantity.default is not None:
-            known[name] = quantity.default
-    return damper.values(known)
+        if quantity.name in point:
+            known[quantity.name] = float(np.clip(point[quantity.name], *quantity.plausible))
+    own = {name: value for name, value in fixed.items() if name in damper.names}
+    return damper.values(known | own)  # fixed also at 0, where a part is absent

@@ -30,16 +30,10 @@ from setuptools.command.build_ext import build_ext
 from setuptools.errors import CompileError
 
 __all__ = [
-    "BuildCore",
-    "build_editable",
-    "build_sdist",
-    "build_wheel",
-    "get_requires_for_build_editable",
-    "get_requires_for_build_sdist",
-    "get_requires_for_build_wheel",
-    "prepare_metadata_for_build_editable",
-    "prepare_metadata_for_build_wheel",
-]
+    "BuildCore", "build_editable", "build_sdist", "build_wheel", "get_requires_for_build_editable",
+    "get_requires_for_build_sdist", "get_requires_for_build_wheel",
+    "prepare_metadata_for_build_editable", "prepare_metadata_for_build_wheel",
+]  # fmt: skip
 
 # The library of exported FMUs: the doors of the standard, and of the core what they need. Of these
 # the names, as `sysconfig` calls a platform and as the standard does.
@@ -88,8 +82,7 @@ class BuildCore(build_ext):
         if self._compiler:
             super().build_extension(ext)
         else:
-            with TemporaryDirectory() as cache:
-                _compile_with_zig(ext, Path(self.get_ext_fullpath(ext.name)), cache)
+            _compile_with_zig(ext, Path(self.get_ext_fullpath(ext.name)))
         self._build_exported(ext)
 
     def copy_extensions_to_source(self) -> None:
@@ -108,16 +101,18 @@ class BuildCore(build_ext):
         name, suffix = known
         folder = Path(self.build_lib, _EXPORTED, "binaries", name)
         folder.mkdir(parents=True, exist_ok=True)
-        files = _exported_sources()
+        files, core = _exported_sources(), Path("damperfit", "damper", "core")
         sources = [str(path) for path in files if path.suffix == ".c"]
         library = folder / f"damperfit{suffix}"
-        core = str(Path("damperfit", "damper", "core"))
         options = list(ext.extra_compile_args)
         if self._compiler:
             if os.name != "nt":
                 options.append("-fvisibility=hidden")
             objects = self.compiler.compile(
-                sources, output_dir=self.build_temp, include_dirs=[core], extra_postargs=options
+                sources,
+                output_dir=self.build_temp,
+                include_dirs=[str(core)],
+                extra_postargs=options,
             )
             libraries = [] if os.name == "nt" else ["m"]
             # Without what Python's own options leave in it for debuggers, twice its size.
@@ -126,12 +121,8 @@ class BuildCore(build_ext):
                 objects, str(library), libraries=libraries, extra_postargs=bare
             )
         else:
-            with TemporaryDirectory() as cache:
-                _run_zig(
-                    ["-shared", "-fvisibility=hidden", *_ZIG, *options, f"-I{core}", *sources],
-                    library,
-                    cache,
-                )
+            hidden = ["-shared", "-fvisibility=hidden", *_ZIG, *options]
+            _run_zig([*hidden, f"-I{core}", *sources], library)
         total = hashlib.sha256()
         for path in sorted(files, key=lambda path: path.name):
             content = path.read_bytes()
@@ -180,35 +171,30 @@ def _find_msvc() -> str | None:
     return found.stdout.strip() or shutil.which("cl")
 
 
-def _compile_with_zig(ext: Extension, target: Path, cache: str) -> None:
+def _compile_with_zig(ext: Extension, target: Path) -> None:
     if importlib.util.find_spec("ziglang") is None:
         raise CompileError(
             "damperfit needs a C compiler and found none: install gcc, clang or Visual Studio's "
             "build tools, or `pip install ziglang` and build again"
         )
-    options = [*_zig_options(), *ext.extra_compile_args]
+    # Zig knows no bundles of macOS.
+    late = ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
+    options = [*_ZIG, "-shared", *late, *ext.extra_compile_args]
     options += [f"-I{sysconfig.get_path(kind)}" for kind in ("include", "platinclude")]
     options += [*map(str, ext.sources), *(f"-l{name}" for name in ext.libraries)]
     if os.name == "nt":
         options += [f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
-    _run_zig(options, target, cache)
+    _run_zig(options, target)
 
 
-def _run_zig(options: list[str], target: Path, cache: str) -> None:
+def _run_zig(options: list[str], target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-P", "-m", "ziglang", "cc", *options, "-o", str(target)]
-    # Not in somebody's home.
-    environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
-    if subprocess.run(command, env=environment, check=False).returncode:
-        raise CompileError("Zig could not compile the core; see its messages above")
+    with TemporaryDirectory() as cache:  # not in somebody's home
+        environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
+        if subprocess.run(command, env=environment, check=False).returncode:
+            raise CompileError("Zig could not compile the core; see its messages above")
 
 
 # Zig tunes for the CPU at hand and traps undefined behaviour unless told otherwise.
 _ZIG = ["-mcpu=baseline", "-fno-sanitize=undefined", "-DNDEBUG", "-s", "-fPIC"]
-
-
-def _zig_options() -> list[str]:
-    """Return what makes Zig an ordinary C compiler for a Python extension."""
-    if sys.platform == "darwin":
-        return [*_ZIG, "-shared", "-undefined", "dynamic_lookup"]  # Zig knows no bundles
-    return [*_ZIG, "-shared"]

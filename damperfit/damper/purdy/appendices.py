@@ -1,35 +1,19 @@
 """The paper's two appendices: the bulk modulus of oil with gas in it, and the simple model.
 
-**Appendix 1**, the effective bulk modulus of oil with some gas in it inside an elastic tube. Oil,
-gas bubbles and tube wall give way together, like springs in series; V_r is the volume of bubbles
-over that of liquid, K_g, K_B and K_c the moduli of gas, liquid and tube, C = 1 + K_B/K_c::
+**Appendix 1**, eqs (23) to (30): the effective bulk modulus of oil with some gas in it inside an
+elastic tube. Oil, gas bubbles and tube wall give way together, like springs in series; V_r is the
+volume of bubbles over that of liquid, K_g, K_B and K_c the moduli of gas, liquid and tube, C = 1 +
+K_B/K_c. The paper prints K_e K_B as the numerator of (25) and (26); (23) gives K_g K_B, used here.
 
-    (23) 1/K_e = (V_v/V_t)/K_g + (V_f/V_t)/K_B + 1/K_c       effective_modulus
-    (24) V_v/V_t = V_r/(1 + V_r),  V_f/V_t = 1/(1 + V_r)     volume_fractions
-    (25) K_e = K_g K_B / ((V_r K_B + K_g)/(1 + V_r) + K_g K_B/K_c)     mixture_modulus
-    (26) K_e = K_g K_B / (V_r K_B + K_g + K_g K_B/K_c)       dilute_modulus, V_r << 1
-    (27) K_g = gamma P,  K_c = t_c E/D_i                     gas_modulus, tube_modulus
-    (28) K_e = K_B gamma P / (K_B V_r + C gamma P)           modulus_at_pressure
-    (29) K_e -> 0 for P -> 0, (30) K_e -> K_B/C for P -> infinity      ..._pressure_limit
+**Appendix 2**, eqs (31) to (39), the simple model: oil that cannot be compressed, no friction, all
+valves linear. The flows Q_1 (chamber 1 to 3), Q_2 (2 to 1) and Q_3 (3 to 2) in m3/s follow from v
+alone, eta of the gas piston (positive: gas compressed) from x, and with it P_3, eq. (37), as
+`closed_forms.gas_pressure`; x, v, f > 0 in rebound. P = R_v Q, R_v in Pa s/m3: a valve of the full
+model that is linear in mass flow has R_v = rho_0 R_m. (33) and (35) print eta with the sign
+opposite to (16), and (16) is kept.
 
-The paper prints K_e K_B as the numerator of (25) and (26); (23) gives K_g K_B, which is used here.
-
-**Appendix 2**, the simple model: oil that cannot be compressed, no friction, all valves linear. The
-flows Q_1 (chamber 1 to 3), Q_2 (2 to 1) and Q_3 (3 to 2) in m3/s follow from v alone, eta of the
-gas piston (positive: gas compressed) from x; x, v, f > 0 in rebound. P = R_v Q, R_v in Pa s/m3: a
-valve of the full model that is linear in mass flow has R_v = rho_0 R_m::
-
-    (31) (34) Q from v                                       rebound_flows, bump_flows
-    (32) rebound: P_1 = P_3 + R_v1 Q_1, P_2 = P_3 - R_v3 Q_3      rebound_pressures
-    (33) (35) eta = -x a_r/a_g                               gas_piston_displacement
-    (36) bump: P_1 = P_3 + R_v1 Q_1, P_2 = P_1 + R_v2 Q_2         bump_pressures
-    (37) P_3 from eta                                        closed_forms.gas_pressure
-    (38) f = v (a_p1^2 R_v1 + a_p2^2 R_v3) - P_3 a_r for v > 0,
-         f = v (a_p2^2 R_v2 + a_r^2 R_v1) - P_3 a_r for v < 0     simple_force
-    (39) the two slopes df/dv at constant x: all that a force tells     simple_slopes
-
-(33) and (35) print eta with the sign opposite to (16), and (16) is kept. All functions take floats
-or arrays that broadcast against each other, in SI. Source: D. J. Purdy, Proc. IMechE D, 2000.
+All functions take floats or arrays that broadcast against each other, in SI. Source: D. J. Purdy,
+Proc. IMechE D, 2000.
 """
 
 from __future__ import annotations
@@ -58,7 +42,7 @@ class Tube(NamedTuple):
 
 
 def volume_fractions(volume_ratio: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the shares of gas and liquid for V_r, eq. (24)."""
+    """Return the shares of gas and liquid, V_r/(1 + V_r) and 1/(1 + V_r), eq. (24)."""
     ratio = np.asarray(volume_ratio, dtype=np.float64)
     return ratio / (1.0 + ratio), 1.0 / (1.0 + ratio)
 
@@ -87,7 +71,7 @@ def compliance_factor(liquid_modulus: float, tube: Tube | None) -> float:
 def effective_modulus(
     gas_share: ArrayLike, *, gas: ArrayLike, liquid: float, container: float = np.inf
 ) -> FloatArray:
-    """Return K_e, Pa, of V_v/V_t from the sum of compliances, eq. (23)."""
+    """Return K_e, Pa: 1/K_e = (V_v/V_t)/K_g + (V_f/V_t)/K_B + 1/K_c, eq. (23)."""
     share = np.asarray(gas_share, dtype=np.float64)
     return np.asarray(1.0 / (share / np.asarray(gas) + (1.0 - share) / liquid + 1.0 / container))
 
@@ -95,7 +79,7 @@ def effective_modulus(
 def mixture_modulus(
     volume_ratio: ArrayLike, *, gas: ArrayLike, liquid: float, container: float = np.inf
 ) -> FloatArray:
-    """Return K_e, Pa, for V_r of any size, eq. (25) with the numerator K_g K_B."""
+    """Return K_e = K_g K_B/((V_r K_B + K_g)/(1 + V_r) + K_g K_B/K_c), Pa, eq. (25)."""
     ratio, k_g = np.asarray(volume_ratio, dtype=float), np.asarray(gas, dtype=float)
     softness = (ratio * liquid + k_g) / (1.0 + ratio) + k_g * (liquid / container)
     return np.asarray(k_g * liquid / softness)
@@ -104,7 +88,7 @@ def mixture_modulus(
 def dilute_modulus(
     volume_ratio: ArrayLike, *, gas: ArrayLike, liquid: float, container: float = np.inf
 ) -> FloatArray:
-    """Return K_e, Pa, for V_r << 1, eq. (26): at most V_r of K_e from (25)."""
+    """Return K_e = K_g K_B/(V_r K_B + K_g + K_g K_B/K_c), Pa, for V_r << 1, eq. (26)."""
     ratio, k_g = np.asarray(volume_ratio, dtype=float), np.asarray(gas, dtype=float)
     return np.asarray(k_g * liquid / (ratio * liquid + k_g + k_g * (liquid / container)))
 
@@ -117,7 +101,7 @@ def modulus_at_pressure(
     compliance: float = 1.1,
     gas_exponent: float = 1.4,
 ) -> FloatArray:
-    """Return K_e, Pa, at an absolute pressure, eq. (28); V_r is that at this pressure.
+    """Return K_B gamma P/(K_B V_r + C gamma P), Pa, eq. (28); V_r and P (absolute) as they are.
 
     Examples
     --------
@@ -168,7 +152,7 @@ def bump_flows(damper: Damper, velocity: ArrayLike) -> tuple[FloatArray, FloatAr
 def rebound_pressures(
     valves: LinearValves, damper: Damper, displacement: ArrayLike, velocity: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Return P_1 and P_2, Pa, for v > 0, eq. (32); a negative P_2 means that it cavitates."""
+    """Return P_3 + R_v1 Q_1 and P_3 - R_v3 Q_3, Pa, v > 0, eq. (32); negative: it cavitates."""
     p_3 = gas_pressure(damper, displacement)
     q_1, q_3 = rebound_flows(damper, velocity)
     return p_3 + valves.r_v1 * q_1, p_3 - valves.r_v3 * q_3
@@ -177,7 +161,7 @@ def rebound_pressures(
 def bump_pressures(
     valves: LinearValves, damper: Damper, displacement: ArrayLike, velocity: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Return P_1 and P_2, Pa, for v < 0, eq. (36)."""
+    """Return P_1 = P_3 + R_v1 Q_1 and P_1 + R_v2 Q_2, Pa, for v < 0, eq. (36)."""
     q_1, q_2 = bump_flows(damper, velocity)
     p_1 = gas_pressure(damper, displacement) + valves.r_v1 * q_1
     return p_1, p_1 + valves.r_v2 * q_2
@@ -193,7 +177,7 @@ def simple_slopes(valves: LinearValves, damper: Damper) -> tuple[float, float]:
 def simple_force(
     valves: LinearValves, damper: Damper, displacement: ArrayLike, velocity: ArrayLike
 ) -> FloatArray:
-    """Return the force, N, of the simple model, eq. (38); -P_3 a_r at v = 0."""
+    """Return v times the slope of its stroke, less P_3 a_r, N, eq. (38)."""
     v = np.asarray(velocity, dtype=np.float64)
     rebound, bump = simple_slopes(valves, damper)
     gas_force = -damper.rod_area * gas_pressure(damper, displacement)
