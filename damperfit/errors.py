@@ -6,12 +6,14 @@ The library raises; only ``damperfit.cli`` catches and exits.
 
 from __future__ import annotations
 
+import copyreg
 import traceback
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import wraps
+from inspect import signature
 from pathlib import Path
 from types import EllipsisType
 from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
@@ -28,28 +30,6 @@ if TYPE_CHECKING:
     P = ParamSpec("P")
     R = TypeVar("R")
 
-__all__ = [
-    "UNWRITTEN",
-    "ConditioningError",
-    "ConfigurationError",
-    "ContradictionError",
-    "DamperfitError",
-    "FitCancelledError",
-    "InstallationError",
-    "InternalError",
-    "LogError",
-    "OutputError",
-    "QualityError",
-    "SimulationError",
-    "TimelessError",
-    "blamed_on",
-    "did_you_mean",
-    "failure_of",
-    "refuse_wrong_arguments",
-    "sparing",
-]
-
-
 # Codes of problems with a place to write to.
 UNWRITTEN = frozenset(
     {"no-address", "no-working-folder", "not-a-folder", "write-protected", "cannot-write"}
@@ -57,17 +37,7 @@ UNWRITTEN = frozenset(
 
 
 class DamperfitError(Exception):
-    """Parent of every error that damperfit raises on purpose.
-
-    Parameters
-    ----------
-    text : str
-        What was found and expected, and what to do; a template where `values` are given.
-    code, subject, where
-        As of `damperfit.problem.Problem`.
-    **values
-        Those of the template.
-    """
+    """Parent of every error that damperfit raises on purpose; its arguments are its problem's."""
 
     exit_code = 1
     code = "failed"
@@ -96,32 +66,24 @@ class DamperfitError(Exception):
         return sentence if is_placed or not call else f"{call}: {sentence}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _of_problem, (type(self), self.problem), {**self.__dict__, "words": Words()}
+        state = {**self.__dict__, "words": Words()}
+        return copyreg.__newobj__, (type(self), self.problem.text), state  # type: ignore[attr-defined]
 
     def at(self, where: Where | EllipsisType | None = ..., *, subject: object = ...) -> Self:
         """Return the same error with where it was asked for (None: nowhere), or its subject."""
-        problem = self.problem
-        if not isinstance(where, EllipsisType):
-            problem = replace(problem, where=where)
-        if subject is not ...:
-            problem = replace(problem, subject=str(subject))
-        return self._with(problem)
+        places: dict[str, Any] = {} if where is ... else {"where": where}
+        return self._but(**places | ({} if subject is ... else {"subject": str(subject)}))
 
     def adding(self, text: str, **values: Any) -> Self:
-        """Return the same error with more said."""
-        more = {**self.problem.values, **values}
-        return self._with(replace(self.problem, text=f"{self.problem.text}{text}", values=more))
+        """Return the same error with more in its sentence."""
+        return self._but(
+            text=f"{self.problem.text}{text}", values={**self.problem.values, **values}
+        )
 
-    def _with(self, problem: Problem) -> Self:
+    def _but(self, **fields: Any) -> Self:
         error = copy(self)
-        error.problem = problem
+        error.problem = replace(self.problem, **fields)
         return error
-
-
-def _of_problem(kind: type[DamperfitError], problem: Problem) -> DamperfitError:
-    error = kind.__new__(kind, problem.text)
-    error.problem = problem
-    return error
 
 
 class ConfigurationError(DamperfitError):
@@ -139,16 +101,10 @@ class InstallationError(DamperfitError):
 
 
 class LogError(DamperfitError):
-    """One log cannot be read as force and displacement over time.
-
-    Attributes
-    ----------
-    says_setting : bool
-        False: the log does not say its adjuster setting either.
-    """
+    """One log cannot be read as force and displacement over time."""
 
     code = "log"
-    says_setting = True
+    says_setting = True  # False: the log does not say its adjuster setting either
 
 
 class ContradictionError(LogError):
@@ -204,8 +160,6 @@ class InternalError(DamperfitError):
 def failure_of(error: Exception, task: str) -> Failure:
     """Return what to tell of an error, met in a task, that must not cost the others their results.
 
-    Examples
-    --------
     >>> failure_of(LogError("empty file", code="empty"), "reading the log").code
     'empty'
     """
@@ -218,13 +172,10 @@ def failure_of(error: Exception, task: str) -> Failure:
             "logs at a time, or a lower {jobs}"
         )
         return Failure(Problem("memory", text, values={"jobs": Option("jobs")}), "MemoryError")
-    package = Path(__file__).parent
-    frames = traceback.extract_tb(error.__traceback__)
-    inside = [frame for frame in frames if package in Path(frame.filename).parents]
-    where = ""
-    if inside:
-        at = Path(inside[-1].filename).relative_to(package).as_posix()
-        where = f" (damperfit/{at}, line {inside[-1].lineno})"
+    package, where = Path(__file__).parent, ""
+    for frame in traceback.extract_tb(error.__traceback__):  # the innermost of ours
+        if package in (path := Path(frame.filename)).parents:
+            where = f" (damperfit/{path.relative_to(package).as_posix()}, line {frame.lineno})"
     text = (
         "internal error while {task}, {error}: {reason}{where}; this is a bug in damperfit: please "
         "report this line, with the log if it may be shown"
@@ -258,25 +209,30 @@ def blamed_on(where: Where) -> Iterator[None]:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return " Did you mean 'X'?" for the nearest known name, or an empty string.
 
-    Examples
-    --------
-    >>> did_you_mean("forse_N", ["force_N", "time_s"])
-    " Did you mean 'force_N'?"
-    >>> did_you_mean("nothing", ["Motion", "force_N"])
-    ''
+    >>> did_you_mean("forse_N", ["force_N", "time_s"]), did_you_mean("nothing", ["force_N"])
+    (" Did you mean 'force_N'?", '')
     """
     near = get_close_matches(name, list(known), n=1, cutoff=0.65)
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
 def refuse_wrong_arguments(call: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator: arguments that a function does not take are answered in a sentence.
+    """Return a decorator: arguments that a function does not take are answered in a sentence."""
 
-    Parameters
-    ----------
-    call : str
-        What the user wrote, as in ``damperfit.Damper``.
-    """
+    def wrong_arguments(function: Callable[P, R], args: Any, given: dict[str, Any]) -> str:
+        own = signature(function)
+        try:
+            own.bind(*args, **given)
+        except TypeError as error:
+            names = [name for name in own.parameters if name != "self"]
+            listed = ", ".join(names)
+            if unknown := [name for name in given if name not in names]:
+                near = did_you_mean(unknown[0], names)
+                return f"no keyword {unknown[0]!r}; there are {listed}.{near}".rstrip(".")
+            if "too many" in str(error):
+                return f"too many arguments; give those after the first by name: {listed}"
+            return str(error)  # "missing a required argument: 'logs'", "multiple values for ..."
+        return ""
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         @wraps(function)
@@ -284,7 +240,7 @@ def refuse_wrong_arguments(call: str) -> Callable[[Callable[P, R]], Callable[P, 
             try:
                 return function(*args, **kwargs)
             except TypeError as error:
-                if wrong := _wrong_arguments(function, kwargs, args):
+                if wrong := wrong_arguments(function, args, kwargs):
                     text = f"{call}: {wrong}; help({call}) shows how"
                     raise ConfigurationError(text, code="wrong-call") from error
                 raise
@@ -292,25 +248,3 @@ def refuse_wrong_arguments(call: str) -> Callable[[Callable[P, R]], Callable[P, 
         return checked
 
     return decorated
-
-
-def _wrong_arguments(
-    function: Callable[..., object], given: dict[str, object], args: tuple[object, ...]
-) -> str:
-    """Return what is wrong with the arguments of a call; an empty string where they fit."""
-    from inspect import signature
-
-    own = signature(function)
-    try:
-        own.bind(*args, **given)
-    except TypeError as error:
-        names = [name for name in own.parameters if name != "self"]
-        listed = ", ".join(names)
-        unknown = [name for name in given if name not in names]
-        if unknown:
-            near = did_you_mean(unknown[0], names)
-            return f"no keyword {unknown[0]!r}; there are {listed}.{near}".rstrip(".")
-        if "too many" in str(error):
-            return f"too many arguments; give those after the first by name: {listed}"
-        return str(error)  # "missing a required argument: 'logs'", "multiple values for ..."
-    return ""

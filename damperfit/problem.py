@@ -15,29 +15,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = [
-    "FEW",
-    "Failure",
-    "FilePlace",
-    "Key",
-    "Option",
-    "Problem",
-    "Where",
-    "Words",
-    "failure_lines",
-    "listed_names",
-    "listing",
-    "note",
-    "short_listing",
-    "warning",
-]
-
 FEW = 20  # sentences in all that are shown one by one; a damper has some twenty settings
 _SHOWN = 3  # sentences of one code that are shown one by one where there are many
 _LONG = 200  # characters; a page of one paragraph again and again is not read
 _NAMES = 5  # names that are listed
 _MANY = 5  # tests of one file that fail alike and are listed one by one
-_OF_SHELLS = frozenset("()<>`\\")  # what is advised is to be pasted
 SEVERITIES = ("error", "refusal", "warning", "note")
 # Codes that only name the class of an error: problems of such a code are alike in their text too.
 _GENERAL = frozenset({
@@ -47,39 +29,19 @@ _GENERAL = frozenset({
 
 
 class Option(NamedTuple):
-    """Something that a user gave or may give to a command or a call.
-
-    Attributes
-    ----------
-    name : str
-        As the keyword of a call, as in "hold_out".
-    value : object
-        What was given, or stands for what may be; empty: it is named alone.
-    key : str
-        Of NAME=VALUE: the name.
-    is_aside : bool
-        Within a sentence it stands in brackets, behind what it does.
-    """
+    """What a user gave or may give, by the keyword of a call, as in "hold_out"."""
 
     name: str
-    value: object = ""
-    key: str = ""
-    is_aside: bool = False
+    value: object = ""  # empty: it is named alone
+    key: str = ""  # of NAME=VALUE: the name
+    is_aside: bool = False  # within a sentence it stands in brackets, behind what it does
 
 
 class Key(NamedTuple):
-    """A key of the configuration.
-
-    Attributes
-    ----------
-    path : tuple of str
-        Section and key, as in ("rig", "skew"); the section may be left out below it.
-    beside : tuple of str
-        Other keys of the section that it does not go with: the one given last is blamed.
-    """
+    """A key of the configuration, as ("rig", "skew"); below a section that may be left out."""
 
     path: tuple[str, ...]
-    beside: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()  # keys that it does not go with: the one given last is blamed
 
 
 class FilePlace(NamedTuple):
@@ -96,15 +58,11 @@ Where = Option | Key | FilePlace
 class Words(NamedTuple):
     """What an outlet calls an option: that of a call in Python by its keyword.
 
-    Examples
-    --------
     >>> command, call = Words(), Words("damperfit.identify")
     >>> command.named(Option("hold_out", "4Hz")), call.named(Option("hold_out", "4Hz"))
     ('--hold-out 4Hz', "hold_out='4Hz'")
     >>> command.named(Option("fix", "50N", "f_f")), call.named(Option("fix", "50N", "f_f"))
     ('--fix f_f=50N', "fix={'f_f': '50N'}")
-    >>> call.asked(Option("free"))
-    'damperfit.identify(free=...)'
     """
 
     call: str = ""
@@ -112,12 +70,25 @@ class Words(NamedTuple):
     def named(self, option: Option) -> str:
         """Return what is called an option within a sentence."""
         name, key, value = option.name, option.key, str(option.value)
-        if self.call:
-            return _keyword(name, key, value)
-        option_name = f"--{name.rstrip('_').replace('_', '-')}"
-        given = f"{key}={value}" if key and value else key or value
-        given = shlex.quote(given) if _OF_SHELLS & set(given) else given
-        return f"{option_name} {given}" if given else option_name
+        if not self.call:
+            given = f"{key}={value}" if key and value else key or value
+            if {*"()<>`\\"} & {*given}:  # what is advised is to be pasted
+                given = shlex.quote(given)
+            return f"--{name.rstrip('_').replace('_', '-')} {given}".rstrip()
+        section, _, inner = key.rpartition(".") if name == "rig" else ("", "", key)
+        is_bare = value in {"", "...", "True", "False"} or value[0] in "'\"[{("
+        is_word = value.isalpha() and value.isupper()  # such as N, which stands for a number
+        if not (is_bare or is_word) or (section == "units" and value not in {"", "..."}):
+            try:
+                float(value)
+            except ValueError:
+                value = repr(value)
+        if not key:
+            return f"{name}={value}"
+        inside = f"{{{inner!r}: {value}}}"
+        if section == "units":  # which have a keyword of their own
+            return f"units={inside}"
+        return f"{name}={{{section!r}: {inside}}}" if section else f"{name}={inside}"
 
     def asked(self, option: Option) -> str:
         """Return how a sentence begins that is about an option."""
@@ -129,72 +100,54 @@ class Words(NamedTuple):
 _COMMAND = Words()
 
 
-def _keyword(name: str, key: str, value: str) -> str:
-    if name == "rig" and key.startswith("units.") and value not in ("", "..."):
-        value = repr(value)
-    value = _in_python(value)
-    if name == "rig" and key:  # units have a keyword of their own, other sections are mappings
-        section, _, inner = key.rpartition(".")
-        if section == "units":
-            return f"units={{{inner!r}: {value}}}"
-        inside = f"{{{inner!r}: {value}}}"
-        return f"rig={{{section!r}: {inside}}}" if section else f"rig={inside}"
-    return f"{name}={{{key!r}: {value}}}" if key else f"{name}={value}"
-
-
-def _in_python(value: str) -> str:
-    """Return a value as Python has it; numbers, and words such as N that stand for one, bare."""
-    is_bare = value in {"", "...", "True", "False"} or value[0] in "'\"[{("
-    if is_bare or (value.isalpha() and value.isupper()):
-        return value
-    try:
-        float(value)
-    except ValueError:
-        return repr(value)
-    return value
-
-
 @dataclass(frozen=True, slots=True)
 class Problem:
     """One warning, finding, refusal, failure or failed check.
 
-    Attributes
-    ----------
-    code : str
-        What kind of problem, the same in every release, as in "no-such-file".
-    text : str
-        What was found and expected, and what to do; with ``{name}`` in place of its values. Where
-        it begins with ``{where}``, the option is named there and not before it.
-    severity : str
-        "error", "warning" or "note".
-    subject : str
-        The log, file or setting that it is about.
-    where : Option, Key, FilePlace or None
-        Where a user asked for it.
-    values : mapping
-        By name; an `Option` among them is worded by the outlet.
-
-    Examples
-    --------
     >>> p = Problem("no-setting", "give {how}", subject="a.csv", values={"how": Option("setting")})
     >>> p.sentence(), p.sentence(Words("damperfit.identify"))
     ('a.csv: give --setting', 'a.csv: give setting=')
     """
 
-    code: str
+    code: str  # the same in every release, as in "no-such-file"
+    # With {name} in place of its values; {where} at its beginning: named there, not before it.
     text: str
-    severity: str = "error"
-    subject: str = ""
-    where: Where | None = None
-    values: Mapping[str, Any] = field(default_factory=dict)
+    severity: str = "error"  # one of `SEVERITIES`
+    subject: str = ""  # the log, file or setting that it is about
+    where: Where | None = None  # where a user asked for it
+    values: Mapping[str, Any] = field(default_factory=dict)  # options are worded by the outlet
 
     def sentence(self, words: Words = _COMMAND) -> str:
         """Return the problem as one sentence, its place first."""
-        lead, text = self._lead(words), self.message(words)
-        return f"{lead}: {text}" if lead and text else lead or text
+        return ": ".join(filter(None, (*self._lead(words), self.message(words))))
 
     def __str__(self) -> str:
         return self.sentence()
+
+    def message(self, words: Words = _COMMAND) -> str:
+        """Return the sentence without its place."""
+        text = self.text
+        if text.startswith("{where}") and isinstance(self.where, Option):
+            text = text.replace("{where}", words.asked(self.where), 1)
+        for name, value in self.values.items():
+            text = text.replace(f"{{{name}}}", _worded(value, words))
+        return text
+
+    def _lead(self, words: Words) -> tuple[str, ...]:
+        where, subject = self.where, self.subject
+        if isinstance(where, Option):
+            if self.text.startswith("{where}"):
+                return (subject,)
+            if subject and not str(where.value):
+                where, subject = where._replace(value=subject), ""
+            return words.asked(where), subject
+        if isinstance(where, FilePlace):
+            file = f"{where.file}:{where.line}" if where.line else where.file
+            if where.option is not None and words.call:
+                return words.asked(where.option), file, subject
+            given = None if where.option is None else where.option._replace(value=file)
+            return file if given is None else words.asked(given), subject
+        return subject, ".".join(where.path) if where else ""
 
     @property
     def likeness(self) -> str:
@@ -203,13 +156,22 @@ class Problem:
             return self.code
         return f"{self.code}: {self.text.replace(self.subject, '') if self.subject else self.text}"
 
+    @property
+    def offered(self) -> tuple[Option, ...]:
+        """The options that the sentence offers, also those of the problems that it joins."""
+        found: list[Option] = []
+        for value in self.values.values():
+            inner = getattr(value, "problem", None)
+            found += [value] if isinstance(value, Option) else getattr(inner, "offered", ())
+        return tuple(found)
+
     def record(self) -> dict[str, Any]:
         """Return the problem as JSON values; `of_record` reads them back."""
         where = self.where
         values = {
             name: [value.name, str(value.value), value.key, value.is_aside]
             if isinstance(value, Option)
-            else _worded(value, Words())
+            else _worded(value, _COMMAND)
             for name, value in self.values.items()
         }
         return {
@@ -230,52 +192,9 @@ class Problem:
             name: Option(*value) if isinstance(value, list) else value
             for name, value in (known if isinstance(known, dict) else {}).items()
         }
-        text = record.get("text", record.get("message", ""))
-        return cls(
-            str(record.get("code", "said")),
-            str(text),
-            str(record.get("severity", "warning")),
-            str(record.get("subject") or ""),
-            values=values,
-        )
-
-    @property
-    def offered(self) -> tuple[Option, ...]:
-        """The options that the sentence offers, also those of the problems that it joins."""
-        found: list[Option] = []
-        for value in self.values.values():
-            inner = getattr(value, "problem", None)
-            found += [value] if isinstance(value, Option) else getattr(inner, "offered", ())
-        return tuple(found)
-
-    def message(self, words: Words = _COMMAND) -> str:
-        """Return the sentence without its place."""
-        text = self.text
-        if text.startswith("{where}") and isinstance(self.where, Option):
-            text = text.replace("{where}", words.asked(self.where), 1)
-        for name, value in self.values.items():
-            text = text.replace(f"{{{name}}}", _worded(value, words))
-        return text
-
-    def _lead(self, words: Words) -> str:
-        where, subject = self.where, self.subject
-        if isinstance(where, Option):
-            if self.text.startswith("{where}"):
-                return subject
-            if subject and not str(where.value):
-                where, subject = where._replace(value=subject), ""
-            return ": ".join(filter(None, (words.asked(where), subject)))
-        if isinstance(where, FilePlace):
-            file = f"{where.file}:{where.line}" if where.line else where.file
-            if where.option is not None:
-                given = words.asked(
-                    where.option if words.call else where.option._replace(value=file)
-                )
-                file = f"{given}: {file}" if words.call else given
-            return ": ".join(filter(None, (file, subject)))
-        if isinstance(where, Key):
-            return ": ".join(filter(None, (subject, ".".join(where.path))))
-        return subject
+        text = str(record.get("text", record.get("message", "")))
+        code, subject = str(record.get("code", "said")), str(record.get("subject") or "")
+        return cls(code, text, str(record.get("severity", "warning")), subject, values=values)
 
 
 def _worded(value: object, words: Words) -> str:
@@ -298,28 +217,14 @@ def note(code: str, text: str, subject: object = "", **values: Any) -> Problem:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """What ended the work on one log, one setting or one step, while the rest went on.
-
-    Attributes
-    ----------
-    problem : Problem
-        What is wrong.
-    kind : str
-        Name of the error class; the manual lists them (page gates).
-    log, path : str
-        Name and path of the log; empty when it is a whole setting that failed.
-    setting : Setting or None
-        Adjuster setting, when known.
-    trace : str
-        Of an internal error, where it happened, for whoever mends it.
-    """
+    """What ended the work on one log, one setting or one step, while the rest went on."""
 
     problem: Problem
-    kind: str
-    log: str = ""
+    kind: str  # name of the error class; the manual lists them (page gates)
+    log: str = ""  # name and path; empty when it is a whole setting that failed
     path: str = ""
-    setting: Any = None  # a Setting
-    trace: str = ""
+    setting: Any = None  # a Setting, when known
+    trace: str = ""  # of an internal error, where it happened, for whoever mends it
 
     @property
     def code(self) -> str:
@@ -332,11 +237,6 @@ class Failure:
         return self.problem.sentence()
 
     @property
-    def place(self) -> str:
-        """The log, else the setting, that has no result."""
-        return self.log or (f"setting {self.setting}" if self.setting is not None else "")
-
-    @property
     def is_internal(self) -> bool:
         """Whether the fault is damperfit's own and not the logs'."""
         return self.kind == "InternalError"
@@ -345,6 +245,11 @@ class Failure:
     def is_left_out(self) -> bool:
         """Whether only strict quality refused the log: a gate that was missed, no failure."""
         return self.kind == "QualityError"
+
+    @property
+    def place(self) -> str:
+        """The log, else the setting, that has no result."""
+        return self.log or (f"setting {self.setting}" if self.setting is not None else "")
 
     @property
     def placed(self) -> Problem:
@@ -368,8 +273,6 @@ class Failure:
 def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
     """Return names in a row; of more than a few the first five, and how many more.
 
-    Examples
-    --------
     >>> listed_names(["a", "b"]), listed_names(list("abcdefg"))
     ('a, b', 'a, b, c, d, e and 2 more')
     """
@@ -379,10 +282,7 @@ def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
 
 
 def failure_lines(failures: Iterable[Failure], words: Words = _COMMAND) -> list[str]:
-    """Return a line for each failure; of many alike the first, and how many more.
-
-    A logger that leaves out the setting does so in each of a file's hundreds of tests.
-    """
+    """Return a line for each failure; of many alike in one file the first, and how many more."""
     alike: dict[tuple[str, str], list[Problem]] = {}
     for failure in failures:
         key = (failure.path or failure.place, failure.problem.likeness)
@@ -409,7 +309,7 @@ def listing(problems: Iterable[Problem], words: Words = _COMMAND, *, few: int = 
     A few are all shown, but for long ones of one code. Within a severity the order stays: what is
     wrong with a log is found before what it does to a setting.
     """
-    everything = sorted(problems, key=lambda one: SEVERITIES.index(one.severity))
+    everything = sorted(problems, key=lambda problem: SEVERITIES.index(problem.severity))
     groups: dict[str, list[Problem]] = {}
     for problem in everything:
         groups.setdefault(problem.likeness, []).append(problem)
@@ -420,7 +320,7 @@ def listing(problems: Iterable[Problem], words: Words = _COMMAND, *, few: int = 
         if len(group) <= _SHOWN or is_short:
             lines += sentences
             continue
-        names = listed_names(list(dict.fromkeys(one.subject for one in group[1:] if one.subject)))
+        names = listed_names(list(dict.fromkeys(p.subject for p in group[1:] if p.subject)))
         lines.append(f"{sentences[0]} (and {len(group) - 1} alike{': ' * bool(names)}{names})")
     if len(groups) > few:
         n, more = len(groups) - few, sum(map(len, list(groups.values())[few:]))
