@@ -30,28 +30,22 @@ if TYPE_CHECKING:
     from damperfit.exporting.check import SettingCheck
     from damperfit.fleets.run import Done
     from damperfit.fleets.survey import HeldFleet
-    from damperfit.queries.simulations import ChosenParameters, SimulatedTest, Variation
+    from damperfit.queries.simulations import ChosenParameters, Variation
     from damperfit.reporting.figures import Plot
     from damperfit.reporting.sheet import Sheet
     from damperfit.run.logs import LogBatch
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "Files",
-    "FirstConfiguration",
-    "FleetDone",
-    "Inspection",
-    "Simulation",
-    "Sweep",
-]
-
 
 class Inspection(Answer):
-    """What is in logs: `batch` has what was found of each."""
+    """What is in logs: `batch` has what was found of each, `facts` the same as JSON values."""
 
     def __init__(self, batch: LogBatch) -> None:
         self.batch = batch
+        self.facts = [log.facts for log in batch.logs]
+        n, n_bad = len(batch.logs), len(batch.failures)
+        self.sentence = f"{n} log{'' if n == 1 else 's'}, {n_bad} cannot be used"
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -63,7 +57,12 @@ class Inspection(Answer):
         """What their data show, a sentence each."""
         from damperfit.reporting.inspection import finding_lines
 
-        return tuple(finding_lines([log.facts for log in self.batch.logs], has_notes=True))
+        return tuple(finding_lines(self.facts, has_notes=True))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The findings."""
+        return self.findings
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
@@ -82,75 +81,144 @@ class Inspection(Answer):
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return a row a log."""
-        from damperfit.reporting.inspection import inspection_sheet
+        return self.all_sheets()[:1]
 
-        return (inspection_sheet([log.facts for log in self.batch.logs]),)
+    def all_sheets(self) -> tuple[Sheet, ...]:
+        """Return a row a log, a row a segment, and a row a curve without time."""
+        from damperfit.reporting.inspection import curve_sheet, inspection_sheet, stretch_sheet
 
-    @property
-    def sentence(self) -> str:  # type: ignore[override]
-        """How many logs there are, and can be used."""
-        n, n_bad = len(self.batch.logs), len(self.batch.failures)
-        return f"{n} log{'' if n == 1 else 's'}, {n_bad} cannot be used"
-
-    @property
-    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
-        """What their data show, a sentence each."""
-        return self.findings
+        return tuple(make(self.facts) for make in (inspection_sheet, stretch_sheet, curve_sheet))
 
 
 class Simulation(Answer):
     """A simulated test: signals in SI, positive in rebound, and the figures of its last cycle.
 
     `time`, `displacement`, `velocity` and `force` have the shape (n,), in s, m, m/s and N,
-    `pressures` (3, n), Pa absolute. `damper` says whose damper it is; the notes what was assumed of
-    it and what is in these forces, `warnings` what to know before believing the figures.
+    `pressures` (3, n), Pa absolute; `response` has them all, `characteristics` the figures,
+    `frequency` is in Hz, `motion` says what drove the damper. `damper` says whose damper it is,
+    `choice` whose parameters; the notes what was assumed of it and what is in these forces,
+    `warnings` what to know before believing the figures.
     """
 
     def __init__(
         self,
-        test: SimulatedTest,
-        damper: str,
-        configured_notes: tuple[str, ...] = (),
-        notes: tuple[str, ...] = (),
+        choice: ChosenParameters,
+        configuration: Configuration,
+        log: Path | None = None,
+        damper: str = "",
     ) -> None:
-        self.test, self.damper = test, damper
-        self.configured_notes, self.notes, self.warnings = configured_notes, notes, test.warnings
-        response = test.response
-        self.time: FloatArray = response.time
-        self.displacement: FloatArray = response.displacement
-        self.velocity: FloatArray = response.velocity
-        self.force: FloatArray = response.force
-        self.pressures: FloatArray = response.pressures
+        from damperfit.queries.settings import notes_on_simulation
+        from damperfit.queries.simulations import simulated
+
+        self.choice, self.damper = choice, damper
+        self.temperature: float | None = getattr(configuration.damper, "temperature", None)
+        self.motion, self.frequency, self.response, self.characteristics = simulated(
+            choice.parameters, configuration, log=log
+        )
+        self.time: FloatArray = self.response.time
+        self.displacement: FloatArray = self.response.displacement
+        self.velocity: FloatArray = self.response.velocity
+        self.force: FloatArray = self.response.force
+        self.pressures: FloatArray = self.response.pressures
+        self.configured_notes = configuration.notes
+        self.notes = tuple(notes_on_simulation(configuration.damper, choice.parameters))
 
     @property
     def title(self) -> str:
         """Setting and motion."""
-        setting = self.test.choice.setting
-        return ("" if setting is None else f"setting {setting}: ") + self.test.motion
+        setting = self.choice.setting
+        return ("" if setting is None else f"setting {setting}: ") + self.motion
+
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """Setting and motion."""
+        return self.title
+
+    @cached_property
+    def half_intervals(self) -> tuple[float, float] | None:
+        """Of the damper's own force at the peak speeds, rebound and compression, 95 %, N."""
+        from damperfit.adjustment.force_at import force_at
+        from damperfit.damper.temperature_law import at_temperature
+
+        fitted, figures = self.choice.fitted, self.characteristics
+        if fitted is None or fitted.run is None or fitted.covariance is None or not fitted.names:
+            return None
+        speeds = figures.peak_speed_rebound, figures.peak_speed_bump
+        damper = fitted.run.damper
+        if self.temperature is not None:
+            damper = at_temperature(damper, self.temperature)
+        # Both strokes of each speed; none: it cannot be simulated there.
+        forces = force_at([fitted], damper, speeds, measured=fitted.run.speed_forces)
+        if not forces:
+            return None
+        rebound, bump = (max(f.force - f.low, f.high - f.force) for f in (forces[0], forces[-1]))
+        return rebound, bump
+
+    @property
+    def _tested(self) -> dict[str, float]:
+        """What of the motion is held against the range of the tests, SI."""
+        amplitude = 0.5 * float(self.displacement.max() - self.displacement.min())
+        fastest = float(abs(self.velocity).max())
+        return {"amplitude": amplitude, "frequency": self.frequency, "speed": fastest}
+
+    @property
+    def trust(self) -> str:
+        """Grade, interval, and that the motion was tested; empty where no run tells of it."""
+        fitted, figures = self.choice.fitted, self.characteristics
+        if fitted is None:
+            return ""
+        parts = [f"grade of the fit: {fitted.grade}"]
+        if self.half_intervals is not None:
+            rebound, bump = (f"{float(f'{half:.2g}'):g}" for half in self.half_intervals)
+            parts.append(
+                f"the damper's own force ±{rebound} N at {figures.peak_speed_rebound:.3g} m/s in "
+                f"rebound, ±{bump} N in compression (95 %)"
+            )
+        if not any(self.choice.tested.outside(**self._tested)):
+            parts.append("amplitude, frequency and speed were tested")
+        return "; ".join(parts)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before believing the figures, a sentence each."""
+        from damperfit.queries.simulations import FEW_SAMPLES
+
+        warned = list(self.choice.warnings(temperature=self.temperature, **self._tested))
+        samples_a_cycle = 1.0 / (self.frequency * float(self.time[1] - self.time[0]))
+        if samples_a_cycle < FEW_SAMPLES:
+            warned.append(
+                f"{samples_a_cycle:.3g} samples a cycle: peaks, hysteresis and forces at a "
+                f"speed are coarse; {FEW_SAMPLES} or more are wanted (--sample-rate)"
+            )
+        warned += [
+            f"chamber {chamber} is empty for {100.0 * share:.3g} % of the cycle: these are the "
+            "forces of a damper that cavitates; a slower motion or more gas keeps it full"
+            for chamber, share in enumerate(self.characteristics.cavitation_shares, start=1)
+            if share > 0.0
+        ]
+        return tuple(warned)
 
     def document(self) -> dict[str, Any]:
         """Return what was found as JSON values."""
-        test = self.test
         document: dict[str, Any] = {
-            "setting": test.choice.setting,
+            "setting": self.choice.setting,
             "damper": self.damper,
             "notes": self.notes,
             "warnings": self.warnings,
-            "source": test.choice.source,
-            "motion": test.motion,
-            "frequency_Hz": test.frequency,
-            "parameters": asdict(test.choice.parameters),
-            "characteristics": asdict(test.characteristics),
+            "source": self.choice.source,
+            "motion": self.motion,
+            "frequency_Hz": self.frequency,
+            "parameters": asdict(self.choice.parameters),
+            "characteristics": asdict(self.characteristics),
         }
-        if test.choice.fitted is not None:
-            halves = test.half_intervals or (None, None)
-            document["grade"] = test.choice.fitted.grade
+        if self.choice.fitted is not None:
+            halves = self.half_intervals or (None, None)
+            document["grade"] = self.choice.fitted.grade
             document["half_interval_N"] = dict(zip(("rebound", "bump"), halves, strict=True))
         return {key: json_values(value) for key, value in document.items()}
 
     def write(self, out: Path | None, plot: Path | None, *, spares_others: bool = True) -> None:
         """Write the signals and the loops, each where it is given a file."""
-        test = self.test
         with ExitStack() as stack:
             # One set a folder, however it is spelled; in one order, for sets wait for each other.
             folders = {os.path.realpath(path.parent): path.parent for path in (out, plot) if path}
@@ -159,27 +227,21 @@ class Simulation(Answer):
                 for real, folder in sorted(folders.items())
             }
             if out is not None:
-                table = time_series_table(test.response)
-                write_table(
-                    sets[os.path.realpath(out.parent)].path(out.name), table, suffix=out.suffix
-                )
+                draft = sets[os.path.realpath(out.parent)].path(out.name)
+                write_table(draft, time_series_table(self.response), suffix=out.suffix)
             if plot is not None:
                 from damperfit.reporting.drawing import draw_plot
                 from damperfit.reporting.simulated import cycle_plot
 
-                path, kind = (
-                    sets[os.path.realpath(plot.parent)].path(plot.name),
-                    plot.suffix[1:].lower(),
-                )
-                draw_plot(
-                    path, cycle_plot(test.response, test.frequency, title=self.title), kind=kind
-                )
+                draft = sets[os.path.realpath(plot.parent)].path(plot.name)
+                loops = cycle_plot(self.response, self.frequency, title=self.title)
+                draw_plot(draft, loops, kind=plot.suffix[1:].lower())
             for files in sets.values():  # both before either is exchanged
                 files.spare()
 
     def to_frame(self) -> pd.DataFrame:
         """Return the signals as a data frame, with units in the names of its columns."""
-        frame: pd.DataFrame = time_series_table(self.test.response).to_pandas()
+        frame: pd.DataFrame = time_series_table(self.response).to_pandas()
         return frame
 
     def plot(self) -> Any:
@@ -188,21 +250,16 @@ class Simulation(Answer):
         from damperfit.reporting.simulated import cycle_plot
 
         with fixed_style():
-            return compose(cycle_plot(self.test.response, self.test.frequency)).axes
-
-    @property
-    def sentence(self) -> str:  # type: ignore[override]
-        """Setting and motion."""
-        return self.title
+            return compose(cycle_plot(self.response, self.frequency)).axes
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return the figures of the last cycle; pressures of a model that has them."""
         from damperfit.reporting.simulated import cycle_force_sheet, cycle_pressure_sheet
 
-        figures = self.test.characteristics
+        figures = self.characteristics
         has_pressures = not math.isnan(figures.pressure_ranges[0][0])
         more = (cycle_pressure_sheet(figures),) if has_pressures else ()
-        return (cycle_force_sheet(figures, self.test.trust), *more)
+        return (cycle_force_sheet(figures, self.trust), *more)
 
 
 class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
@@ -261,7 +318,7 @@ class Sweep(Answer):
         self.damper, self.source, self.notes = damper, choice.source, configuration.notes
         self.model = configuration.damper
         self.sweeps = tuple(
-            (one, run_sweep(choice, configuration, variation=one), is_paper)
+            (one, run_sweep(choice.parameters, configuration, variation=one), is_paper)
             for one, is_paper in wanted
         )
         named = [(one.name, members) for one, members, _ in self.sweeps]
@@ -270,6 +327,11 @@ class Sweep(Answer):
         speeds = [member.response.velocity for _, members in named for member in members]
         fastest = max(float(max(one.max(), -one.min())) for one in speeds)
         self.warnings = choice.warnings(fastest, getattr(self.model, "temperature", None))
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        facts = {"damper": self.damper, "source": self.source}
+        return facts | {"rows": self.records, "sentences": list(self.sentences)}
 
     def to_frame(self) -> pd.DataFrame:
         """Return a row a factor."""
@@ -321,8 +383,8 @@ class Sweep(Answer):
         return tuple(sweep_sheet(one.name, units[one.name], mine) for one, mine, _ in self.sweeps)
 
     def __repr__(self) -> str:
-        told = zip(self.sheets(), self.sentences, strict=True)
-        return "\n\n".join(f"{text_table(sheet, 100)}\n{sentence}" for sheet, sentence in told)
+        pairs = zip(self.sheets(), self.sentences, strict=True)
+        return "\n\n".join(f"{text_table(sheet, 100)}\n{sentence}" for sheet, sentence in pairs)
 
 
 class FleetDone:
@@ -352,8 +414,8 @@ class FleetDone:
         return {state.value: sum(one.state is state for one in self.done) for state in State}
 
     @property
-    def code(self) -> int:
-        """Exit code; failures of parts that were there count like those of new ones."""
+    def exit_code(self) -> int:
+        """How the command ends; failures of parts that were there count like those of new ones."""
         if self.is_stopped:
             return 130
         if any(one.n_failures for one in self.done):

@@ -56,24 +56,6 @@ if TYPE_CHECKING:
     from damperfit.run.identify import Identified, Watch
     from damperfit.tested.setting import Setting
 
-__all__ = [
-    "compare",
-    "export",
-    "fleet",
-    "identify",
-    "identify_each",
-    "init",
-    "inspect",
-    "load",
-    "models",
-    "read",
-    "report",
-    "samples",
-    "settings",
-    "simulate",
-    "sweep",
-]
-
 _FIGURE_KINDS = ("png", "svg", "pdf")
 _FEW = 3
 _AUTO = "auto"
@@ -149,16 +131,9 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
     # No model is asked for; the file may be one for `model="auto"`.
     configuration = configured("inspect", given, is_law_open=True)
     declared = declared_setting(setting, configuration)
+    how: dict[str, Any] = {"jobs": workers(jobs), "setting": declared, "purpose": Purpose.INSPECT}
     with as_files(logs, call="damperfit.inspect") as paths:
-        return Inspection(
-            read_batch(
-                expand(paths),
-                configuration,
-                jobs=workers(jobs),
-                setting=declared,
-                purpose=Purpose.INSPECT,
-            )
-        )
+        return Inspection(read_batch(expand(paths), configuration, **how))
 
 
 # Fits
@@ -237,18 +212,18 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     if out is None and (report or figures):
         folder = Option("out", "FOLDER")
         raise _usage("a report is written; give {out}", "no-folder", out=folder)
-    (one,) = identify_each(**given, is_one=True, is_written=out is not None)
-    if one.error is not None:
-        raise one.error
-    if not one.run.settings:
+    (ended,) = identify_each(**given, is_one=True, is_written=out is not None)
+    if ended.error is not None:
+        raise ended.error
+    if not ended.run.settings:
         words = Words("damperfit.identify")
-        lines = [failure.placed.sentence(words) for failure in one.failures]
+        lines = [failure.placed.sentence(words) for failure in ended.failures]
         more = f" (and {len(lines) - _FEW} more)" if len(lines) > _FEW else ""
         text = f"no setting could be fitted: {'; '.join(lines[:_FEW])}{more}"
         error = LogError(text, code="no-setting-fitted")
-        error.failures = tuple(one.failures)
+        error.failures = tuple(ended.failures)
         raise error
-    return one.run
+    return ended.run
 
 
 @reading_as("identify")
@@ -262,14 +237,8 @@ def identify_each(
 ) -> list[Identified]:
     """Fit every setting in the logs of one damper or several, each into a folder of its own.
 
-    Parameters
-    ----------
-    logs, watch, **given
-        As of `identify`; without ``out`` results go where the configuration says.
-    is_one : bool
-        Whether logs of several dampers are refused.
-    is_written : bool
-        Whether anything is written.
+    Keywords are as of `identify`; without ``out`` results go where the configuration says.
+    `is_one`: logs of several dampers are refused; `is_written`: anything is written.
     """
     from damperfit.run.identify import Watch, identified, written
     from damperfit.run.log_files import as_files, in_memory
@@ -280,9 +249,9 @@ def identify_each(
     declared = declared_setting(given.get("setting"), configuration)
     unread, traces = in_memory(logs, configuration.conditioning)
     with ExitStack() as stack:
-        is_ready = bool(traces) and not unread
-        as_paths = as_files(unread, call="damperfit.identify")
-        paths = [] if is_ready else stack.enter_context(as_paths)
+        paths: Sequence[str] = []
+        if not traces or unread:
+            paths = stack.enter_context(as_files(unread, call="damperfit.identify"))
         if given.get("model") == _AUTO:
             from damperfit.run.auto_model import choose_law, with_chosen_law
 
@@ -299,21 +268,16 @@ def identify_each(
             watch.on_choice(choice, configuration, made)
             configuration = made
         stack.enter_context(watch.during_work())
+        how: dict[str, Any] = {"jobs": jobs, "setting": declared, "traces": traces, "watch": watch}
         work = written if is_written else identified
-        done = list(
-            work(
-                configuration, paths,
-                jobs=jobs, setting=declared, traces=traces, watch=watch, is_one=is_one,
-                started=started,
-            )
-        )  # fmt: skip
+        done = list(work(configuration, paths, is_one=is_one, started=started, **how))
     page, figures = given.get("report", False), given.get("figures")
-    for one in done:
-        if one.run.settings and (page or figures) and one.is_written:
+    for damper in done:
+        if damper.run.settings and (page or figures) and damper.is_written:
             try:
-                _write_report(one.folder, one.folder, page=page, figures=figures)
+                _write_report(damper.folder, damper.folder, page=page, figures=figures)
             except DamperfitError as error:
-                one.error = error
+                damper.error = error
     return done
 
 
@@ -327,7 +291,7 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
             "out-of-range",
             Option("max_mse", "0"),
         )
-    is_open = given.get("model") == _AUTO
+    is_open, auto = given.get("model") == _AUTO, Option("model", _AUTO)
     start_file, start_values = starts_of(given.get("start"))
     configuration = configured(
         "identify",
@@ -337,22 +301,29 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
         ("start", "identification.start_values", None if is_open else start_values or None),
         is_law_open=is_open,
     )
+    fit = configuration.identification
     if not is_open:  # the law that the logs choose may have what the declared model has not
-        for name in configuration.identification.untied:
+        for name in fit.untied:
             with blamed_on(Option("untie")):
                 configuration.damper.quantity(name)
-    procedure = configuration.identification.procedure
+    for name in fit.untied:
+        if name in fit.fixed:
+            raise _usage(
+                f"{{where}} has no effect: {name} is held at one value by {{fix}}; leave one out",
+                "no-effect",
+                Option("untie", name),
+                fix=Option("fix", fit.fixed[name], name),
+            )
     alone = [key for key in ("share", "untie") if given.get(key) is not None]
-    if alone and procedure != "joint" and not (is_open and alone == ["untie"]):
+    if alone and fit.procedure != "joint" and not (is_open and alone == ["untie"]):
         raise _usage(
             "{where} has no effect: only procedure joint fits shared parameters, found procedure "
-            f"{procedure}; add {{joint}}",
+            f"{fit.procedure}; add {{joint}}",
             "no-effect",
             Option(alone[0], ",".join(given[alone[0]])),
             joint=Option("procedure", "joint"),
         )
-    auto = Option("model", _AUTO)
-    if is_open and configuration.identification.free:
+    if is_open and fit.free:
         raise _usage(
             "{free} has no effect: with {model} the logs choose what is fitted; hold a "
             "parameter with {fix}, or name the model",
@@ -503,7 +474,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
             Option(asked[0]),
             part=Option("part"),
         )
-    bands = parse_bands(_text(tolerance))
+    bands = parse_bands(given["tolerance"])
     table: Any = tests
     configuration = configured(
         "fleet",
@@ -599,8 +570,6 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     given = dict(locals())
     from damperfit.answers import Simulation
     from damperfit.damper.temperature_law import WithTemperature
-    from damperfit.queries.settings import notes_on_simulation
-    from damperfit.queries.simulations import simulate_test
     from damperfit.results import with_temperature
 
     if displacement is not None:
@@ -608,20 +577,20 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
         refuse_idle(given, names, "the log is the motion", beside=Option("displacement"))
     own = configured("simulate", given)
     log: Any = displacement
-    files = {
-        "out": _suffixed(out, "out", (".csv", ".parquet")),
-        "plot": _suffixed(plot, "plot", (".png", ".svg", ".pdf")),
-    }
-    _check_places(*(path.parent for path in files.values() if path is not None))
+    files: dict[str, Any] = {"out": out, "plot": plot}
+    for name, suffixes in (("out", (".csv", ".parquet")), ("plot", (".png", ".svg", ".pdf"))):
+        if (path := files[name]) is not None:
+            if path.suffix.lower() not in suffixes:
+                text = f"expected a name that ends in {', '.join(suffixes)}"
+                raise _usage(text, "wrong-suffix", Option(name, path))
+            _check_places(path.parent)
     choice, configuration, sentence = _parameters("simulate", given, own)
-    configuration = with_temperature(configuration, _text(temperature))
+    configuration = with_temperature(configuration, given["temperature"])
     if temperature is not None and isinstance(configuration.damper, WithTemperature):
         sentence += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if log is not None and not log.exists():
         raise _usage("no such file", "no-such-file", Option("displacement", log))
-    test = simulate_test(choice, configuration, log=log)
-    notes = tuple(notes_on_simulation(configuration.damper, choice.parameters))
-    done = Simulation(test, sentence, configuration.notes, notes)
+    done = Simulation(choice, configuration, log, sentence)
     done.write(files["out"], files["plot"], spares_others=not overwrite)
     return done
 
@@ -650,14 +619,6 @@ def _parameters(
     return (choice, *damper_of(choice, configuration, config=given["config"]))
 
 
-def _suffixed(path: Any, keyword: str, known: tuple[str, ...]) -> Path | None:
-    if path is not None and path.suffix.lower() not in known:
-        text = f"expected a name that ends in {', '.join(known)}"
-        raise _usage(text, "wrong-suffix", Option(keyword, path))
-    found: Path | None = path
-    return found
-
-
 def _check_places(*folders: Path | None) -> None:
     """Refuse what can never be written, before any work is done."""
     from damperfit.store import check_writable
@@ -665,10 +626,6 @@ def _check_places(*folders: Path | None) -> None:
     for folder in folders:
         if folder is not None:
             check_writable(folder)
-
-
-def _text(value: object) -> str | None:
-    return None if value is None else str(value)
 
 
 @public
@@ -760,7 +717,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.units.shown_units import SI, parse_units
 
     shown = SI if units is None else parse_units(units)
-    question = parse_question(force=_text(force), velocity=_text(velocity), stroke=stroke)
+    question = parse_question(force=given["force"], velocity=given["velocity"], stroke=stroke)
     places = results if isinstance(results, list | tuple) else [results]
     paths = [folder_of(one, "damperfit.settings") for one in places] or [_RESULTS]
     if all(path.is_file() for path in paths):
@@ -779,9 +736,9 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         )
     refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
     run = Run.load(
-        paths[0], parts=("parameters",), config=given["config"], temperature=_text(temperature)
+        paths[0], parts=("parameters",), config=given["config"], temperature=given["temperature"]
     )
-    motion = {"amplitude": _text(amplitude), "frequency": _text(frequency)}
+    motion = {name: given[name] for name in ("amplitude", "frequency")}
     return tabulate_forces(run, question, **motion, units=shown)
 
 
@@ -827,9 +784,6 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
             "more, or tolerance=FILE with nominal forces",
             "too-few-results",
         )
-    if not isinstance(given["tolerance"], str | Path | None):
-        text = f"found {tolerance!r}; expected '5%', '20N' or the path of a table of bands"
-        raise _usage(text, "not-a-tolerance", Option("tolerance"))
     paths: dict[str, Any] = {name: given[name] for name in ("out", "save", "junit")}
     files = [paths[name].parent for name in ("save", "junit") if paths[name] is not None]
     _check_places(paths["out"], *files)
@@ -840,7 +794,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     else:
         why = "no log is read without {measured}"
         refuse_idle(given, ("rig", "rig_profile"), why, measured=Option("measured"))
-    bands = parse_bands(_text(tolerance))
+    bands = parse_bands(given["tolerance"])
     if junit is not None and bands is None:
         text = "holds the points of {tolerance}, which was not given"
         raise _usage(text, "nothing-to-do", Option("junit"), tolerance=Option("tolerance"))
@@ -943,7 +897,8 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
         where, stem = target.place_of(place)
     _check_places(where)
     file: Any = config
-    run = exported_run(folder, config=file, temperature=_text(temperature))
+    oil: Any = temperature
+    run = exported_run(folder, config=file, temperature=oil)
     made = target.export(run, ExportOptions(stem, speed, shown, decimal))
     checked = check_export(run, made) if check else ()
     with file_set(where, spares_others=not overwrite) as drafts:

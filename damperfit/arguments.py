@@ -6,15 +6,14 @@ A command hands texts over and a call in Python values; both are read here, by t
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
-from functools import wraps
+from functools import cache, wraps
 from inspect import Parameter, signature
-from numbers import Integral, Real
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -35,21 +34,6 @@ if TYPE_CHECKING:
 
     P = ParamSpec("P")
     R = TypeVar("R")
-
-__all__ = [
-    "assignments",
-    "configured",
-    "covaried",
-    "declared_setting",
-    "folder_of",
-    "known_as_setting",
-    "path_of",
-    "public",
-    "reading_as",
-    "refuse_idle",
-    "starts_of",
-    "workers",
-]
 
 _ASSIGNMENT = re.compile(r"\s*[A-Za-z_]\w*\s*=")
 _NEXT_ASSIGNMENT = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
@@ -73,10 +57,7 @@ def _wrong(text: str, where: Option | str, code: str) -> ConfigurationError:
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a function that reads its arguments and documents them.
-
-    What is refused is said in the words of its call; the command line words it again.
-    """
+    """Return a function that reads its arguments, documents them, and refuses in its own words."""
     call = f"damperfit.{function.__name__}"
     function.__doc__ = with_keywords(function)
     reading = refuse_wrong_arguments(call)(reading_as(function.__name__)(function))
@@ -155,53 +136,75 @@ def _given_by(error: DamperfitError, paths: Mapping[str, list[Any]]) -> Damperfi
 
 def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, PLR0911, PLR0912 - a kind each
     """Return an argument as its kind has it."""
-    kind, place = keyword.kind, f"the path of {_PLACES.get(keyword.metavar, 'a file')}"
-    if kind == "table" and isinstance(value, Mapping):
-        return value
-    if kind in {"path", "table"}:
-        return path_of(value, option, place)
-    if kind == "paths":
-        return [path_of(one, option, place) for one in _listed(value, option)]
-    if kind == "results":
-        return folder_of(value, option, _TABLE)
-    if (
-        kind == "arguments"
-        and isinstance(value, list)
-        and any(type(v) is str and not v for v in value)
-    ):
-        raise ConfigurationError(
-            "found ''; expected paths; is a variable of the shell not set? '.' is this folder",
-            code="empty-name",
-        )
-    if kind == "texts":
-        return value if isinstance(value, Mapping) else _listed(value, option)
-    if kind in {"names", "quantities"}:
-        names = [n.strip() for one in _listed(value, option) for n in str(one).split(",")]
-        return [name.lower() for name in names] if kind == "quantities" else names
-    if kind in {"values", "pairs"}:
-        if option.name == "rig":
+    place = f"the path of {_PLACES.get(keyword.metavar, 'a file')}"
+    match keyword.kind:
+        case "table" if isinstance(value, Mapping):
+            return value
+        case "path" | "table":
+            return path_of(value, option, place)
+        case "paths":
+            return [path_of(one, option, place) for one in _listed(value, option)]
+        case "results":
+            return folder_of(value, option, _TABLE)
+        case "arguments":
+            if isinstance(value, list) and any(type(v) is str and not v for v in value):
+                raise ConfigurationError(
+                    "found ''; expected paths; is a variable of the shell not set? '.' is this "
+                    "folder",
+                    code="empty-name",
+                )
+        case "texts":
+            return value if isinstance(value, Mapping) else _listed(value, option)
+        case "names":
+            return _names(value, option)
+        case "quantities":
+            return [name.lower() for name in _names(value, option)]
+        case "values" | "pairs" if option.name == "rig":
             return _rig_keys(value)
-        if not isinstance(value, list):
+        case "values" | "pairs" if not isinstance(value, list):
             return {name: str(one) for name, one in _mapping(value, option).items()}
-        is_key = kind == "pairs"
-        return assignments(value, option, "rod_diameter=12mm") if is_key else _values(value, option)
-    shown = option._replace(value=str(value))
-    if kind in {"count", "workers"}:
-        if isinstance(value, str):
-            with suppress(ValueError):
-                value = int(value)
-        if type(value) is bool or not isinstance(value, Integral):
-            raise _wrong("expected a whole number", shown, "not-a-number")
-        if kind == "workers" and value < 1:
-            raise _wrong("expected 1 or more", shown, "out-of-range")
-        return int(value)
-    if kind == "number":
-        with suppress(TypeError, ValueError):
-            return math.nan if isinstance(value, bool) else float(value)
-        raise _wrong("expected a number", shown, "not-a-number")
-    if kind == "flag" and not isinstance(value, bool):
-        raise _wrong(f"found {value!r}; expected True or False", option, "not-a-flag")
+        case "values":
+            return _values(value, option)
+        case "pairs":
+            return assignments(value, option, "rod_diameter=12mm")
+        case "text" if not isinstance(value, bool):
+            if isinstance(value, Real):
+                return f"{value:.0f}" if float(value).is_integer() else str(value)
+        case "count" | "workers" | "number" | "flag":
+            return _number(keyword.kind, value, option)
     return value
+
+
+def _number(kind: str, value: Any, option: Option) -> Any:
+    from pydantic import ValidationError
+
+    try:
+        return _adapter(kind).validate_python(value)
+    except ValidationError as error:
+        if kind == "flag":
+            text = f"found {value!r}; expected True or False"
+            raise _wrong(text, option, "not-a-flag") from error
+        text, code = f"expected a {'' if kind == 'number' else 'whole '}number", "not-a-number"
+        if error.errors()[0]["type"] == "greater_than_equal":
+            text, code = "expected 1 or more", "out-of-range"
+        raise _wrong(text, option._replace(value=str(value)), code) from error
+
+
+@cache
+def _adapter(kind: str) -> Any:
+    """Return pydantic's check of a number or flag; True is no number."""
+    from typing import Annotated
+
+    from pydantic import BeforeValidator, Field, StrictBool, TypeAdapter
+
+    number = BeforeValidator(lambda value: "" if isinstance(value, bool | bytes) else value)
+    types: dict[str, Any] = {
+        "count": Annotated[int, number],
+        "workers": Annotated[int, Field(ge=1), number],
+        "number": Annotated[float, number],
+        "flag": StrictBool,
+    }
+    return TypeAdapter(types[kind])
 
 
 def path_of(value: object, where: Option | str, expected: str) -> Path:
@@ -249,6 +252,10 @@ def _listed(values: object, option: Option) -> list[Any]:
     if not isinstance(values, Iterable):
         raise _wrong(f"found {values!r}; expected a list of names", option, "not-a-list")
     return list(values)
+
+
+def _names(values: object, option: Option) -> list[str]:
+    return [n.strip() for one in _listed(values, option) for n in str(one).split(",")]
 
 
 def _mapping(value: object, option: Option) -> Mapping[Any, Any]:
@@ -313,23 +320,18 @@ def _rig_keys(given: Any) -> dict[str, Any]:
 def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
     """Return the file and the values that ``start`` gives, values one by one or in lists.
 
-    Examples
-    --------
-    >>> starts_of(["results", "f_f=30,k_e=2e9"])
-    ('results', {'f_f': '30', 'k_e': '2e9'})
-    >>> starts_of({"f_f": 30})
-    (None, {'f_f': '30'})
+    >>> starts_of(["results", "f_f=30,k_e=2e9"]), starts_of({"f_f": 30})
+    (('results', {'f_f': '30', 'k_e': '2e9'}), (None, {'f_f': '30'}))
     """
     if isinstance(given, Mapping):
         return None, {str(name): str(value) for name, value in given.items()}
     texts = [str(given)] if isinstance(given, str | Path) else [str(one) for one in given or []]
-    parts = [
-        part
-        for text in texts
-        for part in ([text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text))
-    ]
-    values = [part for part in parts if _ASSIGNMENT.match(part) and not _is_there(part)]
-    files = [part for part in parts if part not in values]
+    values: list[str] = []
+    files: list[str] = []
+    for text in texts:
+        for part in [text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text):
+            is_value = _ASSIGNMENT.match(part) and not _is_there(part)
+            (values if is_value else files).append(part)
     if len(files) > 1:
         text = f"{files[0]} is given already; a fit starts from one earlier run"
         raise _wrong(text, Option("start", files[1]), "given-twice")
@@ -352,19 +354,11 @@ def configured(
     *more: tuple[str, str, Any],
     is_law_open: bool = False,
 ) -> Configuration:
-    """Return the configuration that arguments ask for.
+    """Return the configuration that the arguments of a command ask for, by keyword.
 
-    Parameters
-    ----------
-    command : str
-        Whose arguments these are.
-    given : mapping of str to any
-        By keyword; what is None, or a flag that is not set, is not given.
-    *more : tuple of str, str and any
-        A keyword, the key that it sets, as in "identification.start", and the value, where the
-        keyword's own value is not what the key has.
-    is_law_open : bool
-        The logs choose the law.
+    What is None, or a flag that is not set, is not given. `more` are a keyword, the key that it
+    sets, and the value, where the keyword's own is not what the key has. `is_law_open`: the logs
+    choose the law.
     """
     from damperfit.configuration.loading import load_configuration
 
@@ -381,9 +375,9 @@ def configured(
     apart = {"start", "units", *(keyword for keyword, _, _ in more)}
     for keyword, value in given.items():
         known = keyword_of(command, keyword)
-        if known is None or not known.key or keyword in apart or _is_nothing(value):
-            continue
-        put(known.key, str(value) if isinstance(value, Path) else value, Option(keyword))
+        is_nothing = value is None or value is False or value == {}
+        if known is not None and known.key and keyword not in apart and not is_nothing:
+            put(known.key, str(value) if isinstance(value, Path) else value, Option(keyword))
     for keyword, place, value in more:
         if value is not None:
             put(place, value, Option(keyword))
@@ -401,10 +395,6 @@ def configured(
     return load_configuration(
         given.get("config"), overlay=sections, options=options, is_law_open=is_law_open
     )
-
-
-def _is_nothing(value: Any) -> bool:
-    return value is None or value is False or value == {}
 
 
 def _declared(damper: Any) -> dict[str, Any]:
@@ -453,27 +443,22 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
 
 def declared_setting(setting: Any, configuration: Configuration) -> Setting | None:
     """Return the setting that is meant, by its label or number."""
-    from damperfit.tested.setting import Setting, parse_setting
+    from damperfit.tested.setting import parse_setting
 
-    setting = known_as_setting(setting)
-    if setting is None or isinstance(setting, Setting):
-        return setting
+    if not isinstance(known := known_as_setting(setting), str):
+        return known
     try:
-        return parse_setting(str(setting), configuration.reading.adjusters)
+        return parse_setting(known, configuration.reading.adjusters)
     except ValueError as error:
-        raise _wrong(f"{error}", Option("setting", setting), "unknown-setting") from error
+        raise _wrong(f"{error}", Option("setting", known), "unknown-setting") from error
 
 
-def known_as_setting(setting: Any) -> Setting | int | str | None:
-    """Return a setting as it was given: its number, its label, or itself."""
+def known_as_setting(setting: Any) -> Setting | str | None:
+    """Return a setting as it was given: its label, a number too, or itself."""
     from damperfit.tested.setting import Setting
 
     if setting is None or isinstance(setting, Setting | str):
         return setting
-    is_truth = type(setting) is bool
-    if isinstance(setting, Real) and not is_truth:
-        number = float(setting)
-        return int(number) if number.is_integer() else str(number)
     text = f"found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'"
     raise _wrong(text, Option("setting"), "not-a-setting")
 
@@ -490,11 +475,11 @@ def refuse_idle(
     for name in names:
         if (value := given.get(name)) is None:
             continue
-        where = Option(name, _worded(value))
         text, code = f"{{where}} has no effect: {why}; leave it out", "no-effect"
         if beside is not None:
             text = f"{{where}} cannot be combined with {{other}}: {why}; leave one of the two out"
             code = "not-together"
+        where = Option(name, _worded(value))
         raise ConfigurationError(text, code=code, where=where, other=beside, **options)
 
 

@@ -7,7 +7,7 @@ panels, by what the options are for.
 from __future__ import annotations
 
 import os
-from inspect import Parameter, Signature, signature, unwrap
+from inspect import Parameter, Signature, cleandoc, signature, unwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -21,12 +21,12 @@ from damperfit.errors import ConfigurationError
 from damperfit.keywords import PANELS, keyword_of, option_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
+COMMON = ("json", "quiet", "debug", "version")
+_OF_ALL = ("verbose", "color", "no_progress", "log_file")
 # What may be given several times; all else is one text, for `damperfit.arguments` to read.
 _SEVERAL = {"texts", "names", "quantities", "values", "pairs", "paths", "arguments"}
-_COMMON = ("json", "quiet", "debug", "version")
-_OF_ALL = ("verbose", "color", "no_progress", "log_file")
 # These read logs or simulate; what is asked of results has the configuration of its run.
 _CONFIGURED = {
     *("identify", "inspect", "models", "fleet", "simulate", "sweep", "samples", "config"),
@@ -45,18 +45,27 @@ class Shown(NamedTuple):
 
 
 def command(
-    function: Callable[..., Any] | None,
+    function: Callable[..., Any] | None = None,
     *,
     name: str = "",
-    shown: Sequence[str] = _COMMON,
+    shown: Sequence[str] = COMMON,
     takes_context: bool = False,
-    example: str = "",
+    example: str,
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return a decorator that makes a command of what prints the results of a function."""
-    called = name or (function.__name__ if function is not None else "")
-    keywords = [] if function is None else list(signature(unwrap(function)).parameters.values())
+    """Return a decorator that makes a command of what prints the results of a function.
+
+    Without one its own arguments are those of the command.
+    """
 
     def decorated(run: Callable[..., int]) -> Callable[..., int]:
+        source = unwrap(run if function is None else function)
+        called = name or source.__name__
+        keywords = [
+            one
+            for one in signature(source).parameters.values()
+            if one.name not in {"how", "context"}
+        ]
+
         def typed(*arguments: Any, **given: Any) -> int:
             given.update(zip((one.name for one in keywords), arguments, strict=False))
             given.pop("version", None)
@@ -72,8 +81,8 @@ def command(
             except KeyboardInterrupt:  # typer ends without a word
                 raise typer.Abort from None
 
-        summary = (function.__doc__ or "").partition("\n")[0] if function else ""
-        typed.__doc__ = f"{summary}\n\nExample: damperfit {example}" if example else run.__doc__
+        about = run.__doc__ if hasattr(run, "__name__") else (source.__doc__ or "").split("\n")[0]
+        typed.__doc__ = f"{cleandoc(about or '')}\n\nExample: damperfit {example}"
         typed.__name__ = called
         parameters = [
             _parameter(called, one) for one in keywords if keyword_of(called, one.name) is not None
@@ -108,17 +117,15 @@ def _parameter(called: str, one: Parameter) -> Parameter:
     """The option, or argument, of a keyword; its default is the keyword's."""
     known = keyword_of(called, one.name)
     assert known is not None, one.name
-    default = None if one.default in (Parameter.empty, ()) else one.default
     kind: Any = list[str] if known.kind in _SEVERAL else str
+    default = None if one.default in (Parameter.empty, ()) else one.default
     if known.kind in {"argument", "arguments"}:
-        info = typer.Argument(
-            metavar=known.metavar, help=known.help, autocompletion=completion_of(one.name, "")
-        )
+        words = completion_of(one.name, "")
+        info = typer.Argument(metavar=known.metavar, help=known.help, autocompletion=words)
         if one.default is Parameter.empty:
             return _typed(one.name, kind, info, Parameter.empty)
-        if default is None or known.kind == "arguments":
-            return _typed(one.name, kind | None, info, None)
-        return _typed(one.name, kind, info, default)
+        default = None if known.kind == "arguments" else default
+        return _typed(one.name, kind if default is not None else kind | None, info, default)
     if known.kind == "flag":
         kind = bool
     elif default is None:
@@ -201,25 +208,23 @@ class PanelledCommand(TyperCommand):
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return what follows the command's name in its usage."""
-        return ["[OPTIONS]", *(_word(param) for param in self._arguments(ctx))]
+        params = self.get_params(ctx)
+        return ["[OPTIONS]", *(_word(p) for p in params if p.param_type_name == "argument")]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments, then the options panel by panel."""
         rows: dict[str, list[tuple[str, str]]] = {panel: [] for panel in ("Arguments", *PANELS)}
-        for param in self._arguments(ctx):
-            needed = "[required]" if param.required else ""
-            rows["Arguments"].append((_word(param), f"{param.help or ''} {needed}".strip()))
+        param: Any
         for param in self.get_params(ctx):
-            record = None if param.param_type_name == "argument" else param.get_help_record(ctx)
-            if record is not None:
+            if param.param_type_name == "argument":
+                needed = "[required]" if param.required else ""
+                rows["Arguments"].append((_word(param), f"{param.help or ''} {needed}".strip()))
+            elif (record := param.get_help_record(ctx)) is not None:
                 rows[getattr(param, "rich_help_panel", None) or PANELS[-1]].append(record)
         for panel, lines in rows.items():
             if lines:
                 with formatter.section(panel):
                     formatter.write_dl(lines)
-
-    def _arguments(self, ctx: Any) -> Iterator[Any]:
-        return (one for one in self.get_params(ctx) if one.param_type_name == "argument")
 
 
 def _word(param: Any) -> str:

@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import itertools
+import json
 import logging
 import math
-import platform
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
+from functools import partial
 from itertools import chain
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from damperfit import __version__, api
-from damperfit.cli.command import Shown, command
+from damperfit.after_fit import functions
+from damperfit.cli.command import COMMON, Shown, command
 from damperfit.cli.console import (
     append_summary,
     one_line,
+    print_blocks,
     print_json,
     print_lines,
     print_renderable,
-    print_table,
     record,
     say,
     say_failures,
@@ -35,35 +37,34 @@ from damperfit.cli.console import (
     summary_file,
     wrapped,
 )
-from damperfit.cli.watching import looking_on
-from damperfit.errors import ConfigurationError, DamperfitError, SimulationError, did_you_mean
+from damperfit.cli.watching import looking_on, stop_on_signal
+from damperfit.errors import DamperfitError, SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
     from damperfit.answers import FleetDone
-    from damperfit.comparison import RunComparison
     from damperfit.configuration.options import Configuration
     from damperfit.run.auto_model import LawChoice
     from damperfit.run.identify import Identified
 
 _MANY = 20  # failures of a fleet that are listed one by one; the parts hold them all
 _ALL_FAILED = 3
+_VERDICTS = {"good": 32, "warnings": 33, "curves": 36, "refused": 31}  # ANSI, of `inspect`
 _EVERY = 10  # structures that are tried between two lines that say so
 _NUMBERS = re.compile(r"settings? [\d, -]+|[-+]?\d[\d.e+-]*")
 
 
-def _tell(how: Shown, *, notes: Iterable[object] = (), warnings: Iterable[object] = ()) -> None:
-    """Say what people should know, unless they asked for quiet."""
-    if not how.quiet:
-        for note in notes:
-            say(f"note: {note}")
-        for warning in warnings:
-            say(f"warning: {warning}")
-
-
-def _done(how: Shown, *lines: str) -> None:
-    """Say what was done, unless they asked for quiet."""
-    for line in () if how.quiet else lines:
-        say(f"damperfit: {line}")
+def _tell(
+    how: Shown,
+    *done: str,
+    notes: Iterable[object] = (),
+    warnings: Iterable[object] = (),
+) -> None:
+    """Say what was done and what people should know, unless they asked for quiet."""
+    for before, lines in (("damperfit", done), ("note", notes), ("warning", warnings)):
+        for line in () if how.quiet else lines:
+            say(f"{before}: {line}")
 
 
 def _counting(how: Shown) -> Callable[[str], None]:
@@ -73,64 +74,53 @@ def _counting(how: Shown) -> Callable[[str], None]:
     def note(title: str) -> None:
         record(logging.DEBUG, f"tried {title}")
         if (n := next(count)) % _EVERY == 0:
-            _done(how, f"{n} structures tried")
+            _tell(how, f"{n} structures tried")
 
     return note
-
-
-def _tables(*sheets: Any) -> None:
-    """Print tables one below the other; those without rows are left out."""
-    for k, sheet in enumerate(one for one in sheets if one.rows):
-        if k:
-            print_lines([""])
-        print_table(sheet)
 
 
 def _plural(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
-# identify, inspect, models
+# Fits
 
 
-@command(api.identify, shown=("github_summary", "json", "quiet", "debug", "version"))
+@command(
+    api.identify,
+    shown=("github_summary", *COMMON),
+    example="identify sample_runs/*.csv --out results",
+)
 def identify(how: Shown, **given: Any) -> int:
-    """Read logs, fit every setting, write tables and the MSE report.
-
-    Example: damperfit identify sample_runs/*.csv --out results
-    """
+    """Read logs, fit every setting, write tables and the MSE report."""
     summary = summary_file() if how.github_summary else None
 
     def tell_choice(choice: LawChoice, asked: Configuration, made: Configuration) -> None:
-        _done(how, f"the logs support {choice.supported}.")
-        alike = (f"not determined by these logs: {one[0].lower()}{one[1:]}" for one in choice.alike)
+        alike = [f"not determined by these logs: {one[0].lower()}{one[1:]}" for one in choice.alike]
         named, taken = asked.identification.procedure, made.identification.procedure
-        _tell(how, notes=alike)
         if "identification.procedure" in asked.declared and named != taken:
             only = f"procedure {named} fits the paper's model alone"
-            _tell(how, notes=[f"{only}; the law that the logs support is fitted by {taken}"])
+            alike.append(f"{only}; the law that the logs support is fitted by {taken}")
+        _tell(how, f"the logs support {choice.supported}.", notes=alike)
 
-    watch = looking_on(
-        is_quiet=how.quiet or how.no_progress,
-        on_law=_counting(how),
-        on_choice=tell_choice,
-    )
-    found = api.identify_each(**given, watch=watch)
-    for one in found:
-        say_failures(one.failures, is_debug=how.debug)
-        _tell_of_run(one, how)
+    is_quiet = how.quiet or how.no_progress
+    watch = looking_on(is_quiet=is_quiet, on_law=_counting(how), on_choice=tell_choice)
+    dampers = api.identify_each(**given, watch=watch)
+    for damper in dampers:
+        say_failures(damper.failures, is_debug=how.debug)
+        _tell_of_run(damper, how)
         if summary is not None:
             instead = "The MSE report is too long for a summary; it is in report.md."
-            append_summary(summary, one.run.report_text, instead=instead)
-        if not how.json and one.run.settings:
-            _show_run(one)
+            append_summary(summary, damper.run.report_text, instead=instead)
+        if not how.json and damper.run.settings:
+            print_blocks(_blocks_of_run(damper))
     if how.json:
-        documents = {one.owner: one.run.document() for one in found}
-        print_json(found[0].run.document() if len(found) == 1 else {"dampers": documents})
-    for one in found:
-        if one.error is not None:
-            raise one.error
-    return _worst({one.run.exit_code for one in found})
+        documents = {damper.owner: damper.run.document() for damper in dampers}
+        print_json({"dampers": documents} if len(dampers) > 1 else dampers[0].run.document())
+    for damper in dampers:
+        if damper.error is not None:
+            raise damper.error
+    return _worst({damper.run.exit_code for damper in dampers})
 
 
 def _worst(codes: set[int]) -> int:
@@ -142,231 +132,262 @@ def _worst(codes: set[int]) -> int:
     return next((code for code in (130, 1, 4) if code in codes), 0)
 
 
-def _show_run(one: Identified) -> None:
+def _tell_of_run(damper: Identified, how: Shown) -> None:
+    from damperfit.problem import listing, short_listing
+    from damperfit.reporting.records import sentences_in
+    from damperfit.reporting.report import withheld
+
+    record, configuration = damper.run.record, damper.configuration
+    for gate in record["gates_missed"]:
+        say(f"damperfit: {gate}")
+    if how.quiet:
+        return
+    corrected = (sentences_in(record, about) for about in ("tables_of_tests", "corrections"))
+    grades = (f"grade withheld: {sentence}" for sentence in short_listing(withheld(damper.run)))
+    _tell(
+        how,
+        notes=chain(configuration.notes, *corrected),
+        warnings=(*listing(damper.run.warned), *grades),
+    )
+    alike: dict[tuple[str, str], list[str]] = {}  # but for their numbers
+    for sentence in sentences_in(record, "undetermined"):
+        quantity, _, rest = sentence.partition(" at ")  # r_m1 and r_m2 are two
+        alike.setdefault((quantity, _NUMBERS.sub("", rest)), []).append(sentence)
+    for first, *others in alike.values():
+        more = f" (and {len(others)} alike at other settings: report.md)" if others else ""
+        say(f"note: {first}{more}")
+    if damper.error is not None and not damper.is_written:
+        return
+    n_fits, n_all = len(damper.run.settings), len(damper.failures)
+    n_failed = sum(not failure.is_left_out for failure in damper.failures)
+    done = f"{_plural(n_fits, 'setting')} fitted"
+    done += f", {n_failed} failed" if n_failed else ""
+    done += f", {n_all - n_failed} left out" if n_all > n_failed else ""
+    seconds = f" in {record['timings']['total_s']:.1f} s"
+    if damper.is_interrupted and not n_fits:
+        done = "interrupted before a setting was finished; nothing was written"
+    elif damper.keeps_earlier:
+        done += f"; nothing was written: the earlier results in {damper.folder} stay"
+    else:
+        stop = "interrupted; " * damper.is_interrupted
+        done = f"{stop}{done}{seconds}; results in {damper.folder}"
+    say(f"damperfit: {done}{', the profiles in profiles.csv' if configuration.profile else ''}")
+
+
+def _blocks_of_run(damper: Identified) -> list[Any]:
     from damperfit.reporting.forces import force_sheets
     from damperfit.reporting.laws import law_sentences
     from damperfit.reporting.records import checks_in, law_in, predictions_in
     from damperfit.reporting.sheet import parameters_in_units, rows_in_units, sheet_in_units
     from damperfit.reporting.tables import check_lines, held_out_sheet, parameter_sheet
 
-    run, configuration = one.run, one.configuration
-    if one.beside:
-        print_lines([f"damper {one.owner}", ""])
+    run, configuration = damper.run, damper.configuration
     tables, units = run.tables, configuration.output.units
     forces = force_sheets(rows_in_units(tables["adjustment"].to_pylist(), units))
     rows, quantities = parameters_in_units(tables["parameters"].to_pylist(), run.quantities, units)
-    sheets = [sheet_in_units(sheet, units) for sheet in forces]
-    sheets.append(parameter_sheet(rows, quantities, levels=spark_levels()))
-    if held_out := predictions_in(run.record):
-        sheets.append(held_out_sheet(held_out, is_narrow=True))
-    _tables(*sheets)
-    told = run.record.get("procedure") or [configuration.damper_sentence]  # as it was fitted
-    checks = wrapped(*map(one_line, check_lines(checks_in(run.record))))
-    print_lines(["", *wrapped(told[0]), ""])
-    if law := law_sentences(law_in(run.record), with_undecided=False):
-        print_lines([*wrapped(" ".join(law)), ""])
-    print_lines([*checks, *([""] if one.beside else [])], of_checks=True)
+    held_out, law = predictions_in(run.record), law_in(run.record)
+    as_fitted = run.record.get("procedure") or [configuration.damper_sentence]
+    return [
+        f"damper {damper.owner}" * bool(damper.beside),
+        *(sheet_in_units(sheet, units) for sheet in forces),
+        parameter_sheet(rows, quantities, levels=spark_levels()),
+        *([held_out_sheet(held_out, is_narrow=True)] if held_out else []),
+        as_fitted[0],
+        " ".join(law_sentences(law, with_undecided=False)),
+        [*wrapped(*map(one_line, check_lines(checks_in(run.record)))), ""],
+    ]
 
 
-def _tell_of_run(one: Identified, how: Shown) -> None:
-    from damperfit.problem import listing, short_listing
-    from damperfit.reporting.records import sentences_in
-    from damperfit.reporting.report import withheld
-
-    record, configuration = one.run.record, one.configuration
-    for gate in record["gates_missed"]:
-        say(f"damperfit: {gate}")
-    if how.quiet:
-        return
-    corrected = (sentences_in(record, about) for about in ("tables_of_tests", "corrections"))
-    grades = (f"grade withheld: {sentence}" for sentence in short_listing(withheld(one.run)))
-    warnings = (*listing(one.run.warned), *grades)
-    _tell(how, notes=chain(configuration.notes, *corrected), warnings=warnings)
-    _tell(how, notes=_alike(sentences_in(record, "undetermined")))
-    if one.error is not None and not one.is_written:
-        return
-    n_fits, n_all = len(one.run.settings), len(one.failures)
-    n_failed = sum(not failure.is_left_out for failure in one.failures)
-    done = f"{_plural(n_fits, 'setting')} fitted"
-    done += f", {n_failed} failed" if n_failed else ""
-    done += f", {n_all - n_failed} left out" if n_all > n_failed else ""
-    seconds = f" in {record['timings']['total_s']:.1f} s"
-    if one.is_interrupted and not n_fits:
-        done = "interrupted before a setting was finished; nothing was written"
-    elif one.keeps_earlier:
-        done += f"; nothing was written: the earlier results in {one.folder} stay"
-    else:
-        done = f"{'interrupted; ' * one.is_interrupted}{done}{seconds}; results in {one.folder}"
-    say(f"damperfit: {done}{', the profiles in profiles.csv' if configuration.profile else ''}")
-
-
-def _alike(sentences: Iterable[str]) -> Iterator[str]:
-    """Yield sentences on a quantity; of those that differ in their numbers alone the first."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for sentence in sentences:
-        quantity, _, rest = sentence.partition(" at ")  # r_m1 and r_m2 are two
-        groups.setdefault((quantity, _NUMBERS.sub("", rest)), []).append(sentence)
-    for first, *others in groups.values():
-        more = f" (and {len(others)} alike at other settings: report.md)" if others else ""
-        yield f"{first}{more}"
-
-
-@command(api.inspect)
+@command(api.inspect, example="inspect runs/*.csv")
 def inspect(how: Shown, **given: Any) -> int:
-    """Show what is in the logs and what is wrong with them; fit nothing.
+    """Show what is in the logs and what is wrong with them; fit nothing."""
+    from damperfit.reporting.inspection import finding_lines
 
-    Example: damperfit inspect runs/*.csv
-    """
-    batch = api.inspect(**given).batch
+    answer = api.inspect(**given)
+    batch, facts = answer.batch, answer.facts
     say_failures(batch.failures, is_debug=how.debug)
     _tell(how, notes=batch.notes, warnings=(*batch.skipped_files, *batch.remarks))
-    facts = [log.facts for log in batch.logs]
     if how.json:
         print_json(batch.document())
     elif facts:
-        from damperfit.reporting import inspection as shown
-
-        print_table(shown.inspection_sheet(facts), shown.VERDICT_COLOURS)
-        for sheet in (shown.stretch_sheet(facts), shown.curve_sheet(facts)):
-            if sheet.rows:
-                print_lines([""])
-                print_table(sheet)
         columns = min(screen_columns(), 80)  # longer lines are hard to read
-        lines = shown.finding_lines(facts, has_notes=not how.quiet, columns=columns)
-        print_lines(["", *map(one_line, lines)])
+        lines = finding_lines(facts, has_notes=not how.quiet, columns=columns)
+        blocks: list[Any] = [*answer.all_sheets(), [one_line(line) for line in lines]]
+        print_blocks(blocks, _VERDICTS)
     return int(batch.ending.value)
 
 
-@command(api.models)
+@command(api.models, example="models runs/*.csv --config damper.toml --hold-out '*_check.csv'")
 def models(how: Shown, **given: Any) -> int:
-    """Fit one damper law after the other to the logs and say which one they support.
+    """Fit one damper law after the other to the logs and say which one they support."""
+    from damperfit.identification.sharing import of_settings
 
-    Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
-    """
     choice = api.models(**given, on_law=_counting(how))
     _tell(how, notes=(*choice.assumed, *choice.remarks))
     say_failures(choice.failures, is_debug=how.debug)
-    code = int(bool(choice.failures or choice.lost))
     if how.json:
         print_json(choice.document())
-        return code
-    tried, chosen, rivals = choice.sheets()
-    print_table(tried)
-    reasons = (f"{law.tried.title}: {law.reason}" for law in choice.search.laws)
-    print_lines(["", *wrapped(*reasons), "", *wrapped(choice.sentence), ""])
-    print_table(chosen)
-    if choice.undecided:
-        print_lines(["", "What these logs leave open:", *wrapped(*choice.undecided)])
-    if rivals.rows:
-        print_lines([""])
-        print_table(rivals)
-    if choice.lost:
-        from damperfit.identification.sharing import of_settings
-
-        print_lines([f"The chosen law cannot be simulated at {of_settings(choice.lost)}."])
-    return code
+    else:
+        tried, chosen, rivals = choice.sheets()
+        lost = f"The chosen law cannot be simulated at {of_settings(choice.lost)}."
+        undecided = wrapped(*choice.undecided)
+        print_blocks([
+            tried,
+            wrapped(*(f"{law.tried.title}: {law.reason}" for law in choice.search.laws)),
+            choice.sentence,
+            chosen,
+            ["What these logs leave open:", *undecided] if undecided else "",
+            rivals,
+            lost if choice.lost else "",
+        ])  # fmt: skip
+    return int(bool(choice.failures or choice.lost))
 
 
-# simulate, sweep, settings
+@command(api.fleet, example="fleet runs --out fleet --collect")
+def fleet(how: Shown, **given: Any) -> int:
+    """Fit many dampers, one part each; finished ones are not fitted again."""
+    fault = None
+    watch = looking_on(is_quiet=how.quiet or how.no_progress, of_fleet=True)
+    try:
+        ended = api.fleet(**given, watch=watch)
+    except DamperfitError as error:
+        if not hasattr(error, "done"):
+            raise
+        fault, ended = error, error.done  # parts are done, and could not be collected
+    _tell_of_fleet(ended, how)
+    if fault is not None:
+        raise fault
+    if how.json:
+        print_json(ended.document())
+    else:
+        print_lines(_fleet_lines(ended, has_logs=bool(given["logs"])))
+    return ended.exit_code
 
 
-@command(api.simulate)
+def _tell_of_fleet(ended: FleetDone, how: Shown) -> None:
+    done, n_tasks, out = ended.done, ended.n_tasks, ended.folder
+    lines = [f"{one.owner or 'logs'}: {line}" for one in done for line in one.failures]
+    if len(lines) > _MANY:
+        more = f"and {len(lines) - _MANY} more failures; the parts in {out} hold them all"
+        lines[_MANY:] = [more]
+    gates = [f"{one.owner or 'logs'}: {gate}" for one in done for gate in one.gates]
+    for line in (*lines, *gates):
+        say(f"damperfit: {line}")
+    n_now = sum(len(one.failures) for one in done)
+    if n_before := sum(one.n_failures for one in done) - n_now:
+        verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
+        count = _plural(n_before, "failure")
+        _tell(how, f"{count} of an earlier run {verb} too; the parts hold {them}")
+    if ended.is_stopped:
+        left = f"{n_tasks - len(done)} of {n_tasks} dampers left"
+        say(f"damperfit: interrupted; {left}, the same command goes on with them")
+    elif n_tasks:
+        _tell(how, f"parts in {out}")
+    if ended.n_rows is not None:
+        table = out / "_fleet" / "fleet.parquet"
+        _tell(how, f"{ended.n_rows} rows of the fleet in {table} and .csv")
+    if ended.page is not None:
+        _tell(how, f"{ended.page} written, with tables of dampers and outliers")
+
+
+def _fleet_lines(ended: FleetDone, *, has_logs: bool) -> list[str]:
+    """How many dampers ended in which way, and those that are out of tolerance."""
+    counts, lines = ended.counts, []
+    words = {
+        "fitted": "fitted now",
+        "known": "done before",
+        "failed": "without any fit",
+        "later": "not done, tried again next time",
+    }
+    if has_logs:
+        asked = (key for key in words if counts[key] or key == "fitted")
+        parts = ", ".join(f"{counts[key]} {words[key]}" for key in asked)
+        n_logs, n_settings = (
+            sum(getattr(one, n) for one in ended.done) for n in ("n_logs", "n_settings")
+        )
+        dampers = _plural(ended.n_tasks, "damper")
+        lines = [f"{dampers}: {parts}; {n_logs} logs, {n_settings} settings with a fit"]
+    if ended.held is None:
+        return lines
+    lines.append(f"tolerance {ended.held.source}: {ended.held.sentence}")
+    for point in ended.held.worst[:_MANY]:
+        setting = f", setting {point.setting}" if str(point.setting) else ""
+        speed = f", {point.speed:g} m/s {point.stroke}" if point.stroke else ""
+        lines.append(f"{point.run or 'unknown'}{setting}{speed}: {point.words}")
+    if (more := len(ended.held.worst) - _MANY) > 0:
+        lines.append(f"and {_plural(more, 'more damper')}; --report lists them")
+    return lines
+
+
+# What is asked of results
+
+
+@command(api.simulate, example="simulate --setting 10 --amplitude 32mm --frequency 1.5Hz")
 def simulate(how: Shown, **given: Any) -> int:
-    """Print forces, energy and pressures of one setting.
+    """Print forces, energy and pressures of one setting."""
+    from damperfit.reporting.simulated import cycle_sparklines
 
-    Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
-    """
     done = api.simulate(**given)
-    test = done.test
-    _done(how, done.damper, test.choice.source)
-    _tell(how, notes=(*done.configured_notes, *done.notes), warnings=done.warnings)
+    notes = (*done.configured_notes, *done.notes)
+    _tell(how, done.damper, done.choice.source, notes=notes, warnings=done.warnings)
     if how.json:
         print_json(done.document())
     elif not how.quiet or given["out"] is None:
-        from damperfit.reporting.simulated import cycle_sparklines
-
-        print_lines([done.title, ""])
-        _tables(*done.sheets())
-        cycle = cycle_sparklines(
-            test.response, test.frequency, columns=screen_columns(), levels=spark_levels()
-        )
-        print_lines(["", "last cycle", *cycle])
+        size: Any = {"columns": screen_columns(), "levels": spark_levels()}
+        cycle = cycle_sparklines(done.response, done.frequency, **size)
+        print_blocks([done.title, *done.sheets(), ["last cycle", *cycle]])
     return 0
 
 
-@command(api.sweep)
+@command(api.sweep, example="sweep --setting 10 --vary r_m1=0.8,1,1.2")
 def sweep(how: Shown, **given: Any) -> int:
-    """Scale one parameter by factors and show what it does to the force.
-
-    Example: damperfit sweep --setting 10 --vary r_m1=0.8,1,1.2
-    """
+    """Scale one parameter by factors and show what it does to the force."""
     out = given["out"] or Path("sweep")
     done = api.sweep(**{**given, "out": out})
-    _done(how, done.damper, done.source)
-    _tell(how, notes=done.notes, warnings=done.warnings)
+    _tell(how, done.damper, done.source, notes=done.notes, warnings=done.warnings)
     if how.json:
-        facts = {"damper": done.damper, "source": done.source}
-        print_json(facts | {"rows": done.records, "sentences": list(done.sentences)})
+        print_json(done.document())
     else:
-        for sheet, sentence in zip(done.sheets(), done.sentences, strict=True):
-            print_table(sheet)
-            print_lines([*wrapped(sentence), ""])
-    _done(how, f"sweep.csv and {_plural(len(done.plots), 'figure')} written to {out}")
+        pairs = zip(done.sheets(), done.sentences, strict=True)
+        print_blocks([block for pair in pairs for block in pair])
+    _tell(how, f"sweep.csv and {_plural(len(done.plots), 'figure')} written to {out}")
     return 0
 
 
-@command(api.settings)
+@command(api.settings, example="settings --force 900N --velocity 0.2m/s")
 def settings(how: Shown, **given: Any) -> int:
-    """Show force by setting and what a click changes; find the setting for a force.
-
-    Example: damperfit settings --force 900N --velocity 0.2m/s
-    """
-    from damperfit.queries.settings import SettingForces
-
-    done = api.settings(**{**given, "results": given["results"] or []})
-    if isinstance(done, SettingForces):
-        for remark in done.remarks:
-            say(f"damperfit: {done.run.shown_as}: {remark}")
-        for trace in done.traces if how.debug else ():
-            say_lines(trace)
-        for note in done.notes:
-            say(f"note: {note}")
+    """Show force by setting and what a click changes; find the setting for a force."""
+    done: Any = api.settings(**{**given, "results": given["results"] or []})
+    for remark in done.remarks:
+        say(f"damperfit: {done.run.shown_as}: {remark}")
+    for trace in getattr(done, "traces", ()) if how.debug else ():
+        say_lines(trace)
+    for note in done.notes:
+        say(f"note: {note}")
+    answers = [line for line in getattr(done, "answers", (done.sentence,)) if line]
     if how.json:
         print_json(done.document())
-        return int(bool(done.remarks))
-    answers = [done.sentence] if done.sentence else []
-    heading = []
-    if isinstance(done, SettingForces):
-        answers, heading = list(done.answers), [done.heading, ""]
-    if answers:
-        print_lines(answers if how.quiet else [*wrapped(*answers), ""])
-    if not (answers and how.quiet):
-        if heading:
-            print_lines(heading)
-        else:
-            _tell(how, notes=done.notes)
-        _tables(*done.sheets())
+    elif answers and how.quiet:
+        print_lines(answers)
+    else:
+        print_blocks([wrapped(*answers), getattr(done, "heading", ""), *done.sheets()])
     return int(bool(done.remarks))
 
 
-# compare
-
-
-@command(api.compare, shown=("github_summary", "json", "quiet", "debug", "version"))
-def compare(how: Shown, runs: list[Path], **given: Any) -> int:
+@command(api.compare, shown=("github_summary", *COMMON), example="compare before after")
+def compare(how: Shown, runs: list[str], **given: Any) -> int:
     """Show what differs between runs, and whether it is more than chance.
 
     A folder of folders stands for all in it; two such are paired by name.
-
-    Example: damperfit compare before after
     """
+    from damperfit.reporting.compared import comparison_sheets, tolerance_outcome, tolerance_sheet
+
     summary = summary_file() if how.github_summary else None
     done = api.compare(*runs, **given)
     if given["save"] is not None:
-        _done(how, f"{given['save']} written: give it as A or B of a later comparison")
-    out = given["out"]
-    if len(runs) == 1 and given["save"] is not None and not done.points:
-        return 0
+        _tell(how, f"{given['save']} written: give it as A or B of a later comparison")
+        if len(runs) == 1 and not done.points:
+            return 0
     for remark in (*done.remarks, *done.alone):
         say(f"damperfit: {remark}")
     for trace in chain(*(one.traces for one in done.comparisons)) if how.debug else ():
@@ -374,49 +395,82 @@ def compare(how: Shown, runs: list[Path], **given: Any) -> int:
     if how.json:
         print_json(done.document())
     else:
-        from damperfit.reporting.compared import tolerance_outcome, tolerance_sheet
-
-        for one in done.comparisons:
-            _show_pair(one, how)
+        for pair in done.comparisons:
+            lines = [f"A: {pair.first.place}", f"B: {pair.second.place}"]
+            if pair.repeats:
+                names = ", ".join(str(run.place) for run in pair.repeats)
+                lines.append(f"yardstick: the scatter of A and its repeats {names}")
+            lines += [*(f"differs: {one}" for one in pair.differing), *pair.sentences]
+            lines += [f"note: {one}" for one in pair.to_know]
+            sheets: Any = [] if how.quiet else comparison_sheets(pair, is_short=True)
+            print_blocks([wrapped(*lines, indent="  "), *chain(*sheets), [""]])
         if done.points:
             outcome = f"tolerance {done.tolerance}: {tolerance_outcome(done.points)}"
-            print_lines([outcome, ""], of_checks=True)
-            if not how.quiet:
-                print_table(tolerance_sheet(done.points, is_short=True))
+            sheet = tolerance_sheet(done.points, is_short=True)
+            print_blocks([outcome, "" if how.quiet else sheet])
     if summary is not None:
         append_summary(summary, done.markdown, instead="The comparison is too long for a summary.")
-    if out is not None:
-        _done(how, f"{out}/comparison.html written, with Markdown, JSON and tables")
+    if given["out"] is not None:
+        _tell(how, f"{given['out']}/comparison.html written, with Markdown, JSON and tables")
     return 1 if done.remarks else 0 if done.is_met else 4
 
 
-def _show_pair(comparison: RunComparison, how: Shown) -> None:
-    from damperfit.reporting.compared import comparison_sheets
-
-    lines = [f"A: {comparison.first.place}", f"B: {comparison.second.place}"]
-    if comparison.repeats:
-        names = ", ".join(str(run.place) for run in comparison.repeats)
-        lines.append(f"yardstick: the scatter of A and its repeats {names}")
-    lines += [*(f"differs: {one}" for one in comparison.differing), *comparison.sentences]
-    lines += [f"note: {one}" for one in comparison.to_know]
-    print_lines([*wrapped(*lines, indent="  "), ""])
-    for title, sheet in () if how.quiet else comparison_sheets(comparison, is_short=True):
-        print_lines([title, ""])
-        print_table(sheet)
-        print_lines([""])
+def _answer(function: Any, how: Shown, **given: Any) -> int:
+    """Print the sentence, the tables and the remarks of an answer."""
+    answer = function(**given)
+    if how.json:
+        print_json(answer.document())
+    else:
+        tables = [] if how.quiet and answer.sentence else answer.sheets()
+        print_blocks([answer.sentence, *tables])
+        for remark in answer.remarks:
+            say(f"note: {remark}")
+    return 0
 
 
-# report, export, samples
+advise, valves, ride = (
+    command(function, example=example)(partial(_answer, function))
+    for function, example in (
+        (functions.advise, "advise results --for k_e --max-stroke 40mm"),
+        (functions.valves, "valves results --cd 0.7"),
+        (functions.ride, "ride results --car car.toml"),
+    )
+)
 
 
-@command(api.report)
+@command(functions.watch, example="watch runs --out results --reference before")
+def watch(how: Shown, **given: Any) -> int:
+    """Fit each log as soon as it is complete, and answer in one line; Ctrl-C ends it."""
+    stop = Event()
+    arrivals = functions.watch(**given, stop=stop)
+    _tell(how, f"watching {given['folder']}; Ctrl-C ends it")
+    with stop_on_signal("the results will be written", stop):
+        for arrival in arrivals:
+            line = json.dumps(arrival.document(), ensure_ascii=False) if how.json else ""
+            print_lines([line or arrival.sentence])
+    return 0
+
+
+# Files
+
+
+@command(functions.passport, example="passport results --out passports")
+def passport(how: Shown, **given: Any) -> int:
+    """Write the passport of a damper: one A4 page, and a JSON that compare takes as a baseline."""
+    files = functions.passport(**given)
+    if how.json:
+        print_json({"files": [str(path) for path in files]})
+    else:
+        _tell(how, f"{files[0]} and {files[1]} written")
+    return 0
+
+
+@command(api.report, example="report results --figures svg")
 def report(how: Shown, **given: Any) -> int:
     """Write report.html, one page that opens anywhere, from a results folder.
 
     Units are those of the run unless --units says otherwise.
     Damper and rig are those of the run; a --config is only checked.
-
-    Example: damperfit report results --figures svg
     """
     files = api.report(**given)
     for remark in files.remarks:
@@ -425,16 +479,13 @@ def report(how: Shown, **given: Any) -> int:
         print_json({"files": [str(path) for path in files], "remarks": list(files.remarks)})
     else:
         more = f" and {len(files) - 1} figures" if len(files) > 1 else ""
-        _done(how, f"{files[0]} written{more}")
+        _tell(how, f"{files[0]} written{more}")
     return 1 if files.remarks else 0
 
 
-@command(api.export, shown=("list", "json", "quiet", "debug", "version"))
+@command(api.export, shown=("list", *COMMON), example="export results --to csv")
 def export(how: Shown, **given: Any) -> int:
-    """Hand an identified damper over to a simulator or a spreadsheet.
-
-    Example: damperfit export results --to csv
-    """
+    """Hand an identified damper over to a simulator or a spreadsheet."""
     from damperfit.exporting import find_target
     from damperfit.units.shown_units import SI, parse_units
 
@@ -443,11 +494,9 @@ def export(how: Shown, **given: Any) -> int:
         return 0
     files = api.export(**given)
     target, made = find_target(given["to"]), files.made
+    assert made is not None
     for remark in files.remarks:
         say(f"damperfit: {given['results']}: {remark}")
-    code = 1 if files.remarks else 0
-    if made is None:
-        return code
     if how.json:
         document: dict[str, object] = {
             "target": target.name,
@@ -463,21 +512,22 @@ def export(how: Shown, **given: Any) -> int:
             {"setting": setting, "speed_m_per_s": None if math.isnan(top) else top}
             for setting, top in tops
         ]
-        rows = [{**asdict(one), "setting": one.setting.cell} for one in files.checked]
-        print_json(document | ({"check": rows} if given["check"] else {}))
-        return code
+        if given["check"]:
+            document["check"] = [{**asdict(c), "setting": c.setting.cell} for c in files.checked]
+        print_json(document)
+        return 1 if files.remarks else 0
     shown = SI if given["units"] is None else parse_units(given["units"])
     more = f" and {len(files) - 1} more" if len(files) > 1 else ""
     used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
-    _done(how, f"{files[0]} written{more}; {used}; {target.sign}")
     notes = [made.lost] if made.lost else []
     if given["extend"] is not None:
         tested = max(one.tested for one in made.tables)
         notes.append(f"beyond {tested:.4g} m/s the tables are untested")
-    _tell(how, notes=(*notes, *files.notes, made.determined))
+    notes += [*files.notes, made.determined]
+    _tell(how, f"{files[0]} written{more}; {used}; {target.sign}", notes=notes)
     if files.checked:
         print_lines([f"check, {one}" for one in files.checked])
-    return code
+    return 1 if files.remarks else 0
 
 
 def _show_targets(*, is_json: bool) -> None:
@@ -504,15 +554,12 @@ def _show_targets(*, is_json: bool) -> None:
             print_lines(wrapped(f"  {word:<7}{goes[word]}", indent=" " * 9))
 
 
-@command(api.samples)
+@command(api.samples, example="samples my_runs --settings 1-5")
 def samples(how: Shown, **given: Any) -> int:
-    """Write synthetic rig logs with known parameters.
-
-    Example: damperfit samples my_runs --settings 1-5
-    """
+    """Write synthetic rig logs with known parameters."""
     files = api.samples(**given, watch=looking_on(is_quiet=how.quiet or how.no_progress))
     written = [str(path) for path in files]
-    _done(how, files.notes[0])
+    _tell(how, files.notes[0])
     if how.json:
         print_json({"logs": written[:-2], "files": written})
     elif not how.quiet:
@@ -520,159 +567,52 @@ def samples(how: Shown, **given: Any) -> int:
     return 0
 
 
-# fleet
+# The program itself
 
 
-@command(api.fleet)
-def fleet(how: Shown, **given: Any) -> int:
-    """Fit many dampers, one part each; finished ones are not fitted again.
-
-    Example: damperfit fleet runs --out fleet --collect
-    """
-    fault = None
-    watch = looking_on(is_quiet=how.quiet or how.no_progress, of_fleet=True)
-    try:
-        found = api.fleet(**given, watch=watch)
-    except DamperfitError as error:
-        if not hasattr(error, "done"):
-            raise
-        fault, found = error, error.done  # parts are done, and could not be collected
-    _tell_of_fleet(found, how)
-    if found.n_rows is not None:
-        table = found.folder / "_fleet" / "fleet.parquet"
-        _done(how, f"{found.n_rows} rows of the fleet in {table} and .csv")
-        if found.page is not None:
-            _done(how, f"{found.page} written, with tables of dampers and outliers")
-    if fault is not None:
-        raise fault
-    if how.json:
-        print_json(found.document())
-    else:
-        print_lines(_fleet_lines(found, has_logs=bool(given["logs"])))
-    return found.code
-
-
-def _fleet_lines(found: FleetDone, *, has_logs: bool) -> list[str]:
-    """How many dampers ended in which way, and those that are out of tolerance."""
-    counts, lines = found.counts, []
-    words = {
-        "fitted": "fitted now",
-        "known": "done before",
-        "failed": "without any fit",
-        "later": "not done, tried again next time",
-    }
-    if has_logs:
-        asked = (key for key in words if counts[key] or key == "fitted")
-        parts = ", ".join(f"{counts[key]} {words[key]}" for key in asked)
-        n_logs, n_settings = (
-            sum(getattr(one, n) for one in found.done) for n in ("n_logs", "n_settings")
-        )
-        dampers = _plural(found.n_tasks, "damper")
-        lines = [f"{dampers}: {parts}; {n_logs} logs, {n_settings} settings with a fit"]
-    if found.held is None:
-        return lines
-    lines.append(f"tolerance {found.held.source}: {found.held.sentence}")
-    for point in found.held.worst[:_MANY]:
-        setting = f", setting {point.setting}" if str(point.setting) else ""
-        speed = f", {point.speed:g} m/s {point.stroke}" if point.stroke else ""
-        lines.append(f"{point.run or 'unknown'}{setting}{speed}: {point.words}")
-    more = len(found.held.worst) - _MANY
-    if more > 0:
-        lines.append(f"and {_plural(more, 'more damper')}; --report lists them")
-    return lines
-
-
-def _tell_of_fleet(found: FleetDone, how: Shown) -> None:
-    done, n_tasks, out = found.done, found.n_tasks, found.folder
-    lines = [f"{one.owner or 'logs'}: {line}" for one in done for line in one.failures]
-    for line in lines[:_MANY]:
-        say(f"damperfit: {line}")
-    if len(lines) > _MANY:
-        say(f"damperfit: and {len(lines) - _MANY} more failures; the parts in {out} hold them all")
-    for one in done:
-        for gate in one.gates:
-            say(f"damperfit: {one.owner or 'logs'}: {gate}")
-    if n_before := sum(one.n_failures for one in done) - len(lines):
-        verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
-        count = _plural(n_before, "failure")
-        _done(how, f"{count} of an earlier run {verb} too; the parts hold {them}")
-    if found.is_stopped:
-        left = f"{n_tasks - len(done)} of {n_tasks} dampers left"
-        say(f"damperfit: interrupted; {left}, the same command goes on with them")
-    elif n_tasks:
-        _done(how, f"parts in {out}")
-
-
-# config, help, doctor
-
-
-def _config(config: Path | None = None, *, schema: bool = False) -> None:
-    """Take what the command takes."""
-
-
-@command(_config, name="config")
-def config(how: Shown, config: Path | None, *, schema: bool) -> int:
-    """Print the complete configuration in force, as TOML.
-
-    Example: damperfit config > my_damper.toml
-    """
-    if schema:
-        from damperfit.configuration.json_schema import configuration_schema
-
-        print_json(configuration_schema())
-        return 0
+@command(name="config", example="config > my_damper.toml")
+def config(how: Shown, config: str | None = None, *, schema: bool = False) -> int:
+    """Print the complete configuration in force, as TOML."""
     from damperfit.configuration import loading
+    from damperfit.configuration.json_schema import configuration_schema
     from damperfit.tables.files import json_values
 
-    found = loading.load_configuration(config)
+    if schema:
+        print_json(configuration_schema())
+        return 0
+    made = loading.load_configuration(config)
     if how.json:
-        print_json(json_values(found.document))
+        print_json(json_values(made.document))
     else:
-        print_lines(loading.configuration_toml(found).splitlines())
+        print_lines(loading.configuration_toml(made).splitlines())
     return 0
 
 
-def _help(topic: str | None = None) -> None:
-    """Take what the command takes."""
+@command(name="help", takes_context=True, example="help trust")
+def show_help(how: Shown, context: typer.Context, topic: str | None = None) -> int:
+    """Show a page of the manual, or list the pages."""
+    from rich.markdown import Markdown
 
-
-@command(_help, name="help", takes_context=True)
-def show_help(how: Shown, context: typer.Context, topic: str | None) -> int:
-    """Show a page of the manual, or list the pages.
-
-    Example: damperfit help trust
-    """
+    from damperfit.cli.pages import filled
     from damperfit.manual import TOPICS, read_page
 
     commands = {} if context.parent is None else getattr(context.parent.command, "commands", {})
     if topic is None:
-        pages = [read_page(one) for one in TOPICS]
-        wide = max(map(len, TOPICS))
-        lines = [f"{page.topic:{wide}}  {page.title}" for page in pages]
+        titles = {one: read_page(one).title for one in TOPICS}
+        lines = [f"{name:{max(map(len, titles))}}  {title}" for name, title in titles.items()]
         last = "damperfit help TOPIC shows one of them, or what a command takes."
-        record: Any = {"topics": {page.topic: page.title for page in pages}}
-        print_json(record) if how.json else print_lines([*lines, "", last])
-    elif topic.strip().lower() in TOPICS:
-        from rich.markdown import Markdown
-
-        from damperfit.cli.pages import filled
-
-        page = read_page(topic)
-        page = replace(page, source=filled(page.source))
+        print_json({"topics": titles}) if how.json else print_lines([*lines, "", last])
+    elif topic in commands and topic not in TOPICS:
+        text = commands[topic].get_help(typer.Context(commands[topic], context.parent, topic))
+        document = {"command": topic, "text": text}
+        print_json(document) if how.json else print_lines(text.splitlines())
+    else:
+        page = read_page(topic, commands)
+        page = page._replace(source=filled(page.source))
         if how.json:
             print_json({"topic": page.topic, "title": page.title, "text": page.text})
         else:
             print_renderable(Markdown(page.text, hyperlinks=False))
-    elif topic in commands:
-        text = commands[topic].get_help(typer.Context(commands[topic], context.parent, topic))
-        record = {"command": topic, "text": text}
-        print_json(record) if how.json else print_lines(text.splitlines())
-    else:
-        hint = did_you_mean(topic.strip().lower(), (*TOPICS, *commands))
-        raise ConfigurationError(
-            f"help {topic}: there is no such topic.{hint} damperfit help lists them",
-            code="unknown-topic",
-        )
     return 0
 
 
@@ -687,46 +627,39 @@ _EXTRAS = (
 )
 
 
-@command(None, name="doctor", shown=("json", "debug", "version"))
+@command(name="doctor", shown=("json", "debug", "version"), example="doctor")
 def doctor(how: Shown) -> int:
-    """Show what works on this machine: version, core, extras, a one-second fit.
-
-    Example: damperfit doctor
-    """
+    """Show what works on this machine: version, core, extras, a one-second fit."""
+    import platform
     from importlib import metadata  # slow to load, and every command registers this one
 
-    def version(distribution: str) -> str:
+    checks: dict[str, dict[str, Any]] = {}
+    for name, check in (("core", _core), ("fit", _fit)):
         try:
-            return metadata.version(distribution)
+            checks[name] = {"works": True, "said": check()}
+        except Exception as error:  # noqa: BLE001 - whatever it is, it is what the user wants to know
+            advice = "to mend it: pip install --force-reinstall damperfit"
+            checks[name] = {"works": False, "said": f"{type(error).__name__}: {error}; {advice}"}
+    extras = dict.fromkeys((extra for extra, _, _ in _EXTRAS), "")
+    for extra, distribution, _ in _EXTRAS:
+        try:
+            extras[extra] = metadata.version(distribution)
         except metadata.PackageNotFoundError:
-            return ""
-
+            continue
     python = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
-    found = {"damperfit": __version__, "python": python, "executable": sys.executable}
-    checks = {name: _tried(check) for name, check in (("core", _core), ("fit", _fit))}
-    extras = {extra: version(name) for extra, name, _ in _EXTRAS}
+    facts = {"damperfit": __version__, "python": python, "executable": sys.executable}
     if how.json:
-        results = {name: {"works": ok, "said": text} for name, (ok, text) in checks.items()}
-        print_json({**found, "checks": results, "extras": extras})
+        print_json({**facts, "checks": checks, "extras": extras})
     else:
-        lines = list(found.items())
-        lines += [
-            (name, f"{'works: ' if ok else 'FAILS: '}{text}") for name, (ok, text) in checks.items()
-        ]
+        lines = list(facts.items())
+        for name, ended in checks.items():
+            lines.append((name, f"{'works' if ended['works'] else 'FAILS'}: {ended['said']}"))
         for extra, name, purpose in _EXTRAS:
             missing = f"not there: pip install 'damperfit[{extra}]'"
             there = f"{name} {extras[extra]}" if extras[extra] else missing
             lines.append((extra, f"{purpose}: {there}"))
         print_lines([f"{name:<10} {text}" for name, text in lines])
-    return 0 if all(ok for ok, _ in checks.values()) else 1
-
-
-def _tried(check: Callable[[], str]) -> tuple[bool, str]:
-    try:
-        return True, check()
-    except Exception as error:  # noqa: BLE001 - whatever it is, it is what the user wants to know
-        advice = "pip install --force-reinstall damperfit"
-        return False, f"{type(error).__name__}: {error}; to mend it: {advice}"
+    return 0 if all(ended["works"] for ended in checks.values()) else 1
 
 
 def _core() -> str:
@@ -748,9 +681,10 @@ def _fit() -> str:
         )
         truth = reference_parameters(10)
         held = {name: getattr(truth, name) for name in ("r_m3", "f_f")}
-        found = api.identify([log], procedure="plain", fix=held).setting(10).values
-    off = abs(found["r_m1"] / truth.r_m1 - 1.0)
+        fitted = api.identify([log], procedure="plain", fix=held).setting(10).values
+    off = abs(fitted["r_m1"] / truth.r_m1 - 1.0)
     if off > 1e-3:
-        raise SimulationError(f"R_m1 of a synthetic log is {100.0 * off:.2g} % off")
+        text = f"R_m1 of a synthetic log is {100.0 * off:.2g} % off"
+        raise SimulationError(text, code="wrong-fit")
     taken = time.perf_counter() - begun
     return f"R_m1 of a synthetic log within {100.0 * off:.1g} %, {taken:.1f} s"

@@ -81,11 +81,34 @@ def print_json(document: Any) -> None:
     _print(text)
 
 
-def print_lines(lines: Iterable[str], *, of_checks: bool = False) -> None:
-    """Write lines to stdout; those of checks with FAILED red, where there are colours."""
+def print_blocks(
+    blocks: Iterable[str | list[str] | Sheet], colours: Mapping[str, int] | None = None
+) -> None:
+    """Write texts, lines and tables to stdout with an empty line between them; no empty ones."""
+    from damperfit.reporting.sheet import text_table
+
+    is_first = True
+    for block in blocks:
+        if not (block if isinstance(block, str | list) else block.rows):
+            continue
+        if not is_first:
+            print_lines([""])
+        is_first = False
+        if isinstance(block, str | list):
+            print_lines(wrapped(block) if isinstance(block, str) else block)
+            continue
+        text = text_table(block, screen_columns())
+        record(logging.INFO, text)
+        if _is_coloured():
+            text = text_table(block, screen_columns(), colours=colours or {})
+        _print(text)
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Write lines to stdout; FAILED of a check is red, where there are colours."""
     text = "\n".join(lines)
     record(logging.INFO, text)
-    if of_checks and _is_coloured():
+    if _is_coloured():
         from damperfit.reporting.sheet import COLOURS
 
         text = _OF_CHECKS.sub(lambda hit: f"\x1b[{COLOURS[hit[0]]}m{hit[0]}\x1b[0m", text)
@@ -122,17 +145,6 @@ def print_renderable(renderable: RenderableType) -> None:
         _refused.append(error)
         _to_nowhere(sys.stdout)
     record(logging.INFO, "\n".join(plain))
-
-
-def print_table(sheet: Sheet, colours: Mapping[str, int] | None = None) -> None:
-    """Write a table to stdout: coloured on a terminal that knows colours, plain elsewhere."""
-    from damperfit.reporting.sheet import text_table
-
-    text = text_table(sheet, screen_columns())
-    record(logging.INFO, text)
-    if _is_coloured():
-        text = text_table(sheet, screen_columns(), colours=colours or {})
-    _print(text)
 
 
 def set_colour(when: str | None) -> None:

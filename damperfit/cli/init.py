@@ -22,13 +22,15 @@ _MODEL = "purdy"
 _FILE = Path("my_damper.toml")
 
 
-@command(api.init, shown=("quiet", "debug", "version"))
+@command(
+    api.init,
+    shown=("quiet", "debug", "version"),
+    example="init runs/*.csv --model monotube --set rod_diameter=12mm",
+)
 def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
     """Write a commented configuration for a damper of your own, and inspect its logs with it.
 
     On a terminal it asks for what is not given.
-
-    Example: damperfit init runs/*.csv --model monotube --set rod_diameter=12mm
     """
     from damperfit.cli.commands import inspect
 

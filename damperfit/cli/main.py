@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from damperfit.cli import after_fit, commands
+from damperfit.cli import commands
 from damperfit.cli.command import Commands, PanelledCommand, of_presentation, with_options
 from damperfit.cli.console import LogFile, record, say, say_lines, shield_streams, unprinted
 from damperfit.cli.init import init
@@ -23,8 +23,6 @@ from damperfit.own_process import CLOSED_STREAMS, begin
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-__all__ = ["app", "main"]
 
 _INTERRUPTED = 130
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
@@ -40,21 +38,15 @@ class _App(typer.Typer):
 
     def __call__(self, argv: Sequence[str], **how: Any) -> Any:
         typed = argv[0] if argv else ""
-        known = [one for one in self.registered_commands if _name_of(one) == typed]
-        is_alone = bool(known) and typed != "help"  # which tells of all
-        return typer.Typer.__call__(self._alone(typed) if is_alone else self, argv, **how)
-
-    @cache  # noqa: B019 - there is one of these
-    def _alone(self, typed: str) -> typer.Typer:
-        alone = copy(self)
-        alone.registered_commands = [
-            one for one in self.registered_commands if _name_of(one) == typed
-        ]
-        return alone
+        is_alone = typed in _names and typed != "help"  # which tells of all
+        return typer.Typer.__call__(_alone(typed) if is_alone else self, argv, **how)
 
 
-def _name_of(command: Any) -> str:
-    return str(command.name or command.callback.__name__)
+@cache
+def _alone(typed: str) -> typer.Typer:
+    alone = copy(app)
+    alone.registered_commands = [_names[typed]]
+    return alone
 
 
 app = _App(
@@ -69,10 +61,11 @@ for _command in (
     *(commands.identify, commands.report, commands.settings, commands.compare),
     *(commands.simulate, commands.sweep, commands.models, commands.fleet, commands.export),
     *(commands.inspect, commands.samples, commands.config),
-    *(after_fit.advise, after_fit.valves, after_fit.passport, after_fit.ride, after_fit.watch),
+    *(commands.advise, commands.valves, commands.passport, commands.ride, commands.watch),
     *(init, commands.doctor, commands.show_help),
 ):
     app.command(cls=PanelledCommand)(_command)
+_names = {one.callback.__name__: one for one in app.registered_commands if one.callback}
 
 
 def _root(**_: Any) -> None:

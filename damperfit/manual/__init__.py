@@ -3,59 +3,27 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from importlib.resources import files
+from typing import TYPE_CHECKING, NamedTuple
 
 from damperfit.errors import ConfigurationError, did_you_mean
 
-__all__ = ["TOPICS", "Page", "read_page", "read_schema"]
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 # In the order in which they are read; the menu of the site is the same.
 TOPICS = (
-    "start",
-    "logs",
-    "signs",
-    "quality",
-    "adjusters",
-    "holdout",
-    "compare",
-    "advise",
-    "valves",
-    "passport",
-    "ride",
-    "watch",
-    "export",
-    "gates",
-    "fleet",
-    "python",
-    "model",
-    "models",
-    "fit",
-    "trust",
-    "commands",
-    "configuration",
-    "files",
-    "glossary",
-    "proof",
-    "limits",
-    "citation",
+    *("start", "logs", "signs", "quality", "adjusters", "holdout", "compare", "advise", "valves"),
+    *("passport", "ride", "watch", "export", "gates", "fleet", "python", "model", "models", "fit"),
+    *("trust", "commands", "configuration", "files", "glossary", "proof", "limits", "citation"),
 )
 _COMMENT = re.compile(r"^<!--.*?-->\n\n?", flags=re.MULTILINE | re.DOTALL)
 _PICTURE = re.compile(r"^!\[([^]]*)\]\([^)]*\)\n\n?", flags=re.MULTILINE)
 _LINK = re.compile(r"\[([^]]+)\]\((\w+)\.md(?:#[\w-]+)?\)")
 
 
-@dataclass(frozen=True, slots=True)
-class Page:
-    """One page of the manual.
-
-    Attributes
-    ----------
-    topic : str
-        One of `TOPICS`.
-    source : str
-        Markdown as it stands in the file.
-    """
+class Page(NamedTuple):
+    """One page of the manual: its topic, one of `TOPICS`, and the Markdown of its file."""
 
     topic: str
     source: str
@@ -72,23 +40,12 @@ class Page:
         return _LINK.sub(r"\1 (`damperfit help \2`)", plain)
 
 
-def read_page(topic: str) -> Page:
-    """Return the page of a topic.
-
-    Raises
-    ------
-    ConfigurationError
-        There is none.
-
-    Examples
-    --------
-    >>> read_page("glossary").title
-    'Glossary'
-    """
+def read_page(topic: str, others: Iterable[str] = ()) -> Page:
+    """Return the page of a topic; a ConfigurationError tells that there is none, nor another."""
     name = topic.strip().lower()
     if name not in TOPICS:
         raise ConfigurationError(
-            f"help {topic}: there is no such topic.{did_you_mean(name, TOPICS)} "
+            f"help {topic}: there is no such topic.{did_you_mean(name, (*TOPICS, *others))} "
             "damperfit help lists them",
             code="unknown-topic",
         )

@@ -8,13 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
-from damperfit.adjustment.force_at import force_at
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import FAMILIES, REFERENCE_SOURCE, reference_parameters
-from damperfit.damper.temperature_law import BETA, WithTemperature, at_temperature
+from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import (
     ConfigurationError,
     DamperfitError,
@@ -76,17 +73,12 @@ class ChosenParameters:
     fitted: SettingResult | None = None  # as the run judged it; None where values were replaced
 
     def warnings(
-        self,
-        peak_speed: float,
-        temperature: float | None = None,
-        *,
-        amplitude: float | None = None,
-        frequency: float | None = None,
+        self, speed: float, temperature: float | None = None, **motion: float
     ) -> tuple[str, ...]:
-        """What to know before believing a force on such a motion (SI) at so many degC."""
+        """What to know before believing a force on a motion, as of `Tested`, at so many degC."""
         warned, names = list(self.remarks), listed_names(self.unlimited)
         outside = self.tested.outside
-        if beyond := list(outside(amplitude=amplitude, frequency=frequency, speed=peak_speed)):
+        if beyond := list(outside(speed=speed, **motion)):
             warned.append(f"never tested: {', '.join(beyond)}; there the force is extrapolated")
         if temperature is not None and self.tested.temperatures is not None:
             low, high = self.tested.temperatures
@@ -101,7 +93,7 @@ class ChosenParameters:
                 "together from set no upper limit, so these forces may be far off; fit a log of "
                 "this setting, or replace the value"
             )
-        elif names and any(outside(speed=peak_speed)):
+        elif names and any(outside(speed=speed)):
             warned.append(
                 f"{names}: the logs of setting {self.setting} set no upper limit, so the force "
                 "beyond their speeds may be far off"
@@ -287,97 +279,23 @@ def truth_of(
 
 # A cycle: at 33 the force at 0.05 m/s is up to 50 N off, at 333 half a newton
 # (`tests/test_told_figures.py`).
-_FEW_SAMPLES = 200
+FEW_SAMPLES = 200
 _PILOT_SAMPLES = 100  # of one cycle: the integrator's own steps are more
 _WAVES = {"sine": sine_motion, "triangle": triangle_motion}
 
 
-class SimulatedTest(NamedTuple):
-    """A simulated test."""
+def simulated(
+    parameters: Values, configuration: Configuration, *, log: Path | None = None
+) -> tuple[str, float, Response, Characteristics]:
+    """Simulate a test with a wave, or with the displacement of a log.
 
-    choice: ChosenParameters  # whose parameters
-    motion: str  # what drove the damper, for people
-    frequency: float  # cycles per second, Hz
-    response: Response  # the signals, all cycles
-    characteristics: Characteristics  # figures of the last cycle
-    temperature: float | None = None  # that was asked for, degrees Celsius
-
-    @property
-    def half_intervals(self) -> tuple[float, float] | None:
-        """Of the damper's own force at the peak speeds, rebound and compression, 95 %, N."""
-        fitted, figures = self.choice.fitted, self.characteristics
-        if fitted is None or fitted.run is None or fitted.covariance is None or not fitted.names:
-            return None
-        speeds = figures.peak_speed_rebound, figures.peak_speed_bump
-        # Both strokes of each speed.
-        damper = fitted.run.damper
-        if self.temperature is not None:
-            damper = at_temperature(damper, self.temperature)
-        forces = force_at([fitted], damper, speeds, measured=fitted.run.speed_forces)
-        if not forces:  # it cannot be simulated there
-            return None
-        rebound, bump = (max(f.force - f.low, f.high - f.force) for f in (forces[0], forces[-1]))
-        return rebound, bump
-
-    @property
-    def trust(self) -> str:
-        """Grade, interval, and that the motion was tested; empty where no run tells of it."""
-        fitted, halves = self.choice.fitted, self.half_intervals
-        if fitted is None:
-            return ""
-        said = [f"grade of the fit: {fitted.grade}"]
-        if halves is not None:
-            speeds = self.characteristics
-            rebound, bump = (f"{float(f'{half:.2g}'):g}" for half in halves)
-            said.append(
-                f"the damper's own force ±{rebound} N at {speeds.peak_speed_rebound:.3g} m/s in "
-                f"rebound, ±{bump} N in compression (95 %)"
-            )
-        if not any(self._untested):
-            said.append("amplitude, frequency and speed were tested")
-        return "; ".join(said)
-
-    @property
-    def _motion(self) -> dict[str, float]:
-        amplitude = 0.5 * float(np.ptp(self.response.displacement))
-        return {"amplitude": amplitude, "frequency": self.frequency}
-
-    @property
-    def _untested(self) -> tuple[str, ...]:
-        fastest = float(np.max(np.abs(self.response.velocity)))
-        return tuple(self.choice.tested.outside(speed=fastest, **self._motion))
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What to know before believing the figures, a sentence each."""
-        fastest = float(np.max(np.abs(self.response.velocity)))
-        warned = list(self.choice.warnings(fastest, self.temperature, **self._motion))
-        interval = float(self.response.time[1] - self.response.time[0])
-        samples_a_cycle = 1.0 / (self.frequency * interval)
-        if samples_a_cycle < _FEW_SAMPLES:
-            warned.append(
-                f"{samples_a_cycle:.3g} samples a cycle: peaks, hysteresis and forces at a "
-                f"speed are coarse; {_FEW_SAMPLES} or more are wanted (--sample-rate)"
-            )
-        for chamber, share in enumerate(self.characteristics.cavitation_shares, start=1):
-            if share > 0.0:
-                warned.append(
-                    f"chamber {chamber} is empty for {100.0 * share:.3g} % of the cycle: these are "
-                    "the forces of a damper that cavitates; a slower motion or more gas keeps it "
-                    "full"
-                )
-        return tuple(warned)
-
-
-def simulate_test(
-    choice: ChosenParameters, configuration: Configuration, *, log: Path | None = None
-) -> SimulatedTest:
-    """Simulate a test with a wave, or with the displacement of a log."""
+    Returned are what drove the damper, for people, cycles per second, the signals of all cycles,
+    and figures of the last.
+    """
     rig, options, damper = configuration.rig, configuration.simulation, configuration.damper
-    asked = getattr(damper, "temperature", None)
     if log is None:
         refuse_amplitude(rig.amplitude, damper.travel)
-        _refuse_work(choice.parameters, configuration)
+        _refuse_work(parameters, configuration)
         motion = _WAVES[options.wave](
             rig.amplitude, rig.frequency, cycles=options.cycles, sample_rate=options.sample_rate
         )
@@ -385,14 +303,15 @@ def simulate_test(
             f"{options.wave} of {1e3 * rig.amplitude:.4g} mm at {rig.frequency:.4g} Hz, "
             f"last of {options.cycles:g} cycles"
         )
-        response = steady = simulate(choice.parameters, damper, motion, options=options.solver)
+        response = steady = simulate(parameters, damper, motion, options=options.solver)
         frequency = rig.frequency
     else:
         trace = _trace(log, configuration)
         motion, frequency = motion_of(trace), trace.frequency
+        asked = getattr(damper, "temperature", None)
         if asked is not None:  # before what the log says
             motion = replace(motion, temperature=asked)
-        response = simulate(choice.parameters, damper, motion, options=options.solver)
+        response = simulate(parameters, damper, motion, options=options.solver)
         signals = ("time", "displacement", "velocity", "force", "pressures", "masses")
         part = {name: getattr(response, name)[..., trace.fastest.window] for name in signals}
         steady = replace(response, **part)
@@ -403,7 +322,7 @@ def simulate_test(
         figures = replace(
             figures, speed_forces=(), hysteresis_rebound=math.nan, hysteresis_bump=math.nan
         )
-    return SimulatedTest(choice, words, frequency, response, figures, asked)
+    return words, frequency, response, figures
 
 
 def _trace(log: Path, configuration: Configuration) -> Trace:
@@ -503,10 +422,10 @@ def parse_variation(text: str, damper: Model = PURDY_DAMPER) -> Variation:
 
 
 def run_sweep(
-    choice: ChosenParameters, configuration: Configuration, *, variation: Variation
+    parameters: Values, configuration: Configuration, *, variation: Variation
 ) -> tuple[SweepMember, ...]:
     """Simulate the nominal test once for each factor, in their order."""
-    name, parameters = variation.name, choice.parameters
+    name = variation.name
     rig, damper = configuration.rig, configuration.damper
     if name in parameters.names:
         base = float(parameters[name])
@@ -516,10 +435,10 @@ def run_sweep(
         raise ConfigurationError(f"{name} is 0 here: no factor changes it", code="out-of-range")
     members = []
     for factor in variation.factors:
-        value, varied, meant = base * factor, choice, configuration
+        value, varied, meant = base * factor, parameters, configuration
         try:
             if name in parameters.names:
-                varied = replace(choice, parameters=parameters.replace({name: value}))
+                varied = parameters.replace({name: value})
             elif name in _GAS and isinstance(damper, Damper):
                 meant = replace(configuration, damper=replace(damper, **{_GAS[name]: value}))
             else:
@@ -531,9 +450,8 @@ def run_sweep(
                 where=Option("vary", f"{factor:g}", name),
                 code=error.problem.code,
             ) from error
-        test = simulate_test(varied, meant)
-        figures = (test.frequency, test.response, test.characteristics)
-        members.append(SweepMember(factor, value, *figures))
+        _, frequency, response, figures = simulated(varied, meant)
+        members.append(SweepMember(factor, value, frequency, response, figures))
     return tuple(members)
 
 

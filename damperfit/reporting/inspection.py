@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
     Facts = Mapping[str, Any]
 
-VERDICT_COLOURS = {"good": 32, "warnings": 33, "curves": 36, "refused": 31}  # ANSI
 _VERDICTS = {
     "good": "good",
     "warnings": "usable with warnings",

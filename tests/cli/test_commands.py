@@ -123,7 +123,7 @@ def test_checks_that_failed_are_red_and_others_dim(capsys, monkeypatch) -> None:
         if no_colour:
             monkeypatch.setenv("NO_COLOR", no_colour)
         monkeypatch.setattr(console, "_colour", {"is": when})
-        console.print_lines(lines, of_checks=True)
+        console.print_lines(lines)
         assert capsys.readouterr().out == shown
 
 

@@ -16,7 +16,7 @@ import pytest
 import typer
 
 import damperfit
-from damperfit import api, keywords
+from damperfit import keywords
 from damperfit.cli.main import app
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
@@ -304,7 +304,6 @@ simulate(10, wave='square') -> expected 'sine' or 'triangle', found 'square'
 simulate(10, damper={'model': 'auto'}) -> let the logs choose
 compare() -> found no result
 compare(result) -> or tolerance=FILE with nominal forces
-compare(result, result, tolerance=5) -> (tolerance=...): found 5; expected '5%'
 compare(result, result, tolerance='x') -> (tolerance='x'): expected per cent, newtons
 compare(result, result, measured='x') -> (measured=...): found 'x'; expected True
 compare(result, result, amplitude='5mm') -> amplitude= and frequency= make the sine
@@ -379,10 +378,6 @@ def test_options_are_keywords_and_keywords_are_options(name) -> None:
     taken = set(signature(unwrap(getattr(damperfit, name))).parameters)
     taken = {one for one in taken if keyword_of(name, one) is not None}
     assert options == taken
-
-
-def test_functions_without_a_command_read() -> None:
-    assert set(api.__all__) - set(COMMANDS) == {"identify_each", "load", "read"}
 
 
 def test_what_sets_a_key_sets_one_that_is_there() -> None:

@@ -195,7 +195,7 @@ def choice():
 def family(choice, settings):
     def make(text):
         variation = parse_variation(text)
-        return run_sweep(choice, settings, variation=variation)
+        return run_sweep(choice.parameters, settings, variation=variation)
 
     return make
 
@@ -314,7 +314,7 @@ def test_the_interval_of_a_simulated_force_is_that_of_settings(sample_results) -
     run = damperfit.load(sample_results / "results")
     for amplitude in ("20mm", "60mm"):
         done = damperfit.simulate(10, parameters=run, amplitude=amplitude, frequency="1.5Hz")
-        peak = done.test.characteristics.peak_speed_rebound
+        peak = done.characteristics.peak_speed_rebound
         rows = damperfit.settings(run, velocity=peak).document()["forces"]
         (own,) = (r for r in rows if r["setting"] == 10 and r["stroke"] == "rebound")
         half = 0.5 * (own["force_ci_high_N"] - own["force_ci_low_N"])

@@ -23,7 +23,7 @@ from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.queries.simulations import (
     choose_parameters,
     damper_of,
-    simulate_test,
+    simulated,
 )
 from damperfit.recording import Recording
 from damperfit.results import Run, with_temperature
@@ -231,11 +231,11 @@ def test_results_are_asked_for_at_another_temperature(results) -> None:
     found = simulate(run.settings[0].values, run.damper, motion).force
     true = simulate(known_at(1, WARM), PURDY_DAMPER, motion).force
     assert float(np.max(np.abs(found - true))) < 0.01 * float(np.ptp(true))
-    simulated = damperfit.simulate(1, parameters=results, temperature="60degC")
-    peak = simulated.test.characteristics.peak_speed_rebound
+    done = damperfit.simulate(1, parameters=results, temperature="60degC")
+    peak = done.characteristics.peak_speed_rebound
     row = damperfit.settings(results, temperature="60degC", velocity=peak).document()["forces"][0]
     half = 0.5 * (row["force_ci_high_N"] - row["force_ci_low_N"])
-    assert simulated.document()["half_interval_N"]["rebound"] == pytest.approx(half, rel=1e-2)
+    assert done.document()["half_interval_N"]["rebound"] == pytest.approx(half, rel=1e-2)
     with pytest.raises(ConfigurationError, match="hot"):
         damperfit.settings(results, temperature="hot")
 
@@ -276,9 +276,9 @@ def test_a_log_drives_it_at_its_own_temperature_unless_another_is_asked(results)
     choice = choose_parameters(1, table=results, replaced={})
     plain, _ = damper_of(choice, load_configuration())
     peak = {
-        asked: simulate_test(
-            choice, with_temperature(plain, asked), log=path
-        ).characteristics.peak_force_rebound
+        asked: simulated(choice.parameters, with_temperature(plain, asked), log=path)[
+            -1
+        ].peak_force_rebound
         for asked in (None, "26degC", "60degC")
     }
     assert peak[None] == peak["26degC"]
