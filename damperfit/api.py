@@ -19,7 +19,6 @@ from damperfit.arguments import (
     declared_setting,
     folder_of,
     known_as_setting,
-    path_of,
     public,
     reading_as,
     refuse_idle,
@@ -34,6 +33,7 @@ from damperfit.errors import (
     did_you_mean,
 )
 from damperfit.problem import Option, Words
+from damperfit.store import path_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

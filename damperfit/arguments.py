@@ -25,6 +25,8 @@ from damperfit.errors import (
 )
 from damperfit.keywords import Keyword, keyword_of, with_keywords
 from damperfit.problem import FilePlace, Option, Words
+from damperfit.store import path_of
+from damperfit.tested.setting import label_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -167,9 +169,8 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
             return _values(value, option)
         case "pairs":
             return assignments(value, option, "rod_diameter=12mm")
-        case "text" if not isinstance(value, bool):
-            if isinstance(value, Real):
-                return f"{value:.0f}" if float(value).is_integer() else str(value)
+        case "text" if isinstance(value, Real):
+            return label_of(value) or value
         case "count" | "workers" | "number" | "flag":
             return _number(keyword.kind, value, option)
     return value
@@ -205,18 +206,6 @@ def _adapter(kind: str) -> Any:
         "flag": StrictBool,
     }
     return TypeAdapter(types[kind])
-
-
-def path_of(value: object, where: Option | str, expected: str) -> Path:
-    """Return a path that was given as text or as a path; else refuse it by what it is of."""
-    is_text = isinstance(value, str)
-    if "\0" in str(value):
-        raise _wrong(f"found {value!r}; a NUL cannot stand in a path", where, "not-a-path")
-    if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
-        return Path(os.path.expanduser(os.fspath(value)))  # noqa: PTH111 - of ~nobody it raises
-    found = "''" if is_text else type(value).__name__
-    more = ", '.' for this folder" if is_text else ""  # it would be this one
-    raise _wrong(f"found {found}; expected {expected}{more}", where, "not-a-path")
 
 
 def folder_of(given: object, where: Option | str, expected: str = _RESULT) -> Path:
@@ -454,13 +443,15 @@ def declared_setting(setting: Any, configuration: Configuration) -> Setting | No
 
 
 def known_as_setting(setting: Any) -> Setting | str | None:
-    """Return a setting as it was given: its label, a number too, or itself."""
+    """Return a setting as it was given: its label, a number's too, or itself."""
     from damperfit.tested.setting import Setting
 
-    if setting is None or isinstance(setting, Setting | str):
+    if setting is None or isinstance(setting, Setting):
         return setting
-    text = f"found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'"
-    raise _wrong(text, Option("setting"), "not-a-setting")
+    if (label := label_of(setting)) is None:
+        text = f"found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'"
+        raise _wrong(text, Option("setting"), "not-a-setting")
+    return label
 
 
 def refuse_idle(

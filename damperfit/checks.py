@@ -507,8 +507,6 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     With a minus before its name a check is left out of what the others stand for. Lists go without
     those that are pointless: that cannot be looked at by the test's own declaration.
 
-    Examples
-    --------
     >>> expand_checks(["no_cavitation", "no_cavitation"])
     ('no_cavitation',)
     >>> "temperature_in_window" in expand_checks(["purdy2000", "-temperature_in_window"])

@@ -12,20 +12,13 @@ from damperfit.errors import InstallationError
 if TYPE_CHECKING:
     from types import ModuleType
 
-__all__ = ["compiled_core"]
 
 _NAME = "damperfit.damper._core"
 _LOADED: dict[str, ModuleType] = {}
 
 
 def compiled_core() -> ModuleType:
-    """Return the compiled core.
-
-    Raises
-    ------
-    InstallationError
-        It does not load.
-    """
+    """Return the compiled core."""
     core = _LOADED.get(_NAME)
     if core is not None and sys.modules.get(_NAME) is core:  # asked fifty times a log
         return core

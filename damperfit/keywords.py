@@ -17,14 +17,6 @@ from damperfit.configuration.sections import SECTIONS, Entry
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = [
-    "PANELS",
-    "PRESENTATION",
-    "Keyword",
-    "keyword_of",
-    "option_of",
-    "with_keywords",
-]
 
 # Options that say how a command talks, and keywords that take objects of Python.
 PRESENTATION = (
@@ -37,29 +29,16 @@ PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "O
 
 
 class Keyword(NamedTuple):
-    """One keyword, and the option that it is on the command line.
+    """One keyword, and the option that it is on the command line."""
 
-    Attributes
-    ----------
-    kind : str
-        text, texts, names, quantities (names in lower case), values (of quantities, NAME=VALUE),
-        pairs (KEY=VALUE), number, count, workers, path, paths, results, arguments or flag.
-    metavar, help : str
-        As the help shows them.
-    panel : str
-        Where the help shows it.
-    key : str
-        Of the configuration, as in "rig.skew"; empty: it sets none.
-    names : tuple of str
-        Other spellings of the option.
-    """
-
+    # text, texts, names, quantities (names in lower case), values (of quantities, NAME=VALUE),
+    # pairs (KEY=VALUE), number, count, workers, path, paths, results, arguments or flag
     kind: str
     metavar: str
     help: str
-    panel: str = "Options"
-    key: str = ""
-    names: tuple[str, ...] = ()
+    panel: str = "Options"  # where the help shows it
+    key: str = ""  # of the configuration, as in "rig.skew"; empty: it sets none
+    names: tuple[str, ...] = ()  # other spellings of the option
 
 
 # What sets no key, by panel: kind, word for the value, help, other spellings.
@@ -274,8 +253,6 @@ def _keywords() -> dict[str, Keyword]:
 def keyword_of(command: str, name: str) -> Keyword | None:
     """Return what a keyword of a command is; None of what takes objects of Python alone.
 
-    Examples
-    --------
     >>> keyword_of("identify", "skew").key
     'rig.skew'
     """
@@ -287,8 +264,6 @@ def keyword_of(command: str, name: str) -> Keyword | None:
 def option_of(name: str) -> str:
     """Return the option that a keyword is on the command line.
 
-    Examples
-    --------
     >>> option_of("hold_out")
     '--hold-out'
     """
@@ -296,13 +271,7 @@ def option_of(name: str) -> str:
 
 
 def with_keywords(function: Callable[..., Any]) -> str:
-    """Return the docstring of a function with those of its keywords that it does not tell itself.
-
-    Parameters
-    ----------
-    function : callable
-        Of `damperfit.api`.
-    """
+    """Return the docstring of a function with the keywords that it does not tell itself."""
     text = function.__doc__ or ""
     told = {
         name.strip().lstrip("*")

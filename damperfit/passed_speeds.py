@@ -25,17 +25,6 @@ def at_speeds(
     first index of what is returned is 0 on the way up to a speed and beyond (the opening branch of
     a stroke), 1 on the way down again (the closing one). A sign of -1 is for the other stroke.
 
-    Returns
-    -------
-    counts : numpy.ndarray
-        Shape (2, number of speeds): how often each was passed.
-    means : numpy.ndarray
-        Shape (2, number of speeds, k); NaN where a speed was never passed so.
-    squares : numpy.ndarray
-        Same shape, sums of squares about the means.
-
-    Examples
-    --------
     >>> counts, means, _ = at_speeds(np.array([0.0, 2.0, 0.0]), np.array([[0.0, 4.0, 6.0]]), [1.0])
     >>> counts.tolist(), means.tolist()
     ([[1.0], [1.0]], [[[2.0]], [[5.0]]])

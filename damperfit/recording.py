@@ -77,45 +77,22 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """One test as logged, in SI units, on the log's own time base.
+    """One test as logged, in SI units, on the log's own time base."""
 
-    Attributes
-    ----------
-    name : str
-        File name for messages and tables (with a part number when a file holds several tests).
-    path, sha256 : str
-        Path the log was read from, and the hash of the file's bytes, hexadecimal.
-    setting : Setting or None
-        Adjuster setting, or None when the log does not say.
-    time, displacement, force : numpy.ndarray
-        Shape (n,); s, m, N. All finite; time strictly increasing.
-    temperature : numpy.ndarray or None
-        Shape (n,), degrees Celsius.
-    notes : tuple of str
-        What the reader assumed or noticed, one plain sentence each.
-    metadata : mapping of str to str
-        Free text found in the log's preamble.
-    findings : tuple of Finding
-        What the reader had to leave out or to take on trust.
-    velocity : numpy.ndarray or None
-        Shape (n,), m/s, with the log's own sign; only checked, never used.
-    reverse_displacement, reverse_force : bool or None
-        Whether the log was declared to count the channel positive in bump, and the channel is
-        reversed here. None: nobody said, and it is as logged.
-    """
-
-    name: str
+    name: str  # file name, with a part number when a file holds several tests
     path: str
-    sha256: str
-    setting: Setting | None
-    time: FloatArray
-    displacement: FloatArray
-    force: FloatArray
-    temperature: FloatArray | None = None
-    notes: tuple[str, ...] = ()
-    metadata: Mapping[str, str] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
-    velocity: FloatArray | None = None
+    sha256: str  # of the file's bytes, hexadecimal
+    setting: Setting | None  # None when the log does not say
+    time: FloatArray  # shape (n,), s; all channels are finite, time strictly increasing
+    displacement: FloatArray  # m
+    force: FloatArray  # N
+    temperature: FloatArray | None = None  # degrees Celsius
+    notes: tuple[str, ...] = ()  # what the reader assumed or noticed, a sentence each
+    metadata: Mapping[str, str] = field(default_factory=dict)  # free text of the log's preamble
+    findings: tuple[Finding, ...] = ()  # what the reader had to leave out or to take on trust
+    velocity: FloatArray | None = None  # m/s, with the log's own sign; only checked, never used
+    # Whether the log was declared to count the channel positive in bump, and the channel is
+    # reversed here. None: nobody said, and it is as logged.
     reverse_displacement: bool | None = None
     reverse_force: bool | None = None
 

@@ -4,27 +4,17 @@
 whole is there; what is missing, damaged or of another version stands in `Run.remarks`, and a table
 or signal is read when it is first asked for. Every figure that people or programs see is a row of
 its tables or a method of it; nothing computes one again.
-
-Ready to build on: `record`, `rows(name)`, `frame(name)`, `signals`, `quantities`, `remarks`,
-`settings` (values, own and shared names, covariance of u = ln y, statuses, grade), `logs` (role,
-segments with amplitude, frequency, peak speeds and forces, energy), `damper`, `solver`,
-`configuration`, `motion`, `tested`, `identity`, `speed_forces`, `digest`. For people, as frames:
-`parameters`, `mse`, `characteristics`, `forces`, `clicks`, `energy`, `covariance`, `correlations`,
-`residuals`, `traces`, `checks`, `problems`, `profile(name)`, `predict(log)`; `plot(name)`,
-`report`, `save`, `which_setting(force, speed)`.
 """
 
 from __future__ import annotations
 
 import math
-import os
 import re
 import weakref
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
-from numbers import Real
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
@@ -40,8 +30,8 @@ from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes, read_text, sha256_of
 from damperfit.problem import Option, Problem, Words, warning
 from damperfit.recording import natural_order
-from damperfit.reporting.records import checks_in, failures_in, number_in, units_in
-from damperfit.store import file_set, settle
+from damperfit.reporting.records import checks_in, failures_in, number_in, problems_in, units_in
+from damperfit.store import file_set, path_of, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
 from damperfit.tables.files import (
     json_pieces,
@@ -67,7 +57,7 @@ from damperfit.tables.reading import (
     title_of,
     typed_rows,
 )
-from damperfit.tested.setting import Setting
+from damperfit.tested.setting import Setting, label_of
 from damperfit.units.quantities import QuantityError, parse_quantity
 
 if TYPE_CHECKING:
@@ -164,13 +154,14 @@ class SettingResult(Stage):
     @property
     def status(self) -> dict[str, str]:
         """How each value was found: fitted, shared, fixed, at_bound, not_identifiable."""
-        return {name: str(self._cell(f"{name}_status") or "") for name in self.parameters.names}
+        row = self.row or {}
+        return {name: str(row.get(f"{name}_status") or "") for name in self.parameters.names}
 
     @property
     def intervals(self) -> dict[str, tuple[float | None, float | None]]:
         """95 % intervals, SI; a limit that the logs do not determine is None."""
-        names = self.parameters.names
-        return {n: (self._cell(f"{n}_ci_low"), self._cell(f"{n}_ci_high")) for n in names}
+        row, names = self.row or {}, self.parameters.names
+        return {name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high")) for name in names}
 
     @property
     def unlimited(self) -> tuple[str, ...]:
@@ -178,29 +169,28 @@ class SettingResult(Stage):
 
         Rigid oil is none of them: any stiffness above its limit gives the same force.
         """
+        status, intervals = self.status, self.intervals
         return tuple(
             one.name
             for one in self.parameters.quantities
             if not one.is_open
-            and self._cell(f"{one.name}_status") == Status.NOT_IDENTIFIABLE
-            and self._cell(f"{one.name}_ci_high") is None
+            and status[one.name] == Status.NOT_IDENTIFIABLE
+            and intervals[one.name][1] is None
         )
 
     @property
     def grade(self) -> str:
         """excellent, good, poor or withheld."""
-        return str(self._cell("grade") or "")
+        return str((self.row or {}).get("grade") or "")
 
     @property
     def mse_percent(self) -> float:
         """Normalised MSE, eq. (22); NaN where it is not known."""
-        known = self._cell("mse_percent")
+        known = (self.row or {}).get("mse_percent")
         return math.nan if known is None else float(known)
 
     def simulate(self, wave: str | None = None, **motion: Any) -> Any:
         """Simulate this setting; keywords as of `damperfit.simulate`."""
-        import damperfit
-
         for name in ("setting", "parameters"):
             if name in motion:
                 raise ConfigurationError(
@@ -208,15 +198,15 @@ class SettingResult(Stage):
                     f"{self.label}; leave it out, or call damperfit.simulate",
                     code="wrong-call",
                 )
-        return damperfit.simulate(self.label, parameters=self.run, wave=wave, **motion)
+        return _door("simulate")(self.label, parameters=self.run, wave=wave, **motion)
 
     def stepped(self, x: float = 0.0, *, with_rig: bool = False) -> SteppedDamper:
         """Return the damper at this setting for a program that steps it: ``step(x, v, dt)``."""
         from damperfit.damper.stepping import SteppedDamper
 
         assert self.run is not None
-        damper, solver = self.run.damper, self.run.solver
-        return SteppedDamper(damper, self.values, x=x, options=solver, with_rig=with_rig)
+        how: dict[str, Any] = {"options": self.run.solver, "with_rig": with_rig}
+        return SteppedDamper(self.run.damper, self.values, x=x, **how)
 
     def sensitivity(self, motion: Motion) -> pd.DataFrame:
         """Return the force along a motion, N, and what it changes by each value in error, SI.
@@ -226,13 +216,10 @@ class SettingResult(Stage):
         import pandas as pd
 
         assert self.run is not None
-        damper, solver = self.run.damper, self.run.solver
-        seen = damper.simulate(self.parameters, motion, sensitivities=self.names, options=solver)
+        how: dict[str, Any] = {"sensitivities": self.names, "options": self.run.solver}
+        seen = self.run.damper.simulate(self.parameters, motion, **how)
         slopes = {name: seen.sensitivities[name] for name in self.names}
         return pd.DataFrame({"time_s": seen.time, "force_N": seen.force, **slopes})
-
-    def _cell(self, name: str) -> Any:
-        return (self.row or {}).get(name)
 
     def __repr__(self) -> str:
         return f"<setting {self.label}: MSE {self.mse_percent:.3g} %, {self.grade}>"
@@ -269,9 +256,8 @@ class LogResult:
         return next((one for one in self.run.signals if (one.setting, one.log) == known), None)
 
     def __repr__(self) -> str:
-        return (
-            f"<log {self.name}, setting {self.setting}: {self.role}, {len(self.segments)} segments>"
-        )
+        n = len(self.segments)
+        return f"<log {self.name}, setting {self.setting}: {self.role}, {n} segments>"
 
 
 class Run:
@@ -342,7 +328,7 @@ class Run:
             again._config, again._temperature, again._scratch = config, temperature, None
             again._remarks = list(place._remarks)  # noqa: SLF001 - its own
             return again
-        place = _path(place, "damperfit.load", "the path of a results folder")
+        place = path_of(place, "damperfit.load", "the path of a results folder")
         if is_part(place):
             record, quantities, rows = read_part(place)
             return cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
@@ -475,10 +461,10 @@ class Run:
 
     def row(self, setting: Setting) -> dict[str, Any]:
         """Return the row of a setting in the table of parameters; it must have one."""
-        return self._rows_of_settings[setting]
+        return self._row_of[setting]
 
     @cached_property
-    def _rows_of_settings(self) -> dict[Setting, dict[str, Any]]:
+    def _row_of(self) -> dict[Setting, dict[str, Any]]:
         return {Setting.of(row["setting"]): row for row in self.rows("parameters")}
 
     @property
@@ -535,18 +521,11 @@ class Run:
     @refuse_wrong_arguments("run.setting")
     def setting(self, setting: Setting | str | float) -> SettingResult:
         """Return one setting, by its label or number; a ConfigurationError where there is none."""
-        given: object = setting
-        is_yes_or_no = isinstance(given, bool)
-        if isinstance(given, Real) and not is_yes_or_no:
-            wanted = f"{float(given):.0f}" if float(given).is_integer() else str(float(given))
-        elif isinstance(given, Setting | str):
-            wanted = str(given).strip()
-        else:
-            raise ConfigurationError(
-                f"run.setting: found {type(given).__name__}; expected a setting such as 10 or "
-                "'R12 C8'",
-                code="not-a-setting",
-            )
+        wanted = (label_of(setting) or "").strip()
+        if not wanted:
+            found = "''" if isinstance(setting, str) else type(setting).__name__
+            text = f"found {found}; expected a setting such as 10 or 'R12 C8'"
+            raise ConfigurationError(text, subject="run.setting", code="not-a-setting")
         for one in self.settings:
             if one.label.casefold() == wanted.casefold():
                 return one
@@ -635,10 +614,9 @@ class Run:
     def shown_speeds(self) -> tuple[float, ...]:
         """The speeds at which forces are shown, m/s: ``output.speeds`` of the run."""
         speeds = _inside(self.record, "configuration", "output", "speeds")
-        try:
+        with suppress(QuantityError, TypeError):
             return tuple(sorted(parse_quantity(one, "velocity") for one in speeds or ()))
-        except (QuantityError, TypeError):
-            return ()
+        return ()
 
     @property
     def damper(self) -> Model:
@@ -653,17 +631,18 @@ class Run:
     @cached_property
     def declared_damper(self) -> Mapping[str, Any] | None:
         """Its [damper], as it was written; None: it is not told."""
-        known = _damper_in(self.record)
-        if known is None and self._is_folder:
-            known = _damper_in(read_facts(self.folder / "parameters.parquet"))
-        return known
+        known = _inside(self.record, "configuration", "damper")
+        if not isinstance(known, dict) and self._is_folder:
+            facts = read_facts(self.folder / "parameters.parquet")
+            known = _inside(facts, "configuration", "damper")
+        return known if isinstance(known, dict) else None
 
     @property
     def source(self) -> str:
         """Where damper and motion are told, for people."""
         if not self._is_folder:
             return self._source
-        is_in_record = _damper_in(self.record) is not None
+        is_in_record = isinstance(_inside(self.record, "configuration", "damper"), dict)
         return str(self.folder / ("run.json" if is_in_record else "parameters.parquet"))
 
     def configured(
@@ -787,14 +766,13 @@ class Run:
         from damperfit.reporting.records import read_back
         from damperfit.uncertainty import SpeedForces
 
-        told = (read_back(SpeedForces, entry) for entry in entries_in(self.record, "speed_forces"))
+        read = (read_back(SpeedForces, entry) for entry in entries_in(self.record, "speed_forces"))
+        names = ("measured", "measured_se", "difference", "misfit")
         return tuple(
             one
-            for one in told
+            for one in read
             if one is not None
-            and {len(one.speeds)}.issuperset(
-                map(len, (one.measured, one.measured_se, one.difference, one.misfit))
-            )
+            and {len(one.speeds)}.issuperset(len(getattr(one, name)) for name in names)
         )
 
     @property
@@ -874,10 +852,8 @@ class Run:
         A bare number is SI; a minus before one of them means compression, and so does the
         ``stroke`` "bump".
         """
-        import damperfit
-
-        found: SettingForces = damperfit.settings(self, force=force, velocity=speed, stroke=stroke)
-        return found
+        forces: SettingForces = _door("settings")(self, force=force, velocity=speed, stroke=stroke)
+        return forces
 
     def predict(
         self, log: str | Path | Recording, setting: Setting | str | float | None = None
@@ -957,12 +933,8 @@ class Run:
     @property
     def warned(self) -> tuple[Problem, ...]:
         """What to know before believing the numbers; of older runs their sentences."""
-        told = entries_in(self.record, "problems")
-        sentences = self.record.get("warnings")
-        if not told and isinstance(sentences, list):
-            told = [{"text": sentence} for sentence in sentences]
         remarks = (warning("incomplete-results", one) for one in self.remarks)
-        return (*remarks, *map(Problem.of_record, told))
+        return (*remarks, *problems_in(self.record))
 
     @property
     def problems(self) -> tuple[Problem, ...]:
@@ -1029,21 +1001,15 @@ class Run:
 
     def advise(self, for_: str, **limits: Any) -> Any:
         """Say which further test narrows an interval most; keywords as of `damperfit.advise`."""
-        import damperfit
-
-        return damperfit.advise(self, for_=for_, **limits)
+        return _door("advise")(self, for_=for_, **limits)
 
     def ride(self, **how: Any) -> Any:
         """Return comfort and wheel load by setting; keywords as of `damperfit.ride`."""
-        import damperfit
-
-        return damperfit.ride(self, **how)
+        return _door("ride")(self, **how)
 
     def valves(self, **how: Any) -> Any:
         """Return the valves as parts; keywords as of `damperfit.valves`."""
-        import damperfit
-
-        return damperfit.valves(self, **how)
+        return _door("valves")(self, **how)
 
     def plot(self, name: str | None = None) -> Any:
         """Draw a figure with matplotlib and return its axes, a list where it has several panels.
@@ -1071,7 +1037,7 @@ class Run:
         from damperfit.reporting.run_figures import report_plots
 
         text = html_report(report_plots(self), title=self._title)
-        whole = _path(path, "run.report", "the path of a page")
+        whole = path_of(path, "run.report", "the path of a page")
         with file_set(whole.parent) as files:
             files.path(whole.name).write_bytes(text.encode("utf-8", "backslashreplace"))
         return whole
@@ -1082,7 +1048,7 @@ class Run:
 
         An OutputError tells that it cannot be written, or is the folder of this run.
         """
-        where = _path(folder, "run.save", "the path of a folder")
+        where = path_of(folder, "run.save", "the path of a folder")
         spare_others(where)
         if self.place is None:
             self._write(where)
@@ -1171,14 +1137,13 @@ class Run:
         whose = f"damper {self._title}, " if self._title != "damperfit" else ""
         spread = f", MSE {min(misfits):.2g} to {max(misfits):.2g} %" if misfits else ""
         failed = f", {len(self.failures)} failed" if self.failures else ""
-        n = f"{len(rows)} setting{'' if len(rows) == 1 else 's'}"
-        return f"Run: {whose}{n}{spread}{failed}"
+        return f"Run: {whose}{len(rows)} setting{'s' * (len(rows) != 1)}{spread}{failed}"
 
     @property
     def _unmet(self) -> tuple[str, ...]:
         """What failed, and checks that did not pass, a line each."""
-        checks = (one for one in entries_in(self.record, "checks") if one.get("passed") is False)
-        failed = (f"FAILED {one.get('name')}: {one.get('reason')}" for one in checks)
+        unmet = (one for one in checks_in(self.record) if one.passed is False)
+        failed = (f"FAILED {one.name}: {one.reason}" for one in unmet)
         return (*self.failures[:_SHOWN_FAILURES], *failed)
 
     def __repr__(self) -> str:
@@ -1338,11 +1303,6 @@ def _inside(document: Any, *keys: str) -> Any:
     return document
 
 
-def _damper_in(facts: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    damper = _inside(facts, "configuration", "damper")
-    return damper if isinstance(damper, dict) else None
-
-
 def entries_in(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
     """Return the objects in a list of the record; none where somebody put something else there."""
     entries = record.get(key)
@@ -1359,8 +1319,8 @@ def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
     return [number for row in rows if (number := number_in(row, key)) is not None]
 
 
-def _path(value: object, call: str, expected: str) -> Path:
-    if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
-        return Path(os.fspath(value))
-    found = "''" if isinstance(value, str) else type(value).__name__
-    raise ConfigurationError(f"found {found}; expected {expected}", subject=call, code="not-a-path")
+def _door(name: str) -> Any:
+    """Return a function of damperfit's, which takes runs itself."""
+    import damperfit
+
+    return getattr(damperfit, name)

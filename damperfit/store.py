@@ -21,7 +21,7 @@ import tempfile
 import time
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.problem import Option
@@ -107,21 +107,8 @@ def file_set(folder: Path, *, spares_others: bool = False) -> Iterator[FileSet]:
 
     The folder is made when it does not exist. When the block raises, no target has changed and no
     temporary file is left. Sets of one folder are written one after the other, so that no block
-    opens a second one there.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Where.
-    spares_others : bool
-        Refuse where a file of another origin would be written over.
-
-    Raises
-    ------
-    ConfigurationError
-        A file of another origin stands where one is to go, and is spared.
-    OutputError
-        The folder or a file in it cannot be written.
+    opens a second one there. With ``spares_others`` a ConfigurationError refuses to write over a
+    file of another origin; an OutputError tells that the folder cannot be written.
     """
     files = None
     try:
@@ -145,6 +132,20 @@ def write_text(path: Path, text: str) -> None:
     """Write one UTF-8 text file whole or not at all."""
     with file_set(path.parent) as files:
         files.path(path.name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def path_of(value: object, where: Option | str, expected: str) -> Path:
+    """Return a path that was given as text or as a path; else refuse it by what it is of."""
+    found = "''" if value == "" else type(value).__name__
+    text = f"found {found}; expected {expected}"
+    if "\0" in str(value):
+        text = f"found {value!r}; a NUL cannot stand in a path"
+    elif isinstance(value, str | os.PathLike) and os.fspath(value) != "":
+        return Path(os.path.expanduser(os.fspath(value)))  # noqa: PTH111 - of ~nobody it raises
+    elif value == "":
+        text += ", '.' for this folder"  # it would be this one
+    place: dict[str, Any] = {"subject" if isinstance(where, str) else "where": where}
+    raise ConfigurationError(text, code="not-a-path", **place)
 
 
 def check_writable(folder: Path) -> None:
@@ -184,11 +185,6 @@ def reserved(folder: Path) -> Iterator[None]:
 
     A folder that stays empty is removed again. Reading there goes on, and so does writing other
     files.
-
-    Raises
-    ------
-    OutputError
-        Another run is at work for that folder, or it cannot be written to.
     """
     missing = [parent for parent in (folder, *folder.parents) if not os.path.lexists(parent)]
     refusal = (

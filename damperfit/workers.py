@@ -102,19 +102,6 @@ def apart(  # noqa: PLR0913 - one more than usual, for what is done beside it
     """Yield the results in the order of the items, of many items from copies of this process.
 
     Whatever ``act`` does beside returning its result is lost in a copy; it need not be of a module.
-
-    Parameters
-    ----------
-    act, items : callable, iterable
-        What is done, and with what.
-    jobs : int
-        Copies, or threads; of these no more than `threads` where it is given.
-    known : sequence
-        Objects that results may name: they come back as themselves, not as their like.
-    cancelled : callable
-        Once it says True copies are let go, and what they have left is done here.
-    beside : callable
-        What this process does once the copies, or threads, have begun.
     """
     items = list(items)
     if jobs > 1 and len(items) >= _FEWEST_APART and _may_be_copied():
@@ -432,20 +419,7 @@ _ALONE = 15.0  # s without a worker
 
 
 class Cluster:
-    """Workers of a Dask scheduler.
-
-    Parameters
-    ----------
-    address : str
-        Of the scheduler, as in ``tcp://10.0.0.1:8786``.
-
-    Raises
-    ------
-    InstallationError
-        The extra ``cluster`` is not installed.
-    ConfigurationError
-        No scheduler answers there.
-    """
+    """Workers of a Dask scheduler."""
 
     def __init__(self, address: str) -> None:
         try:

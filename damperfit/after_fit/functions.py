@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.arguments import folder_of, path_of, public
+from damperfit.arguments import folder_of, public
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
+from damperfit.store import path_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -126,10 +127,10 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
     run = run_of(results, "damperfit.valves", config)
     texts = [None if one is None else str(one) for one in (force, velocity)]
     asked = parse_question(force=texts[0], velocity=texts[1], stroke=stroke)
-    if asked.speed and asked.force is None:
+    if asked.force is None and (velocity is not None or stroke is not None):
         text = "{where} has no effect: at which force? Give {force} too"
-        where, more = Option("velocity", velocity or ""), Option("force")
-        raise ConfigurationError(text, where=where, force=more, code="no-effect")
+        where = Option("velocity", velocity) if velocity is not None else Option("stroke", stroke)
+        raise ConfigurationError(text, where=where, force=Option("force"), code="no-effect")
     found = read_valves(
         run,
         discharge=cd,

@@ -39,8 +39,6 @@ _refused: list[OSError] = []  # by stdout; what it should have shown is nowhere
 def one_line(text: str) -> str:
     r"""Return text on one line, with control characters shown instead of obeyed.
 
-    Examples
-    --------
     >>> print(one_line("a\nb\x1b[31m"))
     a b\x1b[31m
     """

@@ -18,14 +18,6 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
 
-__all__ = [
-    "damper_defaults",
-    "damper_of",
-    "damper_of_record",
-    "damper_record",
-    "not_a_section",
-    "unknown_key",
-]
 
 _ASKED_BELOW = 2e5  # Pa: a gauge reading taken as absolute is here a third too low, or more
 # Unit of a key: what it is, and the unit that people measure it in with its size.
@@ -81,18 +73,7 @@ def damper_record(damper: Model) -> dict[str, Any]:
 
 
 def damper_of_record(record: Mapping[str, Any]) -> Model:
-    """Return the damper that a run has recorded; what it took as declared is not questioned.
-
-    Parameters
-    ----------
-    record : mapping
-        Section [damper] of its configuration; a key that it lacks is at its default.
-
-    Raises
-    ------
-    ConfigurationError
-        It is of no model, or has keys or values that no damper has.
-    """
+    """Return the damper that a run has recorded; what it took as declared is not questioned."""
     name = record.get("model", "purdy")
     known = damper_record(model_named(name if isinstance(name, str) else repr(name))())
     values = {
@@ -104,20 +85,7 @@ def damper_of_record(record: Mapping[str, Any]) -> Model:
 
 
 def damper_of(keys: Mapping[str, Any], *, is_recorded: bool = False) -> Model:
-    """Return the damper that a complete [damper] declares.
-
-    Parameters
-    ----------
-    keys : mapping
-        By name; quantities as text with a unit, or in SI.
-    is_recorded : bool
-        A run has written it: a low pressure is a value, and no user's words.
-
-    Raises
-    ------
-    ConfigurationError
-        A key is unknown or a value cannot be; the problem's place is the key.
-    """
+    """Return the damper that a complete [damper] declares."""
     kind: Any = model_named(keys["model"])
     own = {one.name: one for one in fields(kind) if one.init}
     _refuse_unknown(keys, ("model", "reference_temperature", *own), "damper")

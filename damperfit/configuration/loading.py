@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
 
-__all__ = ["configuration_toml", "default_document", "load_configuration"]
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _OF_FILE = Option("config")
@@ -58,6 +57,7 @@ _EXPECTED = {
     "literal_error": "{expected}",
 }
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
+_KEY = re.compile(r"\s*[\"']?(\w+)\b")
 
 
 def load_configuration(
@@ -67,32 +67,24 @@ def load_configuration(
     options: Mapping[str, Option] | None = None,
     is_law_open: bool = False,
 ) -> Configuration:
-    """Return the configuration in force.
+    """Return the configuration in force: defaults, a file's keys, and those of ``overlay``.
 
-    Parameters
-    ----------
-    path : str or Path, optional
-        TOML file; its keys replace the defaults.
-    overlay : mapping, optional
-        Sections and keys that replace those of the file, as from the command line.
-    options : mapping of str to Option, optional
-        What gave a key of ``overlay``, as in {"rig.skew": Option("skew")}: a mistake in its value
-        is named by it.
-    is_law_open : bool
-        The logs choose the law: where no model is named, [damper] may have what real valves have.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be read, or a key or value in it is wrong; the message names file, line
-        and key, or the option.
+    ``options`` gave keys of the overlay, as in {"rig.skew": Option("skew")}: a mistake is named by
+    them, one in a file by its line. ``is_law_open``: the logs choose the law; where no model is
+    named, [damper] may have what real valves have.
     """
     layers = [] if path is None else [_read(Path(path))]
     if overlay:
-        layers.append(_Layer(overlay, options=options))
+        layers.append(_Layer(overlay, options=options or {}))
     for layer in layers:
         for section, values in layer.values.items():
-            _check_section(layer, section, values)
+            if section not in SECTIONS:
+                hint = f"{', '.join(SECTIONS)}.{did_you_mean(section, SECTIONS)}"
+                text = f"unknown section [{section}]; there are {hint}"
+                place = layer.place(section)
+                raise ConfigurationError(text, where=place, code="unknown-section")
+            if not isinstance(values, dict):
+                raise layer.blame(not_a_section(section), section)
     model = _model_of(layers, is_law_open=is_law_open)
     document = default_document(model)
     for layer in layers:
@@ -133,24 +125,19 @@ def default_document(model: str = _PAPERS) -> dict[str, Any]:
 
 
 class _Layer:
-    """One source of configuration: its name (of the command line none), its text, its values."""
+    """One source of configuration: of the command line without name and text."""
 
     def __init__(
-        self,
-        values: Mapping[str, Any],
-        *,
-        name: str = "",
-        text: str = "",
-        options: Mapping[str, Option] | None = None,
+        self, values: Any, name: str = "", text: str = "", options: Mapping[str, Option] = {}
     ) -> None:
-        self.values, self.name, self.text, self.options = values, name, text, options or {}
+        self.values, self.name, self.text, self.options = values, name, text, options
 
     def blame(self, error: ConfigurationError, *keys: str) -> ConfigurationError:
         """Return an error with what a reader looks for: the option, else file, line and key."""
         option = self.options.get(".".join(keys[:2]))
         if option is None:
-            is_told = error.problem.code in {"unknown-key", "not-a-section"}  # the text names it
-            return error.at(self.place(*keys), subject="" if is_told else ".".join(keys))
+            is_named = error.problem.code in {"unknown-key", "not-a-section"}  # by the text
+            return error.at(self.place(*keys), subject="" if is_named else ".".join(keys))
         # An option that is given several times has no places: what was found says which.
         inner = ".".join(key for key in keys[2:] if not key.isdigit())
         if option.key or not inner:
@@ -159,25 +146,22 @@ class _Layer:
         return error.at(option, subject=inner)
 
     def place(self, *keys: str) -> FilePlace | None:
-        """Return file and line of a key inside others, as far as the text tells."""
+        """Return file and line of a key inside others, or of its heading; 0: no line has it."""
         if not self.name:
             return None
-        lines = (
-            self._line(".".join(keys[:depth]), *keys[depth : depth + 1])
-            for depth in range(len(keys), 0, -1)
-        )
-        return FilePlace(self.name, next(filter(None, lines), 0), _OF_FILE)
-
-    def _line(self, section: str, key: str = "") -> int:
-        """Return the line of a key in a section, or of its heading; 0: there is none."""
-        current = ""
+        places: dict[tuple[str, str], int] = {}
+        section = ""
         for number, line in enumerate(self.text.splitlines(), start=1):
-            if found := _HEADER.match(line):
-                current = re.sub(r"[\"'\s]", "", found[1])
-            is_here = current == section and re.match(rf"\s*[\"']?{re.escape(key)}\b", line)
-            if is_here or (not key and current == section):
-                return number
-        return 0
+            if heading := _HEADER.match(line):
+                section = re.sub(r"[\"'\s]", "", heading[1])
+            places.setdefault((section, ""), number)
+            if key := _KEY.match(line):
+                places.setdefault((section, key[1]), number)
+        for depth in range(len(keys), 0, -1):
+            section, inner = ".".join(keys[:depth]), "".join(keys[depth : depth + 1])
+            if number := places.get((section, inner), 0):
+                return FilePlace(self.name, number, _OF_FILE)
+        return FilePlace(self.name, 0, _OF_FILE)
 
 
 def _read(path: Path) -> _Layer:
@@ -195,18 +179,6 @@ def _read(path: Path) -> _Layer:
             said, code = f"not UTF-8 text, at byte {error.start}", "not-utf8"
         place = FilePlace(str(path), 0, _OF_FILE)
         raise ConfigurationError(said, where=place, code=code) from error
-
-
-def _check_section(layer: _Layer, section: str, values: object) -> None:
-    if section not in SECTIONS:
-        raise ConfigurationError(
-            f"unknown section [{section}]; "
-            f"there are {', '.join(SECTIONS)}.{did_you_mean(section, SECTIONS)}",
-            where=layer.place(section),
-            code="unknown-section",
-        )
-    if not isinstance(values, dict):
-        raise layer.blame(not_a_section(section), section)
 
 
 def _model_of(layers: Sequence[_Layer], *, is_law_open: bool) -> str:

@@ -30,15 +30,6 @@ if TYPE_CHECKING:
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import HoldOutOptions
 
-__all__ = [
-    "GAS",
-    "Configuration",
-    "facts_of_damper",
-    "gas_in_words",
-    "offset_facts",
-    "parameter_value",
-    "with_beta",
-]
 
 # Keys of [damper] that say what a damper's gas is.
 GAS = ("gas_volume", "gas_pressure", "gas_exponent")
@@ -76,11 +67,9 @@ def offset_facts(damper: Model, named: Collection[str]) -> OffsetFacts:
 
 def facts_of_damper(damper: Model, named: Collection[str]) -> dict[str, Any]:
     """Return what conditioning asks of a damper, by the names of `ConditionOptions`."""
-    return {
-        "gas": None if damper.gas is None else GasFacts(*damper.gas),
-        "offset": offset_facts(damper, named),
-        "chamber_lengths": damper.chamber_lengths,
-    }
+    gas = None if damper.gas is None else GasFacts(*damper.gas)
+    offset = offset_facts(damper, named)
+    return {"gas": gas, "offset": offset, "chamber_lengths": damper.chamber_lengths}
 
 
 def with_beta(damper: Model, share: Sequence[str], *, named: Collection[str]) -> tuple[str, ...]:
@@ -92,63 +81,33 @@ def with_beta(damper: Model, share: Sequence[str], *, named: Collection[str]) ->
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """The complete configuration; one field for each part of the program.
+    """The complete configuration; one field for each part of the program."""
 
-    Attributes
-    ----------
-    damper : Model
-        The model, with geometry, oil and gas as far as it has them.
-    rig, simulation, output, test : Section
-        As `damperfit.configuration.sections` says.
-    reading, conditioning, identification, hold_out : options
-        How logs are read, signals become traces, what is fitted and what is predicted.
-    start_table : pathlib.Path or None
-        Parameters of an earlier run that the fits start from; it is read when the run begins.
-    profile : tuple of str
-        Parameters whose misfit is followed away from the best value.
-    declared : frozenset of str
-        Keys that somebody gave, as in "damper.rod_diameter"; the others are defaults.
-    document : dict
-        The same as one TOML document, quantities as they were written.
-    chosen_law : mapping
-        Where the logs chose the damper's law: what they tell, as it stands in run.json.
-    chosen_mse : mapping of Setting to float
-        MSE of that law at each setting when it was chosen, per cent: what is delivered must reach
-        it.
-    log_offsets : mapping of str to float
-        By name of a log, N: taken off its force, for its cell was zeroed otherwise than that of the
-        other logs of its setting.
-    """
-
-    damper: Model
+    damper: Model  # with geometry, oil and gas as far as it has them
     rig: RigSection
-    reading: ReadOptions
-    conditioning: ConditionOptions
-    identification: FitOptions
-    hold_out: HoldOutOptions
-    start_table: Path | None
-    profile: tuple[str, ...]
+    reading: ReadOptions  # how logs are read
+    conditioning: ConditionOptions  # how signals become traces
+    identification: FitOptions  # what is fitted
+    hold_out: HoldOutOptions  # what is predicted
+    start_table: Path | None  # of an earlier run that the fits start from; read when the run begins
+    profile: tuple[str, ...]  # parameters whose misfit is followed away from the best value
     simulation: SimulationSection
     output: OutputSection
     test: TestSection
-    declared: frozenset[str] = field(compare=False)
+    declared: frozenset[str] = field(compare=False)  # keys that were given: "damper.rod_diameter"
+    # The same as one TOML document, quantities as they were written.
     document: dict[str, Any] = field(compare=False, repr=False)
+    # Where the logs chose the damper's law: what they tell, as it stands in run.json, and the MSE
+    # of that law at each setting when it was chosen, per cent: what is delivered must reach it.
     chosen_law: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
     chosen_mse: Mapping[Setting, float] = field(default_factory=dict, compare=False, repr=False)
+    # By log, N: taken off its force, as its cell was zeroed otherwise than that of the other logs.
     log_offsets: Mapping[str, float] = field(default_factory=dict, compare=False, repr=False)
 
     def with_damper(
         self, damper: Model, *, identification: FitOptions | None = None
     ) -> Configuration:
-        """Return the configuration with another damper, as a run has found or recorded it.
-
-        Parameters
-        ----------
-        damper : Model
-            Taken as it is.
-        identification : FitOptions, optional
-            What is fitted of it, and how; None: as before.
-        """
+        """Return the configuration with another damper, as a run has found or recorded it."""
         fit = identification or self.identification
         facts = facts_of_damper(damper, {*fit.fixed, *(fit.free or ())})
         return replace(
@@ -270,13 +229,7 @@ class Configuration:
 
 
 def gas_in_words(values: Mapping[str, float]) -> str:
-    """Return what is taken for a damper's gas, of some of `GAS` in SI.
-
-    Examples
-    --------
-    >>> gas_in_words({"gas_volume": 3e-5, "gas_exponent": 1.3})
-    '30 cm3 of gas, exponent 1.3'
-    """
+    """Return what is taken for a damper's gas, of some of `GAS` in SI."""
     words = {
         "gas_volume": ("{:.3g} cm3 of gas", 1e6),
         "gas_pressure": ("{:.3g} bar absolute", 1e-5),
@@ -287,13 +240,7 @@ def gas_in_words(values: Mapping[str, float]) -> str:
 
 
 def parameter_value(quantity: Quantity, value: str | float) -> float:
-    """Return a parameter's value in SI; text may carry a unit where the parameter has a plain one.
-
-    Raises
-    ------
-    ConfigurationError
-        The value is no finite number.
-    """
+    """Return a parameter's value in SI; text may carry a unit where that is a plain one."""
     name, unit = quantity.name, quantity.unit
     dimension = "absolute pressure" if quantity.is_absolute else _DIMENSIONS.get(unit)
     is_text = isinstance(value, str) and dimension is not None

@@ -20,7 +20,8 @@ from pydantic import (
 )
 
 from damperfit.conditioning import ConditionOptions, NominalTest
-from damperfit.configuration.damper_section import damper_of
+from damperfit.configuration.damper_section import damper_defaults, damper_of
+from damperfit.configuration.drawings import MEASURED
 from damperfit.configuration.options import (
     Configuration,
     facts_of_damper,
@@ -54,8 +55,6 @@ from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
 from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import parse_units
-
-__all__ = ["build_configuration", "document_model"]
 
 # Hz, m, degC and K: a window that belongs to this test asks nothing of another one.
 _PAPERS_TEST = (1.5, 0.032, 26.0, 1.0)
@@ -134,22 +133,7 @@ def document_model() -> type[BaseModel]:
 def build_configuration(
     document: dict[str, Any], *, declared: frozenset[str] = frozenset()
 ) -> Configuration:
-    """Return the configuration that a complete TOML document describes.
-
-    Parameters
-    ----------
-    document : dict
-        Every key of every section.
-    declared : frozenset of str
-        Keys that somebody gave, as in "damper.rod_diameter".
-
-    Raises
-    ------
-    pydantic.ValidationError
-        A key is unknown, or a value is of the wrong kind or out of range.
-    ConfigurationError
-        Values that do not go together, such as a parameter both free and fixed.
-    """
+    """Return the configuration that a complete TOML document describes."""
     model = document["damper"]["model"]
     own: dict[str, Any] = {}  # what a model has of its own where nobody has declared it
     if model != "purdy":
@@ -271,3 +255,35 @@ def _checks(names: list[str], rig: RigSection) -> tuple[str, ...]:
     is_any = math.isinf(rig.temperature_tolerance)
     pointless = ("temperature_in_window",) if is_any else ()
     return expand_checks((name.strip() for name in names), pointless=pointless)
+
+
+def configuration_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a file: editors complete and check TOML by it."""
+    schema = document_model().model_json_schema()
+    for section in (schema, *schema["$defs"].values()):
+        section.pop("required", None)  # a file needs only what differs
+        for key in section["properties"].values():
+            key.pop("title", None)
+    keys: dict[str, Any] = {}  # [damper] has those of any model; what goes together it says itself
+    for model in MODELS:
+        for name, value in damper_defaults(model).items():
+            _add(keys, name, value)
+    for name, entry in SECTIONS["damper"].entries().items():
+        keys[name]["description"] = entry.about
+    keys["model"]["enum"] = [*MODELS]
+    damper = {"type": "object", "properties": keys, "additionalProperties": False}
+    schema["properties"]["damper"] = damper
+    named = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "damperfit"}
+    return {**schema, **named}
+
+
+def _add(keys: dict[str, Any], name: str, value: Any) -> None:
+    """Add a key with the type of its default; a section inside has its own keys."""
+    types = {bool: "boolean", dict: "object", list: "array"}
+    known = keys.setdefault(name, {"type": types.get(type(value), ["number", "string"])})
+    if name in MEASURED:
+        known["description"] = MEASURED[name]
+    if isinstance(value, dict):
+        inner = known.setdefault("properties", {})
+        for key, one in value.items():
+            _add(inner, key, one)

@@ -19,62 +19,24 @@ if TYPE_CHECKING:
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
-__all__ = [
-    "SECTIONS",
-    "ConditioningSection",
-    "Entry",
-    "IdentificationSection",
-    "OutputSection",
-    "RigSection",
-    "Section",
-    "SimulationSection",
-    "TestSection",
-]
-
 
 class Entry(NamedTuple):
-    """A key of a section.
+    """A key of a section."""
 
-    Attributes
-    ----------
-    default : object
-        As it would be written.
-    about : str
-        What it is for, a phrase.
-    dimension : str
-        Of a quantity: text with a unit, or a bare number in SI.
-    word : str
-        Text that may stand in place of the quantity.
-    words : tuple of str
-        All that may be written.
-    above, least, most : float or None
-        Limits of a number.
-    has_infinity : bool
-        Whether it may be infinite.
-    given : type or None
-        What is written, where it is no more of the default's type.
-    option, panel : str
-        Word for the value of its option, and where the help shows it; no panel: it is no option.
-    keyword : str
-        Name of the option, where it is not the key's.
-    kind : str
-        Of the keyword, as in `damperfit.keywords`, where the default does not tell.
-    """
-
-    default: Any
-    about: str
-    dimension: str = ""
-    word: str = ""
-    words: tuple[str, ...] = ()
-    above: float | None = None
+    default: Any  # as it would be written
+    about: str  # what it is for, a phrase
+    dimension: str = ""  # of a quantity: text with a unit, or a bare number in SI
+    word: str = ""  # text that may stand in place of the quantity
+    words: tuple[str, ...] = ()  # all that may be written
+    above: float | None = None  # limits of a number
     least: float | None = None
     most: float | None = None
-    has_infinity: bool = False
-    given: Any = None
-    option: str = ""
-    panel: str = ""
-    keyword: str = ""
-    kind: str = ""
+    has_infinity: bool = False  # it may be infinite
+    given: Any = None  # what is written, where it is no more of the default's type
+    option: str = ""  # word for the value of its option
+    panel: str = ""  # where the help shows it; without one it is no option
+    keyword: str = ""  # name of the option, where it is not the key's
+    kind: str = ""  # as in `damperfit.keywords`, where the default does not tell
 
 
 def key(default: Any, about: str, dimension: str = "", **how: Any) -> Any:

@@ -21,15 +21,6 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
 
-__all__ = [
-    "AdjusterKey",
-    "check_adjusters",
-    "counted_from_closed",
-    "declared_settings",
-    "facts_stated",
-    "followed",
-    "unmatched",
-]
 
 _MOST = 8  # adjusters of a damper; real ones have four
 _CLOSED = "from closed"
@@ -70,22 +61,7 @@ def check_adjusters(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
 def followed(
     adjusters: Mapping[str, AdjusterKey], damper: Model, *, is_law_open: bool = False
 ) -> dict[str, tuple[str, ...]]:
-    """Return the quantities of a model that are declared to follow adjusters.
-
-    Parameters
-    ----------
-    adjusters : mapping
-        Section [adjusters].
-    damper : Model
-        The model.
-    is_law_open : bool
-        Nobody has declared the model: what another one has is no mistake, but follows nothing.
-
-    Raises
-    ------
-    ConfigurationError
-        A word names nothing that a model has.
-    """
+    """Return the quantities of a model that are declared to follow adjusters."""
     own, words = _parts(damper), _words(adjusters)
     known = own
     if is_law_open and any(word not in own for _, word in words):
@@ -113,8 +89,6 @@ def unmatched(adjusters: Mapping[str, AdjusterKey], damper: Model) -> tuple[str,
 def counted_from_closed(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
     """Return the adjusters whose clicks count from closed.
 
-    Examples
-    --------
     >>> counted_from_closed({"low": ["rebound.bleed", "from closed"], "high": "from open"})
     ('low',)
     """

@@ -83,8 +83,6 @@ def names_identity(key: str) -> bool:
 def identity_in(metadata: Mapping[str, str]) -> Identity:
     """Return what a preamble tells of the test.
 
-    Examples
-    --------
     >>> identity_in({"Serial No.": "1234", "rig": "hall 2"}).sentence
     'serial 1234; rig: hall 2'
     """

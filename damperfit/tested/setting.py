@@ -6,6 +6,7 @@ import re
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 from functools import lru_cache, total_ordering
+from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ ADJUSTER = "setting"  # the name of the only adjuster where nobody named it
 LONGEST_WORD = 40  # of a click that is no number; a longer text is a sentence
 _HIGHEST = 1_000_000  # clicks; more is a date or a serial number
 _NUMBER = re.compile(r"[+-]?\d{1,9}(?:\.\d{1,6})?", re.ASCII)
-_NO_NUMBER = re.compile(r"[+-]?(nan|inf\w*)", re.IGNORECASE)
+_OTHER_NUMBER = re.compile(r"[+-]?(nan|inf\w*|\.?\d[\d_.]*(e[+-]?\d[\d_]*)?)", re.IGNORECASE)
 # What dampers' makers and tuners call the two strokes.
 _STROKES = (
     ("rebound", "reb", "extension", "ext", "r", "e"),
@@ -36,8 +37,6 @@ class Setting:
     in whole clicks a setting equals its number and hashes alike, so that ``fit.setting == 10`` and
     dictionaries by number go on working.
 
-    Examples
-    --------
     >>> str(Setting.of(10)), str(Setting((("rebound", 12), ("compression", 8))))
     ('10', 'R12 C8')
     >>> Setting.of(10) == 10, sorted([Setting.of("soft"), Setting.of(-2), Setting.of(10)])[0].cell
@@ -89,8 +88,6 @@ class Setting:
     def evident(self) -> tuple[tuple[str, Place], ...]:
         """Letters and numbers of a label that nobody declared adjusters for; else the places.
 
-        Examples
-        --------
         >>> Setting.of("L6 H1").evident, Setting.of("soft").evident
         ((('L', 6), ('H', 1)), (('setting', 'soft'),))
         """
@@ -157,6 +154,13 @@ def _natural(word: str) -> tuple[Any, ...]:
     return tuple((1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts))
 
 
+def label_of(given: object) -> str | None:
+    """Return the label of a setting as a user gives it, a number too; None: it is none."""
+    if not isinstance(given, bool) and isinstance(given, Real):
+        return f"{given:.0f}" if float(given).is_integer() else str(given)
+    return str(given) if isinstance(given, Setting | str) else None
+
+
 def _said(place: Place) -> str:
     return f"{place:g}" if isinstance(place, float) else str(place)
 
@@ -213,13 +217,6 @@ def _adjuster_by_word(adjusters: Sequence[str]) -> dict[str, str]:
 def parse_place(text: str) -> Place:
     """Return where an adjuster stands, as a text says it.
 
-    Raises
-    ------
-    ValueError
-        The text is empty, long, or a number that counts no clicks; the message says so.
-
-    Examples
-    --------
     >>> [parse_place(text) for text in ("08", "-3", "2.5", "10.0", "soft")]
     [8, -3, 2.5, 10, 'soft']
     """
@@ -228,21 +225,13 @@ def parse_place(text: str) -> Place:
         number = float(text)
         if abs(number) <= _HIGHEST:
             return int(number) if number.is_integer() else number
-    is_word = any(c.isalpha() for c in text) and not _NO_NUMBER.fullmatch(text)
-    if not is_word or _is_number(text) or len(text) > LONGEST_WORD or not text.isprintable():
+    is_word = any(c.isalpha() for c in text) and not _OTHER_NUMBER.fullmatch(text)
+    if not is_word or len(text) > LONGEST_WORD or not text.isprintable():
         raise ValueError(
             f"expected clicks, a number from -{_HIGHEST} to {_HIGHEST}, or a word of "
             f"{LONGEST_WORD} letters at most"
         )
     return text
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
@@ -251,13 +240,6 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     For one adjuster as in "10", "10 clicks" or "soft"; for several "rebound=12, compression=8",
     "R12 C08", "12r/8c", "b12-r8", or "12/8" in the declared order.
 
-    Raises
-    ------
-    ValueError
-        The text names no place for each adjuster.
-
-    Examples
-    --------
     >>> parse_setting("R12 C08", ["rebound", "compression"]).places
     (('rebound', 12), ('compression', 8))
     >>> parse_setting("12/-8", ["rebound", "compression"]).label
@@ -376,8 +358,6 @@ def lines_of(settings: Iterable[Setting | Place]) -> tuple[SettingLine, ...]:
     With one adjuster there is one line, which may hold no setting; with several, those of two
     settings or more.
 
-    Examples
-    --------
     >>> [(line.adjuster, line.held, len(line.settings)) for line in lines_of([1, 2, 3])]
     [('setting', '', 3)]
     """

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from damperfit.cli import main
-from damperfit.configuration.json_schema import configuration_schema
 from damperfit.configuration.loading import configuration_toml, load_configuration
+from damperfit.configuration.schema import configuration_schema
 
 pytestmark = pytest.mark.extras
 ROOT = Path(__file__).parents[2]
