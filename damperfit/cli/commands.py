@@ -194,7 +194,8 @@ def _blocks_of_run(damper: Identified) -> list[Any]:
         *([held_out_sheet(held_out, is_narrow=True)] if held_out else []),
         as_fitted[0],
         " ".join(law_sentences(law, with_undecided=False)),
-        [*wrapped(*map(one_line, check_lines(checks_in(run.record)))), ""],
+        wrapped(*map(one_line, check_lines(checks_in(run.record)))),
+        [""] * bool(damper.beside),
     ]
 
 
@@ -217,7 +218,7 @@ def inspect(how: Shown, **given: Any) -> int:
     return int(batch.ending.value)
 
 
-@command(api.models, example="models runs/*.csv --config damper.toml --hold-out '*_check.csv'")
+@command(api.models, example="models runs/*.csv --config my.toml --hold-out '*_check.csv'")
 def models(how: Shown, **given: Any) -> int:
     """Fit one damper law after the other to the logs and say which one they support."""
     from damperfit.identification.sharing import of_settings
@@ -403,7 +404,8 @@ def compare(how: Shown, runs: list[str], **given: Any) -> int:
             lines += [*(f"differs: {one}" for one in pair.differing), *pair.sentences]
             lines += [f"note: {one}" for one in pair.to_know]
             sheets: Any = [] if how.quiet else comparison_sheets(pair, is_short=True)
-            print_blocks([wrapped(*lines, indent="  "), *chain(*sheets), [""]])
+            print_blocks([wrapped(*lines, indent="  "), *chain(*sheets)])
+            print_lines([""])
         if done.points:
             outcome = f"tolerance {done.tolerance}: {tolerance_outcome(done.points)}"
             sheet = tolerance_sheet(done.points, is_short=True)
