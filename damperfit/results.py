@@ -79,7 +79,10 @@ if TYPE_CHECKING:
     from damperfit.uncertainty import SpeedForces
 
 
-TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "responses", "profiles")
+TABLES = (
+    *("parameters", "mse", "adjustment", "characteristics", "valves", "valve_parts"),
+    *("responses", "profiles"),
+)
 PAGE = "report.html"
 NOTEBOOK_COLUMNS = 100
 _BEYOND = 1.05  # times what was tested, or less than that part of it

@@ -85,6 +85,28 @@ class Orifices(Answer):
     sized: tuple[Sized, ...] = ()  # for a force that was asked for
     sentence: str = ""
 
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows of the table "valve_parts"."""
+        names = ("area_m2", "area_ci_low_m2", "area_ci_high_m2", "diameter_m", "area_change_m2")
+        others = (
+            "pressure_Pa",
+            "pressure_ci_low_Pa",
+            "pressure_ci_high_Pa",
+            "",
+            "pressure_change_Pa",
+        )
+        both: list[tuple[Any, tuple[str, ...]]] = [(one, names) for one in self.holes]
+        both += [(one, others) for one in self.preloads]
+        return [
+            {
+                "setting": one.setting,
+                "quantity": one.quantity,
+                **dict(zip(of, one[2:], strict=True)),
+            }
+            for one, of in both
+        ]
+
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
         tables: dict[str, Sequence[Any]] = {

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pyarrow as pa
 
@@ -45,6 +45,7 @@ from damperfit.problem import Failure, Option, Problem
 from damperfit.queries.compared_runs import compared_record
 from damperfit.recording import natural_order
 from damperfit.run.logs import Labels
+from damperfit.tables.columns import adjusters_in, table_schema
 from damperfit.tested.identity import identity_in
 from damperfit.tested.setting import ADJUSTER
 from damperfit.workers import Died, executor
@@ -66,8 +67,7 @@ _REFERENCE = "reference_temperature_degC"
 # Whose a log is
 
 
-@dataclass(frozen=True, slots=True)
-class DamperTask:
+class DamperTask(NamedTuple):
     """The logs of one damper."""
 
     owner: str  # serial number, else the damper's name, else the folder of its logs
@@ -75,8 +75,7 @@ class DamperTask:
     tables: tuple[FleetLog, ...] = ()  # tables of tests that stand beside them
 
 
-@dataclass(frozen=True, slots=True)
-class Share:
+class Share(NamedTuple):
     """Part I of N of a fleet, as a job array does it."""
 
     number: int
@@ -159,9 +158,7 @@ def _in_unicode(name: str) -> str:
 def _owner_in_preamble(head: bytes) -> str:
     """Return whose a log of text says it is, in the lines before its numbers."""
     text = head.decode("utf-8", "replace")
-    if "\0" in text:
-        return ""
-    entries = (_ENTRY.match(line) for line in text.splitlines()[:60])
+    entries = (_ENTRY.match(line) for line in text.splitlines()[:60] if "\0" not in text)
     return identity_in({one[1]: one[2] for one in entries if one}).owner
 
 
@@ -191,8 +188,7 @@ def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configur
 def hash_of(path: Path) -> str:
     """Return the SHA-256 of a file, hexadecimal; "unreadable" where it cannot be opened."""
     try:
-        # Whoever opens a pipe waits for somebody to write.
-        return sha256_of(path) if path.is_file() else _UNREADABLE
+        return sha256_of(path)
     except OSError:
         return _UNREADABLE
 
@@ -238,11 +234,30 @@ class Job:
     # Place of each log that has ended a worker, and the sentence that says so; it is left out.
     dead: tuple[tuple[str, str], ...] = ()
 
+    @property
+    def files(self) -> tuple[FleetLog, ...]:
+        """Logs and tables of tests."""
+        return (*self.task.logs, *self.task.tables)
+
+    def known(self, hashes: Iterable[tuple[PurePath, str]]) -> tuple[Path, str, Done | None]:
+        """Return path and key of its part, and what it says where it is there."""
+        task, key = self.task, content_key(hashes, self.configuration)
+        path = part_path(self.folder, task.owner, key)
+        if not path.exists() or not (facts := read_facts_of(path)):
+            return path, key, None
+        touch(path)
+        known = Done(
+            *(task.owner, State.KNOWN, len(task.logs), facts.get("settings", 0)),
+            n_failures=facts.get("failures", 0),
+            n_gates=facts.get("gates", 0),
+        )
+        return path, key, known
+
 
 def _do(job: Job) -> Done:
     """Fit one damper and write its part, unless the part is there."""
     try:
-        with brought_here((*job.task.logs, *job.task.tables)) as (here, stamps):
+        with brought_here(job.files) as (here, stamps):
             return _done(job, here, stamps)
     except UnreachableError as error:
         return Done.later(job.task, str(error))
@@ -250,10 +265,8 @@ def _do(job: Job) -> Done:
 
 def _try_log(job: Job) -> None:
     """Do the work on one log alone and write nothing: it tells whether the log ends its worker."""
-    with (
-        brought_here((*job.task.logs, *job.task.tables)) as (here, _),
-        suppress(Exception),  # the whole task says what is wrong with it
-    ):
+    # The whole task says what is wrong with it.
+    with brought_here(job.files) as (here, _), suppress(Exception):
         deque(_results(job.configuration, [str(here[one]) for one in job.task.logs]), maxlen=0)
 
 
@@ -265,42 +278,26 @@ def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[Iden
 
 def _known_already(job: Job) -> Done | None:
     """Return what the part of a task says, where it is there; nothing is fetched for that."""
-    task = job.task
     # Nothing is hashed, once here and once by the worker, where there can be no part.
-    if not part_path(job.folder, task.owner, "").parent.is_dir():
+    is_new = not part_path(job.folder, job.task.owner, "").parent.is_dir()
+    if is_new or any(one.is_remote and one.seen is None for one in job.files):
         return None
-    entries: list[tuple[PurePath, str]] = []
-    for one in (*task.logs, *task.tables):
-        if one.is_remote and one.seen is None:
-            return None
-        path = one.fetched_to if one.is_remote else Path(one.place)
-        entries.append((path, hash_of(Path(one.place)) if one.seen is None else one.seen.sha256))
-    return _known(task, part_path(job.folder, task.owner, content_key(entries, job.configuration)))
-
-
-def _known(task: DamperTask, path: Path) -> Done | None:
-    if not path.exists() or not (facts := read_facts_of(path)):
-        return None
-    touch(path)
-    return Done(
-        *(task.owner, State.KNOWN, len(task.logs), facts.get("settings", 0)),
-        n_failures=facts.get("failures", 0),
-        n_gates=facts.get("gates", 0),
-    )
+    places = [one.fetched_to if one.is_remote else Path(one.place) for one in job.files]
+    hashes = [one.seen.sha256 if one.seen else hash_of(Path(one.place)) for one in job.files]
+    return job.known(zip(places, hashes, strict=True))[2]
 
 
 def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str]) -> Done:
     """Fit one damper and write its part; whatever is wrong with the logs becomes rows of it."""
     task, configuration = job.task, job.configuration
     hashes = {one: hash_of(path) for one, path in here.items()}
-    key = content_key(((here[one], digest) for one, digest in hashes.items()), configuration)
-    path = part_path(job.folder, task.owner, key)
+    path, key, before = job.known((here[one], digest) for one, digest in hashes.items())
     seen = {
         one.place: (stamp, hashes[one], _owner_in_preamble(head_of(FleetLog(str(here[one]), ""))))
         for one, stamp in stamps.items()
         if stamp
     }
-    if before := _known(task, path):
+    if before:
         if seen:  # another time of change, the same bytes: not to be fetched each time from now on
             renew_facts(path, seen=seen)
         return before
@@ -364,39 +361,27 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
     )
 
 
+def _force_columns(stroke: str, speed: float) -> tuple[str, str]:
+    """The columns of a force and of its standard error."""
+    column = f"force_{stroke}_{1000.0 * speed:g}_mm_per_s"
+    return f"{column}_N", f"{column}_se_N"
+
+
 def _part_rows(run: Run, damper: str) -> Iterator[dict[str, Any]]:
     """Yield one row a setting: parameters, whose it is, forces at named speeds."""
-    from damperfit.tables.columns import adjusters_in
-
     forces: dict[str, dict[str, float]] = defaultdict(dict)
     for row in run.tables["adjustment"].to_pylist():
-        column = _force_column(row["stroke"], row["speed_m_per_s"])
-        forces[str(row["setting"])] |= {
-            column: row["force_N"],
-            _error_of(column): row["force_se_N"],
-        }
+        force, error = _force_columns(row["stroke"], row["speed_m_per_s"])
+        forces[str(row["setting"])] |= {force: row["force_N"], error: row["force_se_N"]}
+    own = {
+        "damper": damper,
+        "date": run.record["test"].get("date"),
+        _REFERENCE: run.record["configuration"]["damper"]["reference_temperature"],
+    }
     for row in run.tables["parameters"].to_pylist():
         places = {name: str(row[name]) for name in adjusters_in(list(row), run.quantities)}
         setting = str(row["setting"])
-        yield (
-            row
-            | places
-            | forces[setting]
-            | {
-                "setting": setting,
-                "damper": damper,
-                "date": run.record["test"].get("date"),
-                _REFERENCE: run.record["configuration"]["damper"]["reference_temperature"],
-            }
-        )
-
-
-def _force_column(stroke: str, speed: float) -> str:
-    return f"force_{stroke}_{1000.0 * speed:g}_mm_per_s_N"
-
-
-def _error_of(column: str) -> str:
-    return f"{column.removesuffix('_N')}_se_N"
+        yield row | places | forces[setting] | own | {"setting": setting}
 
 
 def _schema(configuration: Configuration) -> pa.Schema:
@@ -405,8 +390,6 @@ def _schema(configuration: Configuration) -> pa.Schema:
     A setting is text here, as labels of some dampers are numbers and of others words. Of all
     metadata a column's own is collected: with it goes the symbol of a quantity.
     """
-    from damperfit.tables.columns import table_schema
-
     names, damper = configuration.reading.adjusters, configuration.damper
     symbols = {one.name: {SYMBOL: one.symbol.encode()} for one in damper.quantities}
     own = [
@@ -414,21 +397,23 @@ def _schema(configuration: Configuration) -> pa.Schema:
         for field in table_schema("parameters", {}, settings=(), quantities=damper.quantities)
         if field.name != ADJUSTER
     ]
-    forces = [
-        pa.field(named(_force_column(stroke, speed)), pa.float64())
-        for named in (str, _error_of)
+    columns = [
+        _force_columns(stroke, speed)
         for stroke in ("rebound", "bump")
         for speed in configuration.output.speeds
     ]
-
-    def texts(*names: str) -> list[pa.Field]:
-        return [pa.field(name, pa.string()) for name in names]
-
-    places = () if names == (ADJUSTER,) else names
-    # Of a damper that follows the temperature: where its resistances and forces hold.
-    reference = [pa.field(_REFERENCE, pa.float64())] if isinstance(damper, WithTemperature) else []
-    first = texts("damper", "date", "setting", *places)
-    return pa.schema([*first, *own, *reference, *forces, *texts("log", "error_kind", "error")])
+    numbers = [named[k] for k in (0, 1) for named in columns]
+    if isinstance(damper, WithTemperature):  # where its resistances and forces hold
+        numbers.insert(0, _REFERENCE)
+    first = ["damper", "date", "setting", *(() if names == (ADJUSTER,) else names)]
+    return pa.schema(
+        [
+            *(pa.field(name, pa.string()) for name in first),
+            *own,
+            *(pa.field(name, pa.float64()) for name in numbers),
+            *(pa.field(name, pa.string()) for name in ("log", "error_kind", "error")),
+        ]
+    )
 
 
 # The whole fleet
@@ -487,8 +472,7 @@ def run_fleet(
         try:
             before = _known_already(job)
         except (OSError, ValueError) as error:
-            yield Done.later(task, failure_of(error, "looking for its part").message)
-            continue
+            before = Done.later(task, failure_of(error, "looking for its part").message)
         if before:
             yield before
         else:
@@ -498,7 +482,7 @@ def run_fleet(
     for job in waiting:
         if cancelled():
             break
-        alone = [replace(job, task=replace(job.task, logs=(log,))) for log in job.task.logs]
+        alone = [replace(job, task=job.task._replace(logs=(log,))) for log in job.task.logs]
         for _ in range(2):
             each = engine.each(_try_log, alone, cancelled=cancelled)
             alone = [one for one, result in each if isinstance(result, Died)]

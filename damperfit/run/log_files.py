@@ -183,6 +183,7 @@ _HEADINGS = tuple(
         f"setting,{QUANTITIES[0].name},",
         "setting,log,mse_percent,",
         "setting,log,stretch,kind,",
+        *("setting,parameter,value,", "setting,quantity,area_m2,", "setting,stroke,curve,"),
         "serial,damper,date,setting,",
         *(speed + column for speed in _SPEEDS for column in ("stroke,", "force_")),
     )

@@ -11,6 +11,7 @@ configuration alone, so that a bad log beside them changes no byte; run.json tel
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -59,6 +60,7 @@ from damperfit.uncertainty import (
     profile_campaign,
     reconsider,
 )
+from damperfit.uncertainty.covariance import make_interval
 from damperfit.uncertainty.grades import air_objections, doubted_cavitation
 from damperfit.units.quantities import engineering
 from damperfit.workers import executor
@@ -73,13 +75,12 @@ if TYPE_CHECKING:
     from damperfit.run.identify import Clock
     from damperfit.run.logs import LogBatch
     from damperfit.tables.reading import LogSignals
-    from damperfit.uncertainty import Interval, MisfitProfile
+    from damperfit.uncertainty import Interval, MisfitProfile, Uncertainty
 
 _Result = TypeVar("_Result")
 
 # Judging
 
-_TASK = "judging"
 # What checks of another layout take of a valve's numbers: up to 5 % were seen beside the areas.
 _RETURNS = 1.06
 # MSE over that of the choice beyond which another fit was delivered; below a thousandth of the
@@ -109,22 +110,21 @@ class FailureLog:
         key = lambda one: (one.setting is None, one.setting or 0, one.message)  # noqa: E731
         return tuple(sorted(self._found, key=key))
 
+    def add(self, failure: Failure, setting: Setting | None = None) -> None:
+        """Take what a step over all settings, or one of them, has met, and went on."""
+        self._found.append(replace(failure, setting=setting))
+
     def at(self, task: str) -> Callable[[Trace | Setting, Exception], None]:
         """Return what takes a log or a setting and the error that a task, as "judging", has met."""
 
         def take(whose: Trace | Setting, error: Exception) -> None:
-            if isinstance(whose, Trace):
-                failure = failure_of(error, f"{task} {whose.name}")
-                path = self._batch.path_of(whose.name)
-                self.add(replace(failure, log=whose.name, path=path), whose.setting)
-            else:
+            if not isinstance(whose, Trace):
                 self.add(failure_of(error, f"{task} setting {whose}"), whose)
+                return
+            name, failure = whose.name, failure_of(error, f"{task} {whose.name}")
+            self.add(replace(failure, log=name, path=self._batch.path_of(name)), whose.setting)
 
         return take
-
-    def add(self, failure: Failure, setting: Setting | None = None) -> None:
-        """Take what a step over all settings, or one of them, has met, and went on."""
-        self._found.append(replace(failure, setting=setting))
 
     def spared(self, task: str, step: Callable[[], _Result], instead: _Result) -> _Result:
         """Return what a step finds, or what the run goes on with where the step has an error.
@@ -151,20 +151,19 @@ def judge(  # noqa: PLR0913 - what a judgement takes
     jobs: int,
 ) -> tuple[Campaign, Judgement]:
     """Return the campaign with the statuses that its errors allow, and what was found of it."""
-    damper, options = configuration.damper, configuration.identification
-    solver, spared, take = options.solver, failure_log.spared, failure_log.at(_TASK)
-    bench = Bench(damper, solver, cancelled, jobs)
-    assessment = Assessment()
+    damper, solver = configuration.damper, configuration.identification.solver
+    spared, take = failure_log.spared, failure_log.at("judging")
     with clock.lap("judge"):
         assessment = spared(
             "judging the fits",
             lambda: assess(
                 campaign, damper, solver=solver, jobs=jobs, cancelled=cancelled, on_error=take
             ),
-            assessment,
+            Assessment(),
         )
     # Before the statuses: a profile that is flat has the last word on its parameter.
     if (names := configuration.profile) and campaign.fits and not cancelled():
+        bench = Bench(damper, solver, cancelled, jobs)
         with clock.lap("profile"):
             assessment = spared(
                 "following profiles",
@@ -203,9 +202,7 @@ def judge(  # noqa: PLR0913 - what a judgement takes
         ]
         missing += [f"and {len(lost) - MANY} more"] * (len(lost) > MANY)
         subject = Subject(
-            judged,
-            assessment,
-            adjustment,
+            *(judged, assessment, adjustment),
             missing=tuple(missing),
             temperature=configuration.rig.temperature,
             temperature_tolerance=configuration.rig.temperature_tolerance,
@@ -213,10 +210,10 @@ def judge(  # noqa: PLR0913 - what a judgement takes
             whose=configuration.whose if configuration.is_assumed else "",
         )
         checks = spared("checking the run", lambda: run_checks(subject), unchecked())
-        assessment = _with_spread(assessment, configuration.chosen_law.get("spread", {}))
-        alike = configuration.chosen_law.get("layouts_alike", ())
-        assessment = with_other_layouts(assessment, damper, alike)
-        for exchange in configuration.chosen_law.get("exchanges", ()):
+        law = configuration.chosen_law
+        assessment = _with_spread(assessment, law.get("spread", {}))
+        assessment = with_other_layouts(assessment, damper, law.get("layouts_alike", ()))
+        for exchange in law.get("exchanges", ()):
             assessment = _with_exchange(assessment, damper, exchange["values"])
     return judged, Judgement(assessment, adjustment, checks, predictions)
 
@@ -230,12 +227,11 @@ def _objections(
     jobs: int,
 ) -> dict[Setting, tuple[Objection, ...]]:
     """Return what a grade must not hide, but for predictions: of fits, of delivery, of air."""
-    against: dict[Setting, tuple[Objection, ...]] = {}
     gas, assumed = configuration.conditioning.gas, configuration.assumed_dimensions
-    against = failure_log.spared(
+    against: dict[Setting, tuple[Objection, ...]] = failure_log.spared(
         "looking for what a grade must not hide",
         lambda: objections(campaign, assessment, gas, assumed=assumed),
-        against,
+        {},
     )
     advice = "fit each setting by itself{plain}"
     ways = {"plain": Option("procedure", "plain", is_aside=True)}
@@ -254,17 +250,28 @@ def _objections(
             problem = Problem("not-delivered", text, subject=f"setting {fit.setting}", values=ways)
             failure_log.add(Failure(problem, "DeliveryError"), fit.setting)
             more.append((fit.setting, Objection("delivery", "", problem.message())))
-    air: dict[Setting, Objection] = {}
     if "damper.ambient_pressure" not in configuration.declared and not configuration.is_assumed:
         damper, options = configuration.damper, configuration.identification
-        air = failure_log.spared(
+        air: dict[Setting, Objection] = failure_log.spared(
             "looking for the air on the rod",
             lambda: air_objections(campaign, assessment, damper, options, jobs=jobs),
-            air,
+            {},
         )
-    for setting, objection in (*more, *air.items()):
+        more += air.items()
+    for setting, objection in more:
         against[setting] = (*against.get(setting, ()), objection)
     return against
+
+
+def _widened(
+    assessment: Assessment, wider: Callable[[Uncertainty, str, Interval], Interval]
+) -> Assessment:
+    """The assessment with each interval, by its uncertainty and its name, as another one."""
+    known = (
+        replace(one, intervals={name: wider(one, name, own) for name, own in one.intervals.items()})
+        for one in assessment.uncertainties
+    )
+    return replace(assessment, uncertainties=tuple(known))
 
 
 def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[str]) -> Assessment:
@@ -281,23 +288,17 @@ def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[
     if not isinstance(damper, ValveDamper):
         return assessment
 
-    def reaching(name: str, own: Interval, beside: Mapping[str, Interval]) -> Interval:
+    def reaching(known: Uncertainty, name: str, own: Interval) -> Interval:
         stroke = name.partition("_")[0]
         if stroke not in {"rebound", "compression"}:
             return own
-        raised = beside.get(f"{stroke}_power")
+        raised = known.intervals.get(f"{stroke}_power")
         power = 1.0 if raised is None else math.sqrt(raised.low * raised.high)
         times = [times_in(layout, damper, name, power) for layout in layouts]
         low, high = min(times) / _RETURNS, max(times) * _RETURNS
         return replace(own, low=min(1.0, low) * own.low, high=max(1.0, high) * own.high)
 
-    wider = (
-        replace(
-            one, intervals={k: reaching(k, own, one.intervals) for k, own in one.intervals.items()}
-        )
-        for one in assessment.uncertainties
-    )
-    return replace(assessment, uncertainties=tuple(wider))
+    return _widened(assessment, reaching)
 
 
 def _with_spread(assessment: Assessment, spread: Mapping[str, Mapping[str, float]]) -> Assessment:
@@ -305,25 +306,19 @@ def _with_spread(assessment: Assessment, spread: Mapping[str, Mapping[str, float
 
     A setting that was not compared has the most of the others.
     """
-    from damperfit.uncertainty.covariance import make_interval
-
     most: dict[str, float] = {}
     for own in spread.values():
         most |= {name: max(one, most.get(name, 0.0)) for name, one in own.items()}
-    wider = []
-    for known in assessment.uncertainties:
-        own, intervals = spread.get(str(known.setting.cell), most), dict(known.intervals)
-        for name in (name for name in own if own[name] and name in intervals):
-            before = intervals[name]
-            if not math.isfinite(before.high):  # it says "anything" already
-                continue
-            value = math.sqrt(before.low * before.high)
-            misfit = math.hypot(before.misfit / value, own[name])
-            intervals[name] = make_interval(
-                value, before.error / value, before.cycle_ratio, misfit=misfit
-            )
-        wider.append(replace(known, intervals=intervals))
-    return replace(assessment, uncertainties=tuple(wider))
+
+    def spreading(known: Uncertainty, name: str, own: Interval) -> Interval:
+        beside = spread.get(str(known.setting.cell), most).get(name, 0.0)
+        if not beside or not math.isfinite(own.high):  # it says "anything" already
+            return own
+        value = math.sqrt(own.low * own.high)
+        misfit = math.hypot(own.misfit / value, beside)
+        return make_interval(value, own.error / value, own.cycle_ratio, misfit=misfit)
+
+    return _widened(assessment, spreading) if most else assessment
 
 
 def _with_exchange(
@@ -334,19 +329,14 @@ def _with_exchange(
     What that one has not is there where it does nothing.
     """
 
-    def reaching(name: str, own: Interval, there: Mapping[str, float]) -> Interval:
-        one = damper.quantity(name)
-        away = there.get(name, one.vanishes_at)
-        if one.is_offset:
+    def reaching(known: Uncertainty, name: str, own: Interval) -> Interval:
+        there, quantity = values.get(str(known.setting.cell)), damper.quantity(name)
+        if not there or quantity.is_offset:
             return own
+        away = there.get(name, quantity.vanishes_at)
         return replace(own, low=min(own.low, away), high=max(own.high, away))
 
-    wider = []
-    for known in assessment.uncertainties:
-        there = values.get(str(known.setting.cell), {})
-        intervals = {k: reaching(k, own, there) for k, own in known.intervals.items()}
-        wider.append(replace(known, intervals=intervals) if there else known)
-    return replace(assessment, uncertainties=tuple(wider))
+    return _widened(assessment, reaching)
 
 
 # Warnings, gates and failures
@@ -457,8 +447,9 @@ def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[Pr
         for one in assessment.diagnoses
         if not one.is_structured and not math.isnan(one.noise_percent)
     }
-    doubted = [fit.setting for fit in campaign.fits if fit.setting in sound and is_doubted(fit)]
-    if doubted:
+    if doubted := [
+        one.setting for one in campaign.fits if one.setting in sound and is_doubted(one)
+    ]:
         yield warning(
             "tare-not-confirmed",
             "the warning tare is not confirmed: the fit matches the force to within its "
@@ -473,13 +464,13 @@ def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[Pro
     With the bleed closed, a preload and a friction give nearly the same force at one speed.
     """
     known = {one.setting: one.intervals for one in assessment.uncertainties}
-    for quantity in campaign.fits[0].parameters.quantities if campaign.fits else ():
+    quantities = campaign.fits[0].parameters.quantities if campaign.fits else ()
+    for quantity in (one for one in quantities if one.is_friction):
         name = quantity.name
         found = sorted(
             (getattr(fit.parameters, name), math.hypot(one.error, one.misfit), fit.setting)
             for fit in campaign.fits
-            if quantity.is_friction
-            and fit.status[name] == Status.FITTED
+            if fit.status[name] == Status.FITTED
             and (one := known.get(fit.setting, {}).get(name)) is not None
         )
         if not found:
@@ -696,6 +687,10 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     # Key by key, so that no two forms of all of it stand beside each other.
     record = {key: json_values(document.pop(key)) for key in list(document)}
     run = Run(record, quantities=quantities, tables=tables, signals=signals)
+    with suppress(ConfigurationError):  # a model without orifices and openings
+        known = {one.label: one.setting for one in run.settings}
+        parts = [{**row, "setting": known[row["setting"]]} for row in run.valves().rows]
+        run.tables["valve_parts"] = lay_out("valve_parts", parts, facts=facts, settings=settings)
     run.report_text = markdown_report(run)
     return run, failures
 
