@@ -27,7 +27,7 @@ from damperfit.units.quantities import find_unit
 from tests.fakes import values_in
 
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
-TABLES = ("parameters", "mse", "adjustment", "characteristics")
+TABLES = ("parameters", "mse", "adjustment", "characteristics", "valve_parts")
 FILES = {f"{name}.{kind}" for name in TABLES for kind in ("parquet", "csv")}
 FILES |= {"responses.parquet", "report.md", "run.json"}
 
