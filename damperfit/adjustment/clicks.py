@@ -54,10 +54,7 @@ class Click:
 
 
 def clicks(forces: Sequence[Force]) -> tuple[Click, ...]:
-    """Return the change of force between neighbouring settings, by speed and stroke.
-
-    Neighbours differ in one adjuster alone; words are no neighbours.
-    """
+    """Return the change of force between settings that differ by the next click of one adjuster."""
     by_setting = {
         setting: sorted(group, key=lambda one: one.speed)
         for setting, group in itertools.groupby(forces, lambda one: one.setting)
@@ -122,10 +119,7 @@ def compare_settings(
     speeds: Sequence[float] = NAMED_SPEEDS,
     on_error: OnError | None = None,
 ) -> Adjustment:
-    """Lay the settings of a campaign beside each other, at those speeds, m/s, that were reached.
-
-    Without `on_error` an error that a setting has met is raised.
-    """
+    """Lay the settings of a campaign beside each other, at those speeds, m/s, that were reached."""
     if not campaign.fits:
         return Adjustment()
     stages = [stage_of(fit, assessment) for fit in campaign.fits]

@@ -138,11 +138,8 @@ def open_limits(
 
 
 def has_lost_errors(names: Sequence[str], status: Mapping[str, str]) -> bool:
-    """Return whether a value that was fitted has no error, as where a fit has met no minimum.
-
-    `names` are the values with an error. What is left, the errors of shared values, would pass for
-    those of its forces.
-    """
+    """Return whether a value that was fitted has no error, as where a fit has met no minimum."""
+    # What is left, the errors of shared values, would pass for those of its forces.
     return any(one == _FITTED and name not in names for name, one in status.items())
 
 
@@ -295,19 +292,8 @@ def force_at(
 ) -> tuple[Force, ...]:
     """Return the model's forces of settings at speeds in both strokes, what was measured beside.
 
-    Parameters
-    ----------
-    stages : sequence of Stage
-        Settings.
-    damper : Model
-        The damper's model.
-    speeds : sequence of float
-        m/s, positive; also such as were never tested.
-    measured : sequence of SpeedForces
-        Of the same settings.
-    on_error : callable, optional
-        Told of a setting and the error that it met; without it such an error is raised, but for
-        one of the simulation: a setting that cannot be simulated is left out.
+    Speeds, m/s, are positive, also such as were never tested. A setting that cannot be simulated is
+    left out; of another error `on_error` is told, or it is raised.
     """
     by_stroke = {(one.setting, one.stroke): one for one in measured}
     forces: list[Force] = []
@@ -389,11 +375,8 @@ def _forces_of(
 
 
 def _errors(stage: Stage, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what of the errors of m forces is the setting's alone, and what shared errors do.
-
-    By slopes of shape (k, m): standard errors of shape (m,), NaN where nothing is known, and of
-    shape (m, number of shared values).
-    """
+    """What of the errors of m forces is the setting's alone, (m,), and what shared ones do."""
+    # By slopes of shape (k, m); NaN where nothing is known.
     n, m = len(stage.own), slopes.shape[1]
     if stage.covariance is None:
         return np.full(m, math.nan), np.zeros((m, len(stage.shared)))
@@ -432,12 +415,10 @@ def _bends(
 
 
 def _undetermined(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray:
-    """Return how far forces beyond the tested speed may lie below and above, (2, m), N.
-
-    A quantity that the logs do not determine is put to the ends of what they leave open: a blow-off
-    that no log opens may open right above the pressures that they reach, or never. At tested
-    speeds the logs hold the force, whichever of them it is.
-    """
+    """How far forces beyond the tested speed may lie below and above, (2, m), N."""
+    # A quantity that the logs do not determine is put to the ends of what they leave open: a
+    # blow-off that no log opens may open right above the pressures that they reach, or never. At
+    # tested speeds the logs hold the force, whichever of them it is.
     spans = np.zeros((2, len(curve.speeds)))
     is_beyond = np.abs(curve.speeds) > (1.0 + REPEATS) * stage.top_speed
     for name, limits in stage.open_limits if is_beyond.any() else ():
@@ -450,11 +431,10 @@ def _undetermined(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray
 
 
 def determined_speed(stage: Stage, damper: Model) -> float:
-    """Return the speed up to which the logs determine the force of a setting, m/s.
+    """Return the speed up to which the logs determine the force of a setting, m/s; NaN: not known.
 
-    Up to it the 95 % interval is within 5 % of the damping in both strokes. It is looked for from
-    the tested speed, below which the logs hold the force, to five times it; NaN where nothing is
-    known of errors or of what was tested. A SimulationError: the damper cannot be simulated.
+    Up to it, from the tested speed to five times it, the 95 % interval is within 5 % of the damping
+    in both strokes. A SimulationError: the damper cannot be simulated.
     """
     top = stage.top_speed
     if not 0.0 < top < math.inf or stage.covariance is None:
@@ -469,11 +449,9 @@ def determined_speed(stage: Stage, damper: Model) -> float:
 
 
 def credible_forces(forces: Sequence[Force]) -> tuple[Force, ...]:
-    """Return the forces to show: as measured at speeds and strokes where any setting disagrees.
-
-    All settings there, so that a change from one to the next is of one kind; where one was not
-    measured at that speed, they stay the model's.
-    """
+    """Return the forces to show: as measured at speeds and strokes where any setting disagrees."""
+    # All settings there, so that a change from one to the next is of one kind; where one was not
+    # measured at that speed, they stay the model's.
     groups: dict[tuple[float, str], list[Force]] = defaultdict(list)
     for one in forces:
         groups[one.speed, one.stroke].append(one)
@@ -524,11 +502,8 @@ class Sine(NamedTuple):
 
 
 def fastest_sine(tested: Sequence[tuple[float, float, float]]) -> Sine:
-    """Return the sine of the fastest motion; of several as fast, that of the middle stroke.
-
-    A motion, given by amplitude, frequency and peak speed (m, Hz, m/s), that is no sine (a
-    triangle, a road) stands for the sine of its stroke and speed.
-    """
+    """Return the sine of the fastest motion, by amplitude, frequency, peak speed (m, Hz, m/s)."""
+    # What is no sine (a triangle, a road) stands for the sine of its stroke and speed.
     fastest = max(speed for *_, speed in tested)
     near = [one for one in tested if one[2] >= (1.0 - _AS_FAST) * fastest]
     # Tests of one speed at several strokes have no motion in common: their means were never run.

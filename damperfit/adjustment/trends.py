@@ -213,10 +213,7 @@ def least_squares(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, Fl
 def choose(
     points: Points, families: Sequence[tuple[str, int]] | None = None
 ) -> tuple[Curve, tuple[int, ...]]:
-    """Return the curve of the settings that follow it, and the places of those that do not.
-
-    It is chosen from scales and degrees, by default all that the number of settings allows.
-    """
+    """Return the curve of the settings that follow it, and the places of those that do not."""
     n = points.n
     if families is None:
         families = [("log", 0)]
@@ -257,10 +254,8 @@ def _curves(points: Points, scale: str, degree: int) -> Iterator[tuple[Curve, tu
 
 
 def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tuple[int, ...]:
-    """Return the n points without which the sum of squares is least, from one fit of all.
-
-    Leaving out the points S takes e_S (I - H)_SS^-1 e_S off it, with residuals e and hat matrix H.
-    """
+    """The n points without which the sum of squares is least, from one fit of all."""
+    # Leaving out the points S takes e_S (I - H)_SS^-1 e_S off it, with residuals e, hat matrix H.
     values = _from_logs(scale, points.logs - points.logs.mean())
     weights = 1.0 / np.sqrt(points.errors**2 + tau**2)
     if scale in _SIGN:  # weighed by the values themselves
@@ -295,9 +290,8 @@ def _criterion(points: Points, curve: Curve, left_out: Sequence[int]) -> float:
 def _is_jump(points: Points, curve: Curve, place: int, left_out: Sequence[int]) -> bool:
     """Whether a setting at an end breaks off, and does not just go on getting steeper.
 
-    A curve that grows without bound towards its end, such as the root of the distance to it, is no
-    polynomial on any scale. There the third divided difference of ln y grows from setting to
-    setting, threefold at most with ln; at a jump it comes from nothing.
+    A curve that grows without bound towards its end is no polynomial on any scale. There the third
+    divided difference of ln y grows, threefold at most with ln; at a jump it comes from nothing.
     """
 
     def third_difference(settings: FloatArray, values: FloatArray) -> float:
@@ -380,11 +374,7 @@ class Trend:
 def find_trends(
     fits: Sequence[Fit], uncertainties: Mapping[Setting, Uncertainty]
 ) -> tuple[Trend, ...]:
-    """Return the trend of every parameter that was fitted setting by setting.
-
-    Each runs along one adjuster with the others held. Fits stand by rising setting; a value without
-    an interval does not count.
-    """
+    """Return the trend of every parameter that was fitted setting by setting, by adjuster."""
     own = {Status.FITTED, Status.AT_BOUND, Status.NOT_IDENTIFIABLE}
     trends = []
     for line in lines_of(fit.setting for fit in fits):
@@ -580,8 +570,6 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
 def in_few_words(sentences: Iterable[str]) -> tuple[str, ...]:
     """Return sentences on trends, those that differ in their parameter alone as one.
 
-    Examples
-    --------
     >>> in_few_words(["R_m1: no trend", "R_m2: no trend", "K_e rises"])
     ('R_m1, R_m2: no trend', 'K_e rises')
     """

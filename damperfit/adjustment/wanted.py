@@ -136,10 +136,7 @@ def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> s
 def which_setting(
     forces: Sequence[Force], force: float, *, line: SettingLine | None = None
 ) -> Wanted:
-    """Return the settings at which a force is reached, of forces at one speed and stroke.
-
-    They are looked for along a line of two settings or more, by default that of the only adjuster.
-    """
+    """Return the settings at which a force is reached, of forces at one speed and stroke."""
     along = line or lines_of(one.setting for one in forces)[0]
     mine = [one for one in forces if one.setting in along.numbers]
     wanted = _Curve(mine, along).wanted(force)

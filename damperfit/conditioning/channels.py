@@ -73,10 +73,7 @@ def _channels(recording: Recording, rows: tuple[slice, slice], period: float) ->
 def examine_channels(
     recording: Recording, driven: slice, compared: slice, *, period: float
 ) -> Iterator[Finding]:
-    """Yield what is remarkable in the displacement that drives, and in the compared force.
-
-    `period` is the samples in a cycle, 0 where nothing repeats.
-    """
+    """Yield what is remarkable in the displacement that drives, and in the compared force."""
     for channel in _channels(recording, (driven, compared), period):
         n = len(channel.values)
         if n < 8:
@@ -344,10 +341,7 @@ def _spikes(channel: _Channel, usual: float, *, noise: float) -> Iterator[Findin
 
 
 def bridge_spikes(recording: Recording, period: float) -> Recording:
-    """Return the recording with its spikes replaced by straight lines, and a finding of that.
-
-    Cycles of so many samples tell a spike from what happens in each of them; 0: nothing repeats.
-    """
+    """Return the recording with its spikes replaced by straight lines, and a finding of that."""
     found: list[Finding] = []
     bridged: dict[str, Any] = {}
     for channel in _channels(recording, (slice(None), slice(None)), period):
@@ -366,14 +360,10 @@ def bridge_spikes(recording: Recording, period: float) -> Recording:
 
 
 def _find_spikes(channel: _Channel, usual: float, *, noise: float) -> tuple[IntArray, FloatArray]:
-    """Return the samples that stand out of those beside them, and not in each cycle, and how far.
-
-    A sample is compared with the median of five, which steps and slopes pass unchanged; `usual` is
-    the range of the channel without its outermost values.
-    """
+    """The samples that stand out of those beside them, and not in each cycle, and how far."""
     values, period = channel.values, channel.period
     beside = np.zeros(len(values))
-    if len(values) >= 5:
+    if len(values) >= 5:  # a sample beside the median of five, which steps and slopes pass
         a, b, e, c, d = (values[k : len(values) - 4 + k] for k in range(5))
         low = np.maximum(np.minimum(a, b), np.minimum(c, d))
         high = np.minimum(np.maximum(a, b), np.maximum(c, d))
@@ -430,14 +420,12 @@ def _find_dropouts(channel: _Channel, least: float, beside: FloatArray) -> IntAr
 
 
 def _is_motion(values: FloatArray, row: int, size: float) -> bool:
-    """Whether a sample stands out as the crest or the knee of a fast motion in a slow log does.
-
-    A cubic through what lies beside, but for the next on either side, leads to a crest, and a line
-    from one side to a knee; where all steps around are larger, nothing stands out.
-    """
+    """Whether a sample stands out as the crest or the knee of a fast motion in a slow log does."""
     if not 3 <= row < len(values) - 3:
         return False
     near = values[row - 3 : row + 4].tolist()
+    # A cubic through what lies beside, but for the next on either side, leads to a crest, a line
+    # from one side to a knee; where all steps around are larger, nothing stands out.
     led = (
         0.9 * (near[1] + near[5]) - 0.4 * (near[0] + near[6]),
         2.0 * near[2] - near[1],

@@ -49,10 +49,7 @@ class Cycles(NamedTuple):
 def find_cycles(
     displacement: FloatArray, velocity: FloatArray, *, steadiness: float
 ) -> Cycles | None:
-    """Return the steady cycles of a motion (m, and metres per sample), or None without any.
-
-    Amplitude and period of each must be within a share, the steadiness, of the medians.
-    """
+    """Return the steady cycles of a motion (m, and metres per sample), or None without any."""
     speed = np.abs(velocity)
     moving = displacement[speed > 0.5 * np.sqrt(mean_of(velocity**2))]
     if not len(moving):
@@ -143,13 +140,11 @@ def _steady_run(
 def _falling_of(
     falling: FloatArray, run: Cycles, steadiness: float
 ) -> tuple[FloatArray, float, float]:
-    """Return the falling passages of a run, and where it begins and ends by them.
-
-    The first and the last may stand half a cycle outside of the rising ones: there half of the
-    difference that a cycle may have is enough.
-    """
+    """The falling passages of a run, and where it begins and ends by them."""
     begin, end = run.begin, run.end
     rising = run.rising
+    # The first and the last may stand half a cycle outside of the rising ones: there half of the
+    # difference that a cycle may have is enough.
     allowed = 0.5 * _allowed(np.diff(rising), _PERIOD, steadiness, lag=1) * run.period
     inside = falling[(falling > rising[0]) & (falling < rising[-1])]
     if not len(inside):
@@ -165,10 +160,7 @@ def _falling_of(
 def crossings(
     x: FloatArray, velocity: FloatArray, hysteresis: float, *, level: float = 0.0, sign: float = 1.0
 ) -> FloatArray:
-    """Return fractional positions where x rises through a level, from -h to +h beside it.
-
-    Velocity in metres per sample; a sign of -1: where x falls.
-    """
+    """Return fractional positions where x rises (sign -1: falls) through a level, from -h to +h."""
     y = sign * (x - level)
     beyond = np.flatnonzero(np.abs(y) > hysteresis)
     is_above = y[beyond] > 0.0
@@ -213,10 +205,7 @@ def _tops(
 
 
 def clean_cycles(stretch: Stretch) -> FloatArray:
-    """Return boundaries of the cycles in which the filter holds no other motion, samples.
-
-    Where it holds one in all of them, those of the cycle farthest from both.
-    """
+    """Return boundaries of the cycles in which the filter holds no other motion, samples."""
     starts = stretch.cycle_starts
     if stretch.smeared == (0, 0):
         return starts
@@ -224,6 +213,7 @@ def clean_cycles(stretch: Stretch) -> FloatArray:
     clean = starts[(starts >= low) & (starts <= high)]
     if len(clean) >= 2:
         return clean
+    # It holds one in all of them: the cycle that is farthest from both.
     period = float(starts[-1] - starts[0]) / stretch.n_cycles
     begin = min(max(0.5 * (low + high - period), float(starts[0])), float(starts[-1]) - period)
     return np.array([begin, begin + period])
@@ -280,10 +270,7 @@ class SteadyRun(NamedTuple):
 
 
 def turning_points(x: FloatArray, reach: float) -> IntArray:
-    """Return the samples at which the motion turns, valleys and peaks by turns.
-
-    A turn counts from a way back of `reach`, m, on.
-    """
+    """Return the samples at which the motion turns; a turn counts from a way back, m, on."""
     samples = np.ascontiguousarray(x, np.float64)
     turns = np.empty(len(samples), np.int64)
     return turns[: compiled_core().turns(samples, turns, reach)].copy()

@@ -127,10 +127,10 @@ class _Scan(NamedTuple):
 def estimate_delay(  # noqa: PLR0911 - one return a reason
     log: UniformLog, trace: Trace
 ) -> tuple[float, float] | str:
-    """Return by how much the force is late (negative: the displacement is), and its uncertainty, s.
+    """Return by how much the force is late, s, and about three standard errors of it; or why not.
 
-    About three standard errors; how samples and cycles fall is part of it. From the log as it was
-    recorded, not filtered by us; where it is not found, why.
+    From the log as it was recorded, not filtered by us; how samples and cycles fall is in the
+    error.
     """
     ends = _ends(trace)
     beside = [_beside(log, end) for end in ends]
@@ -203,11 +203,8 @@ def _straight(at: FloatArray, trace: Trace) -> FloatArray:
 
 
 def _rests_at(log: UniformLog, ends: FloatArray) -> bool:
-    """Whether a motion rests at its ends: a dwell, or a crank that goes through its play.
-
-    Friction turns anywhere in such a rest, so that its jump tells no delay. Looked at as logged: a
-    filter rounds a short rest off.
-    """
+    """Whether a motion rests at its ends: a dwell, or a crank that goes through its play."""
+    # Friction turns anywhere in such a rest. As logged: a filter rounds a short rest off.
     far = int(_REACH / log.interval)
     at = np.rint((ends - log.start_time) / log.interval).astype(np.int64)
     at = at[(at >= far) & (at + far < len(log.displacement))]
@@ -243,10 +240,7 @@ def _without_smooth(lag: FloatArray, force: FloatArray, *, kink: float | None) -
 
 
 def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
-    """Return what is left of the force for each delay.
-
-    A step that the smooth part makes up tells nothing: what is left of both is rounding.
-    """
+    """What is left of the force for each delay; a step that the smooth part makes up is none."""
     rests, jumps = np.empty((2, len(sides), len(delays)))
     for side, rest, jump in zip(sides, rests, jumps, strict=True):
         compiled_core().steps(

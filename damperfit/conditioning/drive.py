@@ -324,11 +324,9 @@ def _hum(spacing: float, n_lines: int) -> list[int]:
 
 
 def unclear_turns(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -> list[int]:
-    """Return the samples at which noise decides which way friction acts, where they are many.
-
-    A sine of 200 samples a cycle that turns at one of them turns at all of them: its friction is
-    then too small by as much as they are. Where samples fall elsewhere in each cycle there are few.
-    """
+    """Return the samples at which noise decides which way friction acts, where they are many."""
+    # A sine of 200 samples a cycle that turns at one of them turns at all of them: its friction is
+    # then too small by as much as they are. Where samples fall elsewhere in each there are few.
     noise = noise_of(log.displacement) * math.sqrt(2.0 * drive.corner * log.interval)
     noise *= 2.0 * math.pi * drive.corner / math.sqrt(3.0)
     unclear = np.abs(drive.velocity) <= _UNCLEAR * noise
@@ -392,8 +390,7 @@ class _Line(NamedTuple):
 def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Drive | None:
     """Return the drive of a log that moves in straight lines; None where it does not.
 
-    `part` are the samples that drive the model. Beyond them the drive is what was logged, without
-    sense, but for a few samples where a line would be too short to be told by those of the part.
+    Over the samples of a part and a few beside it, where a line would be too short.
     """
     first, stop, _ = part.indices(len(displacement))
     for seconds in _LEVERS:
@@ -454,10 +451,7 @@ def _refined(x: FloatArray, turns: list[int], lever: int) -> list[int]:
 
 
 def _lines(x: FloatArray, turns: list[int], noise: float, *, margin: int = 1) -> list[_Line] | None:
-    """Return the lines before, between and behind turns; None where one is not straight.
-
-    A line that only seems to rise is level: friction would slide one way.
-    """
+    """The lines before, between and behind turns; None where one is not straight."""
     lines = []
     for before, behind in pairwise([-margin - 1, *turns, len(x) + margin]):
         at = np.arange(before + margin + 1, behind - margin)
@@ -472,6 +466,7 @@ def _lines(x: FloatArray, turns: list[int], noise: float, *, margin: int = 1) ->
         allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * n)
         if math.sqrt(float(rest @ rest) / n) > allowed * noise:
             return None
+        # A line that only seems to rise is level: friction would slide one way.
         is_level = math.isfinite(noise) and abs(slope) <= _AT_REST * noise / math.sqrt(power)
         lines.append(_Line(middle, level, 0.0 if is_level else slope, n, power))
     return lines
@@ -480,10 +475,7 @@ def _lines(x: FloatArray, turns: list[int], noise: float, *, margin: int = 1) ->
 def _crossings(
     x: FloatArray, turns: list[int], lines: list[_Line], noise: float
 ) -> FloatArray | None:
-    """Return where each line crosses the next, counted as in `Motion.jumps`, m a sample.
-
-    None where lines cross elsewhere than the motion turns, or its samples there lie beside them.
-    """
+    """Where each line crosses the next, as in `Motion.jumps`; None where no motion turns there."""
     jumps = np.empty((len(turns), 4))
     for k, (turn, (one, two)) in enumerate(zip(turns, pairwise(lines), strict=True)):
         step = two.slope - one.slope

@@ -39,10 +39,7 @@ _APART = 0.1  # gas pressures nearer than this tell the rod's area badly
 
 
 def copies_in(traces: Sequence[Trace], files: Mapping[str, str]) -> dict[str, list[Trace]]:
-    """Return the logs that hold the same test as an earlier one, by the earlier one's name.
-
-    `files` has the file of each by its name: tests in one file are no copies.
-    """
+    """Return the logs that hold the same test as one of another file, by the earlier one's name."""
     copies: dict[str, list[Trace]] = defaultdict(list)
     by_length: dict[int, list[tuple[Trace, float]]] = defaultdict(list)
     for trace in traces:
@@ -137,10 +134,7 @@ class Contradiction(NamedTuple):
 
 
 def contradiction(traces: Sequence[Trace], *, has_temperature_law: bool) -> Contradiction | None:
-    """Return the largest difference between tests of one motion; None within their scatter.
-
-    Of one setting. `has_temperature_law`: logs of different temperatures may differ.
-    """
+    """Return the largest difference between a setting's tests of one motion beyond scatter."""
     found = (
         difference
         for first, second in combinations(traces, 2)
@@ -174,8 +168,7 @@ def _differences(first: Trace, second: Trace, a: Stretch, b: Stretch) -> Iterato
 def rod_area_ratio(traces: Sequence[Trace], damper: Model) -> float | None:
     """Return the rod's area over the declared one, as the level of the force over pressure tells.
 
-    Of tests of one setting and one motion at gas pressures of their own: there the mean force
-    differs by the gas alone. None where there are no such tests.
+    Of tests of one setting and motion at gas pressures of their own; None where there are none.
     """
     by_setting: dict[Setting | None, list[Trace]] = defaultdict(list)
     for trace in traces:

@@ -67,13 +67,9 @@ def design_filter(
 ) -> FilterDesign:
     """Return a Butterworth low-pass of the kind "zero_phase", "causal" or "none".
 
-    "zero_phase": forward and backward, combined gain -3 dB at the corner, Hz. "causal": forward
-    only, -3 dB at the corner. "none": passes everything. The order is that of one pass, the sample
-    rate in Hz; `key` is what the corner is called where a user says it. A ConfigurationError:
-    unknown kind; a ConditioningError: the corner is not below half the sample rate.
+    The order is that of one pass, corner and sample rate in Hz; `key` is what the corner is called
+    where a user says it. A ConditioningError: the corner is not below half the sample rate.
 
-    Examples
-    --------
     >>> design_filter("zero_phase", 30.0, sample_rate=1000.0).description
     'zero-phase Butterworth low-pass, order 4 forward and backward, -3 dB at 30 Hz'
     """
@@ -107,11 +103,9 @@ def design_filter(
 
 @lru_cache(maxsize=64)
 def _sections(order: int, corner: float, sample_rate: float) -> tuple[tuple[float, ...], ...]:
-    """Pairs of poles by rising resonance, the whole gain in the first section.
-
-    s/w = (z - 1)/(z + 1)/tan(pi fc/fs) takes 1/(s^2 + 2 c s + 1), and 1/(s + 1) of an odd order, to
-    the sections below.
-    """
+    """Pairs of poles by rising resonance, the whole gain in the first section."""
+    # s/w = (z - 1)/(z + 1)/tan(pi fc/fs) takes 1/(s^2 + 2 c s + 1), and 1/(s + 1) of an odd order,
+    # to the sections below.
     w = math.tan(math.pi * corner / sample_rate)
     rows, gain = [], 1.0
     if order % 2:
@@ -137,33 +131,22 @@ def completed(design: FilterDesign, corner: float, order: int) -> FilterDesign:
     return FilterDesign(design.sections, True, text)
 
 
-def apply_filter(design: FilterDesign, signal: FloatArray, axis: int = -1) -> FloatArray:
-    """Return a signal behind a filter: same shape, new memory.
-
-    The design is from `design_filter`, or a trace's ``model_filter``; the signal of any shape, at
-    least two samples along the axis of time.
-    """
+def apply_filter(design: FilterDesign, signal: FloatArray) -> FloatArray:
+    """Return a signal behind a filter along its last axis, two samples or more: new memory."""
     if not len(design.sections):
         return np.array(signal, dtype=np.float64)
     moved = np.asarray(signal, dtype=np.float64)
-    if axis != -1:
-        moved = np.moveaxis(moved, axis, -1)
     if design.bridged:
         at = np.array(design.bridged)
         moved = moved.copy()
         moved[..., at] = 0.5 * (moved[..., at - 1] + moved[..., at + 1])
     if design.is_zero_phase:
-        passed = _run(design, moved, pad=min(fading_samples(design), moved.shape[-1] - 1))
-    else:
-        passed = _run(design, moved)
-    return passed if axis == -1 else np.moveaxis(passed, -1, axis)
+        return _run(design, moved, pad=min(fading_samples(design), moved.shape[-1] - 1))
+    return _run(design, moved)
 
 
 def complete_causal(design: FilterDesign, signal: FloatArray) -> FloatArray:
-    """Return a causally filtered signal after the time-reversed pass of the same filter.
-
-    The delay of the first pass is corrected exactly: together both are |H|^2 with zero phase.
-    """
+    """Return a causally filtered signal behind the time-reversed pass: both have zero phase."""
     n = signal.shape[-1]
     pad = min(fading_samples(design), n - 1)
     behind = 2.0 * signal[..., -1:] - signal[..., -2 : -pad - 2 : -1]
@@ -245,11 +228,6 @@ def corner_of(design: FilterDesign, *, sample_rate: float) -> float:
 def differentiate(displacement: FloatArray, interval: float) -> FloatArray:
     """Return the slope of the not-a-knot cubic spline through uniform samples, m/s.
 
-    Displacement, m, of shape (n,), n >= 4; the interval in s.
-
-    Examples
-    --------
-    >>> import numpy as np
     >>> t = np.arange(6) * 0.5
     >>> np.allclose(differentiate(t**3, 0.5), 3 * t**2)
     True

@@ -204,11 +204,7 @@ def _both_channels(seen: _Seen) -> Iterator[Finding]:
 
 
 def _frozen_rows(seen: _Seen) -> Iterator[Finding]:
-    """A logger that drops out repeats its last row.
-
-    Both channels stand still for so many rows, and then jump by more than so many usual steps of
-    the displacement. A rest ends at a speed, not in a jump.
-    """
+    """A logger that drops out repeats its last row; a rest ends at a speed, not in a jump."""
     time = seen.recording.time
     steps = np.abs(np.diff(seen.recording.displacement))
     is_still = (steps == 0.0) & (np.diff(seen.recording.force) == 0.0)

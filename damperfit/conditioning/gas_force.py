@@ -57,17 +57,15 @@ _SLOW = 0.1  # of the stretch's peak speed
 
 
 def held_share(trace: Trace) -> float:
-    """Return the share of the measured force's range that is left at a tenth of the speed.
-
-    The median over the stretches of a log; NaN where none passes that speed both ways.
-    """
-    if not trace.stretches:
-        return math.nan
+    """Return the share of the measured force's range that is left at a tenth of the speed."""
     return held_shares(trace, trace.force[trace.compared][None, :])[0]
 
 
 def held_shares(trace: Trace, forces: FloatArray) -> tuple[float, ...]:
-    """Return the `held_share` of several forces, (k, n), at the compared samples."""
+    """Return the `held_share` of forces, (k, n), at the compared samples: of stretches the median.
+
+    NaN where none passes that speed both ways.
+    """
     shares = []
     for one, place in zip(trace.stretches, trace.places, strict=True):
         v, part = trace.velocity[one.window], forces[:, place]
@@ -152,14 +150,12 @@ def gas_force(gas: GasFacts, displacement: FloatArray) -> FloatArray:
 
 
 def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> ForceLevel:
-    """Return the force level of what is compared of a trace, behind a filter of this corner, Hz.
-
-    Of several motions the one that hides it least tells the level: valves that open below a tenth
-    of the highest speed look like a level there. The curvature is that of all of them.
-    """
+    """Return the force level of what is compared of a trace, behind a filter of this corner, Hz."""
     whole = _level_of(trace, gas, corner)
     if len(trace.stretches) < 2:
         return whole
+    # The motion that hides it least tells the level: valves that open below a tenth of the highest
+    # speed look like a level there. The curvature is that of all of them.
     alone = (replace(trace, stretches=(one,)) for one in trace.stretches)
     clearest = min((_level_of(one, gas, corner) for one in alone), key=lambda level: level.doubt)
     return clearest._replace(

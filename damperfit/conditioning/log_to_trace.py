@@ -170,11 +170,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
 def _driven(
     seen: FilteredLog, found: Sequence[FoundStretch], part: slice, options: ConditionOptions
 ) -> tuple[FilteredLog, Drive]:
-    """Return what drives the model over a part of the log: lines, where its motion is straight.
-
-    A sample at a jump of the speed may have the friction of before it or of after it, and so may
-    one at which a sine turns: it is bridged, of the measured and of the simulated force.
-    """
+    """What drives the model over a part of the log: lines, where its motion is straight."""
     drive = make_drive(seen, found, options)
     if options.filter != "zero_phase":
         return seen, drive
@@ -186,6 +182,8 @@ def _driven(
             return seen, drive
         drive = lines
         at = [int(jump) for jump in lines.jumps[:, 0].tolist() if jump == round(jump)]
+    # A sample at a jump of the speed may have the friction of before it or of after it, and so may
+    # one at which a sine turns: it is bridged, of the measured and of the simulated force.
     inside = tuple(one for one in at if 0 < one < len(seen.force) - 1)
     if not inside:
         return seen, drive
@@ -196,10 +194,7 @@ def _driven(
 def _with_whole(
     trace: Trace, part: ComparedPart, options: ConditionOptions, centre: float
 ) -> Trace:
-    """Keep what was logged beside, where there is more motion in it: one array, two views.
-
-    A jump of the velocity in a run-up must not be smeared: it drives the model as any motion does.
-    """
+    """Keep what was logged beside, where there is more motion in it: one array, two views."""
     seen, keep = part.seen, part.keep
     x, v = seen.displacement - centre, seen.velocity
     whole = replace(
@@ -261,11 +256,9 @@ _NEAR_ZERO = 1.0 / 3.0  # of the amplitude: a sensor that counts from its end is
 
 
 def _middle_of(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:
-    """Return what is taken as x = 0 where nobody has declared it, in the log's own count.
-
-    The middle of the widest stretch. A motion that wanders, such as a road, has none that is the
-    damper's: the log's own 0 is taken, if it lies anywhere near the middle of the range.
-    """
+    """What is taken as x = 0 where nobody has declared it, in the log's own count."""
+    # The middle of the widest stretch. A motion that wanders, such as a road, has none that is the
+    # damper's: the log's own 0 is taken, if it lies anywhere near the middle of the range.
     widest = max(stretches, key=lambda stretch: stretch.amplitude)
     part = displacement[widest.window]
     middle = 0.5 * float(part.max() + part.min())
@@ -378,9 +371,8 @@ def _refuse_small(trace: Trace, options: ConditionOptions) -> None:
 def _refuse_swapped(trace: Trace) -> None:
     """Refuse a log whose force is driven and whose displacement answers: the wrong columns.
 
-    A machine drives the displacement, near enough a sine. The force answers with harmonics: those
-    of the displacement grow in the velocity, and valves and friction add theirs. Measured: 1e-9 to
-    0.004 of the displacement's power is in harmonics, 0.15 of the force's share at most.
+    A machine drives the displacement, near enough a sine; the force answers with harmonics.
+    Measured: 1e-9 to 0.004 of the displacement's power, 0.15 of the force's share at most.
     """
     if not trace.fastest.n_cycles:
         return  # a random motion has no harmonics

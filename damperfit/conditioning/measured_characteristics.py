@@ -107,12 +107,11 @@ def mean_energy(trace: Trace, stretch: Stretch, force: FloatArray) -> float:
 def peak_velocity_forces(
     speed: FloatArray, signals: FloatArray, begins: IntArray
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Return the peak speed of a stroke, and what signals are there (peak velocity pick-off).
+    """Return the peak speed of a stroke, and what signals, (k, n), are there, with their errors.
 
-    Of steady cycles that begin at these samples: speed, m/s, positive in the stroke, and signals,
-    (k, n). About the middle of each passage of 0.9 of the peak speed a parabola is laid through the
-    samples of half that passage, of all cycles in one: noise must not pick the sample. The last is
-    the standard error of each signal by the scatter of the cycles, NaN for one cycle.
+    Of steady cycles that begin at these samples, speed positive in the stroke. About the middle of
+    each passage of 0.9 of the peak speed a parabola is laid through half of its samples, of all
+    cycles in one: noise must not pick the sample. Errors by the scatter of the cycles; NaN for one.
     """
     top = median(np.maximum.reduceat(speed, begins))
     is_fast, is_slow = speed >= _NEAR_PEAK * top, speed < _SLOW * top

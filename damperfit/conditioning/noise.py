@@ -40,10 +40,7 @@ _BY_CYCLES = "scatter between cycles"
 
 
 def noise_floor(trace: Trace) -> float:
-    """Return the noise of the compared force, percent of its variance, eq. (22).
-
-    NaN where a stretch has but a single cycle, and where the force does not vary.
-    """
+    """Return the noise of the compared force, percent of its variance, eq. (22); NaN: not known."""
     variance = variance_of(trace.force[trace.compared])
     if not variance > 0.0:
         return math.nan
@@ -87,10 +84,7 @@ def _impulse(of: tuple[bytes, bool], more: int) -> FloatArray:
 
 
 def _scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
-    """Return the mean square of what the force differs by from cycle to cycle, N^2.
-
-    NaN for a single cycle, and where the filter holds another motion through most of it.
-    """
+    """The mean square of what the force differs by from cycle to cycle, N^2; NaN: not known."""
     if stretch.n_cycles < 2:
         return math.nan
     starts = stretch.cycle_starts
@@ -111,11 +105,9 @@ def _scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
 
 
 def noise_beside_motion(trace: Trace) -> float:
-    """Return what is left of the fastest stretch's noise floor beside what its motion explains, %.
-
-    The force of each cycle, less the mean cycle, is laid upon what displacement, velocity and its
-    square differ by from theirs: a motion that drifts makes a force that does.
-    """
+    """Return what is left of the fastest stretch's noise floor beside what motion explains, %."""
+    # The force of each cycle, less the mean cycle, is laid upon what displacement, velocity and its
+    # square differ by from theirs: a motion that drifts makes a force that does.
     starts = clean_cycles(trace.fastest)
     floor = noise_floor(trace)
     if len(starts) < 3 or math.isnan(floor):
@@ -135,10 +127,7 @@ def noise_beside_motion(trace: Trace) -> float:
 def _folded(
     channels: FloatArray, starts: FloatArray, phases: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return channels at each phase of each cycle, (k, cycles, phases), by a cubic through four.
-
-    And the weights of the four, (4, places). Beyond the ends the outermost four are read on.
-    """
+    """Channels at each phase of each cycle, (k, cycles, phases), and weights of samples."""
     at = (starts[:-1, None] + np.diff(starts)[:, None] * phases).ravel()
     first = np.clip(at, 1.0, channels.shape[1] - 3.0).astype(np.int64) - 1
     u = at - first - 1.0
@@ -187,11 +176,7 @@ def noise_ratio(
     *,
     beyond: tuple[float, float] | None = None,
 ) -> float:
-    """Return the noise just above the motion over that far above it; NaN where none can tell.
-
-    Of a channel as logged, whose cycles begin at `starts`, samples; `beyond` is the upper band, Hz,
-    0.3 to 0.45 of the sample rate.
-    """
+    """Return the noise just above the motion over that in a band far above; NaN: none can tell."""
     if len(starts) < 3:
         return math.nan
     unlike, begins, period = _unlike_cycles(signal, starts)
@@ -208,10 +193,8 @@ def noise_ratio(
 
 
 def _unlike_cycles(signal: FloatArray, starts: FloatArray) -> tuple[FloatArray, IntArray, float]:
-    """Return what a signal differs by from one cycle to the next, its half cycles, and a cycle.
-
-    What is another level or size of each half cycle is taken off: it is no noise.
-    """
+    """What a signal differs by from one cycle to the next, its half cycles, and a cycle."""
+    # What is another level or size of each half cycle is taken off: it is no noise.
     period = float(starts[-1] - starts[0]) / (len(starts) - 1)
     at = np.arange(math.ceil(starts[0]), math.floor(starts[-1] - period))
     unlike = np.interp(at + period, np.arange(len(signal)), signal) - signal[at]
@@ -282,10 +265,7 @@ _TONE_SEEN = 0.35  # of its size, at least, is in that difference
 def tone(
     signal: FloatArray, starts: FloatArray, interval: float, corner: float
 ) -> tuple[float, float]:
-    """Return frequency, Hz, and amplitude of a line off the harmonics; zeros where there is none.
-
-    Of a channel as logged, whose cycles begin at `starts`, samples; below a corner, Hz.
-    """
+    """Return frequency, Hz, and amplitude of a line off the harmonics; zeros for none."""
     unlike, _, period = _unlike_cycles(signal, starts)
     n = len(unlike)
     window = _window(n)

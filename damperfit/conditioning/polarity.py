@@ -116,11 +116,7 @@ def rest_of(
 def find_signs(  # noqa: PLR0911 - one return a case, in the order of the text above
     trace: Trace, recording: Recording, level: ForceLevel | None, rest: _Rest | None
 ) -> Signs:
-    """Return which channels of a log must be reversed; its trace is that of the log as it stands.
-
-    A ConditioningError: the loop gives energy, and both signs were declared or it is not certain
-    which is wrong.
-    """
+    """Return which channels of a log must be reversed; its trace is that of the log as logged."""
     power = trace.force[trace.compared] * trace.velocity[trace.compared]
     share = mean_of(power) / max(mean_of(np.abs(power)), 1e-300)
     joules = mean_of(power) / trace.frequency

@@ -85,10 +85,7 @@ class ComparedPart(NamedTuple):
 
 
 class _Motion:
-    """A log behind the filter, its turns and steady runs.
-
-    Where the log is continued, `first` and `stop` are the samples that were logged.
-    """
+    """A log behind the filter, its turns and steady runs."""
 
     def __init__(
         self,
@@ -98,7 +95,7 @@ class _Motion:
         logged: tuple[int | None, int | None] = (None, None),
     ) -> None:
         self.name, self.log, self.options = name, log, options
-        self.first, self.stop = logged
+        self.first, self.stop = logged  # where the log is continued
         self.seen = behind_filter(log, options)
         self.turns = cycles_of(self.seen.displacement)
         self.runs = list(runs_of(self.turns, options.steadiness, near=_MOVED / log.interval))
@@ -115,24 +112,18 @@ class _Motion:
 
     @property
     def is_one_run(self) -> bool:
-        """Whether it is one run without a look at its passages.
-
-        Each stroke of a run whose middle keeps its place passes a quarter of the amplitude on both
-        sides of it, so that a run of three cycles beside what is left out has a whole one inside.
-        """
+        """Whether it is one run without a look at its passages."""
         if not self.repeats or len(self.runs) != 1:
             return False
+        # Each stroke of a run whose middle keeps its place passes a quarter of the amplitude on
+        # both sides of it: three cycles beside what is left out have a whole one inside.
         (run,) = self.runs
         keeps_place = float(np.ptp(self.turns.middle[run.cycles])) <= _IN_PLACE * run.amplitude
         return keeps_place and run.last - run.first >= _SURELY * run.period + 2.0 * self.seen.fading
 
 
 def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> ComparedPart:
-    """Return what of a log is compared with the model.
-
-    A ConditioningError: too few steady cycles, a motion that the filter takes away, a corner beyond
-    half the rate.
-    """
+    """Return what of a log is compared with the model."""
     try:
         motion = _Motion(name, log, options)
     except ConditioningError as error:
@@ -229,12 +220,10 @@ def _continued(
 
 
 def _several(motion: _Motion) -> tuple[FoundStretch, ...]:
-    """Return the stretches of a log that is not one steady run; none where it is.
-
-    Noise of a sensor at rest is no motion: nearly all of its speed is far up.
-    """
+    """The stretches of a log that is not one steady run; none where it is."""
     if found := _steady_runs(motion):
         return found
+    # Noise of a sensor at rest is no motion: nearly all of its speed is far up.
     interval = motion.log.interval
     corner = min(0.5 * motion.options.declared_corner, 0.1 / interval)
     if content_beyond(motion.seen.displacement, interval, corner) > _NOISE:
@@ -369,10 +358,7 @@ def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
 
 
 def _belonging(at: FloatArray, run: SteadyRun, x: FloatArray, *, moved: float) -> FloatArray:
-    """Return the passages of one direction that are a run's, one more at an end if alike.
-
-    `x` is the displacement, `moved` the samples that the filter may move a passage by.
-    """
+    """The passages of one direction that are a run's, one more at an end if alike."""
     near = 0.02 * run.period
     inside = at[(at >= run.first - near) & (at <= run.last + near)]
     if not len(inside):
@@ -508,11 +494,7 @@ _ALIKE = 0.05
 
 
 def transients(trace: Trace) -> Trace | None:
-    """Return a log with what moves beside its stretches as stretches; None where nothing does.
-
-    What a log holds before its first stretch counts only where it begins at rest: else the model's
-    state is not yet that of the damper.
-    """
+    """Return a log with what moves beside its stretches as stretches; None where nothing does."""
     seen = trace if trace.whole is None else trace.whole
     slow = _AT_REST * max(one.peak_speed for one in seen.stretches)
     longest = max(one.amplitude for one in seen.stretches)
@@ -520,6 +502,8 @@ def transients(trace: Trace) -> Trace | None:
     moving = _moving_parts(seen.velocity, slow, seen.interval)
     for first, stop in zip(*moving, strict=True):
         counts[first:stop] = True
+    # What is before the first counts only where the log begins at rest: else the model's state is
+    # not yet that of the damper.
     lead = max(1, round(_LEAD / seen.interval))
     if not float(np.max(np.abs(seen.velocity[:lead]))) < slow:
         counts[: seen.stretches[0].first] = False
@@ -554,10 +538,7 @@ def _lasting(counts: BoolArray, interval: float) -> list[tuple[int, int]]:
 
 
 def _is_steady(trace: Trace) -> BoolArray:
-    """Where a passage from turn to turn is one of the steady motion's.
-
-    The first and the last, from rest or to it, may be a part of one.
-    """
+    """Where a passage from turn to turn is one of the steady motion's."""
     last = len(trace.force) - 1
     found = np.zeros(last + 1, dtype=bool)
     turns = turning_points(trace.displacement, TURN * float(np.ptp(trace.displacement)))
@@ -567,7 +548,7 @@ def _is_steady(trace: Trace) -> BoolArray:
     speed = np.abs(trace.velocity)
     fastest = np.maximum(np.maximum.reduceat(speed[:last], ends[:-1]), speed[ends[1:]])
     is_part = np.zeros(len(strokes), dtype=bool)
-    is_part[[0, -1]] = True
+    is_part[[0, -1]] = True  # from rest or to it
     is_like = np.zeros(len(strokes), dtype=bool)
     for one in trace.stretches:
         if one.n_cycles:

@@ -144,11 +144,9 @@ def _jitter(
 
 
 def _has_one_or_two_missing(elapsed: FloatArray, steps: FloatArray) -> bool:
-    """Return whether the stamps are exact but for one or two missing samples.
-
-    At 1 kHz, stamps in whole ms with one row lost look like a slightly lower rate, rounded.
-    More missing rows than two are not spread evenly enough for that.
-    """
+    """Whether the stamps are exact but for one or two missing samples."""
+    # At 1 kHz, stamps in whole ms with one row lost look like a slightly lower rate, rounded. More
+    # missing rows than two are not spread evenly enough for that.
     counts = np.rint(steps / median(steps))
     missing = int(counts.sum()) - len(counts)
     _, interval, off = _line(np.concatenate([[0.0], np.cumsum(counts)]), elapsed)
@@ -165,11 +163,8 @@ def _line(index: FloatArray, elapsed: FloatArray) -> tuple[float, float, float]:
 
 
 def _resolution(time: FloatArray) -> float:
-    """Return the largest power of ten that all stamps are multiples of, s; 0 if below 1e-7 s.
-
-    Stamps that were converted (ms, minutes) or carry an offset keep it in their differences.
-    """
-    elapsed = time - time[0]
+    """The largest power of ten that all stamps are multiples of, s; 0 if below 1e-7 s."""
+    elapsed = time - time[0]  # stamps that were converted or carry an offset keep it there
     blur = 4.0 * float(np.spacing(np.abs(time).max()))
     for exponent in range(0, -8, -1):
         unit = 10.0**exponent
@@ -187,9 +182,8 @@ def continue_log(
 ) -> tuple[UniformLog, int, int]:
     """Return a log with its motion continued, and which samples of that were logged and repeat.
 
-    `begin` and `end` are the samples in a cycle of the steady motion in which the log begins and
-    ends; None where it does not. A cycle of run-in is put before the samples that the filter
-    reaches.
+    `begin` and `end` are the samples in a cycle of the motion in which the log begins and ends. A
+    cycle of run-in is put before the samples that the filter reaches.
     """
     from scipy.interpolate import CubicSpline
 
@@ -253,10 +247,7 @@ def _settled(force: FloatArray, length: float) -> int:
 
 
 def without_delay(log: UniformLog, delay: float) -> UniformLog:
-    """Return the log with the force moved so many seconds ahead, by a cubic spline.
-
-    What has no partner at the ends of the log is left out.
-    """
+    """Return the log with the force moved so many seconds ahead; what has no partner is out."""
     from scipy.interpolate import CubicSpline
 
     samples = np.arange(len(log.force), dtype=np.float64)

@@ -31,39 +31,17 @@ SettingFailure = Failure  # of a setting that has no fit
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Campaign:
-    """The fits of a damper over its settings.
+    """The fits of a damper over its settings."""
 
-    Attributes
-    ----------
-    procedure : str
-        How they were made.
-    fits : tuple of Fit
-        By rising setting.
-    failures : tuple of SettingFailure
-        Settings without a fit and why.
-    warnings : tuple of Problem
-        One plain sentence each.
-    is_complete : bool
-        False when the caller asked to stop before every setting was done.
-    sharing : Sharing
-        How the shared parameters were estimated.
-    searches : tuple of Search
-        What fits from many starts found, where they were asked for.
-    failure : Failure or None
-        What damperfit got wrong in a step over all settings, done without.
-    named : tuple of Quantity
-        Quantities of the model, where there may be no fit to tell them.
-    """
-
-    procedure: str
-    fits: tuple[Fit, ...]
-    failures: tuple[SettingFailure, ...] = ()
+    procedure: str  # how they were made
+    fits: tuple[Fit, ...]  # by rising setting
+    failures: tuple[SettingFailure, ...] = ()  # settings without a fit, and why
     warnings: tuple[Problem, ...] = ()
-    is_complete: bool = True
-    sharing: Sharing = Sharing()
-    searches: tuple[Search, ...] = ()
-    failure: Failure | None = None
-    named: tuple[Quantity, ...] = ()
+    is_complete: bool = True  # False: the caller asked to stop before every setting was done
+    sharing: Sharing = Sharing()  # how the shared parameters were estimated
+    searches: tuple[Search, ...] = ()  # what fits from many starts found, where asked for
+    failure: Failure | None = None  # what damperfit got wrong in a step over all settings
+    named: tuple[Quantity, ...] = ()  # quantities of the model, where no fit may tell them
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -72,16 +50,12 @@ class Campaign:
 
     @property
     def gaps(self) -> tuple[tuple[int, int], ...]:
-        """Runs of settings without a fit within a run of clicks: first and last of each.
-
-        Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
-        """
+        """Runs of settings without a fit within a run of clicks: first and last of each."""
         cells = [Setting.of(fit.setting).cell for fit in self.fits]
         done = [cell for cell in cells if isinstance(cell, int)]
-        if len(done) < len(cells):
-            return ()
         steps = sorted(later - earlier for earlier, later in pairwise(done))
-        if not steps or steps[len(steps) // 2] != 1:
+        # Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
+        if len(done) < len(cells) or not steps or steps[len(steps) // 2] != 1:
             return ()
         return tuple((a + 1, b - 1) for a, b in pairwise(done) if b - a > 1)
 
@@ -135,10 +109,7 @@ def fit_every_setting(
     *,
     known: Mapping[Setting, SettingFailure] = MappingProxyType({}),
 ) -> Campaign:
-    """Run the fit at every setting, side by side; one setting's failure leaves the others.
-
-    Settings that are known to have failed are not tried again.
-    """
+    """Run the fit at every setting, side by side; those `known` to have failed are left alone."""
 
     def of(setting: Setting) -> tuple[Fit, Search | None] | SettingFailure | None:
         if setting in known:

@@ -116,11 +116,6 @@ class Block:
             object.__setattr__(self, "facts", LogFacts(self.traces))
 
     @property
-    def stays_beyond(self) -> bool:
-        """Whether what runs beyond its range stays there."""
-        return self.is_candidate
-
-    @property
     def whole(self) -> Block:
         """The same of the logs as they are."""
         return self if self.cycles is None else replace(self, cycles=None)
@@ -139,14 +134,9 @@ class Block:
         return self.facts.deviation
 
     @property
-    def n_samples(self) -> int:
-        """Samples compared."""
-        return self.facts.n_samples
-
-    @property
     def scale(self) -> float:
         """What makes the sum of squares of a useless model 1."""
-        return 1.0 / (self.deviation * math.sqrt(self.n_samples))
+        return 1.0 / (self.deviation * math.sqrt(self.facts.n_samples))
 
     @property
     def scatter(self) -> float:
@@ -268,14 +258,11 @@ class Block:
         return [sum(next(lengths) for _ in trace.stretches) for trace in self.traces]
 
     def absent_beside(self, known: Collection[str]) -> dict[str, float]:
-        """Values of what is free beside some quantities at which it does nothing to them.
-
-        A bleed that has its laminar share does without an orifice where that is wide, and not where
-        it is closed.
-        """
+        """Values of what is free beside some quantities at which it does nothing to them."""
         absent = {}
         for name in (name for name in self.free if name not in known):
             one = self.model.quantity(name)
+            # A bleed with its laminar share does without an orifice that is wide, not one closed.
             is_beside = one.part == "bleed" and f"{one.stroke}_leak" in known
             absent[name] = one.plausible[0] if is_beside else one.vanishes_at
         return absent
@@ -285,8 +272,7 @@ class Block:
 class FitProblem:
     """Settings that are fitted together, and what they share.
 
-    With a gas content K_e is no variable; V_r and K_B/C are shared in its place, and their columns
-    follow by the chain rule.
+    With a gas content V_r and K_B/C are shared in place of K_e, by the chain rule.
     """
 
     blocks: Mapping[Setting, Block]  # with the same quantities free
@@ -326,7 +312,7 @@ class FitProblem:
     def minimise(self, starts: Mapping[Setting, Values], stopping: Stopping) -> Minimum[Point]:
         """Minimise the weighted sum of squares within the bounds.
 
-        A start that cannot be simulated is a `SimulationError`, of several settings `SettingError`.
+        A start that cannot be simulated: a `SimulationError`, of several settings a `SettingError`.
         """
         with executor(self.jobs) as pool:
             stacked = _Stacked(self, starts, pool)
@@ -353,7 +339,7 @@ class _Stacked:
         settings, names, border = problem.settings, problem.variables, problem.border
         first = problem.blocks[settings[0]]
         self.is_alone = len(settings) == 1 and not border
-        self.stays_beyond = self.is_alone and first.stays_beyond
+        self.stays_beyond = self.is_alone and first.is_candidate
         self.weights = dict(problem.weights or {})
         if self.is_alone and not self.weights:
             self.weights = {settings[0]: first.scale**2}
@@ -423,7 +409,7 @@ class _Stacked:
             rows, is_cavitating = self._rows(setting, values[setting])
             if beyond is not None:
                 rows[1:][beyond] = 0.0  # beyond the bound nothing changes any more
-            mean_square = float(rows[0] @ rows[0]) / self.problem.blocks[setting].n_samples
+            mean_square = float(rows[0] @ rows[0]) / self.problem.blocks[setting].facts.n_samples
             independent = n_independent(rows[0])
             weight = self.weights.get(setting, 1.0 / max(mean_square, 1e-300))
             rows *= math.sqrt(weight)
@@ -468,10 +454,7 @@ class _Stacked:
     def _values(
         self, setting: Setting, known: FloatArray, gas: GasLaw | None
     ) -> tuple[Values, NDArray[np.bool_] | None]:
-        """A setting's values from its variables within the ranges, K_e on its law; what is beyond.
-
-        What is beyond is told of a candidate alone, which stays there.
-        """
+        """A setting's values within the ranges, K_e on its law; of a candidate what is beyond."""
         free, variables = self.problem.free, known
         if gas is not None:
             by_name = dict(zip(self.problem.variables, known, strict=True))
@@ -564,10 +547,7 @@ def is_at_edge(values: Values, name: str) -> bool:
 
 
 def edge_of(values: Values, name: str) -> tuple[str, float]:
-    """On which side a quantity ran out of its range, "below" or "above", and where.
-
-    A friction of 2.65e-261 N that may be 0.001 N at least: ``("below", 0.001)``.
-    """
+    """On which side a quantity ran out of its range, "below" or "above", and where."""
     low, high = values.quantity(name).plausible
     value = getattr(values, name)
     if value < 0.99 * high:  # a friction within its range that is nothing beside the noise, too
@@ -582,10 +562,7 @@ def does_nothing(values: Values, name: str) -> bool:
 
 
 def is_nothing(values: Values, name: str) -> bool:
-    """Whether a quantity that ran to an edge is none, rather than what a fit strains for.
-
-    A friction is also where it is nothing beside the noise.
-    """
+    """Whether a quantity that ran to an edge is none, as is a friction beside the noise."""
     is_low = edge_of(values, name)[0] == "below"
     is_from_below = values.quantity(name).idle_edges[:1] == ("below",)
     return does_nothing(values, name) or (is_low and is_from_below)

@@ -8,6 +8,7 @@ half an error apart: one step of Gauss and Newton on the logs, not evaluated aga
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import TYPE_CHECKING
@@ -79,13 +80,7 @@ EXCELLENT = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitResult:
-    """Where the fit of one setting ended, and what it says of each quantity.
-
-    Independent samples are twice the residuals' sign changes: white ones change sign at every other
-    sample; those behind a low-pass of B Hz 1.15 B times a second, where 2 B samples a second are
-    independent. Errors are rough: textbook covariance with so many samples, infinite where the logs
-    say nothing.
-    """
+    """Where the fit of one setting ended, and what it says of each quantity."""
 
     free: tuple[str, ...]  # what moved
     values: Values  # best point found
@@ -96,11 +91,15 @@ class FitResult:
     failed_trials: int  # those that could not be integrated
     ending: int  # as `Minimum.status`: 0 is the limit of evaluations
     gradient_cosine: float  # largest between the residuals and a column of the Jacobian
+    # Twice the residuals' sign changes: white ones change sign at every other sample; those behind
+    # a low-pass of B Hz 1.15 B times a second, where 2 B samples a second are independent.
     n_independent: float
     is_cavitating: bool  # a chamber is at zero pressure somewhere in what is compared
     status: dict[str, Status] = field(default_factory=dict)
     outcome: Outcome = Outcome.CONVERGED
-    errors: Mapping[str, float] = field(default_factory=dict)  # of what is free, relative
+    # Rough, relative ones of what is free: textbook covariance with so many samples; infinite where
+    # the logs say nothing.
+    errors: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def is_sound(self) -> bool:
@@ -122,41 +121,19 @@ class FitResult:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """One setting's parameters and how far the fit itself vouches for them.
-
-    Attributes
-    ----------
-    setting : Setting
-        Adjuster setting.
-    parameters : Values
-        SI values.
-    status : dict of str to Status
-        For each parameter: fitted, fixed, shared, at_bound, not_identifiable or absent.
-    outcome : Outcome
-        How the fit ended.
-    mse_percent, noise_floor_percent : float
-        Eq. (22) over all logs of the setting, and the share that is scatter between cycles.
-    n_samples, n_cycles, evaluations : int
-        Samples and cycles compared; simulations spent.
-    cavitation : Cavitation
-        Share of the time, lowest pressure, margins to the onset.
-    logs : tuple of LogFit
-        The logs fitted together.
-    warnings : tuple of Problem
-        One plain sentence each.
-    """
+    """One setting's parameters and how far the fit itself vouches for them."""
 
     setting: Setting
-    parameters: Values
-    status: Mapping[str, Status]
-    outcome: Outcome
-    mse_percent: float
-    noise_floor_percent: float
-    n_samples: int
+    parameters: Values  # SI
+    status: Mapping[str, Status]  # of each parameter
+    outcome: Outcome  # how the fit ended
+    mse_percent: float  # eq. (22) over all logs of the setting,
+    noise_floor_percent: float  # and the share that is scatter between cycles
+    n_samples: int  # samples and cycles compared
     n_cycles: int
-    evaluations: int
-    cavitation: Cavitation
-    logs: tuple[LogFit, ...]
+    evaluations: int  # simulations spent
+    cavitation: Cavitation  # share of the time, lowest pressure, margins to the onset
+    logs: tuple[LogFit, ...]  # fitted together
     warnings: tuple[Problem, ...] = ()
 
     @property
@@ -192,7 +169,12 @@ def _ended(block: Block, start: Values) -> FitResult:
     logs = replace(block, cycles=None, max_evaluations=left)
     if block.cancelled():
         raise FitCancelledError("stopped while a fit was running.", code="cancelled")
-    ended = None if near.ending == _LIMIT else _last_step(logs, near.values)
+    ended = None
+    if near.ending != _LIMIT:  # one step on the logs, where that is not too far
+        with suppress(SimulationError):
+            first = descended(replace(logs, max_evaluations=1), near.values, _FINE)
+            if first.mse_percent > block.solvers_percent:
+                ended = _stepped(logs, first, errors=_AN_ERROR)
     ended = ended or _on_logs(logs, near.values)
     return ended.after(near.evaluations, near.failed_trials)
 
@@ -221,17 +203,6 @@ def _on_logs(block: Block, start: Values) -> FitResult:
         # The tighter integrator has failed where the other did not: what it found stands.
         return result.after(1, 1)
     return refined.after(result.evaluations, result.failed_trials)
-
-
-def _last_step(block: Block, near: Values) -> FitResult | None:
-    """One step on the logs from the minimum of their mean cycles; None where that is too far."""
-    try:
-        first = descended(replace(block, max_evaluations=1), near, _FINE)
-    except SimulationError:
-        return None
-    if not first.mse_percent > block.solvers_percent:
-        return None
-    return _stepped(block, first, errors=_AN_ERROR)
 
 
 def descended(block: Block, start: Values, stopping: Stopping) -> FitResult:
@@ -263,7 +234,7 @@ def _stepped(
     """Where the full step leads that is left at a point, without an evaluation there.
 
     None where it changes a value by more than `_SMALL`, leads out of the ranges, is more than so
-    many errors, or leaves more errors, which are the step's times its largest change.
+    many errors, or leaves more of them: the step's times its largest change.
     """
     free, jacobian = block.free, near.jacobian
     if not free or any(is_at_edge(near.values, name) for name in free):
@@ -296,13 +267,11 @@ def _stepped(
 
 
 def is_loose(quantity: Quantity, value: float, error: float, share: float) -> bool:
-    """Whether a standard error is larger than a share of a value, too large to be called found.
-
-    The error is of the logarithm, or in the quantity's size: what is of either sign may be nothing,
-    and then has no relative error. An offset stands beside a force that is known; it never is.
-    """
+    """Whether a standard error, of the logarithm or in the size, is too large beside a value."""
     if quantity.is_logarithmic:
         return error > share
+    # What is of either sign may be nothing, and has no relative error. An offset never is loose:
+    # it stands beside a force that is known.
     return quantity.is_shared and error > share * max(1.0, abs(value) / quantity.size)
 
 

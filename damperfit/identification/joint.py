@@ -120,12 +120,18 @@ class JointSolution(NamedTuple):
     errors: Mapping[str, float]  # rough relative standard errors of the shared unknowns
     gas: GasLaw | None = None  # the law that K_e follows, where one was given
 
+    @property
+    def is_fairly_weighed(self) -> bool:
+        """Whether the weights are those of the end but for what moves nothing."""
+        shifts = [s * self.weights[k] for k, s in self.mean_squares.items()]
+        return max(shifts) <= _SAME_WEIGHT * min(shifts)
+
 
 def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> JointSolution:
     """Minimise the misfit of all settings together, from starts at which what is shared is equal.
 
-    Where the logs of all settings repeat, first on their mean cycles and from there on the logs. A
-    `SettingError` says which setting cannot be simulated at its start, or has met a bug.
+    Where all logs repeat, first on mean cycles. A `SettingError`: a setting cannot be simulated at
+    its start, or has met a bug.
     """
     if any(one.cycles is None for one in problem.blocks.values()):
         return _minimised(problem, starts)
@@ -150,7 +156,7 @@ def _minimised(
     max_evaluations: int = _MAX_EVALUATIONS,
 ) -> JointSolution:
     """The minimum of what the blocks have, their mean cycles or their logs."""
-    n_samples = {setting: one.n_samples for setting, one in problem.blocks.items()}
+    n_samples = {setting: one.facts.n_samples for setting, one in problem.blocks.items()}
     stopping = Stopping(
         step_tolerance=_STEP_TOLERANCE,
         max_evaluations=max_evaluations,
@@ -191,10 +197,7 @@ def declared_sharing(
     adjusters: tuple[str, ...],
     untied: Sequence[str] = (),
 ) -> Sharing:
-    """What does not follow an adjuster as declared is the damper's.
-
-    Offsets, what the model says is each log's, and what is untied stay each setting's own.
-    """
+    """What does not follow an adjuster as declared is the damper's, but for what is each log's."""
     each = adjusters if SETTING in adjusters else ()  # clicks that are not told apart
     whole = {name: each if damper.quantity(name).scope == SETTING else () for name in moving}
     whole |= _known(damper, moving, adjusters)
@@ -235,10 +238,9 @@ def detected_sharing(
     untied: Sequence[str] = (),
     jobs: int = 1,
 ) -> tuple[Sharing, Mapping[Setting, Values], int]:
-    """What is shared as the logs tell it, or as it was declared; where its fit starts; simulations.
+    """What is shared as the logs tell it, or as declared; where its fit starts; simulations.
 
-    Two settings or more, with the same quantities free; `apart` is each fitted by itself. Errors
-    are as of `fit_jointly`.
+    Of two settings or more with the same quantities free; `apart` is each fitted by itself.
     """
     first = blocks[min(blocks)]
     adjusters, moving = min(blocks).adjusters, first.free
@@ -278,10 +280,7 @@ def detected_sharing(
 
 
 class _Search:
-    """The misfit of all settings near a point, and what ways of sharing would make of it.
-
-    The weights and the effective samples are those of the search before, where there was one.
-    """
+    """The misfit of all settings near a point, and what ways of sharing would make of it."""
 
     def __init__(
         self,
@@ -297,7 +296,7 @@ class _Search:
         self.rows: dict[Setting, FloatArray] = {}
         self.n_eff = 0.0
         self._curvatures, self._slopes, self._costs, self._u = [], [], [], []
-        if before is not None:
+        if before is not None:  # weights and effective samples are those of the search before
             self.weights, self.rows, self.n_eff = before.weights, before.rows, before.n_eff
             self.mean_squares = before.mean_squares
         for setting in self.settings:
@@ -463,12 +462,10 @@ def fit_settings_jointly(
 ) -> tuple[JointResult | None, dict[Setting, Failure]]:
     """Fit the settings that have a minimum together; None where there are not two.
 
-    Where nobody says what is shared the logs tell it. Where something follows an adjuster, settings
-    take part too that do not tell every quantity by themselves: others tell it for them.
-
     A setting that cannot be simulated at the start is left out and follows the others; one that
     meets a bug is left out for good, and the second value returned tells why.
     """
+    # Where something follows an adjuster, settings take part too that do not tell every quantity.
     is_plain = not (given.options.is_detecting or given.options.follows)
     sound = {
         fit.setting: fit
@@ -552,7 +549,7 @@ def _result(
 ) -> JointResult:
     """What a joint fit has reached, and what it has not."""
     warnings = [] if solution.is_converged else [_NO_MINIMUM]
-    if not _is_fairly_weighed(solution):
+    if not solution.is_fairly_weighed:
         warnings.append(_WEIGHTS_MOVE)
     sharing = replace(sharing, free=free, settings=tuple(sorted(solution.parameters)))
     status, spent = _statuses(solution, sharing), spent + solution.evaluations
@@ -573,36 +570,26 @@ def _statuses(solution: JointSolution, sharing: Sharing) -> dict[Unknown, Status
 
 
 def _fairly_weighed(problem: FitProblem, solution: JointSolution) -> JointSolution:
-    """The joint fit with the weights that its own end gives the settings.
-
-    Weights are of the start. Where shared values meet a setting badly there, what they miss is not
-    its noise: a tenth of its weight moves the minimum as a wrong law would.
-    """
+    """The joint fit with the weights that its own end gives the settings."""
+    # Where shared values meet a setting badly at the start, what they miss is not its noise: a
+    # tenth of its weight moves the minimum as a wrong law would.
     for _ in range(_MAX_ROUNDS):
-        if _is_fairly_weighed(solution):
+        if solution.is_fairly_weighed:
             break
         again = fit_jointly(problem, solution.parameters)
         solution = again._replace(evaluations=solution.evaluations + again.evaluations)
     return solution
 
 
-def _is_fairly_weighed(solution: JointSolution) -> bool:
-    shifts = [s * solution.weights[k] for k, s in solution.mean_squares.items()]
-    return max(shifts) <= _SAME_WEIGHT * min(shifts)
-
-
 def _common_starts(
     given: ProcedureInput, sound: Mapping[Setting, Fit], sharing: Sharing
 ) -> dict[Setting, Values]:
-    """Each setting's own values, with what is shared equal already.
-
-    It is the mean, or what is known where it was not determined. From a value without effect a
-    logarithm would not come back; what may vanish is small there.
-    """
+    """Each setting's own values, with what is shared equal: the mean, or what is known of it."""
     starts = {setting: fit.parameters for setting, fit in sound.items()}
     for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(sound)):
         name, one = unknown.name, given.damper.quantity(unknown.name)
         having = [fit for setting, fit in sound.items() if unknown.holds_at(setting)]
+        # From a value without effect a logarithm would not come back; what may vanish is small.
         value = None if one.may_vanish else given.options.fallback(one)
         if value is None or all(f.status[name] != Status.NOT_IDENTIFIABLE for f in having):
             value = float(np.mean([getattr(fit.parameters, name) for fit in having]))
@@ -665,10 +652,7 @@ def working_pressure(block: Block, parameters: Values) -> float:
 def first_law(
     moduli: Mapping[Setting, float], pressures: Mapping[Setting, float], gas_exponent: float
 ) -> GasLaw:
-    """The law that is nearest to known K_e: a straight line of 1/K_e over 1/(gamma P).
-
-    Relative errors count: each equation is multiplied by its K_e.
-    """
+    """The law nearest to known K_e: a line of 1/K_e over 1/(gamma P), by relative errors."""
     settings = sorted(moduli)
     k_e = np.array([moduli[setting] for setting in settings])
     softness = 1.0 / (gas_exponent * np.array([pressures[setting] for setting in settings]))

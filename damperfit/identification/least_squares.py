@@ -119,8 +119,8 @@ class _DenseSteps:
 class BorderedSystem:
     """Blocks of residuals with variables of their own, all of one number, and some in common.
 
-    The variables are those of the first block, of the second and so on, then the shared ones. Of
-    each block it takes what `reduced` makes of residuals and Jacobian, its own columns first.
+    Variables: those of the first block, of the second and so on, then the shared ones. A block is
+    what `reduced` makes of residuals and Jacobian, its own columns first.
     """
 
     def __init__(self, blocks: Sequence[FloatArray], n_shared: int) -> None:
@@ -240,11 +240,8 @@ def _lengths(rows: FloatArray) -> FloatArray:
 
 
 def _inverted(triangles: FloatArray, lengths: FloatArray) -> tuple[FloatArray, bool]:
-    """Return the inverse of each matrix, without the directions that nothing is seen of.
-
-    ``lengths`` are those of the columns before other variables were eliminated.
-    """
-    is_short = lengths <= NO_LENGTH
+    """Return the inverse of each matrix, without the directions that nothing is seen of."""
+    is_short = lengths <= NO_LENGTH  # of the columns before other variables were eliminated
     lengths = np.maximum(lengths, NO_LENGTH)
     left, values, right = np.linalg.svd(triangles / lengths[:, None, :])
     is_seen = values > _NOT_SEEN
@@ -322,8 +319,8 @@ def iterate(  # noqa: C901, PLR0912, PLR0915 - MINPACK's lmder, which reads best
 ) -> Minimum[Extra]:
     """Minimise a sum of squares in the variables u, (k,); the loop behind every fit.
 
-    `point_at` gives residuals with Jacobian as a `LinearSystem` and anything to be remembered; it
-    raises `SimulationError` where the model cannot be evaluated. At the start that is passed on.
+    `point_at` gives a `LinearSystem` and anything to be remembered, or raises `SimulationError`,
+    which is passed on at the start.
     """
     low, high = bounds or (-math.inf, math.inf)
     variables = np.minimum(np.maximum(start, low), high)
@@ -441,10 +438,8 @@ def _cosine(system: LinearSystem, held: NDArray[np.bool_]) -> float:
 def _damped(
     steps: _DenseSteps | _BorderedSteps, slope: float, radius: float, damping: float
 ) -> tuple[float, Step]:
-    """Return lambda and the step that is as long as the radius within a tenth (lmpar).
-
-    ``slope`` is the length of the scaled gradient, D^-1 J^T r; ``damping`` the lambda before.
-    """
+    """Return lambda and the step that is as long as the radius within a tenth (lmpar)."""
+    # The slope is the length of the scaled gradient, D^-1 J^T r; the damping the lambda before.
     step = steps.step(0.0)
     excess = step.length - radius
     if excess <= _NEAR * radius:
@@ -485,10 +480,7 @@ class Transformation(NamedTuple):
     def unpack(
         self, variables: FloatArray, bounds: tuple[FloatArray, FloatArray] | None = None
     ) -> FloatArray:
-        """Return y; e^600 overflows nothing yet, and a model refuses it as a failed trial.
-
-        A bound of y is met exactly, not as rounding leaves it.
-        """
+        """Return y; e^600 overflows nothing yet. A bound is met exactly, whatever rounding."""
         powers = np.exp(np.minimum(np.maximum(variables, -600.0), 600.0))
         values = np.where(self.is_logarithmic, powers, variables * self.scales)
         if bounds is None:
@@ -511,8 +503,7 @@ def minimise(
 ) -> Minimum[Extra]:
     """Minimise a sum of squares in y, (k,), from a start.
 
-    The model gives residuals (n,), their derivative by y (n, k) and anything to be remembered. It
-    raises `SimulationError` where it cannot be evaluated; what is not finite counts as that.
+    The model gives residuals (n,), their derivative by y (n, k) and anything to be remembered.
     """
 
     def point_at(variables: FloatArray) -> tuple[LinearSystem, Extra]:
@@ -538,11 +529,7 @@ def finite_system(residuals: FloatArray, jacobian: FloatArray) -> DenseSystem:
 
 
 def inverse_information(jacobian: FloatArray) -> FloatArray:
-    """(J^T J)^-1, (k, k), without forming J^T J: times the variance it is the covariance of u.
-
-    Directions that the data do not see to the last digit get a variance that says so; a column of
-    zeros gives infinity on the diagonal.
-    """
+    """(J^T J)^-1, (k, k), without forming J^T J; of a column of zeros infinity on the diagonal."""
     lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0))
     is_seen = lengths > NO_LENGTH
     scaled = jacobian[:, is_seen] / lengths[is_seen]

@@ -65,11 +65,10 @@ _MOST = 1.0 / 3.0
 
 
 def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
-    """What the residuals of each log of a setting are multiplied by, over its compared samples.
+    """What the residuals of each log are multiplied by, over its compared samples; mean square 1.
 
-    One over the noise of each stretch, nothing beside a jump of the speed; the mean square over all
-    samples is 1, so that a sum of squares keeps its scale. A stretch whose noise is not known
-    counts as the middle one. None for all where nothing is to be told apart.
+    One over the noise of each stretch (the middle one's, where none is known), nothing beside a
+    jump of the speed. None for all where nothing is to be told apart.
     """
     counted = [_counted(trace) for trace in traces]
     stretches = [stretch for trace in traces for stretch in trace.stretches]
@@ -199,10 +198,8 @@ def _speed_held(speed: FloatArray) -> float | None:
 def inseparable(
     facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[str, ...]:
-    """The free parameters that logs of one speed cannot separate; none where they can.
-
-    The stiffness of the oil shows in the corners.
-    """
+    """The free parameters that logs of one speed cannot separate; none where they can."""
+    # The stiffness of the oil shows in the corners.
     unknown = [one for one in quantities if one.name in free and one.role != STIFFNESS]
     return tuple(free) if len(unknown) > _LEVELS and facts.holds_one_speed else ()
 
@@ -210,12 +207,10 @@ def inseparable(
 def said_of_speeds(
     facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[Problem, ...]:
-    """What is to be said of logs that hold one speed, or too few for what is fitted.
-
-    As `inseparable`; stiffness, gas and mounting show in the corners and along the stroke.
-    """
+    """What is to be said of logs that hold one speed, or too few for what is fitted."""
     if inseparable(facts, free, quantities):
         return (warning("one-speed", _ONE_SPEED),)
+    # Stiffness, gas and mounting show in the corners and along the stroke.
     unknown = [
         one
         for one in quantities

@@ -87,10 +87,7 @@ class SettledCycle:
         return np.asarray(signal[-len(self.force) :] - self._filtered([signal])[0])
 
     def over(self, stretch: Stretch, signals: Sequence[FloatArray]) -> FloatArray:
-        """Signals of a response, behind the filter, at the samples of the stretch: (k, n).
-
-        Each cycle has those of the mean one.
-        """
+        """Signals of a response behind the filter at the samples of a stretch, (k, n), by cycle."""
         rows = self._filtered(signals)
         n, starts = rows.shape[1], self.starts
         samples = stretch.first + np.arange(stretch.n_samples)
@@ -190,10 +187,7 @@ def _folded(trace: Trace, starts: FloatArray, n: int) -> tuple[FloatArray, Float
 def _laid_out(
     trace: Trace, stretch: Stretch, *, is_thinned: bool
 ) -> tuple[FloatArray, int, float, bool]:
-    """Where the cycles begin in the trace, the samples of the mean one, the period in samples.
-
-    The last value tells whether they lie on the log's own samples.
-    """
+    """Where cycles begin, samples of the mean one, the period, whether they are the log's own."""
     starts = stretch.cycle_starts
     counts = np.arange(len(starts)) - 0.5 * stretch.n_cycles
     period = float(counts @ starts) / float(counts @ counts)
@@ -216,10 +210,7 @@ def _laid_out(
 
 
 def between_samples(channels: FloatArray, positions: FloatArray) -> FloatArray:
-    """Channels (c, n) at fractional samples, through the eight samples around each.
-
-    At a tenth of the sample rate a polynomial through so many errs by 2e-5.
-    """
+    """Channels (c, n) at fractional samples, through the eight around each: within 2e-5."""
     at = np.ascontiguousarray(positions, dtype=np.float64)
     found = np.empty((len(channels), *at.shape))
     compiled_core().between(np.ascontiguousarray(channels), at, found, len(channels))

@@ -23,20 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class GivenStart:
-    """Numbers that a fit starts at; what is not given is the model's own start.
+    """Numbers that a fit starts at; what is not given is the model's own start."""
 
-    Attributes
-    ----------
-    named : mapping of str to float
-        Of every setting, SI; before those of the table.
-    by_setting : mapping of Setting to mapping
-        Of an earlier run. A setting that it does not have starts from the nearest one.
-    is_of_one_model : bool
-        Whether these are where one model of all settings has ended: a joint fit starts there too.
-    """
-
-    named: Mapping[str, float] = field(default_factory=dict)
+    named: Mapping[str, float] = field(default_factory=dict)  # of every setting, SI; these first
+    # Of an earlier run. A setting that it does not have starts from the nearest one.
     by_setting: Mapping[Setting, Mapping[str, float]] = field(default_factory=dict)
+    # Whether these are where one model of all settings has ended: a joint fit starts there too.
     is_of_one_model: bool = False
 
     def of(self, setting: Setting) -> dict[str, float]:
@@ -76,61 +68,37 @@ DETECT = "detect"  # in place of names: share what no adjuster moves
 
 @dataclass(frozen=True, slots=True)
 class FitOptions:
-    """What to fit and how.
+    """What to fit and how."""
 
-    Attributes
-    ----------
-    procedure : str
-        A name of `PROCEDURE_NAMES`.
-    free : tuple of str or None
-        Parameters to fit; None takes the procedure's own (`paper` and `joint`: R_m1, R_m2, K_e
-        per setting; `plain`: all that are not fixed and have no value that they are held at).
-    fixed : mapping of str to float
-        Parameters held at a value, SI.
-    solver : SolverOptions
-        How exactly to integrate. 10 mN for one step leaves a bias of 1e-5 in R_m1, a hundredth of
-        what 4 N of noise does; a fit with less misfit is refined with a tighter integrator.
-    max_evaluations : int
-        Limit of simulations for one minimisation. A fit may have several: stages of the procedure
-        and further starts.
-    share : tuple of str or None
-        Parameters that all settings have in common in procedure `joint`; None: those that the model
-        says are the damper's or the rig's; `DETECT` alone: what no adjuster moves, as the logs tell
-        it or `follows` declares it.
-    follows : mapping of str to tuple of str
-        Parameters that have one value for each click of some adjusters, as it was declared.
-    fallbacks : mapping of str to float
-        What to take, with a warning, for parameters that no log fixes, in place of what the model
-        knows of them (`Quantity.fallback`).
-    bulk_modulus : str
-        A name of `BULK_MODULUS_NAMES`: ``free`` fits K_e at each setting, ``appendix1`` (procedure
-        `joint` only) lets K_e of all settings follow from one gas content.
-    starts : int
-        Starts of each setting's fit, spread at random over a factor of ten to both sides; 1 takes
-        the procedure's own start alone.
-    from_closed : tuple of str
-        Adjusters whose clicks count from closed: there the highest is the softest.
-    start : GivenStart
-        Where the fits start, as far as somebody has said so.
-    untied : tuple of str
-        What each setting has for itself in a joint fit although it is the damper's or the rig's.
-    is_leaving_out : bool
-        Whether a part of the law that does nothing at a setting is left out there (`plain`).
-    """
-
-    procedure: str = "paper"
+    procedure: str = "paper"  # a name of `PROCEDURE_NAMES`
+    # Parameters to fit; None takes the procedure's own (`paper` and `joint`: R_m1, R_m2, K_e per
+    # setting; `plain`: all that are not fixed and have no value that they are held at).
     free: tuple[str, ...] | None = None
-    fixed: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)  # parameters held at a value, SI
+    # How exactly to integrate. 10 mN for one step leaves a bias of 1e-5 in R_m1, a hundredth of
+    # what 4 N of noise does; a fit with less misfit is refined with a tighter integrator.
     solver: SolverOptions = SolverOptions(tolerance=1e-2)
+    # Of simulations for one minimisation; a fit may have several, by stages and further starts.
     max_evaluations: int = 100
+    # Parameters that all settings have in common in procedure `joint`; None: those that the model
+    # says are the damper's or the rig's; `DETECT` alone: what no adjuster moves, as the logs tell
+    # it or `follows` declares it.
     share: tuple[str, ...] | None = None
+    # Parameters that have one value for each click of some adjusters, as declared.
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    # What to take, with a warning, for parameters that no log fixes, in place of what the model
+    # knows of them (`Quantity.fallback`).
     fallbacks: Mapping[str, float] = field(default_factory=dict)
+    # A name of `BULK_MODULUS_NAMES`: ``free`` fits K_e at each setting, ``appendix1`` (procedure
+    # `joint` only) lets K_e of all settings follow from one gas content.
     bulk_modulus: str = "free"
+    # Of each setting's fit, spread at random over a factor of ten to both sides; 1: its own alone.
     starts: int = 1
-    from_closed: tuple[str, ...] = ()
-    start: GivenStart = GivenStart()
+    from_closed: tuple[str, ...] = ()  # adjusters whose highest click is the softest
+    start: GivenStart = GivenStart()  # where the fits start, as far as somebody has said so
+    # What each setting has for itself in a joint fit although it is the damper's or the rig's.
     untied: tuple[str, ...] = ()
+    # Whether a part of the law that does nothing at a setting is left out there (`plain`).
     is_leaving_out: bool = False
 
     @property
@@ -207,10 +175,7 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
 
 
 def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
-    """The parameters that a joint fit of a model has in common for all settings.
-
-    Where it is to detect them, those that no adjuster could move.
-    """
+    """The parameters that a joint fit shares, or, to detect them, that no adjuster could move."""
     shared: Iterable[str] = options.share or ()
     if options.share is None or options.is_detecting:
         shared = (q.name for q in damper.quantities if q.is_shared and q.default is None)

@@ -96,13 +96,10 @@ class SettingError(SimulationError):
 
 
 def attempted(setting: Setting | None, fit: Callable[[], Found]) -> Found | Failure:
-    """What a fit of one setting finds (None: of all together), or why it finds nothing.
-
-    A stop that was asked for, and what is wrong at every setting, is raised.
-    """
+    """What a fit of one setting finds (None: of all together), or why it finds nothing."""
     try:
         return fit()
-    except (FitCancelledError, ConfigurationError, InstallationError):
+    except (FitCancelledError, ConfigurationError, InstallationError):  # wrong at every setting
         raise
     except Exception as error:  # noqa: BLE001 - a bug that one setting meets leaves the others
         if setting is None:

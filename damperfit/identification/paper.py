@@ -96,12 +96,7 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
 
 
 class _Stages:
-    """The first two stages: fits with everything free, and the shared values that they give.
-
-    `judged` are the fits by setting; `shared` R_m3 and f_f as far as they are wanted, `sharing`
-    where they came from, `status` of a shared value that the logs do not tell; `broken` settings
-    that met a bug, which a second fit would only hide.
-    """
+    """The first two stages: fits with everything free, and the shared values that they give."""
 
     def __init__(
         self,
@@ -111,12 +106,12 @@ class _Stages:
         wanted: Sequence[str],
     ) -> None:
         self.given, self.names, self.fixed, self.wanted = given, names, fixed, wanted
-        self.judged: dict[Setting, FitResult] = {}
-        self.broken: dict[Setting, Failure] = {}
+        self.judged: dict[Setting, FitResult] = {}  # the fits
+        self.broken: dict[Setting, Failure] = {}  # met a bug, which a second fit would only hide
         self.searches: tuple[Search, ...] = ()
-        self.shared: dict[str, float] = {}
-        self.status: dict[str, Status] = {}
-        self.sharing = Sharing()
+        self.shared: dict[str, float] = {}  # R_m3 and f_f as far as they are wanted
+        self.status: dict[str, Status] = {}  # of a shared value that the logs do not tell
+        self.sharing = Sharing()  # where they came from
         self.warnings: list[Problem] = []
         # What is taken for a shared parameter that no log tells; its model knows one.
         known = {name: given.options.fallback(given.damper.quantity(name)) for name in wanted}
@@ -335,14 +330,10 @@ def _is_contradicted(block: Block, best: FitResult, r_m3: float, f_f: float | No
 
 
 def _with_mean_friction(block: Block, judged: FitResult, f_f: float, r_m3: float) -> FitResult:
-    """The setting of R_m3 once more with the mean friction, which halves the error of its R_m3.
-
-    An R_m3 that the setting did not tell starts from a value that can be seen. An unsound result of
-    a sound setting changes nothing.
-    """
+    """The setting of R_m3 with the mean friction, which halves its error, where that is better."""
     free = tuple(name for name in block.free if name != MEAN)
     start = judged.values.replace(f_f=f_f)
-    if not _tells_r_m3(judged):
+    if not _tells_r_m3(judged):  # it starts from a value that can be seen
         limit = cavitation_limit(block.traces, cast("Damper", block.model))
         start = start.replace(r_m3=min(r_m3, limit))
     try:

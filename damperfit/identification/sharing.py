@@ -102,48 +102,25 @@ _MANY = 20  # runs of settings that a sentence names
 
 @dataclass(frozen=True, slots=True)
 class Sharing:
-    """How the shared parameters were estimated; empty where the logs did not give them.
+    """How the shared parameters were estimated; empty where the logs did not give them."""
 
-    Attributes
-    ----------
-    free : tuple of str
-        What was free together with them at each setting.
-    jointly : tuple of str
-        Parameters found in one fit over all settings.
-    follows : mapping of str to tuple of str
-        Adjusters that some of these follow: one value for each click. What is not named has one.
-    is_detected : bool
-        The logs showed what follows which adjuster; otherwise it was declared.
-    settings : tuple of Setting
-        Settings of that fit.
-    taken : mapping of str to Setting
-        Parameters that the logs of one setting gave, and which.
-    means : mapping of str to tuple of Setting
-        Parameters that are the mean of what some settings gave, and which.
-    spread : tuple of float or None
-        Smallest and largest friction of these settings, each with its own, N.
-    is_spread_certain : bool
-        These frictions differ by more than their errors.
-    held : tuple of str
-        Of what was free: held at its mean as one setting gave what was taken from it.
-    gas : GasLaw or None
-        The law that K_e follows over the settings, where it was asked for.
-    gas_rises : mapping of Setting to float
-        By how much a setting's misfit is above that with a K_e of its own, in units of the noise:
-        chi-squared with one degree of freedom where the law holds.
-    """
-
-    free: tuple[str, ...] = ()
-    jointly: tuple[str, ...] = ()
+    free: tuple[str, ...] = ()  # what was free together with them at each setting
+    jointly: tuple[str, ...] = ()  # parameters found in one fit over all settings
+    # Adjusters that some of these follow: one value for each click. What is not named has one.
     follows: Follows = field(default_factory=dict)
-    is_detected: bool = False
-    settings: tuple[Setting, ...] = ()
-    taken: Mapping[str, Setting] = field(default_factory=dict)
+    is_detected: bool = False  # the logs showed what follows which; otherwise it was declared
+    settings: tuple[Setting, ...] = ()  # of that fit
+    taken: Mapping[str, Setting] = field(default_factory=dict)  # given by one setting, and by which
+    # Parameters that are the mean of what some settings gave, and which.
     means: Mapping[str, tuple[Setting, ...]] = field(default_factory=dict)
+    # Smallest and largest friction of these settings, each with its own, N.
     spread: tuple[float, float] | None = None
-    is_spread_certain: bool = True
+    is_spread_certain: bool = True  # these frictions differ by more than their errors
+    # Of what was free: held at its mean as one setting gave what was taken from it.
     held: tuple[str, ...] = ()
-    gas: GasLaw | None = None
+    gas: GasLaw | None = None  # that K_e follows over the settings, where it was asked for
+    # By how much a setting's misfit is above that with a K_e of its own, in units of the noise:
+    # chi-squared with one degree of freedom where the law holds.
     gas_rises: Mapping[Setting, float] = field(default_factory=dict)
 
     @property
@@ -166,13 +143,10 @@ class Sharing:
         return name in self.means and not self.jointly
 
     def found_at(self, setting: Setting) -> tuple[str, ...]:
-        """Names of those that a setting has in common with others of the fit.
-
-        A click that no other setting of the joint fit has is determined by none.
-        """
+        """Names of those that a setting has in common with others of the fit."""
         if not self.follows:
             return self.found
-        known = set(self.unknowns)
+        known = set(self.unknowns)  # a click that no other setting has is determined by none
         return tuple(n for n in self.found if unknown_at(n, self.follows, setting) in known)
 
     @property
@@ -196,8 +170,6 @@ class Sharing:
     def sentence(self) -> str:
         """What follows which adjuster, without a full stop; empty where that was not asked.
 
-        Examples
-        --------
         >>> at = (Setting((("low", 6),)), Setting((("low", 14),)))
         >>> Sharing(("s", "k"), ("s", "k"), {"s": ("low",)}, True, at).sentence
         'The logs show that s follows low; everything else is shared by all 2 settings'
@@ -320,11 +292,9 @@ def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Val
 def unlimited_in(
     values: Values, known: Mapping[Setting, Values], unlimited: Mapping[Setting, Collection[str]]
 ) -> tuple[str, ...]:
-    """Which values of a setting, as `values_from_others` has them, rest on logs that set no limit.
-
-    A blow-off that opened in no log of its click has any p_open; another motion, or another click
-    of the bleed beside it, may need the true one.
-    """
+    """Which values of a setting, as `values_from_others` has them, rest on unlimited ones."""
+    # A blow-off that opened in no log of its click has any p_open; another motion, or another
+    # click of the bleed beside it, may need the true one.
     return tuple(
         name
         for name in values.names
@@ -334,10 +304,7 @@ def unlimited_in(
 
 
 def _by_clicks(numbers: Mapping[Setting, float], setting: Setting) -> float | None:
-    """The number at a setting of what follows some of its adjusters, but not all of them.
-
-    Where too few settings leave open which, all that is possible must agree.
-    """
+    """The number at a setting of what follows some of its adjusters; all that may be must agree."""
     adjusters = setting.adjusters
     for size in range(1, len(adjusters)):
         possible = []

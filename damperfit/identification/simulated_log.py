@@ -24,20 +24,10 @@ if TYPE_CHECKING:
 
 
 class SimulatedLog(NamedTuple):
-    """A response and its force as compared with the measured one.
+    """A response and its force as compared with the measured one."""
 
-    Attributes
-    ----------
-    response : Response
-        As simulated, unfiltered.
-    force : numpy.ndarray
-        Shape (n,), the response's force behind the trace's model filter, N.
-    sensitivities : numpy.ndarray
-        Shape (k, n), the sensitivities asked for, in that order, behind the same filter.
-    """
-
-    response: Response
-    force: FloatArray
+    response: Response  # as simulated, unfiltered
+    force: FloatArray  # (n,), N, and sensitivities as asked for, (k, n), behind the model filter
     sensitivities: FloatArray
 
 
@@ -51,13 +41,8 @@ def compare(
 ) -> SimulatedLog:
     """Simulate the displacement of a trace and filter the force as the measured one was.
 
-    Filtering both sides alike is what keeps the parameters right: a raw model against filtered
-    data costs 5 % of the friction, a causal filter on one side most of the bulk modulus.
-
-    Raises
-    ------
-    SimulationError
-        When the model cannot be integrated.
+    Filtering both sides alike keeps the parameters right: a raw model against filtered data costs
+    5 % of the friction, a causal filter on one side most of the bulk modulus.
     """
     response = simulate(
         parameters, damper, motion_of(trace), sensitivities=sensitivities, options=solver
@@ -70,11 +55,8 @@ def compare(
 def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:
     """Return the normalised mean-square error in per cent, eq. (22).
 
-    100/(N var(f)) sum (f - f_hat)^2 with the population variance, so that predicting the mean
-    gives exactly 100.
+    100/(N var(f)) sum (f - f_hat)^2; predicting the mean gives exactly 100.
 
-    Examples
-    --------
     >>> f = np.array([1.0, 2.0, 3.0, 4.0])
     >>> normalised_mse(f, np.full(4, f.mean()))
     100.0
@@ -91,18 +73,16 @@ def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:
 
 
 class SeenLog(NamedTuple):
-    """A log simulated with the values that a fit ended at, kept for those who come after it.
-
-    Pressures are in single precision: of every log of a run no more is kept than 50 bytes a sample,
-    and 0.03 Pa are less than the integrator's error. An empty chamber stays empty.
-    """
+    """A log simulated with the values that a fit ended at, kept for those who come after it."""
 
     parameters: Values
     trace: Trace
     damper: Model
     solver: SolverOptions
     force: FloatArray  # (n,), behind the trace's model filter, N
-    pressures: NDArray[np.float32]  # (3, n), Pa
+    # (3, n), Pa; of every log of a run no more is kept than 50 bytes a sample, and 0.03 Pa are less
+    # than the integrator's error. An empty chamber stays empty.
+    pressures: NDArray[np.float32]
     cycles: tuple[SettledCycle, ...] = ()  # of each stretch, where the fit has gone down on them
 
     def is_of(self, parameters: Values, trace: Trace, damper: Model, solver: SolverOptions) -> bool:
@@ -128,27 +108,13 @@ class SeenLog(NamedTuple):
 
 
 class LogFit(NamedTuple):
-    """How one log of a setting is met by the setting's parameters.
-
-    Attributes
-    ----------
-    trace : Trace
-        The log as compared.
-    mse_percent : float
-        Eq. (22) over the log's steady whole cycles.
-    noise_floor_percent : float
-        What scatter between the cycles alone costs in the same measure; NaN for a single cycle.
-    stretch_mse_percent : tuple of float
-        Eq. (22) over each stretch of the log alone, by the stretch's own variance.
-    seen : SeenLog or None
-        The log simulated with the fitted values, for those who judge and write it.
-    """
+    """How one log of a setting is met by the setting's parameters."""
 
     trace: Trace
-    mse_percent: float
-    noise_floor_percent: float
-    stretch_mse_percent: tuple[float, ...] = ()
-    seen: SeenLog | None = None
+    mse_percent: float  # eq. (22) over the log's steady whole cycles,
+    noise_floor_percent: float  # and of the scatter between them alone; NaN for a single cycle
+    stretch_mse_percent: tuple[float, ...] = ()  # of each stretch, by its own variance
+    seen: SeenLog | None = None  # simulated with the fitted values, for those who judge it
 
     def cycles_of(
         self, parameters: Values, damper: Model, solver: SolverOptions
@@ -159,13 +125,7 @@ class LogFit(NamedTuple):
         return kept.cycles if kept is not None and is_kept else ()
 
     def compared(self, parameters: Values, damper: Model, solver: SolverOptions) -> SimulatedLog:
-        """Return the log beside the model, as the fit has left it or simulated anew.
-
-        Raises
-        ------
-        SimulationError
-            When the model cannot be integrated.
-        """
+        """Return the log beside the model, as the fit has left it or simulated anew."""
         kept = self.seen
         if kept is not None and kept.is_of(parameters, self.trace, damper, solver):
             return kept.comparison

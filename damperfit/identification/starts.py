@@ -77,8 +77,8 @@ def own_start(
 ) -> Values:
     """Where the fit of a setting starts: as somebody has said, else the model's start.
 
-    Of several starts it is the one that fits the first log best. A law with kinks makes a descent
-    long: there it is where the best lead, followed on mean cycles as far as the motions repeat.
+    Of several the one that fits the first log best; with kinks, which make a descent long, where
+    the best lead, followed on mean cycles as far as the motions repeat.
     """
     starts = block.model.start(block.traces, fixed)
     starts = tuple({with_given(given, setting, one, fixed): None for one in starts})
@@ -112,10 +112,9 @@ def with_given(
 def fit_setting(block: Block, start: Values, *, spent: int = 0) -> FitResult:
     """Fit the free parameters of one setting.
 
-    A fit that ends unsound (cavitating, at a bound, or not identifiable) is tried again from the
-    model's further starts. The paper's lie below the onset of cavitation, and the better sound
-    minimum is kept; where that gives neither a sound minimum nor a good one that cavitates, others
-    lie beyond the onset.
+    One that ends unsound is tried again from the model's further starts. The paper's lie below the
+    onset of cavitation, and the better sound minimum is kept; where that gives neither a sound one
+    nor a good one that cavitates, others lie beyond the onset.
     """
     best = minimised(block, start, spent=spent)
     if names := inseparable(block.facts, block.free, block.model.quantities):
@@ -146,13 +145,9 @@ def fit_in_stages(
     *,
     has_further_starts: bool = False,
 ) -> FitResult:
-    """Fit after rough descents that hold some at the start, stage by stage.
-
-    Of several logs these take the one with the strongest force: it determines the valves best. Mean
-    cycles are few samples: all are taken.
-    """
+    """Fit after rough descents that hold some at the start, stage by stage."""
     spent, rough = 0, block
-    if block.cycles is None:
+    if block.cycles is None:  # the log with the strongest force determines the valves best
         strongest = max(block.traces, key=lambda one: float(np.std(one.force[one.compared])))
         rough = replace(block, traces=(strongest,))
     for held in stages:
@@ -205,10 +200,7 @@ def _is_preferred(second: FitResult, first: FitResult) -> bool:
 def from_neighbours(
     blocks: Mapping[Setting, Block], fits: Mapping[Setting, Fit], *, jobs: int
 ) -> tuple[dict[Setting, Values], int]:
-    """Each setting's values; one that ended at a bound starts again from its sound neighbours'.
-
-    A weak stroke may be read as a blow-off that is always open where its bleed is all that acts.
-    """
+    """Each setting's values; one that ended at a bound starts again from its sound neighbours'."""
     sound = [setting for setting, fit in fits.items() if fit.outcome is Outcome.CONVERGED]
     spent = dict.fromkeys(fits, 0)
 
@@ -239,53 +231,25 @@ def from_neighbours(
 
 @dataclass(frozen=True, slots=True)
 class LocalMinimum:
-    """A minimum that some of the starts ended in.
+    """A minimum that some of the starts ended in."""
 
-    Attributes
-    ----------
-    parameters : Values
-        The best end.
-    mse_percent : float
-        Eq. (22) there.
-    outcome : str
-        How that descent ended.
-    n_starts : int
-        Starts that ended here.
-    """
-
-    parameters: Values
-    mse_percent: float
-    outcome: str
-    n_starts: int
+    parameters: Values  # the best end
+    mse_percent: float  # eq. (22) there
+    outcome: str  # how that descent ended
+    n_starts: int  # that ended here
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What the starts of one setting found.
-
-    Attributes
-    ----------
-    setting : Setting
-        Adjuster setting.
-    free : tuple of str
-        Values that the starts were spread in.
-    minima : tuple of LocalMinimum
-        By rising MSE.
-    n_starts, n_failed : int
-        Descents, the procedure's own among them, and those whose start could not be simulated.
-    is_improved : bool
-        Whether a start found a better minimum than the procedure's own; it is used.
-    is_ambiguous : bool
-        Whether different minima fit equally well.
-    """
+    """What the starts of one setting found."""
 
     setting: Setting
-    free: tuple[str, ...]
-    minima: tuple[LocalMinimum, ...]
-    n_starts: int
-    n_failed: int
-    is_improved: bool
-    is_ambiguous: bool
+    free: tuple[str, ...]  # values that the starts were spread in
+    minima: tuple[LocalMinimum, ...]  # by rising MSE
+    n_starts: int  # descents, the procedure's own among them,
+    n_failed: int  # and those whose start could not be simulated
+    is_improved: bool  # a start found a better minimum than the procedure's own; it is used
+    is_ambiguous: bool  # different minima fit equally well
 
     @property
     def warning(self) -> str:
@@ -430,9 +394,8 @@ def best_of_starts(
     """Where the best of some starts leads; so many of the first are followed in any case.
 
     Those that fit best, with unlike offsets or frictions, are followed for a few evaluations, the
-    best of them to its end; where it loses a bleed or a blow-off there, the next start is followed
-    too. Thoroughly, the others are followed to their ends until one leaves about what differs by
-    cycle: after a few evaluations a wrong minimum may look better than the right one.
+    best of them to its end; where it loses a valve's part there, the next start is followed too.
+    Thoroughly, the others are followed until one leaves about what differs by cycle.
     """
     ranked = [*starts[:known], *_in_turn(block, _best_fitting(block, starts[known:]))]
     looks: list[Minimum[Values]] = []
@@ -476,10 +439,8 @@ def _lost_a_valve(block: Block, ended: Minimum[Values]) -> bool:
 
 
 def _in_turn(block: Block, ranked: list[Values]) -> list[Values]:
-    """Starts in the order in which they are followed: the best, then the best that is none of it.
-
-    An offset or a friction that hides a preload fits best at the start and leads nowhere else.
-    """
+    """Starts in the order in which they are followed: the best, then the best unlike it."""
+    # An offset or a friction that hides a preload fits best at the start and leads nowhere else.
     of = {name: block.model.quantity(name) for name in block.free}
     forces = [name for name, one in of.items() if one.is_offset or one.is_friction]
     least = _APART * block.deviation

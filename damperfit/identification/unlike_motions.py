@@ -45,10 +45,8 @@ _FEWEST = 12  # samples of a stroke in the window
 def contradictory_motions(
     traces: Sequence[Trace], damper: Model, options: FitOptions
 ) -> str | None:
-    """A sentence on the first two logs of a setting that contradict each other; None: none do.
-
-    Logs of one motion have been compared. Those are that are neighbours by their fastest speed.
-    """
+    """A sentence on the first two logs of a setting that contradict each other; None: none do."""
+    # Logs of one motion have been compared; these are neighbours by their fastest speed.
     for first, second in itertools.pairwise(sorted(traces, key=_top_speed)):
         has_temperature_law = isinstance(damper, WithTemperature)
         if share_a_motion(first, second) or (has_temperature_law and are_unlike(first, second)):
@@ -102,10 +100,8 @@ def _damping(trace: Trace, force: FloatArray, top: float) -> float | None:
 
 
 def _is_left_by_fits(pair: Pair, damper: Model, options: FitOptions) -> bool:
-    """Whether a fit of both logs leaves that difference over, and fits of each leave nothing.
-
-    Where the law does not suit the damper each log is missed too, and nothing is reported.
-    """
+    """Whether a fit of both logs leaves that difference over, and fits of each leave nothing."""
+    # Where the law does not suit the damper each log is missed too, and nothing is reported.
     plain = replace(options, procedure="plain", share=None, bulk_modulus="free", starts=1)
 
     def missed(traces: Sequence[Trace]) -> list[FloatArray]:
