@@ -157,7 +157,7 @@ def test_a_joint_fit_is_weighed_by_what_its_end_leaves(monkeypatch, shift, n_fit
     ended = joint._fairly_weighed("problem", first)
     assert asked == ["problem"] * n_fits
     assert ended.evaluations == 4 + 3 * n_fits
-    assert joint._is_fairly_weighed(ended)
+    assert ended.is_fairly_weighed
 
 
 # K_e of all settings from one gas content: recovered where it holds, said where it does not.
