@@ -1,27 +1,23 @@
 """Which wrong lines do the tests notice? Mutants of the numerics, drawn afresh, one at a time.
 
-    python -m tests.mutants --seed 7 --count 150      # at night: some hours; ends with 1 above 8 %
+    python -m tests.mutants --seed 7 --count 150      # at night: an hour; ends with 1 above 8 %
 
-A mutant changes one comparison, operator, number, truth value or sign in a line that some test
-executes. Tests that pass through its function, by themselves or in a fixture that they share, are
-run, quickest first, until one fails. Which these are is traced once for a tree and kept in
-``--folder``. A mutant that survives is printed with its line: it is either equivalent, or a case
-of behaviour is missing.
+A mutant changes one comparison, operator, number, truth value or sign. It meets the numbers of
+`test_numbers.py` first, then the tests of its package and those that import its module, until one
+fails. One that survives is printed with its line: it is either equivalent, or a case of behaviour
+is missing.
 """
 
 import argparse
 import ast
-import json
 import os
 import random
 import shutil
 import subprocess
 import sys
-from collections import defaultdict
 from dataclasses import dataclass
-from itertools import chain, zip_longest
 from pathlib import Path
-from tempfile import gettempdir
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -31,7 +27,7 @@ NUMERICS = (
     "uncertainty",
 )
 COPIED = ("damperfit", "tests", "configs", "sample_runs", "pyproject.toml", "README.md")
-MOST_TESTS = 600
+NUMBERS = ("tests/test_numbers.py", "tests/test_every_model.py", "-k", "moved")
 PATIENCE = 300.0  # s a mutant; a loop without end is noticed
 
 _COMPARISONS = {
@@ -133,63 +129,19 @@ def _is_string(node: ast.AST) -> bool:
     )
 
 
-class _Tracer:
-    """A plugin of pytest that notes which functions of ours each test calls, and its time.
-
-    What a fixture of more than one test calls counts for each test that takes it.
-    """
-
-    def __init__(self, package: Path) -> None:
-        self.package, self.test = str(package), ""
-        self.tests: dict[str, set[str]] = defaultdict(set)
-        self.users: dict[str, set[str]] = defaultdict(set)
-        self.seconds: dict[str, float] = {}
-        os.register_at_fork(after_in_child=lambda: sys.setprofile(None))
-
-    @pytest.hookimpl(hookwrapper=True)
-    def pytest_runtest_protocol(self, item: pytest.Item):  # type: ignore[no-untyped-def]
-        self.test = item.nodeid
-        for name in item.fixturenames:  # type: ignore[attr-defined]
-            self.users[f"fixture {name}"].add(item.nodeid)
-        sys.setprofile(self._called)
-        yield
-        sys.setprofile(None)
-
-    @pytest.hookimpl(hookwrapper=True)
-    def pytest_fixture_setup(self, fixturedef):  # type: ignore[no-untyped-def]
-        whose = self.test
-        if fixturedef.scope != "function":
-            self.test = f"fixture {fixturedef.argname}"
-        yield
-        self.test = whose
-
-    def called_by(self, place: str) -> set[str]:
-        """Return the tests that call a function."""
-        found = self.tests[place]
-        return found.union(*(self.users[one] for one in found)) - set(self.users)
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
-
-    def _called(self, frame, event: str, _: object) -> None:  # type: ignore[no-untyped-def]
-        code = frame.f_code
-        if event == "call" and code.co_filename.startswith(self.package):
-            name = code.co_qualname.split(".<locals>")[0].rpartition(".")[2]
-            self.tests[f"{Path(code.co_filename).name}:{name}"].add(self.test)
-
-
-def traced(root: Path, folder: Path, tests: str) -> dict[str, list[str]]:
-    """Return by file and function the tests that call it, quickest first; kept in a folder."""
-    kept = folder / "traced.json"
-    if not kept.exists():
-        tracer = _Tracer(root / "damperfit")
-        pytest.main(["-q", "-n0", *tests.split(",")], plugins=[tracer])
-        quickest = {
-            place: sorted(tracer.called_by(place), key=lambda test: tracer.seconds.get(test, 9e9))
-            for place in tracer.tests
-        }
-        kept.write_text(json.dumps(quickest), encoding="utf-8")
-    return dict(json.loads(kept.read_text(encoding="utf-8")))
+def tests_of(file: str, root: Path) -> list[str]:
+    """Return the tests of a module's package, and those that import the module."""
+    place = Path(file).with_suffix("")
+    package, module = place.parts[1], ".".join(place.parts)
+    folder = root / "tests" / package
+    own = sorted(folder.glob("test_*.py")) or [root / "tests" / f"test_{package}.py"]
+    others = [
+        path
+        for path in sorted((root / "tests").rglob("test_*.py"))
+        if path not in own and path.name != "test_numbers.py"
+        if module in path.read_text(encoding="utf-8")
+    ]
+    return [str(path.relative_to(root)) for path in (*own, *others) if path.exists()]
 
 
 def is_noticed(mutant: Mutant, tests: list[str], tree: Path) -> bool:
@@ -206,7 +158,7 @@ def is_noticed(mutant: Mutant, tests: list[str], tree: Path) -> bool:
     except subprocess.TimeoutExpired:
         return True
     else:
-        return ended.returncode != 0
+        return ended.returncode not in {pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED}
     finally:
         (tree / mutant.file).write_text(whole, encoding="utf-8")
 
@@ -216,19 +168,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=150)
+    parser.add_argument("--part", default="1/1", help="K/N: every N-th of them, from the K-th")
     parser.add_argument("--packages", default=",".join(NUMERICS))
-    parser.add_argument("--tests", default="tests", help="what is traced, by comma")
+    parser.add_argument("--without-numbers", action="store_true", help="leave test_numbers.py out")
     parser.add_argument("--at-most", type=float, default=8.0, help="per cent that may survive")
-    parser.add_argument("--folder", type=Path, default=Path(gettempdir()) / "mutants")
     options = parser.parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
-    tree = options.folder / "tree"
-    shutil.rmtree(tree, ignore_errors=True)
-    for name in COPIED:
-        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
-        tree.mkdir(exist_ok=True)
-        copy(ROOT / name, tree / name)
-    tests_of = traced(ROOT, options.folder, options.tests)
     files = [
         file
         for package in options.packages.split(",")
@@ -237,19 +181,24 @@ def main() -> int:
     ]
     mutants = [mutant for file in files for mutant in mutants_of(ROOT, file)]
     chooser = random.Random(options.seed)  # noqa: S311
-    drawn = chooser.sample(mutants, min(options.count, len(mutants)))
+    first, step = map(int, options.part.split("/"))
+    drawn = chooser.sample(mutants, min(options.count, len(mutants)))[first - 1 :: step]
     survivors = 0
-    for number, mutant in enumerate(drawn, start=1):
-        place = f"{Path(mutant.file).name}:{mutant.function}"
-        called = [tests for name, tests in tests_of.items() if name.startswith(place)]
-        tests = list(dict.fromkeys(chain.from_iterable(zip_longest(*called))))
-        tests = [test for test in tests if test][:MOST_TESTS]
-        noticed = bool(tests) and is_noticed(mutant, tests, tree)
-        survivors += not noticed
-        if not noticed:
-            line = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()[mutant.line - 1]
-            print(f"{mutant.file}:{mutant.line}: {line.strip()}  ->  {mutant.text}", flush=True)
-        print(f"{number}: {survivors} of {number} survive", file=sys.stderr, flush=True)
+    with TemporaryDirectory() as folder:
+        tree = Path(folder)
+        for name in COPIED:
+            copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+            copy(ROOT / name, tree / name)
+        for number, mutant in enumerate(drawn, start=1):
+            narrow = tests_of(mutant.file, tree)
+            stages = [list(NUMBERS), narrow] if not options.without_numbers else [narrow]
+            is_dead = any(is_noticed(mutant, tests, tree) for tests in stages)
+            survivors += not is_dead
+            if not is_dead:
+                source = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()
+                line = source[mutant.line - 1].strip()
+                print(f"{mutant.file}:{mutant.line}: {line}  ->  {mutant.text}", flush=True)
+            print(f"{number}: {survivors} survive", file=sys.stderr, flush=True)
     share = 100.0 * survivors / max(len(drawn), 1)
     print(f"{survivors} of {len(drawn)} mutants survive: {share:.1f} %")
     return int(share > options.at_most)
