@@ -108,7 +108,7 @@ def test_other_gas_oil_seals_strokes_and_dampers(damper, parameters, amplitude, 
 
 
 def test_the_level_is_the_gas_force_at_every_setting() -> None:
-    for setting in range(1, 21):
+    for setting in (1, 7, 14, 20):
         level = force_level(condition(log_of(setting)), gas_of(PURDY_DAMPER))
         assert level.force == pytest.approx(-GAS, abs=10.0)
         assert abs(level.force + GAS) < level.uncertainty < 45.0
