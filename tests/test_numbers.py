@@ -10,6 +10,7 @@ numbers count (~), to their last digit, and not its words. A test that fails pri
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 import sys
@@ -29,15 +30,19 @@ from scipy.signal import butter, sosfilt
 import damperfit
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
+from damperfit.damper.load_cell import before_load_cell
 from damperfit.damper.model import MODELS
-from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
+from damperfit.damper.network import BLEEDS, BLOW_OFFS, Valve
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.valve_dampers import TwinTube
+from damperfit.damper.quasi_static import quasi_static
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import DamperfitError
 from damperfit.problem import Problem
 from damperfit.recording import Finding, Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
+from damperfit.synthetic.logs import made_up_values
 from damperfit.tested.setting import Setting
 
 SNAPSHOT = Path(__file__).parent / "snapshots" / "numbers.txt"
@@ -435,6 +440,11 @@ LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = 
 }
 
 
+def BOTH(one: Recording) -> Recording:  # noqa: N802 - a fault
+    """Both channels the other way round."""
+    return replace(one, force=-one.force, displacement=-one.displacement)
+
+
 def conditioned(name: str) -> Any:
     """Return the trace of a log, or why there is none."""
     make, change, declared = LOGS[name]
@@ -740,6 +750,75 @@ def adjusters() -> Any:
         for high, stiff in moves[1].items()
     ]
     return told(fit(logs, damper=model, procedure="joint"), whole=True)
+
+
+@case
+def valve_kinds() -> Any:
+    """Valves of every kind in every layout, all parts of mounting and friction: forces, starts."""
+    bleeds, blow_offs = itertools.cycle(BLEEDS), ["linear", *BLOW_OFFS]
+    found = {}
+    for layout, blow_off in zip(itertools.cycle([TwinTube, Monotube, ThroughFlow]), blow_offs):
+        rebound, compression = Valve("orifice", blow_off), Valve(next(bleeds), "linear")
+        turns = {"turning_speed": FIT} if blow_off == "port" else {"presliding": FIT}
+        model = layout(
+            gas_pressure=2e6,
+            rebound=rebound,
+            compression=compression,
+            mounting=Mounting(*[FIT] * 6) if blow_off != "none" else Mounting(NONE),
+            friction=Friction(breakaway=FIT, stribeck_speed=FIT, seal_area=FIT, **turns),
+        )
+        values = made_up_values(model, 3, 0.25)
+        motion = parts((0.02, 0.6, 2), (0.02, 2.0, 6))
+        seen = simulate(values, model, motion, sensitivities=model.names, options=ROUGH)
+        trace = condition(log(motion, values, model, noise=1.0))
+        found[f"{layout.name}_{blow_off}"] = {
+            "values": asdict(values),
+            "seen": (seen.force, seen.pressures, seen.sensitivities),
+            "static": quasi_static(model, values, (-0.2, -0.05, 0.0, 0.1), sensitivities=("f_f",)),
+            "starts": [asdict(one) for one in model.start([trace], {})],
+            "further": [
+                asdict(one) for one in model.further_starts([trace], {"f_f": 20.0}, model.names)
+            ],
+            "read": model.valve_characteristics(values, [trace]),
+            "weighed": before_load_cell(trace, moving_mass=0.5, lag=5e-3).force,
+        }
+    return found
+
+
+@case
+def batches() -> Any:
+    """Copies, contradictions and temperatures of one setting; signs of a batch."""
+    one, warm = SINE(), log(sine(), temperature=41.0, name="warm.csv")
+    other = replace(log(sine(7.3), reference_parameters(11)), name="other.csv")
+    rounded = replace(FORCE(lambda y, _: np.round(y, 1))(one), name="copy.csv")
+    elsewhere = replace(rounded, setting=Setting.of(11))
+    slow = log(sine(amplitude=0.016), reference_parameters(11), name="slow.csv")
+    hot = replace(other, temperature=41.0 + 0.0 * other.time)
+    resting = [
+        replace(log(parts((0.02, 1.5, 8), rest=0.8), setting=k), setting=Setting.of(k))
+        for k in (3, 4)
+    ]
+    sets: dict[str, tuple[list[Recording], dict[str, Any]]] = {
+        "copy": ([one, rounded], {}),
+        "copy_elsewhere": ([one, elsewhere], {}),
+        "contradiction": ([one, other], {}),
+        "contradiction_warm": ([one, hot], {}),
+        "averaged": ([one, other], {"rig": {"contradictions": "average"}}),
+        "other_motion": ([one, slow], {}),
+        "warm": ([one, warm], {}),
+        "reversed": ([replace(k, force=-k.force) for k in resting], {}),
+        "both_reversed": ([BOTH(k) for k in resting], {}),
+    }
+    found: dict[str, Any] = {}
+    for name, (logs, how) in sets.items():
+        try:
+            found[name] = told(fit(logs, **how))
+        except DamperfitError as error:
+            found[name] = {
+                "refused": error.problem,
+                "why": [one.problem for one in getattr(error, "failures", ())],
+            }
+    return found
 
 
 @case
