@@ -461,8 +461,7 @@ class FleetDone:
         self.n_rows = table.num_rows
         if bands is None and not is_reported:
             return
-        from damperfit.fleets.capability import capability, run_rules
-        from damperfit.fleets.survey import fleet_against_bands, survey
+        from damperfit.fleets.survey import capability, fleet_against_bands, run_rules, survey
 
         found = survey(table)
         self.shifts = run_rules(found)

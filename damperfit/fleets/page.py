@@ -17,9 +17,14 @@ import pandas as pd
 import pyarrow as pa
 
 from damperfit import __version__
-from damperfit.fleets.capability import CAPABILITY_COLUMNS, RULE_COLUMNS, capability_sheet
 from damperfit.fleets.parts import COLLECTED
-from damperfit.fleets.survey import FAR_OFF, LEAST_DAMPERS
+from damperfit.fleets.survey import (
+    CAPABILITY_COLUMNS,
+    FAR_OFF,
+    LEAST_DAMPERS,
+    RULE_COLUMNS,
+    capability_sheet,
+)
 from damperfit.reporting.compared import tolerance_rows, tolerance_sheet, tolerance_table
 from damperfit.reporting.figures import RUN_COLOURS, Line, Panel, Plot, setting_panel
 from damperfit.reporting.figures import setting_places as places_of
@@ -32,8 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from damperfit.fleets.capability import Rows
-    from damperfit.fleets.survey import DamperLine, HeldFleet, Series, Survey
+    from damperfit.fleets.survey import DamperLine, HeldFleet, Rows, Series, Survey
     from damperfit.reporting.sheet import Sheet
 
 _NAMED = 6  # dampers of one picture that have a colour and a name of their own

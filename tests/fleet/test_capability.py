@@ -12,9 +12,8 @@ from scipy.stats import chi2
 from damperfit.cli.main import main
 from damperfit.comparison import Tolerance
 from damperfit.comparison.tolerance import Band
-from damperfit.fleets.capability import DOMINATES, capability, run_rules
 from damperfit.fleets.parts import part_path, write_part
-from damperfit.fleets.survey import fleet_against_bands, survey
+from damperfit.fleets.survey import DOMINATES, capability, fleet_against_bands, run_rules, survey
 from tests.fleet.made_up import SETTINGS, fleet_table
 
 REBOUND, BUMP = "force_rebound_260_mm_per_s_N", "force_bump_260_mm_per_s_N"
