@@ -282,9 +282,12 @@ def sized(found: Orifices, run: Run, force: float, speed: float) -> Orifices:
             changed = values.replace({name: values[name] * math.exp(step)})
             return float(quasi_static(run.damper, changed, [speed]).forces[0]) - force
 
-        if missing(-reach) * missing(reach) > 0.0:
-            continue  # no value of it gives that force
-        times = math.exp(brentq(missing, -reach, reach, xtol=1e-6))
+        try:
+            if missing(-reach) * missing(reach) > 0.0:
+                continue  # no value of it gives that force
+            times = math.exp(brentq(missing, -reach, reach, xtol=1e-6))
+        except ConfigurationError:  # nor can it be asked
+            continue
         if isinstance(part, Hole):  # its area goes with 1/S
             wanted = (part.area / times, part.diameter / math.sqrt(times), math.nan)
         else:

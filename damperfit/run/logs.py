@@ -283,44 +283,39 @@ class Labels:
 
     def missing(self, recording: Recording) -> LogError:
         """Return why a log without a setting cannot be fitted, with what to write."""
-        row, name = self.row(Path(recording.path)), recording.name
+        row = self.row(Path(recording.path))
         # Other columns that hold clicks, as adjusters are named.
         columns = [
             re.sub(r"[\W_]+", "_", column.casefold()).strip("_")
             for column, cell in (row.identity.more if row is not None else ())
             if re.fullmatch(r"[+-]?\d{1,3}(\.\d)?", cell)
         ]
+        values: dict[str, Any] = {"setting": Option("setting", "N"), "way": self.guess.way}
         if row is not None and not row.places and columns:
-            declared = ", ".join(f'{column} = ""' for column in columns)
-            return LogError(
+            values, declared = {}, ", ".join(f'{column} = ""' for column in columns)
+            text = (
                 f"line {row.line} of the table of tests does not say its setting; it has "
                 f"{', '.join(columns)}: where these are adjusters, declare them in the "
                 f"configuration, [adjusters] {declared}; else name the column of the setting "
-                "'setting'",
-                subject=name,
-                code="no-setting",
+                "'setting'"
             )
-        if len(self.adjusters) > 1:
+        elif len(self.adjusters) > 1:
             own = self._places(recording)
             lacks = ", ".join(adjuster for adjuster in self.adjusters if adjuster not in own)
             example = ", ".join(f"{adjuster}=8" for adjuster in self.adjusters)
-            return LogError(
+            values = {"setting": Option("setting", f"'{example}'")}
+            text = (
                 f"the log does not give {lacks}; expected lines such as "
                 f"'# {self.adjusters[0]}: 8', columns, named groups of rig.setting_pattern, or a "
-                f"table tests.csv; or give {{setting}}",
-                setting=Option("setting", f"'{example}'"),
-                subject=name,
-                code="no-setting",
+                "table tests.csv; or give {setting}"
             )
-        more = ", or {way}" if self.guess.way is not None else ""
-        return LogError(
-            f"the log does not say its adjuster setting; expected a line '# setting: 10', "
-            f"a column 'setting' or a name such as setting_10.csv; or give {{setting}}{more}",
-            setting=Option("setting", "N"),
-            way=self.guess.way,
-            subject=name,
-            code="no-setting",
-        )
+        else:
+            text = (
+                "the log does not say its adjuster setting; expected a line '# setting: 10', "
+                "a column 'setting' or a name such as setting_10.csv; or give {setting}"
+            )
+            text += "" if self.guess.way is None else ", or {way}"
+        return LogError(text, subject=recording.name, code="no-setting", **values)
 
     @property
     def tables_used(self) -> tuple[str, ...]:
@@ -566,17 +561,13 @@ def _read_file(path: Path, name: str, configuration: Configuration, labels: Labe
     except Exception as error:  # noqa: BLE001 - whatever it is, the other logs go on
         if isinstance(error, LogError) and not error.says_setting and labels.is_unsaid(path):
             error = _without_setting(error)
-        facts = {"name": name, "setting": labels.unread(path, configuration)}
         digest = ""
-        with suppress(OSError):
-            digest = sha256_of(path) if path.is_file() else ""
+        with suppress(OSError):  # nor is a pipe or a folder read
+            digest = sha256_of(path)
+        facts = {"name": name, "setting": labels.unread(path, configuration)}
         return [_failed(Log(name, _shown(path), digest, facts), error)]
-    return [
-        _conditioned(
-            replace(part, name=part.name.replace(path.name, name, 1)), path, configuration, labels
-        )
-        for part in recordings
-    ]
+    named = (replace(one, name=one.name.replace(path.name, name, 1)) for one in recordings)
+    return [_conditioned(recording, path, configuration, labels) for recording in named]
 
 
 def _without_setting(error: LogError) -> LogError:

@@ -159,14 +159,14 @@ def once_each(batch: LogBatch) -> None:
     for name, several in copies.items():
         elsewhere = [copy for copy in several if copy.setting != firsts[name].setting]
         if elsewhere:
-            tests = [f"{copy.name} setting {copy.setting}" for copy in (firsts[name], *elsewhere)]
+            first = firsts.pop(name)
+            tests = [f"{copy.name} setting {copy.setting}" for copy in (first, *elsewhere)]
             text = (
                 f"the same test under several settings: {listed_names(tests)}; check which is "
                 "right and leave out the rest"
             )
             problem = Problem("two-settings", text)
             batch.failures.append(Failure(problem, ContradictionError.__name__))
-            del firsts[name]
             continue
         n = len(several) - 1
         others = f" and {n} other log{'s' * (n > 1)}" if n else ""
@@ -448,29 +448,26 @@ def note_unpredicted(
         "joint": Option("procedure", "joint", is_aside=True),
         "cycles": Option("hold_out_cycles", is_aside=True),
     }
-    for trace in batch.held_out:
+    for trace in (trace for trace in batch.held_out if id(trace) not in done):
         is_fitted = trace.setting in fitted
-        if id(trace) in done or (trace.name in failed and batch.is_asked):
-            continue
-        if not batch.is_asked and is_fitted:
+        if not batch.is_asked:
             text = (
                 "the motion beside its steady cycles cannot be simulated with the fitted "
                 "parameters, so it is not predicted"
             )
-            batch.remarks.append(warning("not-predicted", text, trace.name))
-        if not batch.is_asked:
-            continue
-        kind, why = "SimulationError", "cannot be simulated on it"
-        if not is_fitted:
-            kind = "PredictionError"
-            why = (
-                "has no fit, and no joint fit of others that have its clicks; fit settings that "
-                "have them together{joint}, give another log of it to fit, or hold out some of its "
-                "cycles{cycles}"
-            )
-        text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
-        problem = Problem("not-predicted", text, subject=trace.name, values=ways)
-        batch.failures.append(_of_log(Failure(problem, kind), trace, batch))
+            batch.remarks += [warning("not-predicted", text, trace.name)] * is_fitted
+        elif trace.name not in failed:
+            kind, why = "SimulationError", "cannot be simulated on it"
+            if not is_fitted:
+                kind = "PredictionError"
+                why = (
+                    "has no fit, and no joint fit of others that have its clicks; fit settings "
+                    "that have them together{joint}, give another log of it to fit, or hold out "
+                    "some of its cycles{cycles}"
+                )
+            text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
+            problem = Problem("not-predicted", text, subject=trace.name, values=ways)
+            batch.failures.append(_of_log(Failure(problem, kind), trace, batch))
 
 
 def _of_log(failure: Failure, trace: Trace, batch: LogBatch) -> Failure:
