@@ -174,7 +174,13 @@ class Outlets:
         ]
 
 
-@pytest.fixture(scope="module", params=CASES)
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(name, marks=[pytest.mark.slow] * (name in {"sine", "few_samples"}))
+        for name in CASES
+    ],
+)
 def shown(request, tmp_path_factory) -> Outlets:
     return Outlets(tmp_path_factory.mktemp(request.param), log(*CASES[request.param]))
 

@@ -51,11 +51,6 @@ def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_the_readme_is_a_first_screen() -> None:
-    assert len(TEXT.splitlines()) <= 110
-    assert TEXT.count("![") == 1
-
-
 def test_the_first_screen_is_the_two_commands() -> None:
     environment = "python3 -m venv .venv && . .venv/bin/activate && "  # Debian refuses without
     assert f"{environment}pip install . && damperfit identify sample_runs/*.csv" == FIRST

@@ -15,13 +15,10 @@ from damperfit.problem import Failure, Problem, failure_lines, short_listing
 from damperfit.recording import Finding
 from damperfit.reporting.forces import (
     force_sheets,
-    segment_sheet,
 )
-from damperfit.reporting.inspection import MANY_ROWS, finding_lines, inspection_sheet, stretch_sheet
+from damperfit.reporting.inspection import MANY_ROWS, finding_lines, inspection_sheet
 from damperfit.reporting.laws import law_sentences, rival_sheet, tried_laws_sheet
 from damperfit.reporting.records import (
-    checks_in,
-    failures_in,
     gaps_in,
     read_back,
     to_record,
@@ -46,7 +43,6 @@ from damperfit.reporting.tables import (
     parameter_sheet,
 )
 from damperfit.tables.columns import PAPER_QUANTITIES
-from damperfit.tables.files import json_values
 from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units
@@ -200,12 +196,6 @@ def test_courses_that_errors_cannot_tell_apart_are_flat() -> None:
 # Forces
 
 
-def test_without_a_neighbour_there_is_no_click() -> None:
-    first = [row for row in FORCES if row["setting"] == 1]
-    assert force_sheets(first)[0].headings == ("rebound", "0.05", "0.3")
-    assert force_sheets([]) == []
-
-
 def test_a_setting_of_several_adjusters_has_a_row_for_each_that_was_turned() -> None:
     label = Setting.of("R6 C2")
     several = [row | {"setting": label, "changed": name} for row in FORCES[:4] for name in "RC"]
@@ -223,21 +213,6 @@ def test_forces_are_shown_in_other_units() -> None:
     scaled, quantities = parameters_in_units([wide(1)], PAPER_QUANTITIES, units)
     friction = next(one for one in quantities if one.name == "f_f")
     assert (friction.unit, scaled[0]["f_f"]) == ("lbf", pytest.approx(50.0 / 4.4482, rel=1e-4))
-
-
-def test_segments_are_in_the_order_of_speed() -> None:
-    row = dict.fromkeys(
-        f"{whose}_{what}"
-        for whose in ("measured", "simulated")
-        for what in ("rebound_N", "bump_N", "energy_J", "hysteresis_rebound_N", "hysteresis_bump_N")
-    )
-    made = [
-        row | {"point": point, "setting": Setting.of(1), "cycles": n, "frequency_Hz": 1.0,
-               "start_s": 0.0, "speed_rebound_m_per_s": speed, "speed_bump_m_per_s": speed}
-        for point, n, speed in (("peak", 3, 0.2), ("speed", 3, 0.05), ("peak", 0, 0.1))
-    ]  # fmt: skip
-    sheet = segment_sheet(made, has_setting=True)
-    assert [(cells[1], cells[3]) for cells in sheet.rows] == [("moving", "0.100"), ("3", "0.200")]
 
 
 # Model structures, records
@@ -272,19 +247,6 @@ def test_structures_that_were_tried_are_told_loosely() -> None:
 def test_what_run_json_holds_is_read_back(one) -> None:
     record = json.loads(json.dumps(to_record(one)))
     assert read_back(type(one), record) == one
-
-
-def test_failures_are_read_back() -> None:
-    problem = Problem("log", "empty", subject="a.csv")
-    failure = Failure(problem, "LogError", "a.csv", "x/a.csv", Setting.of(3))
-    record = json.loads(json.dumps(json_values({"failures": [failure.describe()]})))
-    assert failures_in(record) == (failure,)
-
-
-@pytest.mark.parametrize("entry", [None, 5, "a", [], {}, {"name": ""}, {"passed": True}])
-def test_an_entry_that_is_another_thing_is_left_out(entry) -> None:
-    assert read_back(Check, entry) is None
-    assert checks_in({"checks": [entry]}) == ()
 
 
 def test_what_a_trend_lacks_is_not_known() -> None:
@@ -392,11 +354,3 @@ def test_the_table_of_many_logs_has_the_first_that_can_be_used(n, n_rows) -> Non
     if n > MANY_ROWS:
         assert {row[-1] for row in sheet.rows} == {"good"}
         assert sheet.notes[0].startswith(f"{n - n_rows} of {n} logs have no row here")
-
-
-def test_the_segments_of_many_logs_are_the_first() -> None:
-    one = {"kind": "moving", "start_s": 0.0, "cycles": 0, "frequency_Hz": 1.0, "amplitude_m": 0.01,
-           "peak_speed_m_per_s": 0.1, "noise_N": 1.0, "noise_source": ""}  # fmt: skip
-    sheet = stretch_sheet({"name": f"{k}.csv", "stretches": [one]} for k in range(MANY_ROWS + 1))
-    assert len(sheet.rows) == MANY_ROWS
-    assert any("1 more" in note for note in sheet.notes)

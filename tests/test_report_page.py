@@ -306,13 +306,6 @@ def test_numbers_that_cannot_be_drawn_are_left_out(copy, tmp_path):
     assert np.isfinite(values).all()
 
 
-def test_a_file_of_another_run_is_named(copy):
-    (copy / "run.json").write_text('{"files": {"mse.parquet": "00"}}', encoding="utf-8")
-    assert Run.load(copy).remarks == (
-        "mse.parquet is not the file that the run wrote (see run.json)",
-    )
-
-
 def test_an_empty_folder_is_one_sentence(tmp_path):
     with pytest.raises(ConfigurationError, match=r"nothing to show"):
         Run.load(tmp_path)

@@ -13,17 +13,6 @@ import damperfit
 from damperfit.cli import main
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.report import report_sections
-from damperfit.results import Run
-
-
-@pytest.fixture(scope="module")
-def results(sample_results):
-    return sample_results / "results"
-
-
-@pytest.fixture(scope="module")
-def fitted(results) -> Run:
-    return damperfit.load(results)
 
 
 def test_a_faster_test_narrows_the_bulk_modulus_and_none_is_beyond_the_rig(fitted) -> None:
@@ -159,30 +148,28 @@ def test_a_part_is_sized_for_a_force(fitted) -> None:
     assert not fitted.valves(force="-900N", velocity="0.2m/s", stroke="rebound").sized
 
 
-def test_a_model_without_valves_has_none(sample_results) -> None:
-    log = sample_results / "sample_runs" / "setting_01.csv"
-    found = damperfit.identify([log], model="bilinear")
+def test_a_model_without_valves_has_none(short) -> None:
+    found = damperfit.identify([short / "setting_01.csv"], model="bilinear")
     with pytest.raises(ConfigurationError, match="no orifices"):
         found.valves()
 
 
 @pytest.mark.parametrize(
-    ("key", "words"), [("stretches", "advise {} --for k_e"), ("inputs", "passport {0} --out {0}")]
+    ("words", "code"), [("advise {0} --for k_e --setting 1", 2), ("passport {0} --out {0}", 0)]
 )
 @pytest.mark.parametrize("value", [None, [1], [{"setting": []}]])
-def test_an_edited_record_is_no_bug(results, tmp_path, key, words, value) -> None:
-    edited = tmp_path / "edited"
-    shutil.copytree(results, edited)
+def test_an_edited_record_is_no_bug(edited, words, code, value) -> None:
     record = json.loads((edited / "run.json").read_text(encoding="utf-8"))
-    (edited / "run.json").write_text(json.dumps(record | {key: value}), encoding="utf-8")
-    assert main(words.format(edited).split()) == {"stretches": 2, "inputs": 0}[key]
+    record["stretches" if code else "inputs"] = value
+    (edited / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    assert main(words.format(edited).split()) == code
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e200])
-@pytest.mark.parametrize("words", ["advise {0} --for k_e", "passport {0} --out {0}"])
-def test_an_edited_table_is_no_bug(results, tmp_path, value, words) -> None:
-    edited = tmp_path / "edited"
-    shutil.copytree(results, edited)
+@pytest.mark.parametrize(
+    "words", ["advise {0} --for k_e --setting 1", "passport {0} --out {0}", "valves {0}"]
+)
+def test_an_edited_table_is_no_bug(edited, value, words) -> None:
     table = pq.read_table(edited / "parameters.parquet")
     place = table.schema.names.index("r_m2")
     values = table["r_m2"].to_pylist()

@@ -10,11 +10,7 @@ import pytest
 import damperfit
 from damperfit.cli import main
 from damperfit.errors import DamperfitError
-
-
-@pytest.fixture(scope="module")
-def results(sample_results):
-    return sample_results / "results"
+from tests.fleet.conftest import Here
 
 
 def test_a_passport_is_a_page_and_a_baseline(results, tmp_path, capsys) -> None:
@@ -34,37 +30,36 @@ def test_a_passport_is_a_page_and_a_baseline(results, tmp_path, capsys) -> None:
     assert changes == []
 
 
-@pytest.mark.parametrize("command", ["report", "settings", "advise --for k_e", "export --to csv"])
-def test_a_passport_in_place_of_results_is_named_so(results, tmp_path, capsys, command) -> None:
-    _, record = damperfit.passport(results, out=tmp_path)
-    name, *more = command.split()
+@pytest.mark.parametrize("words", ["report", "settings", "advise --for k_e", "export --to csv"])
+def test_a_passport_in_place_of_results_is_named_so(short, tmp_path, capsys, words) -> None:
+    _, record = damperfit.passport(short / "results", out=tmp_path)
+    name, *more = words.split()
     assert main([name, str(record), *more]) == 2
     assert "a baseline or passport" in capsys.readouterr().err
-    assert main(["compare", str(tmp_path), str(results)]) == 2
+    assert main(["compare", str(tmp_path), str(short / "results")]) == 2
     assert str(record) in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("edited", ["0", "-5"])
-@pytest.mark.parametrize(("command", "code"), [("report", 1), ("valves", 0)])
+@pytest.mark.parametrize(
+    ("command", "code", "edited_to"), [("report", 1, "0"), ("valves", 0, "-5")]
+)
 def test_an_edited_resistance_that_no_hole_has_is_left_out(
-    results, tmp_path, capsys, command, code, edited
+    edited, capsys, command, code, edited_to
 ) -> None:
-    folder = shutil.copytree(results, tmp_path / "edited")
-    (folder / "parameters.parquet").unlink()
-    table = folder / "parameters.csv"
+    (edited / "parameters.parquet").unlink()
+    table = edited / "parameters.csv"
     head, first, *others = table.read_text(encoding="utf-8").splitlines()
     cells = first.split(",")
-    cells[head.split(",").index("r_m1")] = edited
+    cells[head.split(",").index("r_m1")] = edited_to
     table.write_text("\n".join([head, ",".join(cells), *others]), encoding="utf-8")
-    assert main([command, str(folder)]) == code
-    page = folder / "report.html"
+    assert main([command, str(edited)]) == code
+    page = edited / "report.html"
     shown = page.read_text(encoding="utf-8") if page.exists() else str(capsys.readouterr())
-    assert f"R_m1 of setting {cells[0]}: {edited}, expected above 0; left out" in shown
+    assert f"R_m1 of setting 1: {edited_to}, expected above 0; left out" in shown
 
 
-def test_what_a_log_says_is_escaped_on_the_page(sample_results, tmp_path) -> None:
-    log = sample_results / "sample_runs" / "setting_01.csv"
-    text = log.read_text(encoding="utf-8")
+def test_what_a_log_says_is_escaped_on_the_page(short, tmp_path) -> None:
+    text = (short / "setting_01.csv").read_text(encoding="utf-8")
     (tmp_path / "x_s1.csv").write_text(f"# serial: <b>7\n{text}", encoding="utf-8")
     run = damperfit.identify([tmp_path / "x_s1.csv"], out=tmp_path / "results")
     page, _ = damperfit.passport(run, out=tmp_path)
@@ -126,25 +121,26 @@ def test_a_folder_that_goes_ends_the_watch(tmp_path) -> None:
         list(damperfit.watch(runs))
 
 
-def test_a_reference_of_another_model_is_refused(results, sample_results, tmp_path, capsys) -> None:
-    log = sample_results / "sample_runs" / "setting_01.csv"
+def test_a_reference_of_another_model_is_refused(short, tmp_path, capsys) -> None:
+    log = short / "setting_01.csv"
     damperfit.identify([log], model="bilinear", out=tmp_path / "other")
-    for words in (["watch", str(tmp_path)], ["valves", str(results)]):
+    for words in (["watch", str(tmp_path)], ["valves", str(short / "results")]):
         assert main([*words, "--reference", str(tmp_path / "other")]) == 2
         assert "bilinear" in capsys.readouterr().err
-    run = damperfit.identify([log])
     other = damperfit.identify([log], damper={"rod_diameter": "18mm"})
-    assert any("declared otherwise" in remark for remark in run.valves(reference=other).remarks)
+    found = damperfit.load(short / "results").valves(reference=other)
+    assert any("declared otherwise" in remark for remark in found.remarks)
 
 
-@pytest.mark.parametrize("words", ["advise {} --for k_e", "passport {0} --out {0}"])
 def test_a_part_of_a_fleet_is_not_enough_and_is_not_offered(
-    sample_results, tmp_path, capsys, words
+    short, tmp_path, capsys, monkeypatch
 ) -> None:
-    log = sample_results / "sample_runs" / "setting_01.csv"
+    monkeypatch.setattr("damperfit.workers.Processes", Here)
+    log = short / "setting_01.csv"
     assert main(["fleet", str(log), "--out", str(tmp_path), "--quiet"]) == 0
     (part,) = tmp_path.glob("serial-*")
-    assert main(words.format(part).split()) == 2
-    assert "part of a fleet" in capsys.readouterr().err
-    assert main([words.split()[0], "--help"]) == 0
-    assert "serial-" not in capsys.readouterr().out
+    for words in (f"advise {part} --for k_e", f"passport {part} --out {part}"):
+        assert main(words.split()) == 2
+        assert "part of a fleet" in capsys.readouterr().err
+        assert main([words.split()[0], "--help"]) == 0
+        assert "serial-" not in capsys.readouterr().out

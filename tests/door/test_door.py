@@ -160,13 +160,6 @@ def test_a_pickle_holds_the_whole_result_whether_or_not_it_was_saved(result, tmp
     assert not folder.exists()
 
 
-def test_a_damaged_file_of_results_is_told(result, tmp_path):
-    where = result.save(tmp_path / "damaged")
-    (where / "run.json").write_text("{")
-    assert any("run.json" in said for said in damperfit.load(where).warnings)
-    assert damperfit.export(damperfit.load(where), "csv")[0].parent == where / "export"
-
-
 _UNKNOWN_MOTION = {"rig": {"amplitude": None, "frequency": None}}
 
 

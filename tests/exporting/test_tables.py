@@ -274,15 +274,6 @@ def test_a_decimal_comma_comes_with_semicolons(handed) -> None:
     assert float(first[head.index("f_f [daN]")].replace(",", ".")) == pytest.approx(5.0)
 
 
-def test_csv_of_the_tables_is_the_tables(handed) -> None:
-    files = TARGETS["csv"].export(handed, ExportOptions()).files
-    assert set(files) == {"damper.csv", "damper_about.txt", "damper_parameters.csv"}
-    about = files["damper_about.txt"].decode()
-    assert all(part in about for part in ("tested: ", "gas: ", "sign: forces", "MSE"))
-    head, first, *_ = rows_of(files, "damper_parameters.csv")
-    assert float(first[head.index("k_e [Pa]")]) == handed.settings[0].values.k_e
-
-
 @pytest.mark.parametrize("units", ["N", "lbf,in/s"])
 def test_csv_says_of_each_row_whether_its_speed_was_tested(handed, units) -> None:
     tested = force_tables(handed)[0].tested

@@ -16,7 +16,6 @@ from damperfit import __version__
 from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.errors import ConfigurationError
 from damperfit.exporting import TARGETS, ExportOptions, exported_run
 from damperfit.exporting.check import check_export
 from damperfit.exporting.tables import force_tables
@@ -150,12 +149,6 @@ def test_settings_that_are_no_numbers_carry_their_labels(handed) -> None:
     assert len({name.casefold() for name in files}) == 3
 
 
-def test_values_of_a_template_that_are_not_this_damper_s_are_left_out(handed) -> None:
-    text = first_text("adams-xml", handed)
-    assert 'upperDiameter="' not in text
-    assert "upperDiameter, upperLength" in text
-
-
 # What is exported of a results folder.
 
 
@@ -198,11 +191,6 @@ def test_a_value_that_no_log_limits_is_noted(handed, folder) -> None:
     write_table(folder / "parameters.parquet", make_tables(campaign(*fits))["parameters"])
     (note,) = exported_run(folder).notes
     assert note.startswith("r_m2 at setting 20: the logs set no upper limit")
-
-
-def test_no_folder_is_refused(tmp_path) -> None:
-    with pytest.raises(ConfigurationError, match="no such folder"):
-        exported_run(tmp_path / "nothing")
 
 
 # Modelica: what it says, its table for other models, and a compiler.

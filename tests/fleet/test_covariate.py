@@ -8,7 +8,6 @@ import pytest
 import damperfit
 from damperfit.arguments import covaried
 from damperfit.cli.main import main
-from damperfit.errors import ConfigurationError
 from tests.fleet.test_fleet_command import Here
 from tests.run.test_temperature import BETA, COLD, WARM, known_at, recording
 
@@ -59,15 +58,6 @@ def test_a_part_is_asked_for_at_another_temperature(fleet: Path) -> None:
     assert warm.source.endswith(" and 60 degC")
 
 
-def test_a_fleet_without_it_has_no_such_column(three, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("damperfit.workers.Processes", Here)
-    out = tmp_path / "out"
-    assert main(["fleet", str(three / "D1"), "--out", str(out), "--collect", "--quiet"]) == 0
-    assert not {"beta", "reference_temperature_degC"} & set(
-        pd.read_parquet(out / "_fleet" / "fleet.parquet")
-    )
-
-
 @pytest.mark.parametrize(
     ("told", "of_fleet", "there"),
     [
@@ -86,12 +76,3 @@ def test_a_temperature_that_the_file_names_stays(tmp_path, told, of_fleet, there
     given = {"covariate": "temperature", "config": config}
     found = covaried("fleet", given, of_fleet=of_fleet)
     assert found == there
-
-
-def test_a_mistake_of_the_file_is_told_as_of_any_run(tmp_path, capsys) -> None:
-    config = tmp_path / "rig.toml"
-    config.write_text("[damper]\nrod_diametre = 3\n", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match="rod_diametre"):
-        covaried("fleet", {"covariate": "temperature", "config": config})
-    assert main(["fleet", "x", "--covariate", "speed", "--config", str(config)]) == 2
-    assert "--covariate speed: expected temperature" in capsys.readouterr().err

@@ -1,6 +1,5 @@
 """``damperfit fleet`` as a user runs it: what is new is done, what ends a worker costs itself."""
 
-import json
 import os
 import sys
 from pathlib import Path
@@ -51,18 +50,6 @@ def test_every_damper_gets_a_part_and_all_one_table(three, tmp_path, here, capsy
     assert found["force_rebound_1050_mm_per_s_N"].isna().all()  # faster than the test
 
 
-def test_a_second_run_does_only_what_is_new(three, tmp_path, here, capsys, texts):
-    out = tmp_path / "out"
-    run(three, "--out", out)
-    before = {path: path.read_bytes() for path in parts_in(out)}
-    put(three / "D4", texts)
-    capsys.readouterr()
-    assert run(three, "--out", out, "--json") == 0
-    document = json.loads(capsys.readouterr().out)
-    assert (document["fitted"], document["known"], document["settings"]) == (1, 3, 8)
-    assert {path: path.read_bytes() for path in before} == before
-
-
 def test_a_changed_log_makes_one_damper_new(three, tmp_path, here, capsys):
     out = tmp_path / "out"
     run(three, "--out", out)
@@ -88,12 +75,6 @@ def test_a_bad_log_is_a_row_with_its_reason_and_not_tried_again(three, tmp_path,
     # It counts in the code, and is done all the same.
     assert run(three, "--out", out) == 1
     assert "3 done before" in capsys.readouterr().out
-
-
-def test_where_no_log_can_be_fitted_the_code_says_so(tmp_path, here):
-    (tmp_path / "logs").mkdir()
-    (tmp_path / "logs" / "setting_01.csv").write_text("time_s,displacement_mm,force_N\n1,2\n")
-    assert run(tmp_path / "logs", "--out", tmp_path / "out") == 3
 
 
 def test_a_missed_gate_ends_with_4(three, tmp_path, here, capsys):
@@ -230,16 +211,6 @@ def test_labels_of_several_adjusters_have_a_column_each(tmp_path, texts, here):
     assert run(tmp_path / "logs", "--out", out, *options) == 0
     (row,) = table_of(out).to_dict("records")
     assert (row["setting"], row["rebound"], row["compression"]) == ("R12 C8", "12", "8")
-
-
-def test_results_that_lie_among_the_logs_are_no_logs(three, tmp_path, here, capsys):
-    assert main(["identify", str(three / "D1"), "--out", str(three / "D1"), "-q"]) == 0
-    (three / "D1" / "setting_20.txt").write_text("not a log")
-    capsys.readouterr()
-    run(three / "D1", "--out", tmp_path / "out", "--json")
-    document = json.loads(capsys.readouterr().out)
-    assert document["logs"] == 3
-    assert [one["message"].split(":")[0] for one in document["failures"]] == ["setting_20.txt"]
 
 
 def test_a_log_that_cannot_be_read_has_the_setting_that_is_told_from_outside(tmp_path, texts, here):

@@ -2,7 +2,6 @@
 
 import io
 import struct
-import subprocess
 import sys
 import zipfile
 from functools import cache
@@ -77,28 +76,6 @@ def test_a_missing_library_is_one_line_with_the_command(
     path = put(write(SCENARIO), file_name)
     monkeypatch.setitem(sys.modules, module, None)
     assert f"pip install 'damperfit[{extra}]'" in refusal(path)
-
-
-def test_no_format_library_is_imported_for_text(put) -> None:
-    path = put(b"time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n2,3,4\n", "log.csv")
-    code = (
-        "import sys; from damperfit.io import read_log; read_log(sys.argv[1]);"
-        "print([m for m in ('nptdms', 'asammdf', 'h5py', 'python_calamine', 'scipy', 'pandas',"
-        " 'zipfile') if m in sys.modules])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, path], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
-
-
-def test_modules_beside_a_log_are_never_imported(tmp_path, put, monkeypatch) -> None:
-    pytest.importorskip("h5py")
-    for name in ("h5py", "json", "struct"):
-        (tmp_path / f"{name}.py").write_text("raise SystemExit(7)")
-    monkeypatch.chdir(tmp_path)
-    path = put(binary_logs.matlab_73(SCENARIO), "a.mat")
-    np.testing.assert_array_equal(read_log(path).force, SCENARIO.force_n)
 
 
 # MATLAB
@@ -390,21 +367,6 @@ def test_cells_are_named_with_their_row_and_formulas_are_counted(put) -> None:
 
 
 # Parquet
-
-
-def test_text_and_parquet_give_the_same_bits(put) -> None:
-    random, n = np.random.default_rng(5), 500
-    scenario = Scenario(
-        time=tuple(np.arange(n) / 500.0),
-        displacement_mm=tuple(random.normal(0.0, 20.0, n)),
-        force_n=tuple(random.normal(0.0, 500.0, n)),
-        temperature=tuple(random.normal(26.0, 0.3, n)),
-    )
-    rows = "\n".join(",".join(repr(float(v)) for v in row) for row in scenario.rows())
-    by_text = read_log(put(f"{HEADER}\n{rows}\n".encode(), "log.csv"))
-    by_parquet = read_log(put(parquet_bytes(parquet_table(scenario)), "log.parquet"))
-    for channel in (*CHANNELS, "temperature"):
-        np.testing.assert_array_equal(getattr(by_text, channel), getattr(by_parquet, channel))
 
 
 TABLE = parquet_table(SCENARIO)

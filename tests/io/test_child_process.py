@@ -50,24 +50,19 @@ def test_one_child_reads_all_logs_one_after_the_other() -> None:
 
 
 @pytest.mark.parametrize(
-    ("log", "says", "n_before"),
+    ("log", "says"),
     [
-        (b"crash", "damaged Fault file: its reader ended by SIGSEGV; copy the log again", 0),
-        (b"crash", "damaged Fault file: its reader ended by SIGSEGV; copy the log again", 1),
-        (b"exit", "damaged Fault file: its reader ended by code 7", 1),
-        (b"raise", "damaged Fault file: its reader ended by code 1", 0),
-        (b"refuse", "log.x: this one is refused", 1),
-        (
-            b"allocate 2000000000",
-            r"needs more memory than the limit \(rig.max_log_bytes\) allows",
-            1,
-        ),
+        (b"crash", "damaged Fault file: its reader ended by SIGSEGV; copy the log again"),
+        (b"exit", "damaged Fault file: its reader ended by code 7"),
+        (b"raise", "damaged Fault file: its reader ended by code 1"),
+        (b"refuse", "this one is refused"),
+        (b"allocate 2000000000", "needs more memory than the limit (rig.max_log_bytes) allows"),
     ],
 )
+@pytest.mark.parametrize("n_before", [1, pytest.param(0, marks=pytest.mark.slow)])
 def test_a_log_that_breaks_its_child_costs_itself_alone(log, says, n_before) -> None:
     pids = [ask(b"before").said["pid"] for _ in range(n_before)]
-    with pytest.raises(LogError, match=says):
-        ask(log)
+    assert says in refusal(log)
     answer = ask(b"after")
     # Nor is a child asked again that has refused: its memory may be spoilt.
     assert answer.said["pid"] not in pids

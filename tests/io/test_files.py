@@ -1,8 +1,8 @@
 """Whatever a path names that is no file on disk: one sentence and code 2, nothing waited for."""
 
 import io
-import json
 import os
+import signal
 import subprocess
 import sys
 import zipfile
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from damperfit.cli import main
 from damperfit.io.files import MAX_TEXT, IrregularFileError, read_bytes, read_text
 from tests.report_folder import make_results
 
@@ -22,60 +23,57 @@ OBSTACLES = {
 }
 # What a user may name beside logs: the file, and the command that reads it.
 COMMANDS = {
-    "configuration": (".toml", ["inspect", SAMPLE, "--config"]),
-    "list": (".txt", ["inspect"]),
-    "table of tests": (".csv", ["inspect", SAMPLE, "--tests"]),
-    "start table": (".parquet", ["identify", SAMPLE, "--start"]),
-    "parameters": (".csv", ["simulate", "--setting", "1", "--parameters"]),
-    "tolerance": (".csv", ["compare", SAMPLE, SAMPLE, "--tolerance"]),
+    "configuration.toml": "config --config",
+    "list.txt": "inspect",
+    "table.csv": f"inspect {SAMPLE} --tests",
+    "start.parquet": f"inspect {SAMPLE} --start",
+    "parameters.csv": "simulate --setting 1 --parameters",
+    "tolerance.csv": f"compare {SAMPLE} {SAMPLE} --tolerance",
 }
-RUN = """
-import contextlib, io, json, sys
-from damperfit.cli import main
-for line in sys.stdin:
-    err, out = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stderr(err), contextlib.redirect_stdout(out):
-        code = main(json.loads(line))
-    print(json.dumps([code, err.getvalue()]), flush=True)
-"""
 
 
-def ended(folder, commands) -> list[tuple[int, str]]:
-    """Code and errors of each command, in one process that a deadline guards."""
-    done = subprocess.run(
-        [sys.executable, "-c", RUN], input="\n".join(json.dumps(one) for one in commands),
-        cwd=folder, capture_output=True, text=True, timeout=100, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return [json.loads(line) for line in done.stdout.splitlines()]
+@pytest.fixture
+def ended(tmp_path, monkeypatch, capsys):
+    """Code and errors of a command, which a deadline guards."""
+    monkeypatch.chdir(tmp_path)
 
+    def late(*_):
+        raise AssertionError("it waits")
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO")
-def test_what_is_no_file_is_refused_at_once(tmp_path) -> None:
-    commands = {}
-    for name, (suffix, command) in COMMANDS.items():
-        for kind, make in OBSTACLES.items():
-            path = tmp_path / f"{name.replace(' ', '_')}_{kind}{suffix}"
-            make(path)
-            commands[path.name] = [*map(str, command), "@" * (name == "list") + path.name]
-    for (file, command), (code, err) in zip(
-        commands.items(), ended(tmp_path, commands.values()), strict=True
-    ):
-        assert (code, err.count("\n"), file in err) == (2, 1, True), (command, err)
+    def run(*words) -> tuple[int, str]:
+        kept = signal.signal(signal.SIGALRM, late)
+        signal.alarm(60)
+        try:
+            code = main([str(word) for word in words])
+        finally:
+            signal.alarm(0)
+            signal.signal(signal.SIGALRM, kept)
+        return code, capsys.readouterr().err
+
+    return run
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO")
-def test_a_results_folder_with_no_files_in_it_is_never_waited_for(tmp_path) -> None:
-    commands = []
-    for file in ("run.json", "parameters.parquet", "parameters.csv"):
-        folder = tmp_path / file.replace(".", "_")
-        make_results(folder, [1])
-        (folder / file).unlink(missing_ok=True)
-        os.mkfifo(folder / file)
-        commands += [["report", folder.name], ["settings", folder.name]]
-    for command, (code, err) in zip(commands, ended(tmp_path, commands), strict=True):
-        assert code in {0, 1, 2}, (command, err)
-        assert "Traceback" not in err
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_is_no_file_is_refused_at_once(ended, tmp_path, name) -> None:
+    for kind, make in OBSTACLES.items():
+        file = f"{kind}_{name}"
+        make(tmp_path / file)
+        words = [*COMMANDS[name].split(), "@" * name.startswith("list") + file]
+        if "--start" in words:
+            words[0] = "identify"
+        code, err = ended(*words)
+        assert (code, err.count("\n"), file in err) == (2, 1, True), (words, err)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO")
+@pytest.mark.parametrize("file", ["run.json", "parameters.parquet", "parameters.csv"])
+def test_a_results_folder_with_no_files_in_it_is_never_waited_for(ended, tmp_path, file) -> None:
+    folder = make_results(tmp_path / "results", [1])
+    (folder / file).unlink(missing_ok=True)
+    os.mkfifo(folder / file)
+    for command in ("report", "settings"):
+        assert ended(command, folder)[0] in {0, 1, 2}
 
 
 def test_bytes_up_to_a_limit_and_text_with_its_mark(tmp_path) -> None:

@@ -129,129 +129,121 @@ def test_an_own_pattern_and_an_unknown_group(put) -> None:
 # Guesses from names.
 
 
-@pytest.mark.parametrize(
-    ("names", "cells", "pattern"),
-    [
-        (["D7_C02.csv", "D7_C08.csv"], [2, 8], r"C(?P<setting>\d+)"),
-        (["SN1234_click08_1.5Hz.csv"], [8], r"click(?P<setting>\d+)"),
-        (["SN1_click2_1Hz.csv", "SN1_click4_2Hz.csv"], [2, 4], r"click(?P<setting>\d+)"),
-        (["08.csv", "09.csv"], [8, 9], r"^\D*(?P<setting>\d+)"),
-        (["R12_C08.csv", "R12_C10.csv"], [8, 10], r"C(?P<setting>\d+)"),
-        (["run1_a3_32mm.txt", "run2_a3_32mm.txt", "run3_a5_32mm.txt"], [], r"a(?P<setting>\d+)"),
-        (["D7_b3.csv.gz", "D7_b4.csv.gz"], [3, 4], r"b(?P<setting>\d+)"),
-        (["23degC_3.csv", "24degC_4.csv"], [3, 4], r"degC_(?P<setting>\d+)"),
-        (["5kN_3.csv", "6kN_4.csv"], [3, 4], r"kN_(?P<setting>\d+)"),
-        (["1.5Hz_3.csv", "2.5Hz_4.csv"], [3, 4], r"Hz_(?P<setting>\d+)"),
-        (["klick_0.5.csv", "klick_1.csv"], [0.5, 1], r"klick_(?P<setting>\d+(?:\.\d)?)"),
-        (["s1234_2.csv", "s1234_4.csv"], [2, 4], r"_(?P<setting>\d+)"),
-        (["lot999_7.csv", "lot999_9.csv"], [7, 9], r"_(?P<setting>\d+)"),
-        (["few_5_reglage8.csv", "few_7_reglage8.csv"], [8, 8], r"reglage(?P<setting>\d+)"),
-        (["x5_Réglage 8.csv", "x7_Réglage 8.csv"], [8, 8], r"Réglage (?P<setting>\d+)"),
-        (["5_Re\u0301glage8.csv", "7_Re\u0301glage8.csv"], [8, 8], r"glage(?P<setting>\d+)"),
-        (["b5_cran2.csv", "b7_cran4.csv"], [2, 4], r"cran(?P<setting>\d+)"),
-        (["Versuch1_3.csv", "Versuch2_4.csv"], [3, 4], r"_(?P<setting>\d+)"),
-        (["b_3_25°C.csv", "b_4_35°C.csv"], [3, 4], r"b_(?P<setting>\d+)"),
-        (["front -3.csv", "front 0.csv"], [-3, 0], r"front (?P<setting>-?\d+)"),
-        (["C=-3.csv", "C=0.csv"], [-3, 0], r"C=(?P<setting>-?\d+)"),
-        (["front-3.csv", "front-4.csv"], [3, 4], r"front-(?P<setting>\d+)"),
-        (["Links - 3.csv", "Links - 4.csv"], [3, 4], r"Links - (?P<setting>\d+)"),
-        (["-3_5.csv", "-4_5.csv"], [3, 4], r"-(?P<setting>\d+)"),
-    ],
-)
-def test_what_differs_is_the_setting(names, cells, pattern) -> None:
+# File names, parted by commas -> the clicks that are guessed, and the pattern that is offered.
+GUESSED = r"""
+D7_C02, D7_C08 -> 2, 8 -> C(?P<setting>\d+)
+SN1234_click08_1.5Hz -> 8 -> click(?P<setting>\d+)
+SN1_click2_1Hz, SN1_click4_2Hz -> 2, 4 -> click(?P<setting>\d+)
+08, 09 -> 8, 9 -> ^\D*(?P<setting>\d+)
+R12_C08, R12_C10 -> 8, 10 -> C(?P<setting>\d+)
+D7_b3.csv.gz, D7_b4.csv.gz -> 3, 4 -> b(?P<setting>\d+)
+23degC_3, 24degC_4 -> 3, 4 -> degC_(?P<setting>\d+)
+1.5Hz_3, 2.5Hz_4 -> 3, 4 -> Hz_(?P<setting>\d+)
+klick_0.5, klick_1 -> 0.5, 1 -> klick_(?P<setting>\d+(?:\.\d)?)
+s1234_2, s1234_4 -> 2, 4 -> _(?P<setting>\d+)
+lot999_7, lot999_9 -> 7, 9 -> _(?P<setting>\d+)
+few_5_reglage8, few_7_reglage8 -> 8, 8 -> reglage(?P<setting>\d+)
+x5_R\u00e9glage 8, x7_R\u00e9glage 8 -> 8, 8 -> R\u00e9glage (?P<setting>\d+)
+5_Re\u0301glage8, 7_Re\u0301glage8 -> 8, 8 -> glage(?P<setting>\d+)
+b5_cran2, b7_cran4 -> 2, 4 -> cran(?P<setting>\d+)
+Versuch1_3, Versuch2_4 -> 3, 4 -> _(?P<setting>\d+)
+b_3_25\u00b0C, b_4_35\u00b0C -> 3, 4 -> b_(?P<setting>\d+)
+front -3, front 0 -> -3, 0 -> front (?P<setting>-?\d+)
+C=-3, C=0 -> -3, 0 -> C=(?P<setting>-?\d+)
+front-3, front-4 -> 3, 4 -> front-(?P<setting>\d+)
+Links - 3, Links - 4 -> 3, 4 -> Links - (?P<setting>\d+)
+-3_5, -4_5 -> 3, 4 -> -(?P<setting>\d+)
+"""
+
+
+def parted(row: str) -> list[str]:
+    """The columns of a row of such a table."""
+    return [part.strip() for part in f"{row} ".split("-> ")]
+
+
+def named(text: str) -> list[str]:
+    """File names, .csv where no suffix is given."""
+    plain = (
+        re.sub(r"\\u(....)", lambda code: chr(int(code[1], 16)), name) for name in text.split(", ")
+    )
+    return [name if name.endswith(".gz") else f"{name}.csv" for name in plain]
+
+
+@pytest.mark.parametrize("row", GUESSED.strip().splitlines())
+def test_what_differs_is_the_setting(row) -> None:
+    given, clicks, pattern = parted(row)
+    names, cells = named(given), [float(one) for one in clicks.split(", ")]
+    (pattern,) = named(pattern)
+    pattern = pattern.removesuffix(".csv")
     guess = guess_settings(names)
-    if cells:
-        assert [guess.settings[name].places[0][1] for name in names] == cells
-        assert "guessed from the file names" in str(guess.said or "")
-        assert str(guess.said or "").endswith(f"--rig 'setting_pattern={pattern}'")
-        # What is to be copied finds the same.
-        found = [float(list(re.finditer(pattern, name))[-1]["setting"]) for name in names]
-        assert found == cells
+    assert [guess.settings[name].places[0][1] for name in names] == cells
+    assert "guessed from the file names" in str(guess.said)
+    assert str(guess.said).endswith(f"--rig 'setting_pattern={pattern}'")
+    # What is to be copied finds the same.
+    assert [float(list(re.finditer(pattern, name))[-1]["setting"]) for name in names] == cells
 
 
 @pytest.mark.parametrize(
-    "names",
-    [
-        ["R12_C08.csv", "R10_C10.csv"],  # two adjusters
-        ["t1_2_2_24_24_x5_100psi.csv", "t2_4_4_24_24_x5_100psi.csv"],
-        ["D7_C08.csv"],  # one log: nothing differs
-        ["run_1Hz.csv", "run_2Hz.csv"],  # a speed
-        ["a_0.5.csv", "a_1.5.csv"],  # without a word no half clicks
-        ["test1.csv", "test2.csv"],  # a count
-        ["SN1234.csv", "SN1235.csv"],
-        ["b_1234.csv", "b_1235.csv"],  # four digits
-        ["a_3.csv", "b_x_4.csv"],  # names of two kinds
-        ["test_1_25C.csv", "test_2_35C.csv"],  # clicks, or degrees
-        ["test_1_25 °C.csv", "test_2_35 °C.csv"],
-        ["Lauf_1.csv", "Lauf_2.csv"],
-        ["Essai1.csv", "Essai2.csv"],
-        ["Prüfling_1.csv", "Prüfling_2.csv"],
-        ["Amort_série_12.csv", "Amort_série_13.csv"],
-        ["log.csv"],
-        [],
-    ],
+    "given",
+    """
+R12_C08, R10_C10
+t1_2_2_24_24_x5_100psi, t2_4_4_24_24_x5_100psi
+run1_a3_32mm, run2_a3_32mm, run3_a5_32mm
+D7_C08
+run_1Hz, run_2Hz
+a_0.5, a_1.5
+test1, test2
+SN1234, SN1235
+b_1234, b_1235
+b_999, b_1000
+a_3, b_x_4
+test_1_25C, test_2_35C
+test_1_25 \u00b0C, test_2_35 \u00b0C
+Lauf_1, Lauf_2
+Essai1, Essai2
+Pr\u00fcfling_1, Pr\u00fcfling_2
+Amort_s\u00e9rie_12, Amort_s\u00e9rie_13
+k_3, k_4, broken, other
+k_3, broken
+log
+""".strip().splitlines(),
 )
-def test_a_choice_is_no_guess(names) -> None:
-    guess = guess_settings(names)
+def test_a_choice_is_no_guess(given) -> None:
+    """Two adjusters, one log alone, a speed, halves, counts, serials, degrees, two kinds."""
+    guess = guess_settings(named(given))
     assert guess.settings == {}
     assert str(guess.said or "") == ""
-    has_number = any(re.search(r"\d", name) for name in names)
-    assert bool(str(guess.way or "")) is has_number
 
 
-@pytest.mark.parametrize(
-    ("names", "declared", "pattern", "places"),
-    [
-        (
-            ["c10_r12.csv", "c8_r14.csv"],
-            'compression = "", rebound = ""',
-            r"c(?P<compression>\d+)_r(?P<rebound>\d+)",
-            [("10", "12"), ("8", "14")],
-        ),
-        (
-            ["R12C08.csv", "R12C10.csv", "R10C08.csv"],
-            'rebound = "", compression = ""',
-            r"R(?P<rebound>\d+)C(?P<compression>\d+)",
-            [("12", "08"), ("12", "10"), ("10", "08")],
-        ),
-        (
-            ["D7_LSC-2_HSC-1_1Hz.csv", "D7_LSC-4_HSC-3_1Hz.csv"],
-            'lsc = "", hsc = ""',
-            r"LSC-(?P<lsc>\d+)_HSC-(?P<hsc>\d+)",
-            [("2", "1"), ("4", "3")],
-        ),
-        (
-            ["5_3.csv", "6_4.csv"],
-            'a = "", b = ""',
-            r"^(?P<a>\d+)_(?P<b>\d+)",
-            [("5", "3"), ("6", "4")],
-        ),
-    ],
-)
-def test_two_adjusters_are_offered_a_pattern_for_both(names, declared, pattern, places) -> None:
+# File names -> the adjusters to declare, and the pattern to copy where the names tell it.
+SEVERAL = r"""
+c10_r12, c8_r14 -> compression = "", rebound = "" -> c(?P<compression>\d+)_r(?P<rebound>\d+)
+R12C08, R12C10, R10C08 -> rebound = "", compression = "" -> R(?P<rebound>\d+)C(?P<compression>\d+)
+D7_LSC-2_HSC-1_1Hz, D7_LSC-4_HSC-3_1Hz -> lsc = "", hsc = "" -> LSC-(?P<lsc>\d+)_HSC-(?P<hsc>\d+)
+5_3, 6_4 -> a = "", b = "" -> ^(?P<a>\d+)_(?P<b>\d+)
+x1_x3, x2_x4 -> a = "", b = "" ->
+\u04361_b3, \u04362_b4 -> a = "", b = "" ->
+x1_3, x2_4 -> a = "", b = "" ->
+x1_b3, x2_b4 -> x = "", compression = "" ->
+a5_x1_b3, a5_x2_b4 -> x = "", compression = "" ->
+x1_b3_5Hz, x2_b4_6Hz -> x = "", compression = "" ->
+x1_b3_k1_q2, x2_b4_k2_q3 -> x = "", compression = "", k = "", q = "" ->
+"""
+
+
+@pytest.mark.parametrize("row", SEVERAL.strip().splitlines())
+def test_several_adjusters_are_offered_a_pattern_for_all(row) -> None:
     """The pattern to copy read one of the two; R12C08 was taken for C alone, R 12 for degrees."""
+    given, declared, pattern = parted(row)
+    names = named(given)
     guess = guess_settings(names)
     assert guess.settings == {}
-    assert f"[adjusters] {declared}" in str(guess.way or "")
-    assert str(guess.way or "").endswith(f"--rig 'setting_pattern={pattern}'")
-    found = [re.search(pattern, name, re.IGNORECASE) for name in names]
-    assert [match.groups() for match in found] == places
-
-
-@pytest.mark.parametrize(
-    ("names", "declared"),
-    [
-        (["x1_x3.csv", "x2_x4.csv"], 'a = "", b = ""'),  # one word for both
-        (["ж1_b3.csv", "ж2_b4.csv"], 'a = "", b = ""'),  # no key can be called so
-        (["x1_3.csv", "x2_4.csv"], 'a = "", b = ""'),  # no word at all
-        (["x1_b3.csv", "x2_b4.csv"], 'x = "", compression = ""'),
-        (["a5_x1_b3.csv", "a5_x2_b4.csv"], 'x = "", compression = ""'),  # one does not differ
-        (["x1_b3_5Hz.csv", "x2_b4_6Hz.csv"], 'x = "", compression = ""'),  # one has a unit
-        (["x1_b3_k1_q2.csv", "x2_b4_k2_q3.csv"], 'x = "", compression = "", k = "", q = ""'),
-    ],
-)
-def test_numbers_without_names_of_their_own_are_counted(names, declared) -> None:
-    assert f"[adjusters] {declared}," in str(guess_settings(names).way or "")
+    assert f"[adjusters] {declared}" in str(guess.way)
+    if pattern:
+        assert str(guess.way).endswith(f"--rig 'setting_pattern={pattern}'")
+        found = [re.search(pattern, name, re.IGNORECASE).groups() for name in names]
+        numbers = [re.findall(r"\d+", name)[-2 - ("Hz" in name) :][:2] for name in names]
+        assert found == [tuple(two) for two in numbers]
 
 
 @pytest.mark.parametrize(("name", "number"), [("s123_x02.csv", "123"), ("s1234_x02.csv", "")])
@@ -259,91 +251,68 @@ def test_a_serial_number_behind_s_is_not_said_to_be_the_setting(name, number) ->
     assert one_of_several(name) == number
 
 
-def test_three_digits_are_clicks_and_four_are_not() -> None:
-    assert guess_settings(["b_998.csv", "b_999.csv"]).settings
-    assert not guess_settings(["b_999.csv", "b_1000.csv"]).settings
-
-
-CLICKS = [f"t1_{low}_{high}_s{speed}.csv" for low, high in ((2, 24), (2, 12)) for speed in (1, 5)]
-
-
 @pytest.mark.parametrize(
-    ("names", "is_unclear"),
+    ("given", "is_unclear"),
     [
-        (CLICKS, True),  # s is the speed of the test
-        (["t1_2_2_s5.csv", "t1_4_4_s5.csv"], True),  # two numbers differ beside it: no count
-        (["t1_2_24_s1.csv", "t1_2_24_s5.csv"], False),  # only s differs
-        (["001_s5.csv", "002_s5.csv", "003_s6.csv"], False),  # a count of the logs
-        (["1_s5.csv", "1_s6.csv", "2_s6.csv"], True),  # no count: 1 is there twice
-        (["run1_s5.csv", "run1_s6.csv", "run2_s5.csv"], False),  # runs are counted
-        (["t1_2_24_s5.csv"], False),  # one name
-        (["c2_x24.csv", "c2_x12.csv", "c4_x12.csv"], False),  # no s
+        ("t1_2_24_s1, t1_2_24_s5, t1_2_12_s1, t1_2_12_s5", True),  # s is the speed of the test
+        ("t1_2_2_s5, t1_4_4_s5", True),  # two numbers differ beside it: no count
+        ("t1_2_24_s1, t1_2_24_s5", False),  # only s differs
+        ("001_s5, 002_s5, 003_s6", False),  # a count of the logs
+        ("1_s5, 1_s6, 2_s6", True),  # no count: 1 is there twice
+        ("run1_s5, run1_s6, run2_s5", False),  # runs are counted
+        ("t1_2_24_s5", False),  # one name
+        ("c2_x24, c2_x12, c4_x12", False),  # no s
     ],
 )
-def test_s_is_no_setting_for_certain_where_other_numbers_differ(names, is_unclear) -> None:
+def test_s_is_no_setting_for_certain_where_other_numbers_differ(given, is_unclear) -> None:
+    names = named(given)
     assert unclear_names(names) == (frozenset(names) if is_unclear else frozenset())
 
 
 def test_clicks_and_a_speed_are_asked_about_with_a_pattern_for_the_clicks() -> None:
     clicks = ("2_2_8_4", "2_9_8_5", "4_9_3_4")
     names = [f"t1_{one}_s{s}_100psi.csv" for one in clicks for s in (1, 5)]
-    advice = str(guess_settings(names).way or "")
+    advice = str(guess_settings(names).way)
     assert '[adjusters] a = "", b = "", c = "", d = ""' in advice
     pattern = r"^t\d+_(?P<a>\d+)_(?P<b>\d+)_(?P<c>\d+)_(?P<d>\d+)"
     assert advice.endswith(f"--rig 'setting_pattern={pattern}'")
     assert re.search(pattern, names[2]).groups() == ("2", "9", "8", "5")
 
 
-@pytest.mark.parametrize(
-    ("names", "n_guessed"),
-    [
-        (["k_3.csv", "k_4.csv", "broken.csv"], 2),
-        (["k_3.csv", "k_4.csv", "broken.csv", "other.csv"], 0),  # no more than half
-        (["k_3.csv", "broken.csv"], 0),  # one name shows nothing
-    ],
-)
-def test_a_name_of_another_kind_costs_the_others_nothing(names, n_guessed) -> None:
+def test_a_name_of_another_kind_costs_the_others_nothing() -> None:
     """A broken file among good ones took their settings from all."""
-    settings = guess_settings(names).settings
-    assert len(settings) == n_guessed
-    assert "broken.csv" not in settings
+    assert guess_settings(["k_3.csv", "k_4.csv", "broken.csv"]).settings.keys() == {
+        "k_3.csv",
+        "k_4.csv",
+    }
 
 
-@pytest.mark.parametrize(
-    ("names", "pattern", "finds"),
-    [
-        (["soft.csv", "mid.csv", "hard.csv"], r"^(?P<setting>[^\W\d_]+)", ["soft", "mid", "hard"]),
-        (["D7_soft.csv", "D7_hard.csv"], r"7_(?P<setting>[^\W\d_]+)", ["soft", "hard"]),
-        (
-            ["D7 soft 1.5Hz.csv", "D7 hard 1.5Hz.csv"],
-            r"7 (?P<setting>[^\W\d_]+)",
-            ["soft", "hard"],
-        ),
-        (
-            ["soft_1.csv", "soft_2.csv", "hard_1.csv", "hard_2.csv"],
-            None,
-            ["soft"] * 2 + ["hard"] * 2,
-        ),
-        (
-            ["clk+0.csv", "clk-12.csv", "clk-4.csv"],
-            r"clk(?P<setting>[+-]?\d+)",
-            ["+0", "-12", "-4"],
-        ),
-        (["D7 clk +4.csv", "D7 clk -4.csv"], None, ["+4", "-4"]),
-        (["soft_a.csv", "hard_b.csv"], "", []),  # two words differ
-        (["soft.csv", "hard_02.csv"], "", []),  # names of another kind
-        (["soft.csv"], "", []),
-    ],
-)
-def test_a_word_or_a_sign_is_asked_about_with_an_option_to_copy(names, pattern, finds) -> None:
+# File names -> what the offered pattern finds, and that pattern.
+WORDS = r"""
+soft, mid, hard -> soft, mid, hard -> ^(?P<setting>[^\W\d_]+)
+D7_soft, D7_hard -> soft, hard -> 7_(?P<setting>[^\W\d_]+)
+D7 soft 1.5Hz, D7 hard 1.5Hz -> soft, hard -> 7 (?P<setting>[^\W\d_]+)
+soft_1, soft_2, hard_1, hard_2 -> soft, soft, hard, hard ->
+clk+0, clk-12, clk-4 -> +0, -12, -4 -> clk(?P<setting>[+-]?\d+)
+D7 clk +4, D7 clk -4 -> +4, -4 ->
+soft_a, hard_b -> ->
+soft, hard_02 -> ->
+soft -> ->
+"""
+
+
+@pytest.mark.parametrize("row", WORDS.strip().splitlines())
+def test_a_word_or_a_sign_is_asked_about_with_an_option_to_copy(row) -> None:
     """`clk-4` beside `clk+0` was read as setting 4."""
-    guess = guess_settings(names)
+    given, finds, pattern = parted(row)
+    guess = guess_settings(named(given))
     assert not guess.settings
-    if pattern is not None:
-        assert str(guess.way or "") == (f"--rig 'setting_pattern={pattern}'" if pattern else "")
-    if finds:
-        copied = re.search("setting_pattern=(.*)'", str(guess.way or ""))[1]
-        assert [re.search(copied, name)["setting"] for name in names] == finds
+    told = re.search("setting_pattern=(.*)'", str(guess.way or ""))
+    assert bool(told) is bool(finds)
+    if told:
+        assert told[1] == (pattern or told[1])
+        found = [re.search(told[1], name)["setting"] for name in named(given)]
+        assert found == finds.split(", ")
 
 
 # Tables of tests.
