@@ -83,7 +83,7 @@ def test_only_logs_are_taken_from_a_folder_whatever_else_is_in_it(tmp_path, text
 def test_where_there_is_no_log_it_is_said(tmp_path, texts, monkeypatch):
     def refused(place: Path, says: str) -> None:
         with pytest.raises(ConfigurationError, match=says):
-            find_sources([str(place)])
+            tasks_by_damper(find_sources([str(place)]), CONFIGURATION)
 
     refused(tmp_path, "no log in it; expected files such as")
     (tmp_path / "kept.csv").write_text(OWN)
