@@ -300,6 +300,11 @@ def ramp(one: Recording) -> np.ndarray:
     return one.time / one.time[-1]
 
 
+def passed(one: Recording) -> np.ndarray:
+    return np.gradient(one.displacement, one.time)
+
+
+SAID = {"frequency": "1.6 Hz", "amplitude_mm": "25"}
 FORCE, PLACE = partial(with_, "force"), partial(with_, "displacement")
 STEPPED = ((0.02, 0.5, 3), (0.02, 1.5, 6), (0.02, 3.0, 9))
 SINE = cache(lambda: log(sine()))
@@ -308,6 +313,7 @@ LONG = cache(lambda: log(sine(12.3)))
 STEPS = cache(lambda: log(parts(*STEPPED)))
 ROAD = cache(lambda: log(road()))
 TRIANGLE = cache(lambda: log(triangle(0.2)))
+TWICE = cache(lambda: log(parts((0.02, 1.5, 6), (1e-9, 1.0, 2), (0.02, 1.5, 6))))
 # A log, what is done to it, and what is declared.
 LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = {
     "sine": (SINE, None, {}),
@@ -436,6 +442,24 @@ LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = 
     "beyond the chamber": (SINE, PLACE(lambda y, _: 5.0 * y), {}),
     "slow": (lambda: log(parts((0.03, 0.2, 3))), None, {}),
     "crank": (SINE, PLACE(lambda y, _: y + 0.03 * (y**2 / 0.032)), {}),
+    "another force": (
+        TWICE,
+        FORCE(lambda y, one: np.where(one.time > 5.0, 1.4, 1.0) * y),
+        {},
+    ),
+    "pauses": (lambda: log(parts((0.02, 1.5, 6), (1e-9, 2.0, 1), (0.02, 1.5, 7))), None, {}),
+    "velocity": (SINE, lambda one: replace(one, velocity=passed(one)), {}),
+    "late velocity": (SINE, lambda one: replace(one, velocity=-late(0.02)(passed(one), one)), {}),
+    "other velocity": (SINE, lambda one: replace(one, velocity=1.3e-3 * passed(one)), {}),
+    "no velocity": (SINE, lambda one: replace(one, velocity=np.cos(31.0 * one.time)), {}),
+    "as said": (SINE, lambda one: replace(one, metadata=SAID), {}),
+    "too fast": (lambda: log(parts((0.0005, 45.0, 100)), jitter=0.0), None, {}),
+    "late start": (SINE, with_("time", lambda t, _: t + 1e4), {}),
+    "auto corner at a low rate": (
+        lambda: log(parts((0.01, 4.0, 30), rate=120.0)),
+        None,
+        {"conditioning": {"filter_corner": "auto"}},
+    ),
     "unsteady": (LONG, PLACE(lambda y, one: y * (1.0 + 0.12 * np.sin(5.0 * one.time))), {}),
 }
 
@@ -595,7 +619,7 @@ def plain() -> Any:
 
 @case
 def steps_held_out() -> Any:
-    return told(fit([STEPS(), log(parts(*STEPPED), setting=4)], hold_out=["0.3m/s-"]), whole=True)
+    return told(fit([STEPS()], hold_out=["0.3m/s-"]), whole=True)
 
 
 @case
@@ -750,6 +774,41 @@ def adjusters() -> Any:
         for high, stiff in moves[1].items()
     ]
     return told(fit(logs, damper=model, procedure="joint"), whole=True)
+
+
+@case
+def doubtful() -> Any:
+    """What settings do not tell or disagree about, and what is predicted badly."""
+    own = {one: reference_parameters(one) for one in SETTINGS}
+
+    def logs(change: Callable[[Any, int], Any], settings: Any = SETTINGS[:3]) -> list[Recording]:
+        return [log(sine(), change(own[one], k), setting=one) for k, one in enumerate(settings)]
+
+    frictions = logs(lambda values, k: replace(values, f_f=30.0 + 20.0 * k))
+    unseen = logs(lambda values, _: replace(values, r_m3=2.6e3, f_f=1e-3))
+    outside = replace(PURDY_DAMPER, ambient_pressure=101325.0)
+    airy = [log(sine(), own[one], outside, setting=one, noise=0.5) for one in (8, 12)]
+    other = replace(own[8], r_m1=1.3 * own[8].r_m1)
+    held = log(parts((0.02, 2.5, 12)), other, setting=8, name="held.csv")
+    sound = logs(lambda values, _: values)
+    return {
+        "frictions": told(fit(frictions)),
+        "unseen": told(fit(unseen)),
+        "unseen_alone": told(fit(unseen[:1], procedure="plain")),
+        "air": told(fit(airy)),
+        "missed": told(fit([*sound, held], hold_out=["held*"])),
+        "starts": fit([sound[2]], procedure="plain", starts=4).record["searches"],
+        "shared_profile": told(fit(sound, procedure="joint", profile="r_m3")),
+    }
+
+
+@case
+def forces_wanted() -> Any:
+    """Which setting gives a force, in both strokes, between clicks and beyond them."""
+    run = of_five()
+    asked = ("900N", "-700N", "60kN", "1N", "1500N", "2kN")
+    found = [damperfit.settings(run, force=one, velocity="0.2m/s").document() for one in asked]
+    return [(one["sentence"], one["answers"]) for one in found]
 
 
 @case
