@@ -114,15 +114,7 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
     config: str | Path | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Inspection:
-    """Show what is in logs and what is wrong with them; fit nothing.
-
-    Parameters
-    ----------
-    logs : path, pattern, list of such, or mapping of labels to data frames
-        As of `identify`.
-    units : mapping of str to str, optional
-        Units of columns that do not say theirs.
-    """
+    """Show what is in logs and what is wrong with them; fit nothing."""
     given = dict(locals())
     from damperfit.answers import Inspection
     from damperfit.run.log_files import as_files, expand
@@ -191,10 +183,6 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         results are shown in.
     out : path, optional
         Folder for the results; by default nothing is written, see `Run.save`.
-    damper : Model or mapping, optional
-        The damper, or keys of [damper]; the paper's where neither it nor `config` says it.
-    watch : Watch, optional
-        Who looks on: progress, and the wish to stop.
 
     Returns
     -------
@@ -302,18 +290,18 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
         is_law_open=is_open,
     )
     fit = configuration.identification
-    if not is_open:  # the law that the logs choose may have what the declared model has not
-        for name in fit.untied:
-            with blamed_on(Option("untie")):
-                configuration.damper.quantity(name)
     for name in fit.untied:
+        untie = Option("untie", name)
         if name in fit.fixed:
-            raise _usage(
-                f"{{where}} has no effect: {name} is held at one value by {{fix}}; leave one out",
-                "no-effect",
-                Option("untie", name),
-                fix=Option("fix", fit.fixed[name], name),
-            )
+            text = f"{{where}} has no effect: {name} is held by {{fix}}; leave one of the two out"
+            raise _usage(text, "no-effect", untie, fix=Option("fix", fit.fixed[name], name))
+        if is_open:  # the law that the logs choose may have what the declared model has not
+            continue
+        with blamed_on(Option("untie")):
+            quantity = configuration.damper.quantity(name)
+        if quantity.default is not None and name not in (fit.free or ()):
+            text = f"{{where}} has no effect: {name} is held at {quantity.default:g}; free it"
+            raise _usage(f"{text} too: {{free}}", "no-effect", untie, free=Option("free"))
     alone = [key for key in ("share", "untie") if given.get(key) is not None]
     if alone and fit.procedure != "joint" and not (is_open and alone == ["untie"]):
         raise _usage(
@@ -374,13 +362,6 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
 ) -> LawChoice:
     """Fit one damper law after the other to the logs and say which one they support.
 
-    Parameters
-    ----------
-    logs, start, rig, damper
-        As of `identify`.
-    on_law : callable
-        Called with the name of each law that was tried.
-
     Returns
     -------
     LawChoice
@@ -431,15 +412,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     config: str | Path | None = None,
     watch: Watch | None = None,
 ) -> FleetDone:
-    """Fit many dampers, one part each; finished ones are not fitted again.
-
-    Parameters
-    ----------
-    logs : folders, files, patterns or addresses
-        Of all dampers; None: the parts that are there.
-    watch : Watch, optional
-        Who looks on: progress by damper, and the wish to stop.
-    """
+    """Fit many dampers, one part each; finished ones are not fitted again."""
     given = dict(locals())
     from damperfit.answers import FleetDone
     from damperfit.comparison import parse_bands
@@ -556,17 +529,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     config: str | Path | None = None,
     damper: Model | Mapping[str, Any] | None = None,
 ) -> Simulation:
-    """Simulate one setting.
-
-    Parameters
-    ----------
-    setting : optional
-        Whose parameters; not needed where `set` gives all of them.
-    set : mapping, optional
-        Parameters that replace the setting's.
-    damper : Model or mapping, optional
-        As of `identify`.
-    """
+    """Simulate one setting."""
     given = dict(locals())
     from damperfit.answers import Simulation
     from damperfit.damper.temperature_law import WithTemperature
@@ -702,15 +665,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     units: str | None = None,
     config: str | Path | None = None,
 ) -> SettingForces | CurveForces:
-    """Show force by setting and what a click changes; find the setting for a force.
-
-    Parameters
-    ----------
-    results : Run, path or list of paths
-        What `identify` found, or files of measured curves.
-    force, velocity : number or text, optional
-        As in "900N" and "0.2m/s".
-    """
+    """Show force by setting and what a click changes; find the setting for a force."""
     given = dict(locals())
     from damperfit.queries.settings import parse_question, tabulate_forces
     from damperfit.results import Run
@@ -760,15 +715,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     jobs: int | None = None,
     config: str | Path | None = None,
 ) -> Comparison:
-    """Show what differs between results, and whether it is more than chance.
-
-    Parameters
-    ----------
-    *runs : Run or path
-        The first is the reference.
-    velocity : sequence of speed
-        As in ``["0.1m/s", "0.3m/s"]``.
-    """
+    """Show what differs between results, and whether it is more than chance."""
     given = dict(locals())
     from damperfit.comparison import parse_bands
     from damperfit.queries.compared import Comparison, compare_all, comparison_options, one_run
@@ -853,13 +800,6 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
 ) -> Files:
     """Hand a damper over to another program.
 
-    Parameters
-    ----------
-    results : Run or path
-        What `identify` found.
-    to : str
-        A target of `damperfit export --list`.
-
     Returns
     -------
     Files
@@ -917,15 +857,7 @@ def report(
     units: str | None = None,
     config: str | Path | None = None,
 ) -> Files:
-    """Write report.html, one page that opens anywhere, from results.
-
-    Parameters
-    ----------
-    results : Run or path
-        What `identify` found.
-    config : path, optional
-        Only checked: damper and rig are those of the run.
-    """
+    """Write report.html, one page that opens anywhere, from results."""
     _check_kind(figures)
     configured("report", {"config": config})
     from damperfit.tables.reading import written_of
@@ -982,15 +914,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     config: str | Path | None = None,
     watch: Watch | None = None,
 ) -> Files:
-    """Write synthetic rig logs with known parameters.
-
-    Parameters
-    ----------
-    settings : text or sequence of int
-        As in "1,5,10-12".
-    watch : Watch, optional
-        Who looks on: progress by log.
-    """
+    """Write synthetic rig logs with known parameters."""
     given = dict(locals())
     from damperfit.answers import Files
     from damperfit.queries.simulations import numbers_in, truth_of
@@ -1038,17 +962,7 @@ def init(
     out: str | Path | None = None,
     overwrite: bool = False,
 ) -> FirstConfiguration:
-    """Make a commented configuration for a damper of your own, with what its logs tell.
-
-    Parameters
-    ----------
-    logs : paths or patterns, optional
-        Of the damper: units, setting and signs are guessed.
-    set : mapping, optional
-        Keys of [damper], as in ``{"rod_diameter": "12mm"}``.
-    out : path, optional
-        The file to write.
-    """
+    """Make a commented configuration for a damper of your own, with what its logs tell."""
     from damperfit.answers import FirstConfiguration
     from damperfit.queries.first_configuration import (
         Guessed,

@@ -23,7 +23,16 @@ PRESENTATION = (
     *("json", "quiet", "debug", "version", "log_file", "github_summary", "list"),
     *("color", "no_progress", "verbose"),
 )
-_OF_PYTHON = ("damper", "watch", "stop", "on_law", "inspect.units")
+_OF_PYTHON = {
+    "damper": (
+        "Model or mapping",
+        "The damper, or keys of [damper]; the paper's where neither it nor `config` says it.",
+    ),
+    "watch": ("Watch", "Who looks on: progress, and the wish to stop."),
+    "stop": ("threading.Event", "Ends it when it is set; Ctrl-C does so too."),
+    "on_law": ("callable", "Called with the name of each law that was tried."),
+    "inspect.units": ("mapping of str to str", "Units of columns that do not say theirs."),
+}
 # In the order of the help; what stands in none stands last, under "Options".
 PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "Output", "Options")
 
@@ -205,6 +214,8 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
 # fmt: on
 # What a keyword takes in Python.
 _TYPES = {
+    "argument": "Run or path",
+    "arguments": "path, pattern or list of such",
     "text": "str",
     "texts": "list of str",
     "names": "list of str",
@@ -262,11 +273,7 @@ def keyword_of(command: str, name: str) -> Keyword | None:
 
 
 def option_of(name: str) -> str:
-    """Return the option that a keyword is on the command line.
-
-    >>> option_of("hold_out")
-    '--hold-out'
-    """
+    """Return the option that a keyword is on the command line."""
     return f"--{name.rstrip('_').replace('_', '-')}"
 
 
@@ -281,8 +288,12 @@ def with_keywords(function: Callable[..., Any]) -> str:
     }
     lines = []
     for name in signature(function).parameters:
-        one = keyword_of(function.__name__, name)
-        if one is not None and one.kind in _TYPES and name not in told:
-            lines += [f"    {name} : {_TYPES[one.kind]}", f"        {one.help}"]
-    heading = ["", "    Other Parameters", "    ----------------"]
+        keyword = keyword_of(function.__name__, name)
+        known = _OF_PYTHON.get(name) or _OF_PYTHON.get(f"{function.__name__}.{name}")
+        if keyword is not None:
+            known = _TYPES[keyword.kind], keyword.help
+        if known is not None and name not in told:
+            lines += [f"    {name} : {known[0]}", f"        {known[1]}"]
+    title = "Other Parameters" if "    Parameters\n" in text else "Parameters"
+    heading = ["", f"    {title}", f"    {'-' * len(title)}"]
     return "\n".join([text.rstrip(), *heading, *lines, ""]) if lines else text

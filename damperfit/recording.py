@@ -8,13 +8,13 @@ rebound (rod out, tension). Readers make recordings, conditioning turns them int
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from damperfit.problem import Problem
+from damperfit.tested.setting import natural_order as natural_order  # noqa: PLC0414 - also from here
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,12 +30,6 @@ _SPEEDS = ("peak_speed_rebound", "peak_speed_bump", "hysteresis_speed")
 _FIGURES = {one: f"{one}_m_per_s" for one in _SPEEDS}
 _FIGURES |= {"energy": "energy_J", "energy_se": "energy_se_J"}
 _FIGURES |= {one: f"figures_{one}_s" for one in ("start", "stop")}  # all others are forces
-
-
-def natural_order(name: str) -> tuple[tuple[int, int, str], ...]:
-    """Return the sort key of a log's name that puts run_2 before run_10."""
-    parts = re.split(r"([0-9]+)", name)  # every second part is digits
-    return tuple((1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts))
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,14 +28,19 @@ _STROKES = (
 _LETTERED = re.compile(r"([^\W\d_]{1,4})[+-]?\d+(?:\.\d+)?|\d+(?:\.\d+)?([^\W\d_]{1,4})")
 
 
+def natural_order(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Return the sort key of a name that puts run_2 before run_10."""
+    parts = re.split(r"([0-9]+)", name)  # every second part is digits
+    return tuple((1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts))
+
+
 @total_ordering
 @dataclass(frozen=True, slots=True, eq=False)
 class Setting:
     """Where each adjuster stands, in the order that was declared.
 
     A place is clicks, which may be negative or halves, or a word such as "soft". With one adjuster
-    in whole clicks a setting equals its number and hashes alike, so that ``fit.setting == 10`` and
-    dictionaries by number go on working.
+    in whole clicks a setting equals its number and hashes alike: ``fit.setting == 10``.
 
     >>> str(Setting.of(10)), str(Setting((("rebound", 12), ("compression", 8))))
     ('10', 'R12 C8')
@@ -135,7 +140,9 @@ class Setting:
     @property
     def _order(self) -> tuple[tuple[int, float, tuple[Any, ...]], ...]:
         return tuple(
-            (1, 0.0, _natural(place)) if isinstance(place, str) else (0, float(place), ())
+            (1, 0.0, natural_order(place.casefold()))
+            if isinstance(place, str)
+            else (0, float(place), ())
             for _, place in self.places
         )
 
@@ -147,11 +154,6 @@ def _lettered_places(label: str) -> tuple[tuple[str, Place], ...]:
         return ()
     numbers = re.findall(r"[+-]?\d+(?:\.\d+)?", label)
     return tuple((a.upper(), parse_place(b)) for a, b in zip(letters, numbers, strict=True))
-
-
-def _natural(word: str) -> tuple[Any, ...]:
-    parts = re.split(r"([0-9]+)", word.casefold())
-    return tuple((1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts))
 
 
 def label_of(given: object) -> str | None:
