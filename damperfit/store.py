@@ -136,13 +136,14 @@ def write_text(path: Path, text: str) -> None:
 
 def path_of(value: object, where: Option | str, expected: str) -> Path:
     """Return a path that was given as text or as a path; else refuse it by what it is of."""
-    found = "''" if value == "" else type(value).__name__
+    is_empty = isinstance(value, str) and not value
+    found = "''" if is_empty else type(value).__name__
     text = f"found {found}; expected {expected}"
     if "\0" in str(value):
         text = f"found {value!r}; a NUL cannot stand in a path"
-    elif isinstance(value, str | os.PathLike) and os.fspath(value) != "":
+    elif isinstance(value, str | os.PathLike) and not is_empty:
         return Path(os.path.expanduser(os.fspath(value)))  # noqa: PTH111 - of ~nobody it raises
-    elif value == "":
+    elif is_empty:
         text += ", '.' for this folder"  # it would be this one
     place: dict[str, Any] = {"subject" if isinstance(where, str) else "where": where}
     raise ConfigurationError(text, code="not-a-path", **place)

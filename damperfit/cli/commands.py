@@ -363,8 +363,9 @@ def settings(how: Shown, **given: Any) -> int:
         say(f"damperfit: {done.run.shown_as}: {remark}")
     for trace in getattr(done, "traces", ()) if how.debug else ():
         say_lines(trace)
-    for note in done.notes:
-        say(f"note: {note}")
+    if hasattr(done, "run") or not how.quiet:
+        for note in done.notes:
+            say(f"note: {note}")
     answers = [line for line in getattr(done, "answers", (done.sentence,)) if line]
     if how.json:
         print_json(done.document())

@@ -8,6 +8,7 @@ model has the fields of the model that it names.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 if TYPE_CHECKING:
@@ -44,26 +45,15 @@ def key(default: Any, about: str, dimension: str = "", **how: Any) -> Any:
     return Entry(default, about, dimension, **how)
 
 
-class Section:
+class Section(SimpleNamespace):
     """A section as the program reads it; two with equal values are equal."""
 
     name = ""
     about = ""
 
-    def __init__(self, **values: Any) -> None:
-        vars(self).update(values)
-
     def but(self, **values: Any) -> Self:
         """Return the section with other values, which are taken as they are."""
         return type(self)(**{**vars(self), **values})
-
-    def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and vars(self) == vars(other)
-
-    __hash__ = None  # type: ignore[assignment] # it holds dictionaries
-
-    def __repr__(self) -> str:
-        return f"<[{self.name}] {vars(self)}>"
 
     @classmethod
     def entries(cls) -> dict[str, Entry]:
