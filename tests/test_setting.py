@@ -1,5 +1,7 @@
 """A setting is a label: one adjuster in whole clicks equals its number, any other is itself."""
 
+import re
+
 import pytest
 
 from damperfit.tested.setting import (
@@ -33,23 +35,20 @@ def test_one_adjuster_in_whole_clicks_is_its_number():
     assert Setting((("rebound", 10),)) == 10
 
 
-@pytest.mark.parametrize(
-    ("text", "place"),
-    [
-        ("10", 10),
-        (" 08 ", 8),
-        ("10.0", 10),
-        ("-3", -3),
-        ("+3", 3),
-        ("2.5", 2.5),
-        ("0", 0),
-        ("1000000", 1_000_000),
-        ("soft", "soft"),
-        ("full open", "full open"),
-        ("härter", "härter"),
-        ("a" * LONGEST_WORD, "a" * LONGEST_WORD),
-    ],
-)
+PLACES = {
+    "10": 10,
+    " 08 ": 8,
+    "10.0": 10,
+    "-3": -3,
+    "+3": 3,
+    "2.5": 2.5,
+    "0": 0,
+    "1000000": 1_000_000,
+    **{word: word for word in ("soft", "full open", "härter", "a" * LONGEST_WORD)},
+}
+
+
+@pytest.mark.parametrize(("text", "place"), PLACES.items())
 def test_a_place_is_clicks_or_a_word(text, place):
     assert parse_place(text) == place
     assert type(parse_place(text)) is type(place)
@@ -68,7 +67,8 @@ def test_what_is_no_place_is_refused(text):
 @pytest.mark.parametrize(
     "text",
     ["rebound=12, compression=8", "R12 C08", "r12c8", "C8 R12", "12/8", "12 8", "12;8",
-     "rebound: 12; compression: 8", "Rebound 12, Compression 8"],
+     "12, 8", "12 / 8", "12; 8", "12|8", "rebound: 12; compression: 8",
+     "Rebound 12, Compression 8"],
 )  # fmt: skip
 def test_a_label_of_two_adjusters(text):
     setting = parse_setting(text, TWO)
@@ -84,38 +84,34 @@ def test_half_a_label_is_refused(text):
         parse_setting(text, TWO)
 
 
-@pytest.mark.parametrize(
-    ("adjusters", "text", "places"),
-    [
-        (["low_speed", "high_speed"], "L6 H1", (6, 1)),
-        (["low_speed", "high_speed"], "H1 L6", (6, 1)),
-        (["low_speed", "high_speed"], "LS6/HS1", (6, 1)),
-        (["low_speed", "high_speed"], "6l 1h", (6, 1)),
-        (["rebound", "compression"], "C3R5", (5, 3)),
-        (["low_speed_compression", "high_speed_compression", "rebound"], "LSC 4 HSC 2 R 10",
-         (4, 2, 10)),
-        (["bump", "rebound"], "b12-r8", (12, 8)),
-        (["compression", "rebound"], "b12-r8", (12, 8)),
-        (["rebound", "bump"], "reb 12 comp 8", (12, 8)),
-        (["rebound", "compression"], "12/8", (12, 8)),
-    ],
-)  # fmt: skip
-def test_letters_name_adjusters_by_their_initials_and_strokes(adjusters, text, places):
+LABELS = """
+low_speed high_speed: L6 H1 -> 6 1
+low_speed high_speed: H1 L6 -> 6 1
+low_speed high_speed: LS6/HS1 -> 6 1
+low_speed high_speed: 6l 1h -> 6 1
+low_speed_compression high_speed_compression rebound: LSC 4 HSC 2 R 10 -> 4 2 10
+rebound compression: C3R5 -> 5 3
+bump rebound: b12-r8 -> 12 8
+compression rebound: b12-r8 -> 12 8
+rebound bump: reb 12 comp 8 -> 12 8
+rebound compression: 12/8 -> 12 8
+low_speed high_speed: A6 B1 -> the letters ., . name none
+low_rebound low_bump: L6 H1 -> the letters ., . name none
+low_speed high_speed: 6a 1b -> the letters ., . name none
+"""
+
+
+@pytest.mark.parametrize("row", LABELS.strip().splitlines())
+def test_letters_name_adjusters_by_their_initials_and_strokes_and_are_never_words(row):
+    names, text, expected = re.split(": | -> ", row)
+    adjusters = names.split()
+    if expected.startswith("the"):
+        with pytest.raises(ValueError, match=expected) as found:
+            parse_setting(text, adjusters)
+        assert f"{adjusters[0]}=12" in str(found.value)
+        return
+    places = map(int, expected.split())
     assert parse_setting(text, adjusters).places == tuple(zip(adjusters, places, strict=True))
-
-
-@pytest.mark.parametrize(
-    ("adjusters", "text"),
-    [
-        (["low_speed", "high_speed"], "A6 B1"),
-        (["low_rebound", "low_bump"], "L6 H1"),
-        (["low_speed", "high_speed"], "6a 1b"),
-    ],
-)
-def test_letters_that_name_no_adjuster_are_asked_for_and_never_words(adjusters, text):
-    with pytest.raises(ValueError, match=r"the letters ., . name none of the adjusters") as found:
-        parse_setting(text, adjusters)
-    assert f"{adjusters[0]}=12" in str(found.value)
 
 
 @pytest.mark.parametrize("text", ["10 clicks", "click 10", "R10", "10r", "rebound 10", "reb10"])
@@ -186,8 +182,3 @@ def test_lines_hold_the_other_adjusters():
     (words,) = lines_of(["soft", "hard"])
     assert words.settings == ()
     assert lines_of([]) == ()
-
-
-@pytest.mark.parametrize("text", ["12/8", "12, 8", "12 / 8", "12 8", "12; 8", "12|8"])
-def test_places_may_be_parted_by_a_mark_with_blanks(text):
-    assert parse_setting(text, ["rebound", "compression"]).label == "R12 C8"

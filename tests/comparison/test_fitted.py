@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.adjustment.force_at import Sine, Stage
 from damperfit.comparison import ComparisonOptions, Sameness, compare_runs
-from damperfit.comparison.comparing import _speeds, _tares, circumstances
+from damperfit.comparison.comparing import _speeds, circumstances
 from damperfit.comparison.fitted import (
     comparable_quantities,
     figure_lines,
@@ -153,11 +153,6 @@ def test_a_held_tare_is_known() -> None:
         assert one.value == pytest.approx(b[topic].value)
 
 
-def test_nobody_speaks_of_tares_that_there_are_not() -> None:
-    runs = [run(name, 0.0, is_free=False) for name in "ab"]
-    assert list(_tares(runs, SETTINGS, is_shifted=False)) == []
-
-
 def test_a_single_run_is_held_against_nominal_forces_as_its_rig_gave_them() -> None:
     (bare,), (whole,) = readings(run("a", 0.0)), readings(run("a", 25.0))
     for topic, one in whole.items():
@@ -240,11 +235,6 @@ def test_the_same_logs_read_with_other_signs(before, after, said) -> None:
     assert _said(a, fitted(1, name="b", inputs=[_log(*after, sha256="cd")])) == []
     unsaid = {key: one for key, one in _log().items() if key != "reversed"}
     assert _said(a, fitted(1, name="b", inputs=[unsaid])) == [_SAME_LOGS]
-
-
-@pytest.mark.parametrize(("settings", "said"), [((2,), "setting 2"), ((2, 4), "settings 2, 4")])
-def test_settings_of_one_run_alone_are_told_in_the_plural(settings, said) -> None:
-    assert _said(fitted(1), fitted(1, *settings, name="b")) == [f"{said} only in b: not compared"]
 
 
 def test_the_gas_and_what_it_does_to_every_force() -> None:

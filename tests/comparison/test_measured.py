@@ -46,10 +46,6 @@ def test_errors_are_those_of_the_scatter_between_cycles() -> None:
     assert np.std(found[:, 0], ddof=1) == pytest.approx(np.mean(found[:, 1]), rel=0.25)
 
 
-def test_a_single_cycle_has_no_error() -> None:
-    assert math.isnan(measured(cycles=1, noise=1.0).force_at(0.2, "rebound")[1])
-
-
 @pytest.mark.parametrize("change", [{"frequency_Hz": None}, {"kind": "moving"}, {"stop_s": "x"}])
 def test_what_does_not_repeat_is_no_test(change) -> None:
     found, told = signals()
@@ -199,12 +195,6 @@ def test_the_mean_of_several_tests_has_their_scatter_by_the_root_of_their_number
     (table,) = measured_readings((one,), one.settings, speeds=(0.2,))
     for reading in table.values():
         assert reading.repeat == pytest.approx(share * DAMPING * 0.2 / 2.0, rel=0.01)
-
-
-def test_cycles_that_the_filter_smears_are_left_out() -> None:
-    log, told = signals(cycles=10)
-    clean = {"figures_start_s": 5.0 + 1.0 / FREQUENCY, "figures_stop_s": 5.0 + 9.0 / FREQUENCY}
-    assert [one.n_cycles for one in measured_tests(log, [told[0] | clean])] == [8]
 
 
 def test_a_log_of_an_older_run_is_one_motion_from_its_first_sample_to_its_last() -> None:

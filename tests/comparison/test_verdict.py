@@ -348,10 +348,3 @@ def test_junit_has_a_case_a_point_and_every_miss_is_a_failure() -> None:
     ]
     assert cases[0].get("name") == "setting 3, rebound, 0.26 m/s"
     assert "\x1b" not in (cases[0].get("classname") or "")
-
-
-def test_in_a_table_the_larger_of_per_cent_and_newtons_counts_too(tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    rows = '0.13,rebound,100,"1%,30N"\n0.2,rebound,100,"40%,30N"\n'
-    bands = parse_bands(_table("speed,stroke,force,tolerance\n" + rows)).bands
-    assert [(one.low, one.high) for one in bands] == [(70.0, 130.0), (60.0, 140.0)]

@@ -24,16 +24,6 @@ UNITS = {"time": "s", "displacement": "mm", "force": "N"}
 CHANNELS = ("time", "displacement", "force")
 
 
-@pytest.fixture
-def put(tmp_path):
-    def write(data: bytes, name: str):
-        path = tmp_path / name
-        path.write_bytes(data)
-        return path
-
-    return write
-
-
 def refusal(path, **declared) -> str:
     with pytest.raises(LogError) as caught:
         read_logs(path, ReadOptions(**declared))

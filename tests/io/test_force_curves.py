@@ -40,7 +40,7 @@ READ = {
     ),
     "one speed for both strokes": (
         LONG, {},
-        {"curves.csv": ([(0.05, 100), (0.1, 200), (0.3, 700)],
+        {"log.csv": ([(0.05, 100), (0.1, 200), (0.3, 700)],
                         [(0.05, -50), (0.1, -90), (0.3, -300)])},
     ),
     "one force a setting": (
@@ -71,7 +71,7 @@ READ = {
     },
     **{
         f"unit of a speed: {name}": (
-            f"{name}\tforce N\n100\t300\n-200\t-500\n", {}, {"curves.csv": ([(0.1, 300)],
+            f"{name}\tforce N\n100\t300\n-200\t-500\n", {}, {"log.csv": ([(0.1, 300)],
                                                                           [(0.2, -500)])},
         )
         for name in ("speed mm/s", "velocity_mm_s", "Speed, mm/s", "vel_mm/s")
@@ -79,21 +79,21 @@ READ = {
     "declared columns": (
         "a,b\n-0.1,-200\n0.1,300\n0.2,500\n",
         {"columns": {"velocity": "a", "force": 2}, "units": {"velocity": "m/s", "force": "N"}},
-        {"curves.csv": ([(0.1, 300), (0.2, 500)], [(0.1, -200)])},
+        {"log.csv": ([(0.1, 300), (0.2, 500)], [(0.1, -200)])},
     ),
     "speeds without sign": (
-        "speed_m/s,force_N\n0.1,300\n0.1,-200\n0.2,500\n0.2,-350\n", {}, {"curves.csv": TWO},
+        "speed_m/s,force_N\n0.1,300\n0.1,-200\n0.2,500\n0.2,-350\n", {}, {"log.csv": TWO},
     ),
     "JSON": (
         json.dumps({"speed_m/s": [0.1, 0.2], "Rebound (N)": [1.0, 2.0], "setting": 5}), {},
         {"5": ([(0.1, 1), (0.2, 2)], [])},
     ),
     "reversed displacement": (
-        SIGNED, {"reverse_displacement": True}, {"curves.csv": ([(0.1, 200)], [(0.1, -300),
+        SIGNED, {"reverse_displacement": True}, {"log.csv": ([(0.1, 200)], [(0.1, -300),
                                                                             (0.2, -500)])},
     ),
     "reversed force": (
-        SIGNED, {"reverse_force": True}, {"curves.csv": ([(0.1, 300), (0.2, 500)], [(0.1, -200)])},
+        SIGNED, {"reverse_force": True}, {"log.csv": ([(0.1, 300), (0.2, 500)], [(0.1, -200)])},
     ),
 }  # fmt: skip
 REFUSED = {
@@ -119,16 +119,6 @@ REFUSED = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def put(tmp_path):
-    def write(text: str):
-        path = tmp_path / "curves.csv"
-        path.write_text(text)
-        return path
-
-    return write
-
-
 def points(curve, stroke: str) -> list[tuple[float, float]]:
     return [(round(float(v), 6), float(f)) for v, f in zip(*curve.points(stroke), strict=True)]
 
@@ -145,7 +135,7 @@ def test_what_cannot_be_told_is_one_line(put, text, declared, says) -> None:
     with pytest.raises(LogError) as caught:
         read_curves(put(text), ReadOptions(**declared))
     message = str(caught.value)
-    assert message.startswith("curves.csv")
+    assert message.startswith("log.csv")
     assert says in message
     assert message.isprintable()
 

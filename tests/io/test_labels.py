@@ -24,16 +24,6 @@ TWO = ("rebound", "compression")
 ORDER = {"option": 9, "parts": 10, "preamble": 11, "column": 12, "name": 13}
 
 
-@pytest.fixture
-def put(tmp_path):
-    def write(text: str, name: str = "a.csv"):
-        path = tmp_path / name
-        path.write_text(text, encoding="utf-8")
-        return path
-
-    return write
-
-
 @pytest.mark.parametrize(
     "ways", [w for n in range(6) for w in itertools.combinations(ORDER, n)], ids="-".join
 )
@@ -91,7 +81,7 @@ def test_words_halves_and_negative_clicks_are_settings(put, value, cell) -> None
 
 @pytest.mark.parametrize("value", ["1e9", "nan", "?", "x" * 50])
 def test_a_setting_that_is_no_label_is_refused(put, value) -> None:
-    with pytest.raises(LogError, match=r"a\.csv: metadata 'setting': .*expected clicks"):
+    with pytest.raises(LogError, match=r"log\.csv: metadata 'setting': .*expected clicks"):
         read_log(put(f"# setting: {value}\n{LOG}"))
 
 

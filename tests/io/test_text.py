@@ -23,16 +23,6 @@ ROWS = "0.0,1,2\n0.1,2,3\n0.2,3,4\n0.3,4,5\n"
 CHANNELS = {"time": 1, "displacement": 3, "force": 2}
 
 
-@pytest.fixture
-def put(tmp_path):
-    def write(content: str | bytes, name: str = "log.csv") -> Path:
-        path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return path
-
-    return write
-
-
 def refusal(path: Path, **declared) -> str:
     """The one line that says why there is no log."""
     with pytest.raises(LogError) as caught:

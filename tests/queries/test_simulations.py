@@ -10,8 +10,6 @@ import damperfit
 from damperfit.adjustment.force_at import Stage
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.mounting import FIT, Mounting
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals import Linear
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
@@ -167,12 +165,6 @@ def test_forces_by_setting_name_the_mounting_and_that_the_tare_is_left_out() -> 
     assert rig == "the rig's series stiffness is in measured forces, not in the model's"
 
 
-def test_the_papers_damper_has_no_rig_in_it() -> None:
-    values = reference_parameters(3)
-    assert list(notes_on_simulation(PURDY_DAMPER, values)) == []
-    assert list(notes_on_settings(PURDY_DAMPER, [Stage(Setting.of(3), values)])) == []
-
-
 def test_an_offset_that_holds_the_gas_force_is_not_the_rigs_alone() -> None:
     model = Linear()
     assert list(notes_on_simulation(model, model.values({"c": 1e3, "f_0": -130.0}))) == []
@@ -204,24 +196,6 @@ def peaks(kin):
     return kin.figures.peak_force_rebound, -kin.figures.peak_force_bump
 
 
-def opening(kin):
-    return abs(kin.figures.hysteresis_rebound), abs(kin.figures.hysteresis_bump)
-
-
-def test_valve_1_moves_both_strokes_rebound_more(family):
-    low, base, high = family("r_m1=0.8,1,1.2")
-    assert all(a < b < c for a, b, c in zip(peaks(low), peaks(base), peaks(high), strict=True))
-    rebound, bump = (b / a for a, b in zip(peaks(low), peaks(high), strict=True))
-    assert rebound > bump
-    assert all(a < b for a, b in zip(opening(base), opening(high), strict=True))
-
-
-def test_valve_2_moves_bump_only(family):
-    low, high = family("r_m2=0.8,1.2")
-    assert peaks(low)[0] == pytest.approx(peaks(high)[0], rel=1e-3)
-    assert peaks(high)[1] > 1.1 * peaks(low)[1]
-
-
 def test_valve_3_moves_rebound_only_and_cavitates_chamber_2(family):
     low, base, high = family("r_m3=0.5,1,1.5")
     assert peaks(low)[1] == pytest.approx(peaks(high)[1], rel=1e-3)
@@ -233,21 +207,6 @@ def test_valve_3_moves_rebound_only_and_cavitates_chamber_2(family):
     assert "cavitation: chamber 2 for " in sentence
     assert sweep_pressure_plot(high, file_name="a", title="a").panels[0].bands
     assert not sweep_pressure_plot(base, file_name="a", title="a").panels[0].bands
-
-
-def test_soft_oil_opens_the_loop_about_four_times(family):
-    soft, base, hard = family("k_e=0.2,1,2")
-    ratios = [a / b for a, b in zip(opening(soft), opening(base), strict=True)]
-    assert all(2.5 < ratio < 5.0 for ratio in ratios)
-    assert all(a < b for a, b in zip(opening(hard), opening(base), strict=True))
-
-
-def test_friction_moves_both_branches_by_itself(family):
-    none, base, double = family("f_f=0,1,2")
-    for stroke in (0, 1):
-        assert peaks(base)[stroke] - peaks(none)[stroke] == pytest.approx(50.0, abs=0.1)
-        assert peaks(double)[stroke] - peaks(none)[stroke] == pytest.approx(100.0, abs=0.1)
-    assert none.figures.energy < base.figures.energy
 
 
 @pytest.mark.parametrize("name", ["p_0", "gamma", "amplitude", "frequency"])

@@ -100,25 +100,6 @@ def test_what_temperature_does_is_found_within_its_interval(temperature_law) -> 
             assert abs(getattr(fit.parameters, name) - getattr(true, name)) < 4.0 * found.error
 
 
-def test_at_the_reference_it_agrees_with_a_log_of_that_temperature(temperature_law) -> None:
-    _, campaign, judged = temperature_law
-    alone = identify(logs(43.0), PURDY_DAMPER, FitOptions("joint", share=("r_m3", "f_f")))
-    for fit, other, known in zip(campaign.fits, alone.fits, judged.uncertainties, strict=True):
-        for name in ("r_m1", "r_m2", "r_m3"):
-            error = known.intervals[name].error
-            off = abs(getattr(fit.parameters, name) - getattr(other.parameters, name))
-            assert off < 6.0 * error, name  # errors of both, and of what they share
-
-
-def test_one_setting_alone_tells_it() -> None:
-    model = WithTemperature(PURDY_DAMPER, COLD)
-    campaign = identify(logs(COLD, WARM, settings=(5,)), model, JOINT)
-    assert "not-joint" not in {one.code for one in campaign.warnings}
-    (fit,) = campaign.fits
-    assert fit.parameters.beta == pytest.approx(BETA, rel=0.02)
-    assert fit.status["beta"] is Status.FITTED
-
-
 def asked_for(*texts: str):
     return load_configuration(overlay={"damper": {"reference_temperature": texts[0]}})
 
@@ -352,13 +333,3 @@ def test_beta_is_lost_by_its_error_beside_what_oils_have(value, error, *, is_los
     assert is_loose(QUANTITY, value, error, NOT_FIT_TO_SHARE) is is_lost
     offset = PURDY_DAMPER.quantity("f_0")
     assert not is_loose(offset, value, 10.0 * error, NOT_FIT_TO_SHARE)
-
-
-def test_settings_of_one_temperature_each_tell_it_by_what_they_share() -> None:
-    # R_m3 is shared: setting 1 cold and setting 10 warm are told apart by it.
-    model = WithTemperature(PURDY_DAMPER, 43.0)
-    campaign = identify([log(1, COLD), log(10, WARM)], model, JOINT)
-    (known, _) = assess(campaign, model).uncertainties
-    interval = known.intervals["beta"]
-    assert interval.low < BETA < interval.high
-    assert interval.error < 0.1 * BETA
