@@ -210,21 +210,8 @@ class Model(ABC):
     ) -> Response:
         """Return force, pressures and sensitivities at the samples of a motion.
 
-        Parameters
-        ----------
-        values : Values
-            Of this model.
-        motion : Motion
-            Uniform samples of displacement and velocity.
-        sensitivities : sequence of str
-            Quantities and conditions to differentiate the force by.
-        options : SolverOptions
-            How exactly to integrate.
-
-        Raises
-        ------
-        SimulationError
-            It cannot be integrated, or the force not differentiated by what was asked.
+        The force is differentiated by those quantities and conditions that are asked for. A
+        `SimulationError`: it cannot be integrated, or not differentiated by what was asked.
         """
 
     @abstractmethod
@@ -307,10 +294,7 @@ class Model(ABC):
     def values(self, known: Mapping[str, float] = MappingProxyType({}), **more: float) -> Values:
         """Return values of all quantities; what is not named has its default.
 
-        Raises
-        ------
-        ConfigurationError
-            A name is unknown, or one without a default is missing.
+        A `ConfigurationError`: a name is unknown, or one without a default is missing.
         """
         known = {**known, **more}
         for name in known:

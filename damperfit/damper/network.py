@@ -331,18 +331,10 @@ def simulate_network(
     the reversals, and differentiates every converged stage, so that the sensitivities are those of
     the numbers it returns.
 
-    Parameters
-    ----------
-    values : mapping of str to float
-        SI, by the names of ``network.numbers``. Of the body's own only ``k_e`` and ``f_f`` are
-        needed: free gas and offset are 0, the gas is the damper's, the mounting rigid.
-    sensitivities : sequence of str
-        Numbers to differentiate the force by: any of ``network.numbers``.
-
-    Returns
-    -------
-    Response
-        With a floating piston the second mass is that of chamber 2 at rest.
+    Values, and sensitivities of the force by them, are by the names of ``network.numbers``, in SI.
+    Of the body's own only ``k_e`` and ``f_f`` are needed: free gas and offset are 0, the gas is the
+    damper's, the mounting rigid. With a floating piston the second mass of the response is that of
+    chamber 2 at rest.
 
     Raises
     ------

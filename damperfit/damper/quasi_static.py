@@ -90,18 +90,9 @@ def quasi_static(
     Oil is incompressible here, and its density the declared one: a model with elastic oil has
     2 (P - P_0)/K_e more force behind an orifice, 2 % at 100 bar and 1 GPa.
 
-    Parameters
-    ----------
-    damper : Model
-        Of any kind; a `WithTemperature` one at its declared temperature.
-    speeds : array_like
-        m/s, any signs and order; at 0 the force is that at rest.
-    displacement : float
-        Where the rod is, m.
-    with_tare : bool
-        Whether the rig's offset is in the forces. Nothing else of a rig acts at constant speed.
-    sensitivities : sequence of str
-        Quantities to differentiate by.
+    Speeds are in m/s, of any sign and order; at 0 the force is that at rest. The rod is at the
+    displacement, m. A model of any kind will do, a `WithTemperature` one at its declared
+    temperature. Of a rig nothing but its offset acts at constant speed: with the tare or without.
 
     Raises
     ------

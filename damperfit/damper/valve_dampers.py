@@ -111,13 +111,7 @@ _GAS = (
 
 @dataclass(frozen=True, slots=True)
 class ValveDamper(Cylinder):
-    """Geometry, oil, gas, valves and mounting of a damper with real valves; SI.
-
-    Raises
-    ------
-    ConfigurationError
-        A value is outside `VALVE_RANGES`, or the rod is as wide as the piston.
-    """
+    """Geometry, oil, gas, valves and mounting of a damper with real valves; SI."""
 
     rod_diameter: float = 0.012
     piston_diameter: float = 0.03
@@ -332,13 +326,7 @@ class DeclaredPassage(NamedTuple):
 
 
 def declared_passages(tables: Iterable[Mapping[str, Any]]) -> tuple[DeclaredPassage, ...]:
-    """Return the passages that a configuration declares.
-
-    Raises
-    ------
-    ConfigurationError
-        A key or value is wrong; the message tells which passage, counted from 1.
-    """
+    """Return the passages that a configuration declares; refuses the first that is none."""
     passages = []
     for place, table in enumerate(tables, start=1):
         for code, fault in _faults(table):

@@ -18,54 +18,24 @@ ratios = st.floats(0.0, 0.5)
 pressures = st.floats(1e3, 1e8)
 moduli = st.floats(1e8, 1e10)
 tubes = st.builds(
-    appendices.Tube,
-    wall_thickness=st.floats(5e-4, 5e-3),
-    inner_diameter=st.floats(0.02, 0.08),
-    youngs_modulus=st.floats(5e10, 2.2e11),
+    appendices.Tube, st.floats(5e-4, 5e-3), st.floats(0.02, 0.08), st.floats(5e10, 2.2e11)
 )
 
 
 @given(ratio=ratios, pressure=pressures, liquid=moduli, tube=tubes)
-def test_25_is_23_with_the_shares_put_in(ratio, pressure, liquid, tube):
-    """The corrected numerator K_g K_B: only it agrees with (23)."""
-    gas = appendices.gas_modulus(pressure)
-    share, _ = appendices.volume_fractions(ratio)
-    container = appendices.tube_modulus(tube)
-    summed = appendices.effective_modulus(share, gas=gas, liquid=liquid, container=container)
-    closed = appendices.mixture_modulus(ratio, gas=gas, liquid=liquid, container=container)
+def test_23_25_26_and_28_are_one_law(ratio, pressure, liquid, tube):
+    """The corrected numerator K_g K_B: only it agrees with (23). N08: (26) is V_r off at most."""
+    parts = {"gas": appendices.gas_modulus(pressure), "liquid": liquid}
+    parts["container"] = appendices.tube_modulus(tube)
+    share, rest = appendices.volume_fractions(ratio)
+    assert share + rest == pytest.approx(1.0)
+    summed = appendices.effective_modulus(share, **parts)
+    closed = appendices.mixture_modulus(ratio, **parts)
     assert closed == pytest.approx(summed, rel=1e-12)
-
-
-@given(ratio=st.floats(1e-6, 0.05), pressure=pressures, liquid=moduli, tube=tubes)
-def test_26_is_25_for_little_gas(ratio, pressure, liquid, tube):
-    """N08: the two differ by at most V_r."""
-    springs = {
-        "gas": appendices.gas_modulus(pressure),
-        "liquid": liquid,
-        "container": appendices.tube_modulus(tube),
-    }
-    exact, dilute = (
-        appendices.mixture_modulus(ratio, **springs),
-        appendices.dilute_modulus(ratio, **springs),
-    )
-    assert 0.0 <= exact / dilute - 1.0 + 1e-12
-    assert exact / dilute - 1.0 <= ratio * (1 + 1e-9) + 1e-12
-
-
-@given(ratio=ratios, pressure=pressures, liquid=moduli, tube=tubes)
-def test_28_is_26_with_gas_and_tube_put_in(ratio, pressure, liquid, tube):
-    dilute = appendices.dilute_modulus(
-        ratio,
-        gas=appendices.gas_modulus(pressure),
-        liquid=liquid,
-        container=appendices.tube_modulus(tube),
-    )
-    direct = appendices.modulus_at_pressure(
-        pressure,
-        volume_ratio=ratio,
-        liquid=liquid,
-        compliance=appendices.compliance_factor(liquid, tube),
-    )
+    dilute = appendices.dilute_modulus(ratio, **parts)
+    assert -1e-12 <= closed / dilute - 1.0 <= ratio * (1 + 1e-9) + 1e-12
+    oil = {"liquid": liquid, "compliance": appendices.compliance_factor(liquid, tube)}
+    direct = appendices.modulus_at_pressure(pressure, volume_ratio=ratio, **oil)
     assert direct == pytest.approx(dilute, rel=1e-12)
 
 
@@ -110,22 +80,13 @@ def test_a_tube_without_wall_is_refused():
 
 SET_M = Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6, k_e=3.65e8, f_f=0.0)
 
-dampers = st.builds(
-    Damper,
-    rod_diameter=st.floats(0.008, 0.022),
-    piston_diameter=st.floats(0.025, 0.06),
-    gas_piston_diameter=st.floats(0.03, 0.06),
-    gas_length=st.floats(0.05, 0.2),
-    oil_density=st.floats(700.0, 1000.0),
-    gas_pressure=st.floats(1e5, 3e6),
-    gas_exponent=st.floats(1.0, 1.67),
-)
-valves = st.builds(
-    appendices.LinearValves,
-    r_v1=st.floats(0, 1e10),
-    r_v2=st.floats(0, 1e10),
-    r_v3=st.floats(0, 1e10),
-)
+ENDS = {
+    "rod_diameter": (0.008, 0.022), "piston_diameter": (0.025, 0.06), "gas_length": (0.05, 0.2),
+    "gas_piston_diameter": (0.03, 0.06), "oil_density": (700.0, 1000.0),
+    "gas_pressure": (1e5, 3e6), "gas_exponent": (1.0, 1.67),
+}  # fmt: skip
+dampers = st.builds(Damper, **{name: st.floats(*ends) for name, ends in ENDS.items()})
+valves = st.builds(appendices.LinearValves, *3 * (st.floats(0, 1e10),))
 strokes = st.floats(-0.05, 0.05)
 speeds = st.floats(1e-6, 3.0)
 
@@ -166,26 +127,18 @@ def test_the_papers_damper_in_numbers():
 
 
 @given(damper=dampers, resistances=valves, x=strokes, v=speeds)
-def test_simple_force_is_pressure_times_area(damper, resistances, x, v):
-    """N07: (38) from the pressures of (32) and (36), rebound and bump."""
+def test_simple_force_is_pressure_times_area_and_has_its_slopes(damper, resistances, x, v):
+    """N07: (38) from the pressures of (32) and (36); (39), exact as the force is linear in v."""
     p_1, p_2 = appendices.rebound_pressures(resistances, damper, x, v)
     rebound = p_1 * damper.annulus_area - p_2 * damper.piston_area
     q_1, q_2 = appendices.bump_pressures(resistances, damper, x, -v)
     bump = q_1 * damper.annulus_area - q_2 * damper.piston_area
-    found = appendices.simple_force(resistances, damper, np.array([x, x]), np.array([v, -v]))
+    found = appendices.simple_force(resistances, damper, np.full(3, x), np.array([v, -v, 0.0]))
     scale = float(max(np.max(np.abs([p_1, p_2, q_1, q_2])), 1.0)) * damper.piston_area
-    assert found == pytest.approx([rebound, bump], abs=1e-10 * scale, rel=1e-10)
-
-
-@given(damper=dampers, resistances=valves, x=strokes, v=speeds)
-def test_simple_slopes_are_the_derivative_of_the_simple_force(damper, resistances, x, v):
-    """N07: (39). The force is linear in v on each side, so a difference is exact."""
-    rebound, bump = appendices.simple_slopes(resistances, damper)
-    at_rest = appendices.simple_force(resistances, damper, x, 0.0)
-    assert at_rest == pytest.approx(-damper.rod_area * cf.gas_pressure(damper, x), rel=1e-14)
-    for speed, slope in ((v, rebound), (-v, bump)):
-        rise = float(appendices.simple_force(resistances, damper, x, speed) - at_rest)
-        assert rise == pytest.approx(slope * speed, rel=1e-10, abs=1e-12 * abs(float(at_rest)))
+    assert found[:2] == pytest.approx([rebound, bump], abs=1e-10 * scale, rel=1e-10)
+    assert found[2] == pytest.approx(-damper.rod_area * cf.gas_pressure(damper, x), rel=1e-14)
+    slopes = np.array(appendices.simple_slopes(resistances, damper)) * [v, -v]
+    assert found[:2] - found[2] == pytest.approx(slopes, rel=1e-10, abs=1e-12 * abs(found[2]))
 
 
 @given(damper=dampers, v=speeds)

@@ -11,7 +11,7 @@ from damperfit.damper.network import simulate_network
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
-from damperfit.simulation import SolverOptions, sine_motion
+from damperfit.simulation import Motion, SolverOptions, sine_motion
 from tests.damper.test_network import CASES, SHARP, check_by_the_twin, check_slopes, resting, run
 from tests.damper.test_valve_dampers import VALVES, damper, log
 
@@ -24,13 +24,8 @@ PRESSED = {"seal_area": 1e-5}
 TURNS = {"turning_speed": 8e-3}
 ALL = {**PRESLIDES, **STRIBECK, **PRESSED}
 EACH = {
-    "presliding": PRESLIDES,
-    "stribeck": STRIBECK,
-    "pressed": PRESSED,
-    "all": ALL,
-    "turns": TURNS,
-}
-
+    "presliding": PRESLIDES, "stribeck": STRIBECK, "pressed": PRESSED, "all": ALL, "turns": TURNS,
+}  # fmt: skip
 
 # Case b (valves.md) with more friction, 4th cycle: force N. The core and SciPy's Radau agree.
 PHASES = (0.02, 0.1, 0.26, 0.3, 0.6, 0.77)
@@ -109,15 +104,8 @@ def test_a_turn_within_a_sample_is_found():
     network, values, damper, _ = CASES["b"]
     some = {**values, "presliding": 2e-4, "f_f": 200.0}
     fine = sine_motion(1e-3, 3.0, cycles=2, sample_rate=24_000)
-    coarse = dataclasses.replace(
-        fine,
-        interval=fine.interval * 64,
-        displacement=fine.displacement[7::64],
-        velocity=fine.velocity[7::64],
-    )
-    shifted = dataclasses.replace(
-        fine, displacement=fine.displacement[7:], velocity=fine.velocity[7:]
-    )
+    x, v = fine.displacement[7:], fine.velocity[7:]
+    coarse, shifted = Motion(fine.interval * 64, x[::64], v[::64]), Motion(fine.interval, x, v)
     one = simulate_network(network, some, damper, shifted, options=SHARP).force[::64]
     other = simulate_network(network, some, damper, coarse, options=SHARP).force
     assert np.max(np.abs(one - other)) < 0.2
@@ -159,16 +147,10 @@ def test_friction_and_free_gas_are_found_again(law, free):
     [
         ({"presliding": "some"}, "presliding: found 'some'; expected a number, 'none' or 'fit'"),
         ({"presliding": 0.0}, "presliding: found 0; expected 1e-07 to 0.01 m"),
-        ({"presliding": 20.0}, "presliding: found 20; expected 1e-07 to 0.01 m"),
-        (
-            {"breakaway": "fit"},
-            "stribeck_speed: found 'none'; breakaway and stribeck_speed are two",
-        ),
+        ({"presliding": 20.0}, "presliding: found 20; expected"),
+        ({"breakaway": "fit"}, "stribeck_speed: found 'none'"),
         ({"stribeck_speed": 0.1}, "breakaway: found 'none'"),
-        (
-            {"presliding": "fit", "turning_speed": 2e-3},
-            "turning_speed: found beside presliding; friction turns over a distance or within",
-        ),
+        ({"presliding": "fit", "turning_speed": 2e-3}, "turning_speed: found beside presliding"),
     ],
 )
 def test_what_is_no_declaration_is_refused(declared, said):

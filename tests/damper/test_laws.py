@@ -12,12 +12,7 @@ from damperfit.damper.purdy.closed_forms import gas_pressure, incompressible_for
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
-from damperfit.simulation import (
-    Motion,
-    SolverOptions,
-    simulate,
-    sine_motion,
-)
+from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
 from tests.oracles import model
 from tests.oracles.golden import SET_M
 
@@ -30,26 +25,16 @@ TIGHT = SolverOptions(tolerance=1e-6, max_steps_per_sample=100_000)
 def sine_from(phase, *, cycles, per_cycle, offset_time=0.0):
     """The standard test from another phase of the cycle."""
     angle = 2 * np.pi * (np.arange(round(cycles * per_cycle) + 1) / per_cycle + phase)
-    return Motion(
-        1 / (FREQUENCY * per_cycle),
-        AMPLITUDE * np.sin(angle),
-        AMPLITUDE * OMEGA * np.cos(angle),
-        start_time=offset_time,
-    )
+    x, v = AMPLITUDE * np.sin(angle), AMPLITUDE * OMEGA * np.cos(angle)
+    return Motion(1 / (FREQUENCY * per_cycle), x, v, start_time=offset_time)
 
 
-def steady_cycle(parameters, *, per_cycle=3000, damper=PURDY_DAMPER, options=TIGHT):
+def steady_cycle(parameters, *, per_cycle=3000):
     """The third cycle from rest as a response cut to one cycle: x, v, force, pressures."""
-    response = simulate(
-        parameters, damper, sine_from(0.0, cycles=3, per_cycle=per_cycle), options=options
-    )
+    motion = sine_from(0.0, cycles=3, per_cycle=per_cycle)
+    seen = simulate(parameters, PURDY_DAMPER, motion, options=TIGHT)
     cut = slice(2 * per_cycle, 3 * per_cycle)
-    return (
-        response.displacement[cut],
-        response.velocity[cut],
-        response.force[cut],
-        response.pressures[:, cut],
-    )
+    return seen.displacement[cut], seen.velocity[cut], seen.force[cut], seen.pressures[:, cut]
 
 
 def integral(power):
@@ -98,9 +83,7 @@ def test_pressures_follow_from_the_masses():
         d.chamber_1_volume - x * d.annulus_area,
         d.chamber_2_volume + x * d.piston_area,
     )
-    for mass, volume, pressure in zip(
-        response.masses, volumes, response.pressures[:2], strict=True
-    ):
+    for mass, volume, pressure in zip(response.masses, volumes, response.pressures, strict=False):
         expected = parameters.k_e * (mass / (d.oil_density * volume) - 1) + d.gas_pressure
         assert np.max(np.abs(np.maximum(expected, 0) - pressure)) < 1e-2  # 1e-16 of K_e, times 30
 
@@ -117,34 +100,22 @@ def test_energy_balance_over_a_steady_cycle():
     assert work == pytest.approx(lost, rel=1e-6)
 
 
-def test_friction_adds_four_amplitudes():
+def test_friction_and_offset_are_added_and_change_nothing_else():
     """N04: 6.4 J a cycle for 50 N and 32 mm; the dead band takes 2e-7 of it."""
-    _, v, with_friction, _ = steady_cycle(SET_M, per_cycle=20_000)
-    _, _, without, _ = steady_cycle(SMOOTH, per_cycle=20_000)
-    added = integral((with_friction - without) * v)
-    assert added == pytest.approx(4 * AMPLITUDE * 50.0, rel=1e-6)
-
-
-def test_offset_is_added_and_changes_nothing_else():
     with_offset = dataclasses.replace(SET_M, f_0=130.4)
-    bare, added = (steady_cycle(y, per_cycle=600) for y in (SET_M, with_offset))
-    assert added[2] - bare[2] == pytest.approx(np.full(600, 130.4), rel=1e-12)
-    assert np.array_equal(bare[3], added[3])
+    cycles = [steady_cycle(y, per_cycle=20_000) for y in (SMOOTH, SET_M, with_offset)]
+    (_, v, without, _), (_, _, force, _), (_, _, tared, same) = cycles
+    assert integral((force - without) * v) == pytest.approx(4 * AMPLITUDE * 50.0, rel=1e-6)
+    assert tared - force == pytest.approx(np.full(20_000, 130.4), rel=1e-12)
+    assert np.array_equal(cycles[1][3], same)
 
 
 parameter_sets = st.builds(
     Parameters,
-    r_m1=st.floats(5e3, 8e4),
-    r_m2=st.floats(3e5, 3e7),
-    r_m3=st.floats(3e5, 1e7),
-    k_e=st.floats(5e7, 3e9),
-    f_f=st.floats(0.0, 100.0),
+    *(st.floats(*ends) for ends in ((5e3, 8e4), (3e5, 3e7), (3e5, 1e7), (5e7, 3e9), (0.0, 100.0))),
 )
-waves = st.lists(
-    st.tuples(st.integers(1, 8), st.floats(-0.012, 0.012), st.floats(0.0, 2 * math.pi)),
-    min_size=1,
-    max_size=4,
-)
+wave = st.tuples(st.integers(1, 8), st.floats(-0.012, 0.012), st.floats(0.0, 2 * math.pi))
+waves = st.lists(wave, min_size=1, max_size=4)
 
 
 @settings(deadline=None)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from damperfit.damper.model import MODELS, Values, values_type
+from damperfit.damper.model import Values, values_type
 from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
@@ -66,55 +66,34 @@ def test_values_of_a_model_take_the_defaults_and_miss_what_has_none() -> None:
         PURDY_DAMPER.values(known)
 
 
-# Models by their names: each is found where it is said to be, and none is loaded in vain.
-
-
 def test_one_model_loads_no_other() -> None:
-    script = (
-        "import sys; from damperfit.damper.model import MODELS; MODELS['purdy']; "
-        "print(len(MODELS), *sys.modules)"
-    )
+    script = "import sys, damperfit.damper.model as m; m.MODELS['purdy']; print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
-    n_models, *loaded = done.stdout.split()
-    assert int(n_models) == len(MODELS)
+    loaded = set(done.stdout.split())
     assert "damperfit.damper.purdy.parameters" in loaded
-    others = {"damperfit.damper.rivals", "damperfit.damper.valve_dampers"}
-    assert others.isdisjoint(loaded)
+    assert loaded.isdisjoint({"damperfit.damper.rivals", "damperfit.damper.valve_dampers"})
 
 
 # Areas and volumes by hand, and which of them each stroke of a layout presses with.
 
 LENGTHS = {
-    "rod_diameter": 0.02,
-    "piston_diameter": 0.04,
-    "chamber_1_length": 0.1,
-    "chamber_2_length": 0.2,
-}
-ROD, PISTON = math.pi * 1e-4, math.pi * 4e-4
-ANNULUS = math.pi * 3e-4
+    "rod_diameter": 0.02, "piston_diameter": 0.04, "chamber_1_length": 0.1, "chamber_2_length": 0.2,
+}  # fmt: skip
+ROD, PISTON, ANNULUS = math.pi * 1e-4, math.pi * 4e-4, math.pi * 3e-4
+PRESSED = {TwinTube: (ANNULUS, ROD), Monotube: (ANNULUS, ANNULUS), ThroughFlow: (ANNULUS, PISTON)}
 
 
-@pytest.mark.parametrize("kind", [Damper, TwinTube, Monotube, ThroughFlow])
+@pytest.mark.parametrize("kind", [Damper, *PRESSED])
 def test_areas_and_volumes_are_those_of_circles(kind) -> None:
     damper = kind(**LENGTHS)
     areas = damper.rod_area, damper.piston_area, damper.annulus_area
     assert areas == pytest.approx((ROD, PISTON, ANNULUS))
     volumes = damper.chamber_1_volume, damper.chamber_2_volume
     assert volumes == pytest.approx((0.1 * ANNULUS, 0.2 * PISTON))
-
-
-@pytest.mark.parametrize(
-    ("kind", "areas"),
-    [
-        (TwinTube, (ANNULUS, ROD)),
-        (Monotube, (ANNULUS, ANNULUS)),
-        (ThroughFlow, (ANNULUS, PISTON)),
-    ],
-)
-def test_each_stroke_presses_with_its_area(kind, areas) -> None:
-    assert kind(**LENGTHS).pressed_areas == pytest.approx(areas)
+    if kind in PRESSED:
+        assert damper.pressed_areas == pytest.approx(PRESSED[kind])
 
 
 # The gas of a damper with real valves: held as declared, or found by the logs of all settings.
@@ -145,22 +124,13 @@ def test_the_exponent_is_told_by_what_the_gas_does_to_the_force() -> None:
     assert fitted.fits[0].parameters.gas_exponent == pytest.approx(1.3, rel=0.02)
 
 
-# The synthetic reference set: the formulas of its docstring, in numbers worked out by hand.
-
-E = [
-    *(0, 0.08, -0.12, 0.05, -0.06, 0.14, -0.10, 0.02, -0.04, 0.09),
-    *(-0.13, 0.11, -0.02, -0.08, 0.15, -0.09, 0.04, 0.12, -0.11, 0.06),
-]
+# The synthetic reference set: two settings of the formulas of its docstring, worked out by hand.
 
 
-def test_all_twenty_settings_follow_the_formulas():
-    for setting in range(1, 21):
-        k = setting - 1
-        y = reference_parameters(setting)
-        assert y.r_m1 == (49000 if setting == 20 else pytest.approx(14000 + 700 * k + 45 * k * k))
-        assert y.r_m2 == (17e6 if setting == 20 else pytest.approx(2e6 * np.exp(k / 10)))
-        assert (y.r_m3, y.f_f, y.f_0) == (2.597e6, 50.0, 0.0)
-        assert y.k_e == pytest.approx((5e8 + 1.2e7 * k + 8e5 * k * k) * (1 + E[k]))
+def test_the_reference_set_follows_the_formulas():
+    third, last = (reference_parameters(setting).numbers for setting in (3, 20))
+    assert third == pytest.approx((15580.0, 2442805.5, 2.597e6, 463936000.0, 50.0, 0.0))
+    assert last == pytest.approx((49000.0, 17e6, 2.597e6, 1077808000.0, 50.0, 0.0))
 
 
 @pytest.mark.parametrize("setting", [0, 21, -1, 2.5])
@@ -172,7 +142,7 @@ def test_other_settings_are_refused(setting):
 # Least squares without negative values, beside SciPy's.
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("k", [1, 3, 6])
 def test_least_squares_are_scipys(seed: int, k: int) -> None:
     random = np.random.default_rng([seed, k])
@@ -203,13 +173,9 @@ def test_a_fit_also_begins_below_the_onset_of_cavitation() -> None:
     assert further_starts(start, [one], PURDY_DAMPER, ("r_m1",)) == ()
 
 
-def test_columns_that_are_one_another_are_shared_out() -> None:
+def test_columns_that_are_one_another_are_shared_out_and_negative_ones_left() -> None:
     column = np.linspace(1.0, 2.0, 9)
     found = nonnegative_least_squares(np.column_stack([column, column, 0.0 * column]), 3.0 * column)
     assert found[0] + found[1] == pytest.approx(3.0)
     assert found.min() >= 0.0
-
-
-def test_what_only_negative_values_explain_is_left() -> None:
-    columns = np.eye(3)
-    assert nonnegative_least_squares(columns, -np.ones(3)).tolist() == [0.0, 0.0, 0.0]
+    assert nonnegative_least_squares(np.eye(3), -np.ones(3)).tolist() == [0.0, 0.0, 0.0]

@@ -47,6 +47,12 @@ def read(path):
     return preamble, time, displacement / 1e3, force, temperature
 
 
+def truth_in(folder: Path) -> dict[int, dict[str, float]]:
+    with (folder / "truth.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {int(row.pop("setting")): {k: float(v) for k, v in row.items()} for row in rows}
+
+
 by_radau = cache(steady_cycle)
 
 
@@ -74,41 +80,28 @@ def test_steady_cycle_is_the_oracle_s(setting):
     assert np.max(np.abs(quick.force(phases) - twin.force[1:])) < 2e-5 * largest
 
 
-@pytest.mark.parametrize("cycles", ["one for all", pytest.param("own", marks=pytest.mark.slow)])
-def test_the_twenty_logs(tmp_path, monkeypatch, cycles):
+def test_the_twenty_logs(tmp_path, monkeypatch):
     """15 cycles at 500 Hz in the project's dialect, small, each from another phase."""
-    one = quick_cycle(reference_parameters(7), PURDY_DAMPER, amplitude=0.032, frequency=1.5)
-    by_setting = steady_cycle if cycles == "own" else lambda *_, **__: one
-    monkeypatch.setattr(logs_of_samples, "steady_cycle", by_setting)
+    cycle = quick_cycle(reference_parameters(7), PURDY_DAMPER, amplitude=0.032, frequency=1.5)
+    monkeypatch.setattr(logs_of_samples, "steady_cycle", lambda *_, **__: cycle)
     seen = []
     logs = make_samples(tmp_path, on_log=lambda path: seen.append(path.name))
     assert [log.name for log in logs] == [f"setting_{s:02d}.csv" for s in range(1, 21)] == seen
-    starts = []
-    for setting, log in enumerate(logs, start=1):
-        if cycles != "own" and setting not in {1, 9, 20}:
-            row = log.read_text(encoding="utf-8").splitlines()[4]
-            starts.append(float(row.split(",")[1]) / 1e3)
-            continue
-        preamble, time, x, force, temperature = read(log)
-        assert preamble == [
-            "# damperfit rig log",
-            f"# setting: {setting}",
-            "# rig: synthetic (damperfit samples)",
-        ]
-        assert time == pytest.approx(np.arange(5000) / 500, abs=1e-12)
-        assert np.max(np.abs(temperature - 26)) <= 1.0
-        assert np.ptp(temperature) > 0.1
-        assert 0.0319 < np.max(np.abs(x)) < 0.0321
-        assert np.ptp(force) > 500
-        assert log.stat().st_size < 250_000
-        starts.append(x[0])
+    rows = [log.read_text(encoding="utf-8").splitlines()[4] for log in logs]
+    starts = [float(row.split(",")[1]) / 1e3 for row in rows]
     assert len(set(starts)) == 20
     assert np.ptp(starts) > 0.04
-    assert {path.name for path in tmp_path.iterdir()} == {
-        *(log.name for log in logs),
-        "README.md",
-        "truth.csv",
-    }
+    preamble, time, x, force, temperature = read(logs[8])
+    rig = "# rig: synthetic (damperfit samples)"
+    assert preamble == ["# damperfit rig log", "# setting: 9", rig]
+    assert time == pytest.approx(np.arange(5000) / 500, abs=1e-12)
+    assert np.max(np.abs(temperature - 26)) <= 1.0
+    assert np.ptp(temperature) > 0.1
+    assert 0.0319 < np.max(np.abs(x)) < 0.0321
+    assert np.ptp(force) > 500
+    assert logs[8].stat().st_size < 250_000
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {*seen, "README.md", "truth.csv"}
 
 
 @pytest.mark.parametrize(
@@ -130,13 +123,7 @@ def test_logs_in_the_repository_are_what_samples_writes(by_scipy, tmp_path, sett
 
 def test_truth_holds_every_digit(tmp_path):
     make_samples(tmp_path, dataclasses.replace(CLEAN, settings=(3, 20)))
-    with (tmp_path / "truth.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [int(row["setting"]) for row in rows] == [3, 20]
-    for row in rows:
-        true = reference_parameters(int(row["setting"]))
-        for name in PURDY_DAMPER.names:
-            assert float(row[name]) == getattr(true, name)
+    assert truth_in(tmp_path) == {k: dataclasses.asdict(reference_parameters(k)) for k in (3, 20)}
 
 
 def test_noise_and_steps_are_as_asked(tmp_path):
@@ -182,48 +169,32 @@ def test_rig_filter_is_a_causal_butterworth_on_both_channels(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    "change",
     [
-        ({"cycles": 0.0}, "--cycles 0.0: expected more than 0"),
-        ({"sample_rate": float("nan")}, "--sample-rate nan"),
-        ({"force_noise": -1.0}, "--force-noise -1.0: expected 0 or more"),
-        ({"displacement_resolution": float("inf")}, "--displacement-resolution inf"),
-        ({"settings": ()}, "at least one"),
-        ({"settings": (3, 3)}, "each once"),
-        ({"amplitude": 0.14}, "less than the chamber's length, 0.133 m"),
-        ({"rig_filter": 300.0}, "less than half the sample rate, 250 Hz"),
-        ({"seed": -1}, "--seed -1"),
+        {"cycles": 0.0}, {"sample_rate": float("nan")}, {"force_noise": -1.0}, {"settings": ()},
+        {"displacement_resolution": float("inf")}, {"settings": (3, 3)}, {"amplitude": 0.14},
+        {"rig_filter": 300.0}, {"seed": -1},
     ],
-)
-def test_options_that_make_no_log_are_refused(change, says):
-    with pytest.raises(ConfigurationError, match=says):
+)  # fmt: skip
+def test_options_that_make_no_log_are_refused(change):
+    with pytest.raises(ConfigurationError, match=next(iter(change)).replace("_", ".")):
         dataclasses.replace(CLEAN, **change)
 
 
-def test_a_setting_without_parameters_is_refused(tmp_path):
+def test_what_cannot_be_made_leaves_nothing(tmp_path):
+    tight = dataclasses.replace(PURDY_DAMPER, gas_length=0.005)
     with pytest.raises(ConfigurationError, match=r"no parameters given for settings \[7\]"):
         make_samples(tmp_path, CLEAN, parameters={1: SET_M})
     with pytest.raises(ConfigurationError, match="1 to 20"):
         make_samples(tmp_path, dataclasses.replace(CLEAN, settings=(21,)))
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_stroke_without_room_for_the_gas_is_refused(tmp_path):
-    damper = dataclasses.replace(PURDY_DAMPER, gas_length=0.005)
     with pytest.raises(SimulationError, match="gas"):
-        make_samples(tmp_path / "a", dataclasses.replace(CLEAN, damper=damper))
-    assert not list((tmp_path / "a").glob("*"))
+        make_samples(tmp_path, dataclasses.replace(CLEAN, damper=tight))
+    assert list(tmp_path.iterdir()) == []
 
 
 # Made-up logs of models other than the paper's: what they hold is what truth.csv says.
 
 SHORT = {"cycles": 5.0, "settings": (2, 15)}
-
-
-def truth_in(folder: Path) -> dict[int, dict[str, float]]:
-    with (folder / "truth.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    return {int(row.pop("setting")): {k: float(v) for k, v in row.items()} for row in rows}
 
 
 @pytest.mark.parametrize("name", ["twin_tube", "monotube", "through_flow"])
@@ -245,13 +216,11 @@ def test_the_truth_simulates_the_logs_of_valves(tmp_path: Path, name: str) -> No
 
 
 def test_a_monotube_does_not_run_empty_in_bump() -> None:
-    for setting in (1, 20):
-        values = made_up_values(Monotube(), setting, 0.3)
-        highest = values.compression_opening / 0.4
-        assert highest <= 0.6 * Monotube().gas_pressure * (1.0 + 1e-12)
+    values = made_up_values(Monotube(), 20, 0.3)
+    assert values.compression_opening / 0.4 <= 0.6 * Monotube().gas_pressure * (1.0 + 1e-12)
 
 
-@pytest.mark.parametrize("kind", ["kwok", "bilinear", "surace_worden_tomlinson"])
+@pytest.mark.parametrize("kind", ["kwok", "surace_worden_tomlinson"])
 def test_a_model_of_the_literature_needs_its_numbers(tmp_path: Path, kind: str) -> None:
     damper = MODELS[kind]()
     with pytest.raises(ConfigurationError, match="--parameters"):

@@ -1,24 +1,14 @@
 """Forces that need no integration: the gas, and the full model with oil that is incompressible.
 
 With oil that cannot be compressed, the flows follow from the velocity alone (x, v, f > 0 in
-rebound):
-
-    rebound  v > 0   Q_1 = a_p1 v    Q_2 = 0          Q_3 = a_p2 v
-    bump     v < 0   Q_1 = -a_r v    Q_2 = -a_p2 v    Q_3 = 0
-
-Q_1 (chamber 1 to 3), Q_2 (2 to 1) and Q_3 (3 to 2) are volume flows in m3/s; the mass flows of
-the full model are w = rho_0 Q. The oil that the rod draws from chamber 3 lets the gas expand, so
-
-    eta = -x a_r/a_g                                gas piston (positive: gas compressed), m
-    P_3 = P_0 (V_g0/(V_g0 + a_r x))^gamma           gas, Pa
+rebound), as Appendix 2 has them (`appendices`); the mass flows of the full model are w = rho_0 Q.
+The gas expands by what the rod draws from chamber 3: P_3 = P_0 (V_g0/(V_g0 + a_r x))^gamma.
 
 **Full model, K_e -> infinity** (square-root valve 1, linear valves 2 and 3, friction). The force
 is linear in R_m1^2, R_m2, R_m3, f_f, which gives a fit its starting values:
 
     f = a_p1 (R_m1 rho_0 a_p1 v)^2 + rho_0 R_m3 a_p2^2 v - a_r (P_3 - P_amb) + f_f + f_0      v > 0
     f = -a_r (R_m1 rho_0 a_r v)^2  + rho_0 R_m2 a_p2^2 v - a_r (P_3 - P_amb) - f_f + f_0      v < 0
-
-Appendix 2 has the simple model, with friction left out and valve 1 linear: see `appendices`.
 
 Source: D. J. Purdy, Proc. IMechE D, 2000.
 """
