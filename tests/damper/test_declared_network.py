@@ -21,46 +21,26 @@ from damperfit.simulation import SolverOptions, simulate
 from tests.damper.test_valve_dampers import HELD, VALVES, log, motion
 
 P = DeclaredPassage
-TWIN = (
-    P(1, 2, "rebound", "orifice", is_two_way=True), P(1, 2, "rebound", "linear"),
-    P(2, 1, "return", "check"),
-    P(2, 3, "compression", "orifice", is_two_way=True), P(2, 3, "compression", "linear"),
-    P(3, 2, "return", "check"),
-)  # fmt: skip
-SPELLED = {
-    "twin_tube": (TwinTube, TWIN, False),
-    "through_flow": (
-        ThroughFlow,
-        (
-            P(1, 3, "rebound", "orifice", is_two_way=True), P(1, 3, "rebound", "linear"),
-            P(3, 1, "return", "check"),
-            P(2, 3, "compression", "orifice", is_two_way=True), P(2, 3, "compression", "linear"),
-            P(3, 2, "return", "check"),
-        ),
-        False,
-    ),
-    "monotube": (
-        Monotube,
-        (
-            P(1, 2, "rebound", "orifice"), P(1, 2, "rebound", "linear"),
-            P(2, 1, "compression", "orifice"), P(2, 1, "compression", "linear"),
-        ),
-        True,
-    ),
-}  # fmt: skip
+WAYS = {TwinTube: ((1, 2), (2, 3)), ThroughFlow: ((1, 3), (2, 3)), Monotube: ((1, 2), (2, 1))}
+LAYOUTS = pytest.mark.parametrize("kind", WAYS)
 ALL = Mounting("fit", "fit", "fit", "fit")
 
 
-def both(name):
-    kind, passages, floats = SPELLED[name]
-    shared = {"gas_pressure": 2.5e6 if floats else 5e5, "mounting": ALL}
-    spelled = DeclaredNetwork(**shared, passages=passages, floating_piston=floats)
+def both(kind, mounting=ALL):
+    """A preset, and the same spelled out."""
+    floats, passages = kind is Monotube, []
+    for stroke, (start, end) in zip(("rebound", "compression"), WAYS[kind], strict=True):
+        passages.append(P(start, end, stroke, "orifice", is_two_way=not floats))
+        passages.append(P(start, end, stroke, "linear"))
+        passages += [] if floats else [P(end, start, "return", "check")]
+    shared = {"gas_pressure": 2.5e6 if floats else 5e5, "mounting": mounting}
+    spelled = DeclaredNetwork(**shared, passages=tuple(passages), floating_piston=floats)
     return kind(**shared), spelled
 
 
-@pytest.mark.parametrize("name", SPELLED)
-def test_a_preset_spelled_out_has_its_quantities_its_force_and_its_slopes(name):
-    preset, spelled = both(name)
+@LAYOUTS
+def test_a_preset_spelled_out_has_its_quantities_its_force_and_its_slopes(kind):
+    preset, spelled = both(kind)
     assert spelled.quantities == preset.quantities
     values = preset.values({**VALVES, **HELD})
     wanted = preset.names
@@ -74,8 +54,7 @@ def test_a_preset_spelled_out_has_its_quantities_its_force_and_its_slopes(name):
 
 
 def test_a_fit_of_it_starts_and_ends_as_that_of_the_preset():
-    kind, passages, _ = SPELLED["twin_tube"]
-    preset, spelled = kind(gas_pressure=5e5), DeclaredNetwork(gas_pressure=5e5, passages=passages)
+    preset, spelled = both(TwinTube, Mounting())
     made = log(preset, preset.values({**VALVES, "k_s": 4e5}))
     held = {one.name: one.default for one in preset.quantities if one.default is not None}
     for one, other in zip(spelled.start([made], held), preset.start([made], held), strict=True):

@@ -84,16 +84,11 @@ CASES = {
         Network(
             "by a power",
             (
-                Passage(1, 3, orifice="rebound_bleed", is_two_way=True),
-                Passage(
-                    1, 3, opening="rebound_opening", resistance="rebound_slope",
-                    power="rebound_power",
-                ),
+                *Valve("orifice", "power").passages(1, 3, "rebound"),
                 Passage(3, 1, resistance="return_slope"),
                 Passage(2, 3, orifice="compression_bleed", is_two_way=True),
-                Passage(
-                    2, 3, "compression_port", "compression_slope", "compression_opening",
-                    "compression_width", "compression_power",
+                Passage.of_parts(
+                    2, 3, "compression", ("opening", "slope", "port", "width", "power")
                 ),
                 Passage(3, 2, resistance="return_slope"),
             ),
