@@ -130,69 +130,52 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
     assert settings.output.max_mse_percent == 1.0
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (
-            "[damper]\n\nrod_diametr = 1\n",
-            r"rig\.toml:3: unknown key 'rod_diametr'.*'rod_diameter'",
-        ),
-        ("[dampr]\nx = 1\n", r"rig\.toml:1: unknown section \[dampr\].*Did you mean 'damper'"),
-        ("damper = 3\n", r"write \[damper\]"),
-        ("[damper]\nrod_diameter = '19 kg'\n", r"rig\.toml:2: damper\.rod_diameter: no unit.*kg"),
-        ("[damper]\nrod_diameter = -1.0\n", r"rig\.toml:2: damper\.rod_diameter: expected .*-1"),
-        ("[damper]\nrod_diameter = nan\n", r"damper\.rod_diameter"),
-        (f"[damper]\nrod_diameter = 1{'0' * 400}\n", r"rig\.toml:2: .*expected a number, found 10"),
-        (
-            f"[damper]\nreference_temperature = 1{'0' * 400}\n",
-            r"rig\.toml:2: damper\.reference_temperature: expected 'none'",
-        ),
-        (
-            "[damper]\nmodel = 'twin_tube'\n[damper.mounting]\nplay = nan\nlag = '1ms'\n",
-            r"rig\.toml:3: damper\.mounting: play: found nan; expected 1e-06 to",
-        ),
-        ("[damper]\nrod_diameter = true\n", r"damper\.rod_diameter: .*number.*True"),
-        (
-            "[damper]\nrod_diameter = '30mm'\n",
-            r"rig\.toml:2: damper\.rod_diameter: expected less than piston_diameter, 0\.0285 m",
-        ),
-        ("[rig]\nsettings = ['?']\n", r"rig\.settings: found '\?', expected clicks"),
-        ("[adjusters]\nlog = ''\n", r"adjusters: 'log' is taken"),
-        ("[adjusters]\nRebound = ''\n", r"adjusters: found 'Rebound', expected small letters"),
-        ("[adjusters]\nrebound = 'open'\n", r"rig\.toml:2: adjusters\.rebound: expected ''"),
-        ("[test]\nseriall = '1'\n", r"rig\.toml:2: unknown key 'seriall' in \[test\]"),
-        ("[rig]\nfilter = 'kausal'\n", r"rig\.filter: expected 'none', 'causal' or 'zero_phase'"),
-        (
-            "[rig]\nreverse_force = 'yes'\n",
-            r"rig\.toml:2: rig\.reverse_force: expected true, false or 'detect', found 'yes'",
-        ),
-        ("[rig]\nreverse_force = 1\n", r"expected true, false or 'detect', found 1"),
-        ("[rig]\nskew = '2mm'\n", r"rig\.toml:2: rig\.skew: no unit of time 'mm'"),
-        ("[rig]\nskew = 'atuo'\n", r"rig\.toml:2: rig\.skew"),
-        ("[rig]\nskew = '3s'\n", r"skew: found 3\.0, expected 'auto' or at most 0\.1 s"),
-        ("[rig]\nsetting_pattern = '('\n", r"setting_pattern.*regular expression"),
-        ("[rig]\nprofile = 'lab'\n", r"no profile 'lab'"),
-        (
-            "[rig.profiles.lab]\nfile = 'x'\n",
-            r"unknown key 'file' in \[rig\.profiles\.lab\].*'files'",
-        ),
-        ("[rig]\nunits = {force = 'mm'}\n", r"no unit of force 'mm'"),
-        ("[conditioning]\nfilter_order = 99\n", r"filter_order: found 99"),
-        ("[identification]\nfix = {ke = 1}\n", r"no parameter 'ke'.*Did you mean 'k_e'"),
-        (
-            "[identification]\nfix = {k_e = '5 apples'}\n",
-            r"k_e = 5 apples: expected a number in Pa",
-        ),
-        ("[identification]\nfree = 'r_m1'\n", r"identification\.free: .*list"),
-        ("[simulation]\nwave = 'square'\n", r"simulation\.wave"),
-        ("[output]\nmax_mse_percent = -1\n", r"output\.max_mse_percent"),
-        ('[output]\nunits = "stone"\n', r"output\.units: no unit 'stone'"),
-        ("[damper\n", r"rig\.toml: not valid TOML: .*line 1"),
-        ("x = " + "[" * 5000, r"rig\.toml: not valid TOML"),
-        ("[damper]\nrod_diameter = 1\nrod_diameter = 2\n", r"not valid TOML"),
-    ],
-)
-def test_a_mistake_is_told_with_its_place(tmp_path: Path, text: str, says: str) -> None:
+# Lines of a file, parted by a bar, and what the sentence says.
+MISTAKES = r"""
+[damper] | | rod_diametr = 1 -> rig\.toml:3: unknown key 'rod_diametr'.*'rod_diameter'
+[dampr] | x = 1 -> rig\.toml:1: unknown section \[dampr\].*Did you mean 'damper'
+damper = 3 -> write \[damper\]
+[damper] | rod_diameter = '19 kg' -> rig\.toml:2: damper\.rod_diameter: no unit.*kg
+[damper] | rod_diameter = -1.0 -> rig\.toml:2: damper\.rod_diameter: expected .*-1
+[damper] | rod_diameter = nan -> damper\.rod_diameter
+[damper] | rod_diameter = 1HUGE -> rig\.toml:2: .*expected a number, found 10
+[damper] | reference_temperature = 1HUGE -> rig\.toml:2: damper\.reference_temperature: expected 'no
+[damper] | model = 'twin_tube' | [damper.mounting] | play = nan -> :3: .*play: found nan
+[damper] | rod_diameter = true -> damper\.rod_diameter: .*number.*True
+[damper] | rod_diameter = '30mm' -> rig\.toml:2: .*expected less than piston_diameter, 0\.0285 m
+[rig] | settings = ['?'] -> rig\.settings: found '\?', expected clicks
+[adjusters] | log = '' -> adjusters: 'log' is taken
+[adjusters] | Rebound = '' -> adjusters: found 'Rebound', expected small letters
+[adjusters] | rebound = 'open' -> rig\.toml:2: adjusters\.rebound: expected ''
+[test] | seriall = '1' -> rig\.toml:2: unknown key 'seriall' in \[test\]
+[rig] | filter = 'kausal' -> rig\.filter: expected 'none', 'causal' or 'zero_phase'
+[rig] | reverse_force = 'yes' -> rig\.toml:2: .*expected true, false or 'detect', found 'yes'
+[rig] | reverse_force = 1 -> expected true, false or 'detect', found 1
+[rig] | skew = '2mm' -> rig\.toml:2: rig\.skew: no unit of time 'mm'
+[rig] | skew = 'atuo' -> rig\.toml:2: rig\.skew
+[rig] | skew = '3s' -> skew: found 3\.0, expected 'auto' or at most 0\.1 s
+[rig] | setting_pattern = '(' -> setting_pattern.*regular expression
+[rig] | profile = 'lab' -> no profile 'lab'
+[rig.profiles.lab] | file = 'x' -> unknown key 'file' in \[rig\.profiles\.lab\].*'files'
+[rig] | units = {force = 'mm'} -> no unit of force 'mm'
+[conditioning] | filter_order = 99 -> filter_order: found 99
+[identification] | fix = {ke = 1} -> no parameter 'ke'.*Did you mean 'k_e'
+[identification] | fix = {k_e = '5 apples'} -> k_e = 5 apples: expected a number in Pa
+[identification] | free = 'r_m1' -> identification\.free: .*list
+[simulation] | wave = 'square' -> simulation\.wave
+[output] | max_mse_percent = -1 -> output\.max_mse_percent
+[output] | units = "stone" -> output\.units: no unit 'stone'
+[damper -> rig\.toml: not valid TOML: .*line 1
+x = DEEP -> rig\.toml: not valid TOML
+[damper] | rod_diameter = 1 | rod_diameter = 2 -> not valid TOML
+"""
+
+
+@pytest.mark.parametrize("row", MISTAKES.strip().splitlines())
+def test_a_mistake_is_told_with_its_place(tmp_path: Path, row: str) -> None:
+    lines, says = row.split(" -> ")
+    text = "\n".join(line.strip() for line in lines.split("|")) + "\n"
+    text = text.replace("HUGE", "0" * 400).replace("DEEP", "[" * 5000)
     with pytest.raises(ConfigurationError, match=says) as caught:
         load_configuration(_write(tmp_path, text))
     assert "\n" not in str(caught.value)

@@ -86,36 +86,22 @@ def test_a_part_is_no_folder_that_the_door_loads(taken):
         damperfit.load(part)
 
 
-@pytest.mark.parametrize("command", [("settings", "--velocity", "0.2m/s"), ("settings",)])
-def test_forces_by_setting_are_those_of_the_results_folder(taken, capsys, command):
-    documents = []
+def test_what_is_asked_of_a_part_is_that_of_the_results_folder(taken, tmp_path, capsys):
+    told = []
     for place in taken:
-        assert main([command[0], str(place), *command[1:], "--json"]) == 0
-        document = json.loads(capsys.readouterr().out)
-        documents.append(document)
-    assert documents[0]["forces"] == documents[1]["forces"]
-
-
-def test_a_table_handed_over_is_that_of_the_results_folder(taken, tmp_path, capsys):
-    tables = []
-    for place in taken:
-        out = tmp_path / place.name
-        assert main(["export", str(place), "--to", "csv", "--out", str(out), "--quiet"]) == 0
-        tables.append((out / "damper.csv").read_text())
-    assert tables[0] == tables[1]
-    assert main(["export", str(taken[1]), "--to", "csv", "--quiet"]) == 0
-    assert (taken[1].parent / "_export" / taken[1].name / "damper.csv").exists()
-    assert not list(taken[1].glob("*.csv"))
-
-
-def test_one_test_is_simulated_with_the_damper_of_the_part(taken, capsys):
-    peaks = []
-    for place in taken:
+        assert main(["settings", str(place), "--json"]) == 0
+        forces = json.loads(capsys.readouterr().out)["forces"]
         assert main(["simulate", "--setting", "10", "--parameters", str(place), "--json"]) == 0
         said = capsys.readouterr()
         assert "does not say whose" not in said.err
-        peaks.append(json.loads(said.out)["characteristics"])
-    assert peaks[0] == peaks[1]
+        out = tmp_path / place.name
+        assert main(["export", str(place), "--to", "csv", "--out", str(out), "--quiet"]) == 0
+        simulated = json.loads(said.out)["characteristics"]
+        told.append((forces, simulated, (out / "damper.csv").read_text()))
+    assert told[0] == told[1]
+    assert main(["export", str(taken[1]), "--to", "csv", "--quiet"]) == 0
+    assert (taken[1].parent / "_export" / taken[1].name / "damper.csv").exists()
+    assert not list(taken[1].glob("*.csv"))
 
 
 def test_a_damaged_part_is_called_so(taken, tmp_path, capsys):

@@ -69,14 +69,6 @@ def test_a_part_of_an_earlier_version_is_read_and_replaced(tmp_path):
     assert not old.parent.exists()
 
 
-def test_rows_stand_by_serial_number(tmp_path):
-    for owner in ("D10", "D2", "D1"):
-        write_part(part_path(tmp_path, owner, "k"), rows(1.0), facts(owner))
-    assert collect(tmp_path)["serial"].to_pylist() == ["D1", "D2", "D10"]
-    lines = (tmp_path / "_fleet" / "fleet.csv").read_text().splitlines()
-    assert [line.split(",")[0] for line in lines] == ["serial", "D1", "D2", "D10"]
-
-
 @pytest.mark.parametrize(
     ("first", "second", "left"),
     [
@@ -120,16 +112,6 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
-def test_equal_parts_give_equal_bytes(tmp_path):
-    for name in ("a", "b"):
-        for owner in ("D1", "D2")[:: 1 if name == "a" else -1]:
-            write_part(part_path(tmp_path / name, owner, "k"), rows(1.0, 2.0), facts(owner))
-        collect(tmp_path / name)
-    for suffix in (".parquet", ".csv"):
-        first, second = (tmp_path / name / "_fleet" / f"fleet{suffix}" for name in ("a", "b"))
-        assert first.read_bytes() == second.read_bytes()
-
-
 def test_a_damaged_part_is_called_by_name(tmp_path):
     path = part_path(tmp_path, "D1", "k")
     write_part(path, rows(1.0), facts("a"))
@@ -137,11 +119,6 @@ def test_a_damaged_part_is_called_by_name(tmp_path):
     with pytest.raises(ConfigurationError, match=r"part-k\.parquet: damaged .* makes it again"):
         collect(tmp_path)
     assert read_facts_of(path) == {}
-
-
-def test_a_folder_without_parts_is_refused(tmp_path):
-    with pytest.raises(ConfigurationError, match="no parts of a fleet there"):
-        collect(tmp_path)
 
 
 def test_parts_of_different_columns_make_one_table(tmp_path):

@@ -117,31 +117,33 @@ def test_a_profile_gives_the_unit_of_the_log_back(tmp_path) -> None:
     assert list(read_log(log, load_configuration(config).reading).force) == [2e3, 3e3, 4e3]
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("unit = {}", r"unknown key 'unit' .* Did you mean 'units'"),
-        ("zzzz = 1", r"unknown key 'zzzz' .* There are .*bad_rows"),
-        ("skew = '2ms'", r"unknown key 'skew'"),
-        ("units = {force = 'apples'}", r"no unit of force 'apples'"),
-        ("scales = {force = true}", r"\.scales\.force: expected a number, found True"),
-        ("columns = {force = 1.5}", r"\.columns\.force: expected a text, found 1\.5"),
-        ("skip_lines = '2'", r"\.skip_lines: expected a whole number, found '2'"),
-        ("part_settings = [true]", r"\.part_settings\.0: expected a whole number, found True"),
-        ("reverse_force = 'no'", r"expected true, false or 'detect', found 'no'"),
-        ("sample_rate = '1kHz/s'", r"\.sample_rate: no unit of frequency"),
-        ("decimal = ';'", r"decimal: found ';', expected '\.' or ','"),
-        ("files = 3", r"\.files: expected a text, found 3"),
-        ("restarts = 'lst'", r"expected 'refuse' or 'split' or 'last'.*Did you mean 'last'"),
-        ("encoding = 'rot13'", r"'rot13' is not a text encoding"),
-        ("thousands = ','\ndecimal = ','", r"',' already has another meaning"),
-        ("bad_rows = 'keep'", r"found 'keep', expected 'refuse' or 'drop'"),
-        ("scales = {force = 0.0}", r"scales: force is 0\.0, expected other than 0"),
-        ("offsets = {force = nan}", r"offsets: force is nan"),
-        ("sample_rate = -1.0", r"sample_rate: expected 0 or more, found -1\.0"),
-    ],
-)
-def test_a_wrong_key_of_a_profile_is_named(tmp_path, text, says) -> None:
+WRONG = r"""
+unit = {} -> unknown key 'unit' .* Did you mean 'units'
+zzzz = 1 -> unknown key 'zzzz' .* There are .*bad_rows
+skew = '2ms' -> unknown key 'skew'
+units = {force = 'apples'} -> no unit of force 'apples'
+scales = {force = true} -> \.scales\.force: expected a number, found True
+columns = {force = 1.5} -> \.columns\.force: expected a text, found 1\.5
+skip_lines = '2' -> \.skip_lines: expected a whole number, found '2'
+part_settings = [true] -> \.part_settings\.0: expected a whole number, found True
+reverse_force = 'no' -> expected true, false or 'detect', found 'no'
+sample_rate = '1kHz/s' -> \.sample_rate: no unit of frequency
+decimal = ';' -> decimal: found ';', expected '\.' or ','
+files = 3 -> \.files: expected a text, found 3
+restarts = 'lst' -> expected 'refuse' or 'split' or 'last'.*Did you mean 'last'
+encoding = 'rot13' -> 'rot13' is not a text encoding
+thousands = ',' | decimal = ',' -> ',' already has another meaning
+bad_rows = 'keep' -> found 'keep', expected 'refuse' or 'drop'
+scales = {force = 0.0} -> scales: force is 0\.0, expected other than 0
+offsets = {force = nan} -> offsets: force is nan
+sample_rate = -1.0 -> sample_rate: expected 0 or more, found -1\.0
+"""
+
+
+@pytest.mark.parametrize("row", WRONG.strip().splitlines())
+def test_a_wrong_key_of_a_profile_is_named(tmp_path, row) -> None:
+    lines, says = row.split(" -> ")
+    text = lines.replace(" | ", "\n")
     path = tmp_path / "rig.toml"
     path.write_text(f"[rig.profiles.lab]\n{text}\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match=says) as caught:
