@@ -76,10 +76,11 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
     """The MSE of every setting is below 1 %."""
     from damperfit.identification.fit_setting import EXCELLENT
 
+    def misfit(fit: Fit) -> tuple[bool, float]:
+        return not fit.mse_percent < math.inf, fit.mse_percent
+
     above = [fit for fit in subject.fits if not fit.mse_percent < EXCELLENT]
-    worst = max(
-        above or subject.fits, key=lambda fit: (not fit.mse_percent < math.inf, fit.mse_percent)
-    )
+    worst = max(above or subject.fits, key=misfit)
     where = f"{worst.mse_percent:.3g} % at setting {worst.setting}"
     if above:
         return False, f"MSE is 1 % or more at {_settings(above)}, worst {where}"
@@ -109,14 +110,15 @@ def _with_status(subject: Subject, status: Status, words: str) -> str:
 def _no_cavitation(subject: Subject) -> _Verdict:
     """No chamber reaches zero pressure."""
     empty = [fit for fit in subject.fits if fit.cavitation_fraction > 0.0]
+    known = [fit for fit in subject.fits if math.isfinite(fit.cavitation_margin)]
     if empty:
         worst = max(empty, key=lambda fit: fit.cavitation_fraction)
         share = f"{100.0 * worst.cavitation_fraction:.1f} % of the cycle at setting"
-        said = f"a chamber cavitates at {_settings(empty)}, most for {share} {worst.setting}"
+        reason = f"a chamber cavitates at {_settings(empty)}, most for {share} {worst.setting}"
         if doubted := doubted_cavitation(subject.assessment.objections):
-            said += f"; the model does not match the logs of {of_settings(doubted)}: it may be full"
-        return False, said
-    known = [fit for fit in subject.fits if math.isfinite(fit.cavitation_margin)]
+            where = of_settings(doubted)
+            reason += f"; the model does not match the logs of {where}: it may be full"
+        return False, reason
     if not known:
         return True, "no chamber reaches zero pressure"
     nearest = min(known, key=lambda fit: fit.cavitation_margin)
@@ -133,25 +135,23 @@ def _trend_monotone(subject: Subject) -> _Verdict:
     turning = [trend for trend in judged if not trend.monotone]
     if bad := [trend.sentence for trend in turning if _turn_of(trend) > _MATTERS]:
         return False, "; ".join(bad)
+    directions = {"rising": "rises", "falling": "falls", "flat": "stays constant"}
     lines: dict[str, list[str]] = defaultdict(list)
     for trend in judged:
         by = "the setting" if trend.adjuster == ADJUSTER else trend.adjuster
         by += f" ({trend.held})" if trend.held else ""
-        lines[by].append(f"{trend.parameter} {_DIRECTIONS[trend.direction or '']}")
-    said = "; with ".join(f"{by} {', '.join(trends)}" for by, trends in lines.items())
+        lines[by].append(f"{trend.parameter} {directions[trend.direction or '']}")
+    found = "; with ".join(f"{by} {', '.join(trends)}" for by, trends in lines.items())
     notes = [f"; {one.parameter} is not determined" for one in trends if one.monotone is None]
     notes += [f"; {one.parameter} turns by less than 1 %" for one in turning]
-    return True, f"with {said}, within errors and scatter{''.join(notes)}"
+    return True, f"with {found}, within errors and scatter{''.join(notes)}"
 
 
 def _turn_of(trend: Trend) -> float:
     """Return by how much of itself a parameter goes against its direction, at most."""
-    found = {point.setting: point.found for point in trend.points}
-    turns = [(found.get(a), found.get(b)) for a, b in trend.reversals]
+    values = {point.setting: point.found for point in trend.points}
+    turns = [(values.get(a), values.get(b)) for a, b in trend.reversals]
     return max((abs(b / a - 1.0) if a and b else math.inf for a, b in turns), default=math.inf)
-
-
-_DIRECTIONS = {"rising": "rises", "falling": "falls", "flat": "stays constant"}
 
 
 def _no_outlier_setting(subject: Subject) -> _Verdict:
@@ -164,14 +164,14 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     for trend in judged:
         for one in trend.outliers:
             if abs(one.deviation) > _MATTERS:
-                said_off = f"{trend.parameter} {100.0 * one.deviation:+.1f} %"
-                off[trend.adjuster, trend.held, one.setting].append(said_off)
+                deviation = f"{trend.parameter} {100.0 * one.deviation:+.1f} %"
+                off[trend.adjuster, trend.held, one.setting].append(deviation)
     if off:
-        said = (
+        places = (
             f"{adjuster} {clicks:g}{f' with {held}' if held else ''} ({', '.join(parameters)})"
             for (adjuster, held, clicks), parameters in sorted(off.items())
         )
-        return False, f"off the trend of the others: {', '.join(said)}"
+        return False, f"off the trend of the others: {', '.join(places)}"
     mixed_up = [trend for trend in trends if trend.is_erratic and not trend.outliers_judged]
     if mixed_up:
         return None, "; ".join(trend.sentence for trend in mixed_up)
@@ -181,8 +181,8 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
 
 
 def _no_trend(subject: Subject) -> str:
-    said = in_few_words(trend.sentence for trend in subject.adjustment.trends)
-    return "; ".join(said) or "no parameter was fitted setting by setting"
+    why = in_few_words(trend.sentence for trend in subject.adjustment.trends)
+    return "; ".join(why) or "no parameter was fitted setting by setting"
 
 
 def _every_click_counts(subject: Subject) -> _Verdict:
@@ -199,8 +199,8 @@ def _every_click_counts(subject: Subject) -> _Verdict:
             felt[click.first, click.second] |= not click.low <= 0.0 <= click.high
     dead = [f"{a} to {b}" for (a, b), is_felt in felt.items() if not is_felt]
     if dead:
-        said = f"the force at {fastest:g} m/s does not change from setting {', '.join(dead)}"
-        return False, f"{said} by more than its error"
+        text = f"the force at {fastest:g} m/s does not change from setting {', '.join(dead)}"
+        return False, f"{text} by more than its error"
     apart = any((clicks_between(*step) or 0.0) > 1.0 for step in felt)
     step = "every step from one tested setting to the next" if apart else "every click"
     return True, f"{step} changes the force at {fastest:g} m/s by more than its error"
@@ -240,16 +240,10 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
         worst = min(short, key=lambda one: one.noise_percent / one.mse_percent)
         where = of_settings(one.setting for one in short)
         share = 100.0 * worst.noise_percent / worst.mse_percent
-        return False, (
-            f"noise explains less than half of the MSE at {where}, least at setting "
-            f"{worst.setting}: {share:.2g} % of {worst.mse_percent:.3g} %"
-        )
-    if unknown:
-        return None, unknown
-    return True, (
-        "noise explains half of the MSE or more, or lack of fit is below 1 % of the force, at "
-        "every setting"
-    )
+        most = f"setting {worst.setting}: {share:.2g} % of {worst.mse_percent:.3g} %"
+        return False, f"noise explains less than half of the MSE at {where}, least at {most}"
+    few = "noise explains half of the MSE or more, or lack of fit is below 1 % of the force"
+    return (None, unknown) if unknown else (True, f"{few}, at every setting")
 
 
 def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
@@ -275,9 +269,7 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
     outside, unknown = [], []
     for trace in subject.traces:
         # The window of the paper's test asks nothing of another motion.
-        if any(
-            found.name == "temperature" and found.severity == "note" for found in trace.findings
-        ):
+        if ("temperature", "note") in {(one.name, one.severity) for one in trace.findings}:
             continue
         if trace.temperature is None:
             unknown.append(trace.name)
@@ -296,51 +288,45 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
 
 def _damper_declared(subject: Subject) -> _Verdict:
     """Every key of [damper] is declared."""
-    names = subject.undeclared
+    names = ", ".join(subject.undeclared)
     if subject.whose:
-        said = f"no damper is declared: {subject.whose} is assumed; declare yours in [damper] "
-        return None, f"{said}of a configuration"
+        text = f"no damper is declared: {subject.whose} is assumed; declare yours in [damper] of a"
+        return None, f"{text} configuration"
     if names:
-        return False, (
-            f"[damper] is declared without {', '.join(names)}: defaults are used for these"
-        )
+        return False, f"[damper] is declared without {names}: defaults are used for these"
     return True, "every key of [damper] is declared"
 
 
 def _every_setting_fitted(subject: Subject) -> _Verdict:
     """Every log and setting has a result."""
-    done = [fit.setting for fit in subject.fits]
-    said = [_first_of(subject.missing, "; ")] if subject.missing else []
+    reasons = [_first_of(subject.missing, "; ")] if subject.missing else []
     if not subject.campaign.is_complete:
-        said.append("interrupted before every setting was done")
+        reasons.append("interrupted before every setting was done")
     if subject.campaign.gaps:
-        said.append(f"no result for {of_runs(subject.campaign.gaps)}")
-    if said:
-        return False, "; ".join(said)
-    return (True, f"{of_settings(done)} fitted") if done else (False, "no setting could be fitted")
+        reasons.append(f"no result for {of_runs(subject.campaign.gaps)}")
+    if reasons:
+        return False, "; ".join(reasons)
+    done = bool(subject.fits)
+    return done, f"{_settings(subject.fits)} fitted" if done else "no setting could be fitted"
 
 
 def _fits_converged(subject: Subject) -> _Verdict:
     """Every fit converged to a minimum."""
     bad = [fit for fit in subject.fits if not fit.outcome.is_minimum]
     if bad:
-        said = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
-        return False, f"no minimum was reached at {_first_of(said)}"
+        ends = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
+        return False, f"no minimum was reached at {_first_of(ends)}"
     return True, "every fit converged to a minimum"
 
 
 def _no_log_warnings(subject: Subject) -> _Verdict:
     """No log has a warning."""
-    said: dict[str, list[Trace]] = defaultdict(list)
+    warned: dict[str, set[Setting]] = defaultdict(set)
     for trace in subject.traces:
-        for finding in trace.findings:
-            if finding.severity == "warning":
-                said[finding.name].append(trace)
-    if said:
-        parts = []
-        for name, traces in said.items():
-            settings = {trace.setting for trace in traces if trace.setting is not None}
-            parts.append(f"{name} at {of_settings(sorted(settings))}")
+        for name in {one.name: 0 for one in trace.findings if one.severity == "warning"}:
+            warned[name] |= {trace.setting} - {None}  # type: ignore[arg-type]
+    parts = [f"{name} at {of_settings(sorted(settings))}" for name, settings in warned.items()]
+    if parts:
         return False, f"the logs carry warnings: {', '.join(parts)}"
     return True, "no log carries a warning"
 
@@ -361,13 +347,10 @@ def _first_of(parts: Sequence[str], mark: str = ", ") -> str:
 
 def _every_grade_stands(subject: Subject) -> _Verdict:
     """No grade is withheld."""
-    said = subject.assessment.objections
-    if said:
-        first = next(iter(said))
-        return False, (
-            f"grades are withheld at {of_settings(said)}; setting {first}: "
-            f"{'; '.join(one.sentence for one in said[first])}"
-        )
+    for first, why in subject.assessment.objections.items():
+        where = of_settings(subject.assessment.objections)
+        reasons = "; ".join(one.sentence for one in why)
+        return False, f"grades are withheld at {where}; setting {first}: {reasons}"
     return True, f"no objection to the grade of {_settings(subject.fits)}"
 
 
@@ -513,42 +496,35 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     False
     """
     pointless = set(pointless)
-    found: list[str] = []
+    wanted: list[str] = []
     left_out: list[str] = []
     for text in names:
         name = text.removeprefix("-")
         if name not in CHECKS and name not in CHECK_LISTS:
-            known = (*CHECKS, *CHECK_LISTS)
+            hint = did_you_mean(name, (*CHECKS, *CHECK_LISTS))
             raise ConfigurationError(
                 f"no check {text!r}; there are {', '.join(CHECKS)} and the lists "
-                f"{', '.join(CHECK_LISTS)}.{did_you_mean(name, known)}",
+                f"{', '.join(CHECK_LISTS)}.{hint}",
                 where=Key(("output", "checks")),
                 code="unknown-check",
             )
         members = CHECK_LISTS.get(name, (name,))
         if text.startswith("-"):
-            left_out.extend(members)
-        elif name in CHECKS:
-            found.append(name)
+            left_out += members
         else:
-            found.extend(member for member in members if member not in pointless)
-    absent = [name for name in left_out if name not in found and name not in pointless]
-    if absent:
+            wanted += [one for one in members if one == name or one not in pointless]
+    if absent := [name for name in left_out if name not in wanted and name not in pointless]:
         raise ConfigurationError(
             f"check '-{absent[0]}' excludes a check that was not requested; expected it after a "
             f"list that includes it, as in {next(iter(CHECK_LISTS))},-{absent[0]}",
             code="unknown-check",
         )
-    return tuple(dict.fromkeys(name for name in found if name not in left_out))
+    return tuple(dict.fromkeys(name for name in wanted if name not in left_out))
 
 
 def missed_gates(checks: Sequence[Check], gates: Iterable[str]) -> tuple[str, ...]:
     """Return one sentence for each gate that is not met, or that could not be looked at."""
     results = {check.name: check for check in checks}
-    said = []
-    for name in gates:
-        check = results[name]
-        if not check.passed:
-            how = "check" if check.passed is False else "check not evaluated:"
-            said.append(f"{how} {name}: {check.reason}")
-    return tuple(said)
+    how = {False: "check", None: "check not evaluated:"}
+    missed = (results[name] for name in gates if not results[name].passed)
+    return tuple(f"{how[check.passed]} {check.name}: {check.reason}" for check in missed)

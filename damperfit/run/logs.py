@@ -562,7 +562,7 @@ def _read_file(path: Path, name: str, configuration: Configuration, labels: Labe
         if isinstance(error, LogError) and not error.says_setting and labels.is_unsaid(path):
             error = _without_setting(error)
         digest = ""
-        with suppress(OSError):  # nor is a pipe or a folder read
+        with suppress(OSError, ValueError):  # nor is a pipe or a folder read, nor a NUL
             digest = sha256_of(path)
         facts = {"name": name, "setting": labels.unread(path, configuration)}
         return [_failed(Log(name, _shown(path), digest, facts), error)]
