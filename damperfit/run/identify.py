@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from damperfit.configuration.what_is_tested import unmatched
+from damperfit.configuration.schema import unmatched
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.problem import Option
 from damperfit.run.log_files import expand

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from damperfit.configuration.loading import configuration_toml, load_configuration
-from damperfit.configuration.what_is_tested import unmatched
+from damperfit.configuration.schema import unmatched
 from damperfit.damper.model import MODELS
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve
