@@ -3,8 +3,8 @@
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -14,8 +14,7 @@ from damperfit.synthetic import SampleOptions, make_samples
 from tests.kept_fits import fits_anew, kept_fits
 
 
-@dataclass(frozen=True)
-class Ended:
+class Ended(NamedTuple):
     """What a command left behind."""
 
     code: int

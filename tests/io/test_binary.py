@@ -472,7 +472,7 @@ def flipped(data: bytes, bits) -> bytes:
     return bytes(damaged)
 
 
-@pytest.mark.parametrize("stride", [19, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stride", [41, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["TDMS", "TDMS waveform", "Parquet"])
 def test_a_flipped_bit_changes_its_own_value_at_most(tmp_path, name, stride) -> None:
     # Used to give 4 of 5 rows, or displacements of 1e18 mm, when a length or a kind was flipped.
@@ -495,7 +495,7 @@ def test_a_flipped_bit_changes_its_own_value_at_most(tmp_path, name, stride) -> 
     assert least > 500 // stride
 
 
-@pytest.mark.parametrize("stride", [13, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stride", [29, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["TDMS", "TDMS waveform", "Parquet"])
 def test_a_cut_never_changes_a_number(tmp_path, name, stride) -> None:
     data, file = good(name)

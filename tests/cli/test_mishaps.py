@@ -10,8 +10,6 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.errors import SimulationError
-from damperfit.synthetic import SampleOptions, make_samples
-from tests.kept_fits import kept_fits
 
 QUICK = (
     *("--procedure", "plain", "--free", "r_m1,r_m2,k_e"),
@@ -19,21 +17,9 @@ QUICK = (
 )
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _fits_are_kept():
-    with kept_fits():
-        yield
-
-
 @pytest.fixture(scope="module")
-def samples(tmp_path_factory):
-    """Three short logs of a quiet rig, settings 1 to 3."""
-    folder = tmp_path_factory.mktemp("logs")
-    options = SampleOptions(
-        settings=(1, 2, 3), cycles=7.0, force_noise=1.0, displacement_noise=2e-6
-    )
-    make_samples(folder, options)
-    return [str(path) for path in sorted(folder.glob("setting_*.csv"))]
+def samples(logs) -> list[str]:
+    return [str(path) for path in sorted(logs.glob("setting_*.csv"))]
 
 
 @pytest.fixture(scope="module")
@@ -42,19 +28,6 @@ def sound(samples, tmp_path_factory) -> pd.DataFrame:
     folder = tmp_path_factory.mktemp("sound")
     assert main(["identify", *samples, *QUICK, "--out", str(folder)]) == 0
     return pd.read_csv(folder / "parameters.csv", index_col="setting")
-
-
-@pytest.fixture
-def call(capsys, monkeypatch, tmp_path):
-    """Run a command in this process, in an empty folder: its code, output and messages."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments) -> tuple[int, str, str]:
-        capsys.readouterr()
-        code = main([str(argument) for argument in arguments])
-        return (code, *capsys.readouterr())
-
-    return run
 
 
 @pytest.fixture
@@ -142,12 +115,12 @@ FAULTS = {
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_bug_costs_what_it_meets_and_nothing_else(
-    call, samples, sound, tmp_path, broken, name
+    run, samples, sound, tmp_path, broken, name
 ) -> None:
     is_hit, task, log, setting, left, more = FAULTS[name]
     broken(name, is_hit)
     how = ("--procedure", "joint") if more is None else (*QUICK, *more)
-    code, _, err = call("identify", *samples, *how)
+    code, _, err = run("identify", *samples, *how)
     assert code == 1
     (line,) = [line for line in err.splitlines() if "internal error" in line]
     assert f"internal error while {task}" in line
@@ -163,19 +136,19 @@ def test_a_bug_costs_what_it_meets_and_nothing_else(
         for column in ("r_m1", "r_m2", "k_e", "mse_percent"):
             np.testing.assert_array_equal(after[column], sound.loc[left, column])
     assert list(after["r_m1_se"].drop(2, errors="ignore").notna()) == [name[-6:] != "assess"] * 2
-    assert call("report", "results")[0] in {0, 1}  # a log without loops is said
-    assert call("settings", "results")[0] in {0, 1}
+    assert run("report", "results")[0] in {0, 1}  # a log without loops is said
+    assert run("settings", "results")[0] in {0, 1}
 
 
 @pytest.mark.parametrize(
     "error", [SimulationError("stiff."), np.linalg.LinAlgError("SVD did not converge")]
 )
 def test_a_setting_that_cannot_be_fitted_costs_itself_alone(
-    call, samples, tmp_path, broken, error
+    run, samples, tmp_path, broken, error
 ) -> None:
     broken("identification.procedures.fit_from", lambda setting, *_, **__: setting == 2, error)
     how = (*QUICK, "--fix", "f_0=1N")  # fits that no other test has made
-    code, _, err = call("identify", *samples, *how)
+    code, _, err = run("identify", *samples, *how)
     assert code == 1
     assert "2 settings fitted, 1 failed" in err
     assert "Traceback" not in err
@@ -187,13 +160,13 @@ def test_a_setting_that_cannot_be_fitted_costs_itself_alone(
     after = pd.read_csv(tmp_path / "results" / "parameters.csv")
     assert after["setting"].tolist() == [1, 3]
     assert str(error) in (tmp_path / "results" / "report.md").read_text().split("Not done")[1]
-    assert call("identify", samples[1], *how)[0] == 3
+    assert run("identify", samples[1], *how)[0] == 3
 
 
 @pytest.mark.parametrize("name", ["run.logs.read_logs", "run.logs.condition"])
-def test_inspect_goes_on_too(call, samples, broken, name) -> None:
+def test_inspect_goes_on_too(run, samples, broken, name) -> None:
     broken(name, is_file_two)
-    code, out, err = call("inspect", *samples, "--json")
+    code, out, err = run("inspect", *samples, "--json")
     assert code == 1
     told = json.loads(out)
     assert [log["verdict"] for log in told["logs"]] == ["good", "refused", "good"]
@@ -202,43 +175,43 @@ def test_inspect_goes_on_too(call, samples, broken, name) -> None:
     assert err.count("internal error") == 1
 
 
-def test_memory_that_one_log_lacks_is_said_so(call, samples, tmp_path, broken) -> None:
+def test_memory_that_one_log_lacks_is_said_so(run, samples, tmp_path, broken) -> None:
     broken("run.logs.condition", is_file_two, MemoryError("Unable to allocate 9.00 GiB"))
-    assert call("identify", *samples, *QUICK)[0] == 1
+    assert run("identify", *samples, *QUICK)[0] == 1
     (failure,) = failures(tmp_path)
     assert failure["kind"] == "MemoryError"
     assert "(Unable to allocate 9.00 GiB); give fewer or shorter logs" in failure["message"]
 
 
 def test_a_gate_that_a_bug_kept_from_being_looked_at_is_not_met(
-    call, samples, tmp_path, broken
+    run, samples, tmp_path, broken
 ) -> None:
     broken("run.record.run_checks", is_any)
-    call("identify", *samples, *QUICK, "--check", "no_cavitation")
+    run("identify", *samples, *QUICK, "--check", "no_cavitation")
     record = json.loads((tmp_path / "results" / "run.json").read_text())
     assert [one.split(":")[:2] for one in record["gates_missed"]] == [
         ["check not evaluated", " no_cavitation"]
     ]
 
 
-def test_commands_on_results_and_logs_tell_a_bug_in_one_line(call, samples, broken) -> None:
-    assert call("identify", *samples, *QUICK)[0] == 0
+def test_commands_on_results_and_logs_tell_a_bug_in_one_line(run, samples, broken) -> None:
+    assert run("identify", *samples, *QUICK)[0] == 0
     broken("adjustment.force_at._forces_of", lambda stage, *_: stage.setting == 2)
-    code, out, _ = call("settings", "results", "--json")
+    code, out, _ = run("settings", "results", "--json")
     assert code == 1
     assert {row["setting"] for row in json.loads(out)["forces"]} == {1, 3}
     assert "internal error while simulating setting 2" in json.loads(out)["remarks"][0]
     broken("queries.simulations.conditioned_as_tested", is_any)
     how = ("simulate", "--setting", "1", "--displacement", samples[0])
-    code, _, err = call(*how)
+    code, _, err = run(*how)
     assert code == 1
     assert err.startswith("damperfit: internal error while reading setting_01.csv, LinAlgError")
     assert len(err.splitlines()) == 1
-    assert "Traceback" in call(*how, "--debug")[2]
+    assert "Traceback" in run(*how, "--debug")[2]
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_dwell_in_the_only_cycle_is_no_bug(call, samples, tmp_path) -> None:
+def test_a_dwell_in_the_only_cycle_is_no_bug(run, samples, tmp_path) -> None:
     """The end of the stroke is passed three times in one cycle: a straight line through a point."""
     for path in samples:
         shutil.copy(path, tmp_path)
@@ -251,7 +224,7 @@ def test_a_dwell_in_the_only_cycle_is_no_bug(call, samples, tmp_path) -> None:
     rows = [f"{a:.4f},{b:.5f},{c:.3f}" for a, b, c in zip(time, x, force, strict=True)]
     text = "\n".join(["# setting: 4", "time_s,displacement_mm,force_N", *rows]) + "\n"
     (tmp_path / "setting_04.csv").write_text(text)
-    code, out, _ = call("inspect", *sorted(tmp_path.glob("setting_*.csv")), "--json")
+    code, out, _ = run("inspect", *sorted(tmp_path.glob("setting_*.csv")), "--json")
     assert code == 0
     verdicts = [log["verdict"] for log in json.loads(out)["logs"]]
     assert verdicts[:3] == ["good"] * 3
