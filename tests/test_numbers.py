@@ -39,6 +39,8 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import DamperfitError
+from damperfit.laws.description import SeenAt, physics_seen
+from damperfit.laws.structures import LAYOUTS, Structure, exchanges, moves
 from damperfit.problem import Problem
 from damperfit.recording import Finding, Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
@@ -151,6 +153,8 @@ def _moved(place: str, was: str, now: str) -> str:
     olds, news = was.split(","), now.split(",")
     share = next(most for pattern, most in LOOSE if re.search(pattern, place))
     change = f"{place}: {was} -> {now}"
+    if any(one.endswith("~") for one in olds):
+        share = max(share, 0.01)  # a sum of rounded numbers
     if len(olds) != len(news):
         return change
     sizes = [abs(float(one)) for one in olds if _NUMBER.fullmatch(one)]
@@ -826,7 +830,7 @@ def valve_kinds() -> Any:
             mounting=Mounting(*[FIT] * 6) if blow_off != "none" else Mounting(NONE),
             friction=Friction(breakaway=FIT, stribeck_speed=FIT, seal_area=FIT, **turns),
         )
-        values = made_up_values(model, 3, 0.25)
+        values, law = made_up_values(model, 3, 0.25), Structure(model, ("drag",))
         motion = parts((0.02, 0.6, 2), (0.02, 2.0, 6))
         seen = simulate(values, model, motion, sensitivities=model.names, options=ROUGH)
         trace = condition(log(motion, values, model, noise=1.0))
@@ -839,6 +843,11 @@ def valve_kinds() -> Any:
                 asdict(one) for one in model.further_starts([trace], {"f_f": 20.0}, model.names)
             ],
             "read": model.valve_characteristics(values, [trace]),
+            "said": physics_seen([SeenAt(Setting.of(3), model, values, (), ())], tuple(LAYOUTS)),
+            "structures": [
+                {"free": len(one.free), "needless": one.n_needless, "held": sum(one.held.values())}
+                for one in (*moves(law).values(), *(other for *_, other in exchanges(law)))
+            ],
             "weighed": before_load_cell(trace, moving_mass=0.5, lag=5e-3).force,
         }
     return found
