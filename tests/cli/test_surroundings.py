@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.fleet.conftest import Here
+
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a POSIX shell")
 PROGRAM = "import sys; from damperfit.__main__ import main; sys.exit(main())"
 COMMAND = (sys.executable, "-P", "-c", PROGRAM)
@@ -50,11 +52,11 @@ def loaded_first(folder: Path, *how: str, **variables: str) -> set[str]:
 # Every command; what starts processes of its own does so: copies, spawned workers, child readers.
 COMMANDS = (
     "identify setting_0*.csv --jobs 2 --out ../out",
-    "inspect .",
     "fleet . --jobs 1 --out ../fleet --collect",
     *(
         pytest.param(words, marks=pytest.mark.slow)
         for words in """
+inspect .
 simulate --setting 5 --out ../a.csv --plot ../a.png
 report {results} --out ../page
 compare {results} {results} --out ../compared
@@ -208,13 +210,15 @@ def test_a_working_folder_that_is_gone_is_one_sentence(
     assert code == 0 or len(said.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_the_backend_of_a_notebook_is_none_of_our_business(tmp_path) -> None:
     backend = "module://matplotlib_inline.nothing"
     drawn = f"MPLBACKEND={backend} damperfit simulate --setting 5 --plot a.png"
     assert ended(drawn, tmp_path)[0] == 0
 
 
-def test_a_loop_of_links_costs_itself_alone(run, logs, tmp_path) -> None:
+def test_a_loop_of_links_costs_itself_alone(run, logs, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("damperfit.workers.Processes", Here)
     (tmp_path / "setting_01.csv").write_bytes((logs / "setting_01.csv").read_bytes())
     (tmp_path / "setting_02.csv").symlink_to("setting_02.csv")
     assert run("identify", ".", "--out", "out", "--quiet").code == 1
