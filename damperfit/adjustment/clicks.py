@@ -9,9 +9,14 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from damperfit.adjustment.force_at import (
+    MEASURED,
+    MODEL,
+    STROKE_WORDS,
     Force,
     credible_forces,
     force_at,
@@ -22,16 +27,19 @@ from damperfit.adjustment.force_at import (
 from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95
-from damperfit.tested.setting import ADJUSTER, lines_of
+from damperfit.tested.setting import ADJUSTER, Setting, lines_of
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from damperfit.adjustment.force_at import Force
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
     from damperfit.identification import Campaign
-    from damperfit.tested.setting import Setting
+    from damperfit.tested.setting import SettingLine
     from damperfit.uncertainty import Assessment
+    from damperfit.units.shown_units import ShownUnits
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,3 +138,210 @@ def compare_settings(
     )
     known = {one.setting: one for one in assessment.uncertainties}
     return Adjustment(find_trends(campaign.fits, known), forces, clicks(forces))
+
+
+# Which setting gives a wanted force: the forces by setting, read the other way round.
+#
+# Between fitted settings the force follows a monotone cubic (PCHIP), which never leaves the
+# forces of the two neighbours. The interval of an answer is where the wanted force lies within
+# the force's 95 % interval; between settings that are more than one click apart half of that
+# interval is widened by how far the cubic lies from the straight line in that gap and the two
+# beside it, for nothing was measured there. Two settings alone tell no curve, so that the
+# interval is the whole gap. Of the shipped set with settings left out 94 to 96 of 100 hold the
+# setting that was left out, by the cubic at that place alone 87 to 94, of two settings none
+# (`python -m tests.adjustment.gap_coverage`).
+#
+# A force that the model does not reach and the measured forces do is answered by these.
+
+# Between neighbouring clicks cubic and straight line are a hundredth of a click apart: no answer is
+# shown closer, however narrow its interval.
+_FINEST = 0.01
+# How far truth may lie from the curve: with 1.4 of how far it bends 95 of 100 intervals hold. A
+# bend grows with the square of the gap; from one much narrower little is foretold: no more than
+# twice.
+_BEND, _WIDER = 1.4, 2.0
+
+
+class Answer(NamedTuple):
+    """One place of the adjuster that gives the wanted force, and what was fitted beside it."""
+
+    position: float  # in settings; a whole number where a setting gives it exactly
+    # 95 % interval of the position, NaN where no errors are known; it ends at the first and the
+    # last setting.
+    low: float
+    high: float
+    nearest: Setting  # the fitted setting beside it whose force is nearest
+    below: Setting  # the fitted settings on both sides, the same where `position` is one
+    above: Setting
+    force_below: float  # N
+    force_above: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Where a force, N, positive in rebound, is found."""
+
+    force: float
+    speed: float  # m/s
+    stroke: str
+    # By rising position; none when the force is out of reach, several when the force does not rise
+    # or fall throughout.
+    answers: tuple[Answer, ...]
+    # Setting and force of the least and of the greatest force that the settings reach; in bump the
+    # hardest is the most negative one.
+    weakest: tuple[Setting, float]
+    hardest: tuple[Setting, float]
+    adjuster: str = ADJUSTER  # which was looked along
+    held: str = ""  # where the other adjusters stand, for people; empty where there are none
+    origin: str = MODEL  # of the forces that it was looked for among
+
+    @property
+    def sentence(self) -> str:
+        """For people, in newtons and metres a second."""
+        return self.said_in(SI)
+
+    def said_in(self, units: ShownUnits) -> str:
+        """Return the sentence with forces and speeds in the units that people want."""
+        wanted = units.write(self.force, "N", ".5g")
+        asked = f"{wanted} in {STROKE_WORDS[self.stroke]} at {units.write_speed(self.speed)}"
+        if self.origin == MEASURED:
+            asked += ", as measured"
+        if self.held:
+            asked += f", along {self.adjuster} with {self.held}"
+        if not self.answers:
+            harder = abs(self.force - self.hardest[1]) < abs(self.force - self.weakest[1])
+            setting, force = self.hardest if harder else self.weakest
+            side = "more than the hardest" if harder else "less than the weakest"
+            return (
+                f"{asked}: no setting gives it; it is {side}, setting {setting} with "
+                f"{units.write(force, 'N', '.5g')}"
+            )
+        words = "; or ".join(
+            _words(answer, self.force, self.adjuster, units) for answer in self.answers
+        )
+        several = len(self.answers)
+        return f"{asked}: {f'{several} answers, ' if several > 1 else ''}{words}"
+
+
+def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> str:
+    below, above = (units.write(f, "N", ".5g") for f in (answer.force_below, answer.force_above))
+    ends = tuple(one.number(adjuster) or 0.0 for one in (answer.below, answer.above))
+    has_gap = ends[1] - ends[0] > 1
+    interval = ""
+    if math.isfinite(answer.low):
+        interval = f" (95 % from {answer.low:.2f} to {answer.high:.2f})"
+        if has_gap and (answer.low, answer.high) == ends:
+            interval = (
+                f" (anywhere from {answer.low:g} to {answer.high:g}: two settings do not show how "
+                "the force changes between them)"
+            )
+        elif max(answer.high - answer.position, answer.position - answer.low) < _FINEST:
+            interval = f" (95 % within {_FINEST:g})"
+    if answer.below == answer.above:
+        return f"setting {answer.below}{interval}, which gives {below}"
+    said = (
+        f"{adjuster} {answer.position:.2f}{interval}, between {answer.below} ({below}) and "
+        f"{answer.above} ({above})"
+    )
+    force = answer.force_below if answer.nearest == answer.below else answer.force_above
+    nearest = f"{answer.nearest} ({units.write(force - wanted, 'N', '+.3g')})"
+    if not has_gap:
+        return f"{said}; nearest is {nearest}"
+    said += ", none tested between them"
+    click = round(answer.position)
+    if click in ends:
+        return f"{said}; nearest tested is {nearest}"
+    turned = {adjuster: click}
+    label = Setting(tuple((one, turned.get(one, place)) for one, place in answer.below.places))
+    return f"{said}; nearest is {label}, nearest tested {nearest}"
+
+
+def which_setting(
+    forces: Sequence[Force], force: float, *, line: SettingLine | None = None
+) -> Wanted:
+    """Return the settings at which a force is reached, of forces at one speed and stroke."""
+    along = line or lines_of(one.setting for one in forces)[0]
+    mine = [one for one in forces if one.setting in along.numbers]
+    wanted = _Curve(mine, along).wanted(force)
+    measured = [one.as_measured for one in mine if one.measured is not None]
+    if not wanted.answers and len(measured) > 1:
+        as_measured = _Curve(measured, along).wanted(force)
+        return as_measured if as_measured.answers else wanted
+    return wanted
+
+
+class _Curve:
+    """Force over the clicks of one adjuster, between settings a monotone cubic."""
+
+    def __init__(self, forces: Sequence[Force], line: SettingLine) -> None:
+        from scipy.interpolate import PchipInterpolator
+
+        self.line, self.ordered = line, sorted(forces, key=lambda one: line.numbers[one.setting])
+        self.places = np.array([line.numbers[one.setting] for one in self.ordered])
+        self.forces = np.array([one.force for one in self.ordered])
+        reaches = [max(one.high - one.force, one.force - one.low) for one in self.ordered]
+        self.reaches = np.array(reaches)
+        self.cubic = PchipInterpolator(self.places, self.forces)
+
+    def wanted(self, force: float) -> Wanted:
+        """Answer where the curve has a force, else a setting that has it within its interval."""
+        sign = -1.0 if self.ordered[0].stroke == "bump" else 1.0
+        weakest, *_, hardest = sorted(self.ordered, key=lambda one: sign * one.force)
+        exact = [*self.places[self.forces == force].tolist(), *self.crossings(force)]
+        near = self.places[np.abs(self.forces - force) <= self.reaches].tolist()
+        return Wanted(
+            force=force,
+            speed=weakest.speed,
+            stroke=weakest.stroke,
+            answers=tuple(self.answer(position, force) for position in sorted(exact or near)),
+            weakest=(weakest.setting, weakest.force),
+            hardest=(hardest.setting, hardest.force),
+            adjuster=self.line.adjuster,
+            held=self.line.held,
+            origin=weakest.origin,
+        )
+
+    def crossings(self, *forces: float) -> list[float]:
+        """Every place between settings where the curve passes one of the forces."""
+        from scipy.optimize import brentq
+
+        roots = []
+        for force in forces:
+            off = self.forces - force
+            for k in np.flatnonzero(off[:-1] * off[1:] < 0.0):
+                ends = self.places[k], self.places[k + 1]
+                roots.append(float(brentq(lambda at, f=force: float(self.cubic(at)) - f, *ends)))
+        return roots
+
+    def answer(self, position: float, force: float) -> Answer:
+        """Return what stands beside a position of the curve, and its interval."""
+        above = int(np.searchsorted(self.places, position))
+        below = above if self.places[above] == position else above - 1
+        gap = self.places[above] - self.places[below]
+        share = (position - self.places[below]) / (gap or 1.0)
+        reach = (1.0 - share) * self.reaches[below] + share * self.reaches[above]
+        low = high = math.nan
+        if math.isfinite(reach):
+            if gap > 1.0:
+                reach += 4.0 * share * (1.0 - share) * self.bend(below, gap)
+            has_curve = len(self.places) > 2 or gap <= 1.0  # two settings tell none
+            edges = self.crossings(force - reach, force + reach) if has_curve else []
+            low = max((s for s in edges if s < position), default=float(self.places[0]))
+            high = min((s for s in edges if s > position), default=float(self.places[-1]))
+        nearest = min(below, above, key=lambda k: abs(self.forces[k] - force))
+        closest, first, second = (
+            Setting.of(self.ordered[k].setting) for k in (nearest, below, above)
+        )
+        ends = float(self.forces[below]), float(self.forces[above])
+        return Answer(position, low, high, closest, first, second, *ends)
+
+    def bend(self, below: int, gap: float) -> float:
+        """How far the force may lie from the curve in the middle of a gap, N: see the top."""
+        shares = np.linspace(0.0, 1.0, 41)
+        bends = []
+        for k in range(max(below - 1, 0), min(below + 2, len(self.places) - 1)):
+            (a, b), (first, second) = self.places[k : k + 2], self.forces[k : k + 2]
+            straight = first + shares * (second - first)
+            off = np.max(np.abs(self.cubic(a + shares * (b - a)) - straight))
+            bends.append(float(off) * min(gap / float(b - a), _WIDER) ** 2)
+        return _BEND * max(bends)

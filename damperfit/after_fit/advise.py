@@ -36,7 +36,7 @@ from damperfit.configuration.damper_section import damper_of_record
 from damperfit.damper.quantity import FRICTION
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConditioningError, ConfigurationError, SimulationError, did_you_mean
-from damperfit.identification.simulated_log import compare
+from damperfit.identification.logs import compare
 from damperfit.problem import Option
 from damperfit.recording import Recording
 from damperfit.reporting.answer import Answer

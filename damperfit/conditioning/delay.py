@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
-from damperfit.conditioning.gas_force import reversals
+from damperfit.conditioning.polarity import reversals
 from damperfit.problem import Option
 from damperfit.recording import Finding
 from damperfit.statistics import mean_of

@@ -9,14 +9,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from damperfit.identification.campaign import *  # noqa: F403
     from damperfit.identification.fit_problem import *  # noqa: F403
     from damperfit.identification.fit_setting import *  # noqa: F403
+    from damperfit.identification.logs import *  # noqa: F403
     from damperfit.identification.options import *  # noqa: F403
     from damperfit.identification.outcome import *  # noqa: F403
-    from damperfit.identification.procedures import *  # noqa: F403
+    from damperfit.identification.procedures import *  # noqa: F403  # noqa: F403
     from damperfit.identification.sharing import *  # noqa: F403
-    from damperfit.identification.simulated_log import *  # noqa: F403
     from damperfit.identification.starts import *  # noqa: F403
 
 _NAMES = {

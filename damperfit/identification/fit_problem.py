@@ -30,8 +30,7 @@ from damperfit.identification.least_squares import (
     iterate,
     reduced,
 )
-from damperfit.identification.log_facts import LogFacts
-from damperfit.identification.mean_cycle import SettledLogs, settled
+from damperfit.identification.logs import LogFacts, SettledLogs, settled
 from damperfit.identification.outcome import SettingError, attempted
 from damperfit.identification.sharing import (
     GAS_FOLLOWER,

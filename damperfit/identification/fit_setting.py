@@ -26,9 +26,8 @@ from damperfit.identification.fit_problem import (
     with_values,
 )
 from damperfit.identification.least_squares import Stopping, inverse_information
-from damperfit.identification.log_facts import said_of_speeds
+from damperfit.identification.logs import LogFit, SeenLog, compare, normalised_mse, said_of_speeds
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.simulated_log import LogFit, SeenLog, compare, normalised_mse
 from damperfit.problem import Problem, warning
 from damperfit.statistics import largest_of
 
@@ -154,7 +153,18 @@ def minimised(block: Block, start: Values, *, spent: int = 0) -> FitResult:
     errors = np.sqrt(np.diag(inverse_information(result.jacobian)) * variance)
     by_name = dict(zip(block.free, errors.tolist(), strict=True))
     status = _statuses(block, result, by_name)
-    outcome = _outcome(result, status, block.right_angle)
+    is_minimum = result.gradient_cosine < block.right_angle or result.mse_percent < 1e-8
+    outcome = Outcome.CONVERGED
+    if Status.AT_BOUND in status.values():
+        outcome = Outcome.AT_BOUND
+    elif Status.NOT_IDENTIFIABLE in status.values():
+        outcome = Outcome.NOT_IDENTIFIABLE
+    elif result.is_cavitating:
+        outcome = Outcome.CAVITATING
+    elif not is_minimum and result.ending == _LIMIT:
+        outcome = Outcome.EVALUATION_LIMIT
+    elif not is_minimum:
+        outcome = Outcome.NOT_FINITE if result.failed_trials else Outcome.NO_DESCENT
     return replace(result, status=status, outcome=outcome, errors=by_name).after(spent)
 
 
@@ -294,22 +304,6 @@ def _statuses(block: Block, result: FitResult, errors: Mapping[str, float]) -> d
         if status.get(first) is Status.NOT_IDENTIFIABLE:
             status |= {name: status[first] for name in others if name in block.free}
     return status
-
-
-def _outcome(result: FitResult, status: Mapping[str, Status], right_angle: float) -> Outcome:
-    if Status.AT_BOUND in status.values():
-        return Outcome.AT_BOUND
-    if Status.NOT_IDENTIFIABLE in status.values():
-        return Outcome.NOT_IDENTIFIABLE
-    if result.is_cavitating:
-        return Outcome.CAVITATING
-    is_minimum = result.gradient_cosine < right_angle or result.mse_percent < 1e-8
-    is_minimum = is_minimum or _promised_errors(result) < _NO_ERROR
-    if result.ending == _LIMIT:
-        return Outcome.CONVERGED if is_minimum else Outcome.EVALUATION_LIMIT
-    if not is_minimum:
-        return Outcome.NOT_FINITE if result.failed_trials else Outcome.NO_DESCENT
-    return Outcome.CONVERGED
 
 
 def _promised_errors(result: FitResult) -> float:

@@ -25,7 +25,13 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from damperfit.damper.quantity import DAMPER, LOG, RIG, SETTING
-from damperfit.identification.fit_problem import FitProblem, kept_within, linearise
+from damperfit.identification.fit_problem import (
+    FitProblem,
+    kept_within,
+    linearise,
+    values_of,
+    with_values,
+)
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.identification.least_squares import (
     NO_LENGTH,
@@ -34,7 +40,7 @@ from damperfit.identification.least_squares import (
     inverse_information,
     reduced,
 )
-from damperfit.identification.log_facts import effective_samples
+from damperfit.identification.logs import compare, effective_samples
 from damperfit.identification.outcome import Outcome, SettingError, Status, attempted
 from damperfit.identification.sharing import (
     GAS_FOLLOWER,
@@ -45,7 +51,6 @@ from damperfit.identification.sharing import (
     unknown_at,
     unknowns_of,
 )
-from damperfit.identification.simulated_log import compare
 from damperfit.identification.starts import from_neighbours
 from damperfit.problem import Failure, Problem, warning
 from damperfit.statistics import chi_squared_quantile
@@ -57,9 +62,9 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.damper.purdy.parameters import Damper
-    from damperfit.identification.campaign import ProcedureInput
     from damperfit.identification.fit_problem import Block
     from damperfit.identification.fit_setting import Fit
+    from damperfit.identification.procedures import ProcedureInput
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
@@ -310,8 +315,7 @@ class _Search:
             self._curvatures.append(rows.T @ rows + _NOT_DETERMINED**2 * np.eye(len(self.names)))
             self._slopes.append(rows.T @ right)
             self._costs.append(float(right @ right))
-            numbers = np.array([getattr(at[setting], name) for name in self.names])
-            self._u.append(block.common_variables.pack(numbers))
+            self._u.append(block.common_variables.pack(values_of(self.names, at[setting])))
         self.cost = sum(self._costs)  # at the point itself
         self._middle = np.mean(self._u, axis=0)
         self._worths: dict[tuple[tuple[str, ...], ...], float] = {}
@@ -373,11 +377,10 @@ class _Search:
 
     def starts(self, follows: Mapping[str, tuple[str, ...]]) -> dict[Setting, Values]:
         """The values of each setting at the minimum of the linear least squares."""
-        variables, _, _ = self._solved(follows)
         starts = {}
-        for setting, u in zip(self.settings, variables, strict=True):
-            numbers = self.blocks[setting].common_variables.unpack(u).tolist()
-            values = self.at[setting].replace(dict(zip(self.names, numbers, strict=True)))
+        for setting, u in zip(self.settings, self._solved(follows)[0], strict=True):
+            numbers = self.blocks[setting].common_variables.unpack(u)
+            values = with_values(self.at[setting], self.names, numbers)
             starts[setting] = kept_within(values, self.names)
         return starts
 
@@ -431,7 +434,7 @@ class JointResult:
             name: getattr(at, name)
             for name in self.sharing.jointly
             for other, at in self.solution.parameters.items()
-            if self._unknown(name, other) == self._unknown(name, fit.setting)
+            if unknown_at(name, self.sharing.follows, fit.setting).holds_at(other)
         }
         parameters = fit.parameters.replace(held)
         if self.solution.gas is None:
@@ -449,12 +452,9 @@ class JointResult:
     def status_at(self, setting: Setting) -> dict[str, Status]:
         """The status of what a setting shares."""
         return {
-            name: self.status[self._unknown(name, setting)]
+            name: self.status[unknown_at(name, self.sharing.follows, setting)]
             for name in self.sharing.found_at(setting)
         }
-
-    def _unknown(self, name: str, setting: Setting) -> Unknown:
-        return unknown_at(name, self.sharing.follows, setting)
 
 
 def fit_settings_jointly(

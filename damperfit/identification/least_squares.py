@@ -386,7 +386,15 @@ def iterate(  # noqa: C901, PLR0912, PLR0915 - MINPACK's lmder, which reads best
             if tried is not None and ratio >= _LEAST_RATIO:
                 is_taken, is_first = True, False
                 (system, extra), variables = tried, trial
-            status = _met(stopping, fall, foreseen, ratio, radius, _length(scale * variables))
+            size, tolerance = _length(scale * variables), stopping.cost_tolerance
+            is_flat = abs(fall) <= tolerance and foreseen <= tolerance and ratio <= 2.0
+            is_short = radius <= stopping.step_tolerance * size
+            if is_flat or is_short:
+                status = _MET_BOTH if is_flat and is_short else _MET_COST if is_flat else _MET_STEP
+            elif abs(fall) <= _LAST_BIT and foreseen <= _LAST_BIT and ratio <= 2.0:
+                status = _MET_COST
+            elif radius <= _LAST_BIT * size:
+                status = _MET_STEP
             if status == _MET_COST and stopping.rest < math.inf and is_taken:
                 is_ending, status = True, None
             elif is_ending and not is_taken:
@@ -402,20 +410,6 @@ def _held(
     """Which variables are at a bound beyond which alone the cost falls."""
     is_low = (variables <= low) & (system.gradient >= 0.0)
     return np.asarray(is_low | ((variables >= high) & (system.gradient <= 0.0)))
-
-
-def _met(
-    stopping: Stopping, fall: float, foreseen: float, ratio: float, radius: float, size: float
-) -> int | None:
-    """Which of MINPACK's tests are met."""
-    tolerance = stopping.cost_tolerance
-    is_flat = abs(fall) <= tolerance and foreseen <= tolerance and ratio <= 2.0
-    is_short = radius <= stopping.step_tolerance * size
-    if is_flat or is_short:
-        return _MET_BOTH if is_flat and is_short else _MET_COST if is_flat else _MET_STEP
-    if abs(fall) <= _LAST_BIT and foreseen <= _LAST_BIT and ratio <= 2.0:
-        return _MET_COST
-    return _MET_STEP if radius <= _LAST_BIT * size else None
 
 
 def _length(vector: FloatArray) -> float:

@@ -130,8 +130,6 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
         for name in names:
             with blamed_on(Key(("identification", key))):
                 damper.quantity(name)
-    for name in options.follows:
-        damper.quantity(name)
     for name in options.free or ():
         if name in options.fixed:
             raise ConfigurationError(
@@ -140,6 +138,7 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
                 code="free-and-fixed",
             )
     for name in options.follows:
+        damper.quantity(name)
         if name in options.fixed:
             raise ConfigurationError(
                 f"{name} follows an adjuster and is fixed; choose one.",
@@ -153,7 +152,22 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
                 where=Key(("identification", "share"), ("free", "fix")),
                 code="shared-and-fixed",
             )
-    _check_bulk_modulus(options, damper)
+    _check_name("bulk modulus", options.bulk_modulus, BULK_MODULUS_NAMES)
+    text = ""
+    if options.bulk_modulus == "free":
+        pass
+    elif options.bulk_modulus not in damper.bulk_moduli:
+        text = f"the model {damper.name!r} has no gas content that K_e could follow; expected free."
+    elif options.procedure != "joint":
+        text = (
+            "one gas content for all settings needs one fit of all settings; expected procedure "
+            f"joint, found {options.procedure}."
+        )
+    elif GAS_FOLLOWER in {*options.fixed, *(options.free or ()), *share}:
+        text = "K_e follows from the gas content; it cannot be free, fixed or shared too."
+    if text:
+        text, where = f"{options.bulk_modulus}: {text}", Key(("bulk_modulus",))
+        raise ConfigurationError(text, where=where, code="no-gas-content")
     moving = {*(options.free or ()), *share}
     for name, begin in options.start.named.items():
         started = damper.quantity(name)
@@ -180,25 +194,6 @@ def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
     if options.share is None or options.is_detecting:
         shared = (q.name for q in damper.quantities if q.is_shared and q.default is None)
     return tuple(name for name in shared if name not in options.untied)
-
-
-def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:
-    _check_name("bulk modulus", options.bulk_modulus, BULK_MODULUS_NAMES)
-    if options.bulk_modulus == "free":
-        return
-    if options.bulk_modulus not in damper.bulk_moduli:
-        text = f"the model {damper.name!r} has no gas content that K_e could follow; expected free."
-    elif options.procedure != "joint":
-        text = (
-            "one gas content for all settings needs one fit of all settings; expected procedure "
-            f"joint, found {options.procedure}."
-        )
-    elif GAS_FOLLOWER in {*options.fixed, *(options.free or ()), *shared_names(options, damper)}:
-        text = "K_e follows from the gas content; it cannot be free, fixed or shared too."
-    else:
-        return
-    where = Key(("bulk_modulus",))
-    raise ConfigurationError(f"{options.bulk_modulus}: {text}", where=where, code="no-gas-content")
 
 
 def _check_name(what: str, name: str, names: tuple[str, ...]) -> None:

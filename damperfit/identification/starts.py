@@ -26,7 +26,7 @@ from damperfit.identification.fit_setting import (
     minimised,
 )
 from damperfit.identification.least_squares import Minimum, Stopping
-from damperfit.identification.log_facts import inseparable
+from damperfit.identification.logs import inseparable
 from damperfit.identification.outcome import Outcome, Status, attempted
 from damperfit.identification.sharing import of_settings
 from damperfit.problem import Failure
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Values
-    from damperfit.identification.campaign import ProcedureInput
     from damperfit.identification.fit_problem import Block
     from damperfit.identification.fit_setting import Fit
+    from damperfit.identification.procedures import ProcedureInput
 
 # Structures are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
 COMPARING = Stopping(
@@ -118,23 +118,33 @@ def fit_setting(block: Block, start: Values, *, spent: int = 0) -> FitResult:
     """
     best = minimised(block, start, spent=spent)
     if names := inseparable(block.facts, block.free, block.model.quantities):
-        return _inseparable(best, names)
-    is_sound = best.is_sound
+        loose = {Status.FITTED, Status.AT_BOUND}  # at a bound one is by accident
+        lost = {name: Status.NOT_IDENTIFIABLE for name in names if best.status[name] in loose}
+        outcome = best.outcome
+        if outcome in {Outcome.CONVERGED, Outcome.CAVITATING, Outcome.AT_BOUND}:
+            outcome = Outcome.NOT_IDENTIFIABLE
+        return replace(best.with_status(lost), outcome=outcome)
+    # Which is too good for a wrong minimum, which an offset may hide.
+    has_offset = any(block.model.quantity(name).is_offset for name in block.free)
     for further_start in block.model.further_starts(start, block.traces, block.free):
-        is_enough = _is_explained(best) or lacks_stiffness_alone(best)
-        if is_sound or (further_start.is_last_resort and is_enough):
+        is_cavitating = best.outcome is Outcome.CAVITATING
+        is_explained = is_cavitating and best.mse_percent < EXCELLENT and not has_offset
+        is_enough = is_explained or lacks_stiffness_alone(best)
+        if best.is_sound or (further_start.is_last_resort and is_enough):
             break
         try:
             other = fit_in_stages(block, further_start.start, further_start.held)
         except SimulationError:
             continue
+        is_much_better = other.mse_percent * _CLEARLY_BETTER < best.mse_percent
+        is_much_worse = best.mse_percent * _CLEARLY_BETTER < other.mse_percent
+        is_better = best.mse_percent > other.mse_percent
         if further_start.is_last_resort:
-            is_better = other.mse_percent * _CLEARLY_BETTER < best.mse_percent
-        else:
-            is_better = _is_preferred(other, best)
+            is_better = is_much_better
+        elif other.is_sound:
+            is_better = not (is_much_worse and is_cavitating)
         evaluations = best.evaluations + other.evaluations
         best = replace(other if is_better else best, evaluations=evaluations)
-        is_sound = best.is_sound
     return best
 
 
@@ -167,31 +177,6 @@ def lacks_stiffness_alone(result: FitResult) -> bool:
     )
     is_lost = any(result.status[name] == Status.NOT_IDENTIFIABLE for name in is_open)
     return others and is_lost and not result.is_cavitating and result.mse_percent < EXCELLENT
-
-
-def _inseparable(result: FitResult, names: tuple[str, ...]) -> FitResult:
-    """The same, of parameters that these logs cannot separate; at a bound one is by accident."""
-    loose = {Status.FITTED, Status.AT_BOUND}
-    lost = {name: Status.NOT_IDENTIFIABLE for name in names if result.status[name] in loose}
-    outcome = result.outcome
-    if outcome in {Outcome.CONVERGED, Outcome.CAVITATING, Outcome.AT_BOUND}:
-        outcome = Outcome.NOT_IDENTIFIABLE
-    return replace(result.with_status(lost), outcome=outcome)
-
-
-def _is_explained(result: FitResult) -> bool:
-    """Whether a fit that cavitates is too good for a wrong minimum, which an offset may hide."""
-    has_offset = any(result.values.quantity(name).is_offset for name in result.free)
-    is_excellent = result.mse_percent < EXCELLENT
-    return result.outcome is Outcome.CAVITATING and is_excellent and not has_offset
-
-
-def _is_preferred(second: FitResult, first: FitResult) -> bool:
-    """Whether the second is to be kept: sound, or else better."""
-    if second.is_sound:
-        is_much_worse = first.mse_percent * _CLEARLY_BETTER < second.mse_percent
-        return not (is_much_worse and first.outcome is Outcome.CAVITATING)
-    return first.mse_percent > second.mse_percent
 
 
 # Neighbours: from what other settings have ended at.
@@ -399,11 +384,12 @@ def best_of_starts(
     """
     ranked = [*starts[:known], *_in_turn(block, _best_fitting(block, starts[known:]))]
     looks: list[Minimum[Values]] = []
+    expected = _AS_EXPECTED * block.scatter  # then no other start is needed
     many = known + 1 if known else _TRIED
     for start in ranked[:many]:
         with suppress(SimulationError):
             looks.append(block.descend(start, _SHORT))
-            if _is_as_expected(block, looks[-1]):
+            if looks[-1].cost <= expected:
                 break
     if not looks:
         raise SimulationError(
@@ -414,28 +400,17 @@ def best_of_starts(
     ended = block.descend(best.extra, COMPARING)
     spent += ended.evaluations
     further = [(look.extra, False) for look in others] if is_thorough else []
+    of_valves = [name for name in block.free if block.model.quantity(name).part in _OF_VALVES]
     for start, is_next in (*further, *((one, True) for one in ranked[many : many + 1])):
         # The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
-        if _is_as_expected(block, ended) or (is_next and not _lost_a_valve(block, ended)):
+        is_lost = any(is_at_edge(ended.extra, name) for name in of_valves)
+        if ended.cost <= expected or (is_next and not is_lost):
             break
         with suppress(SimulationError):
             other = block.descend(start, COMPARING)
             spent += other.evaluations
             ended = min(ended, other, key=lambda one: one.cost)
     return replace(ended, evaluations=spent)
-
-
-def _is_as_expected(block: Block, ended: Minimum[Values]) -> bool:
-    """Whether a descent has left about what differs by cycle, and needs no other start."""
-    return ended.cost <= _AS_EXPECTED * block.scatter
-
-
-def _lost_a_valve(block: Block, ended: Minimum[Values]) -> bool:
-    """Whether a bleed or a blow-off ran out of its range."""
-    return any(
-        block.model.quantity(name).part in _OF_VALVES and is_at_edge(ended.extra, name)
-        for name in block.free
-    )
 
 
 def _in_turn(block: Block, ranked: list[Values]) -> list[Values]:

@@ -20,8 +20,8 @@ import numpy as np
 from damperfit.conditioning.duplicates import REPEATS, SCATTERS, are_unlike, share_a_motion
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import DamperfitError
+from damperfit.identification.logs import compare
 from damperfit.identification.procedures import identify
-from damperfit.identification.simulated_log import compare
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -17,7 +17,7 @@ import numpy as np
 from damperfit.errors import SimulationError
 from damperfit.identification.fit_problem import Block, kept_within
 from damperfit.identification.least_squares import Minimum, Stopping, Transformation, minimise
-from damperfit.identification.log_facts import FEWEST_SAMPLES
+from damperfit.identification.logs import FEWEST_SAMPLES
 from damperfit.identification.sharing import Unknown, unknown_at, unknowns_of
 from damperfit.workers import executor
 

@@ -44,7 +44,7 @@ from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import Block
 from damperfit.identification.least_squares import Stopping
-from damperfit.identification.log_facts import effective_samples
+from damperfit.identification.logs import effective_samples
 from damperfit.identification.sharing import unknown_at
 from damperfit.identification.starts import spread_starts
 from damperfit.laws.law_fit import (

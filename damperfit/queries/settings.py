@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from damperfit.adjustment.clicks import Click, clicks
+from damperfit.adjustment.clicks import Click, Wanted, clicks, which_setting
 from damperfit.adjustment.force_at import (
     STROKE_WORDS,
     STROKES,
@@ -18,7 +18,6 @@ from damperfit.adjustment.force_at import (
     named_speeds,
     offset_sentence,
 )
-from damperfit.adjustment.wanted import Wanted, which_setting
 from damperfit.damper.quantity import RIG
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, failure_of

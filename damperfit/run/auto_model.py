@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.conditioning.gas_force import YIELDS, held_share
+from damperfit.conditioning.polarity import YIELDS, held_share
 from damperfit.configuration.damper_section import damper_record
 from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.schema import followed, unmatched

@@ -18,7 +18,7 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import is_nothing
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.paper import TAKEN
+from damperfit.identification.procedures import TAKEN
 from damperfit.identification.sharing import of_settings, unknown_at
 from damperfit.problem import Option, Problem, warning
 from damperfit.simulation import SolverOptions

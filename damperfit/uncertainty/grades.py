@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.conditioning.gas_force import force_level
-from damperfit.conditioning.polarity import CONTRADICTED
+from damperfit.conditioning.polarity import CONTRADICTED, force_level
 from damperfit.damper.cylinder import AMBIENT
 from damperfit.damper.load_cell import behind_lag
 from damperfit.damper.purdy.parameters import PURDY_DAMPER

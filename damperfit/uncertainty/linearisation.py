@@ -40,10 +40,8 @@ from damperfit.conditioning import apply_filter
 from damperfit.damper.friction import other_turns, with_pressed_seal
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import SimulationError, sparing
-from damperfit.identification.log_facts import weights
-from damperfit.identification.mean_cycle import fast_length
+from damperfit.identification.logs import compare, fast_length, weights
 from damperfit.identification.outcome import Status
-from damperfit.identification.simulated_log import compare
 from damperfit.recording import FilterDesign
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.statistics import NORMAL_95, student_quantile
@@ -56,7 +54,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit, LogFit, SimulatedLog
-    from damperfit.identification.mean_cycle import SettledCycle
+    from damperfit.identification.logs import SettledCycle
     from damperfit.recording import Stretch, Trace
 
     FloatArray = NDArray[np.float64]

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.conditioning.gas_force import YIELDS, held_shares
+from damperfit.conditioning.polarity import YIELDS, held_shares
 from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings

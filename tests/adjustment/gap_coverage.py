@@ -14,8 +14,8 @@ from functools import cache
 
 import numpy as np
 
+from damperfit.adjustment.clicks import which_setting
 from damperfit.adjustment.force_at import Stage, force_at
-from damperfit.adjustment.wanted import which_setting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.tested.setting import Setting

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import damperfit
-from damperfit.adjustment.clicks import Adjustment, clicks
+from damperfit.adjustment.clicks import Adjustment, clicks, which_setting
 from damperfit.adjustment.force_at import (
     Sine,
     Stage,
@@ -22,7 +22,6 @@ from damperfit.adjustment.force_at import (
     open_limits,
     stage_of,
 )
-from damperfit.adjustment.wanted import which_setting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damperfit.adjustment.clicks import which_setting
 from damperfit.adjustment.force_at import Force, Sine, Stage
-from damperfit.adjustment.wanted import which_setting
 from damperfit.damper.rivals import Bilinear
 from damperfit.errors import ConfigurationError
 from damperfit.queries.settings import Question, tabulate_forces

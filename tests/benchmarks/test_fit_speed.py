@@ -14,7 +14,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, compare
 from damperfit.identification.fit_problem import Block, n_independent
 from damperfit.identification.fit_setting import minimised
-from damperfit.identification.mean_cycle import settled
+from damperfit.identification.logs import settled
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 from tests.benchmarks.peers import FREE, PEERS

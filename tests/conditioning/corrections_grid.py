@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.delay import estimate_delay
-from damperfit.conditioning.gas_force import force_level
+from damperfit.conditioning.polarity import force_level
 from damperfit.conditioning.timebase import make_uniform
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters

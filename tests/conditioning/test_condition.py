@@ -16,7 +16,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError, ConfigurationError
 from damperfit.identification import FitOptions, compare, identify
-from damperfit.identification.simulated_log import normalised_mse
+from damperfit.identification.logs import normalised_mse
 from damperfit.synthetic.steady import steady_cycle
 from tests.conditioning.logs import LAW, found, recording, sine_log, static_force
 

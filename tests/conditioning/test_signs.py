@@ -11,7 +11,7 @@ import pytest
 
 import damperfit
 from damperfit.conditioning import ConditionOptions, GasFacts, OffsetFacts, condition
-from damperfit.conditioning.gas_force import force_level
+from damperfit.conditioning.polarity import force_level
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters

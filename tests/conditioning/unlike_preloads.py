@@ -19,7 +19,8 @@ from unittest.mock import patch
 
 import numpy as np
 
-from damperfit.conditioning import condition, gas_force, polarity
+from damperfit.conditioning import condition, polarity
+from damperfit.conditioning import polarity as gas_force
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import RATE, recording, sine

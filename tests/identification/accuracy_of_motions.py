@@ -25,7 +25,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.fit_problem import Block, linearise
-from damperfit.identification.log_facts import weights
+from damperfit.identification.logs import weights
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.uncertainty import assess
 from tests.identification.rig import recorded

@@ -12,7 +12,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
 from damperfit.identification.fit_problem import Block, linearise
-from damperfit.identification.log_facts import weights
+from damperfit.identification.logs import weights
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, predict
 from tests.identification.accuracy_of_motions import errors_of

@@ -11,7 +11,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
 from damperfit.identification import Campaign, FitOptions, Outcome, fit_problem, identify, joint
-from damperfit.identification.mean_cycle import settled
+from damperfit.identification.logs import settled
 from damperfit.identification.outcome import attempted
 from damperfit.recording import Trace
 from damperfit.simulation import simulate

@@ -22,7 +22,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions
 from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import minimised
-from damperfit.identification.mean_cycle import settled
+from damperfit.identification.logs import settled
 from damperfit.identification.starts import best_of_starts
 from damperfit.recording import Trace
 from damperfit.simulation import Motion, SolverOptions, simulate

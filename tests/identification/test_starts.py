@@ -20,9 +20,9 @@ from damperfit.identification import (
     identify,
     starts,
 )
-from damperfit.identification.campaign import ProcedureInput
 from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import FitResult
+from damperfit.identification.procedures import ProcedureInput
 from damperfit.identification.starts import SPREAD, describe_searches, fit_from, spread_starts
 from damperfit.tested.setting import Setting
 from tests.identification.rig import errors, trace, traces

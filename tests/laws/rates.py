@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import condition
-from damperfit.conditioning.gas_force import YIELDS, held_share
+from damperfit.conditioning.polarity import YIELDS, held_share
 from damperfit.damper.load_cell import behind_lag
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Network, Passage, Valve, simulate_network

@@ -15,7 +15,7 @@ from damperfit.identification import Status
 from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import _statuses
 from damperfit.identification.least_squares import DenseSystem, Minimum
-from damperfit.identification.log_facts import FEWEST_SAMPLES
+from damperfit.identification.logs import FEWEST_SAMPLES
 from damperfit.laws.description import physics_seen, seen_again
 from damperfit.laws.law_fit import LawFit, _undetermined
 from damperfit.reporting.laws import chosen_records, chosen_sheet

@@ -11,7 +11,7 @@ import pytest
 
 import damperfit
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.gas_force import YIELDS, held_share
+from damperfit.conditioning.polarity import YIELDS, held_share
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify

@@ -1,0 +1,584 @@
+"""The logs of a setting as a fit sees them: what they tell, mean cycles, the model beside them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from damperfit.compiled_core import compiled_core
+from damperfit.conditioning import apply_filter
+from damperfit.damper.quantity import GAS_AMOUNT, RIG, STIFFNESS
+from damperfit.problem import Problem, warning
+from damperfit.recording import FilterDesign
+from damperfit.simulation import Motion, Response, SolverOptions, motion_of, simulate
+from damperfit.statistics import mean_of, median, variance_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Model, Values
+    from damperfit.damper.quantity import Quantity
+    from damperfit.recording import Stretch, Trace
+
+    FloatArray = NDArray[np.float64]
+
+
+# What a fit asks of its logs: how much each sample counts, how many count, what they can tell.
+
+FEWEST_SAMPLES = 20.0  # effective ones, of a stretch
+
+
+def effective_samples(residuals: FloatArray, n_cycles: int) -> float:
+    """The effective number of samples of one stretch, (n,) over whole cycles.
+
+    A residual of one harmonic alone counts as few samples as a stretch may have.
+
+    >>> effective_samples(np.sin(np.linspace(0.0, 40.0 * np.pi, 2000)), 20)
+    20.0
+    """
+    power = np.abs(np.fft.rfft(residuals)) ** 2
+    lines = power[n_cycles::n_cycles]
+    whole = float(np.sum(lines))
+    if whole <= 0.0:
+        return FEWEST_SAMPLES
+    return max(2.0 * whole**2 / float(np.sum(lines**2)), FEWEST_SAMPLES)
+
+
+# How much each sample counts in the fit of a setting: by its stretch's noise, and not at a corner.
+#
+# Where the speed jumps, as at the corners of a triangle, the force of some milliseconds follows
+# from the microns and microseconds of the turn, which no sensor tells: noise of a few um there
+# bent R_m3 of two triangles. These samples are simulated, shown and in every MSE, but the fit
+# takes no notice of them, unless the motion is straight on both sides (`conditioning.drive`).
+
+# Noises within this factor of each other are one: a scatter of few cycles is no better known.
+_ALIKE = 1.25
+# No stretch counts more than this against the middle one, as a fit has other errors than noise.
+_FARTHEST = 5.0
+_OTHER_ERRORS = 1e-3  # of the force's deviation
+# Of the peak speed: what the compared filter takes off the drive's velocity at a jump of it.
+_JUMP = 0.5
+# Before and after it nothing counts for so many widths of the filter's answer to an impulse, which
+# at 30 Hz are 10 and 20 ms.
+_BEFORE, _AFTER = 0.6, 1.2
+_IMPULSE = 1 << 13  # samples, far longer than any filter's answer
+# Where corners are more of a stretch than this, they are what it tells.
+_MOST = 1.0 / 3.0
+
+
+def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
+    """What the residuals of each log are multiplied by, over its compared samples; mean square 1.
+
+    One over the noise of each stretch (the middle one's, where none is known), nothing beside a
+    jump of the speed. None for all where nothing is to be told apart.
+    """
+    counted = [_counted(trace) for trace in traces]
+    stretches = [stretch for trace in traces for stretch in trace.stretches]
+    known = [stretch.noise for stretch in stretches if math.isfinite(stretch.noise)]
+    factors = np.ones(len(stretches))
+    if len(stretches) > 1 and known:
+        force = np.concatenate([trace.force[trace.compared] for trace in traces])
+        other = _OTHER_ERRORS * float(np.std(force))
+        middle = math.hypot(median(known), other)
+        noises = (one.noise for one in stretches)
+        sizes = [math.hypot(one, other) if math.isfinite(one) else middle for one in noises]
+        if max(sizes) > _ALIKE * min(sizes):
+            factors = np.clip(middle / np.array(sizes), 1.0 / _FARTHEST, _FARTHEST)
+            counts = np.array([one.n_samples for one in stretches])
+            factors /= math.sqrt(float(counts @ factors**2) / float(counts.sum()))
+    if np.all(factors == 1.0) and all(one is None for one in counted):
+        return (None,) * len(traces)
+    rows = iter(np.full(one.n_samples, k) for k, one in zip(factors, stretches, strict=True))
+    both = []
+    for trace, counts_here in zip(traces, counted, strict=True):
+        of_log = np.concatenate([next(rows) for _ in trace.stretches])
+        both.append(of_log if counts_here is None else of_log * counts_here)
+    if any(one is not None for one in counted):
+        power = sum(float(one @ one) for one in both) / sum(len(one) for one in both)
+        both = [one / math.sqrt(power) for one in both]
+    return tuple(both)
+
+
+def _counted(trace: Trace) -> NDArray[np.bool_] | None:
+    """Which of the compared samples lie beside no jump of the speed; None for all."""
+    if trace.drive.velocity is trace.velocity or len(trace.drive.jumps):
+        return None
+    cut_off = np.abs(trace.drive.velocity - trace.velocity)
+    counts = np.ones(len(cut_off), dtype=bool)
+    width = _width(trace.model_filter.sections.tobytes(), trace.model_filter.is_zero_phase)
+    for stretch in trace.stretches:
+        part = stretch.window
+        near = np.zeros(stretch.n_samples, dtype=bool)
+        for at in np.flatnonzero(cut_off[part] > _JUMP * stretch.peak_speed).tolist():
+            near[max(0, at - round(_BEFORE * width)) : at + round(_AFTER * width) + 1] = True
+        if np.mean(near) <= _MOST:
+            counts[part] = ~near
+    return None if counts.all() else counts[trace.compared]
+
+
+@lru_cache(maxsize=64)
+def _width(sections: bytes, is_zero_phase: bool) -> float:  # noqa: FBT001
+    """How long a filter's answer to an impulse lasts, in samples: 1 over its power."""
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6).copy(), is_zero_phase, "")
+    impulse = np.zeros(_IMPULSE)
+    impulse[_IMPULSE // 2] = 1.0
+    return 1.0 / float(np.sum(apply_filter(design, impulse) ** 2))
+
+
+# Logs that hold one speed, or a few: what triangle waves cannot tell.
+#
+# At constant speed a stroke shows one level of force, and two levels cannot tell R_m1, R_m2, R_m3
+# and f_f. What is left are the corners, a few milliseconds in which the elasticity of the oil
+# settles; a descent finds a minimum there that is several of its errors away from the truth. Six
+# levels, of three speeds, do not tell the eight numbers of two valves, a friction and an offset
+# either: above the knee of both curves a friction and a preload make one level.
+
+_ONE_SPEED = (
+    "the logs hold one speed, so that the valves and friction cannot be separated: "
+    "add a log or a segment at another speed, or hold one valve and the friction."
+)
+_FEW_SPEEDS = (
+    "the logs hold {} speeds: their {} levels of force do not determine {} numbers of valves, "
+    "friction and offset, and only the corners separate a friction from a preload: add a test at "
+    "another speed, below the knee of the force."
+)
+_LEVELS = 2  # of a speed, one in rebound, one in bump
+_NEAR = 0.1  # of the speed
+# Of the samples. A triangle has 0.96 and more, a sine 0.29; beside 10 % of another speed 0.9.
+_SHARE = 0.9
+
+
+class LogFacts:
+    """What a fit asks of the logs of one setting again and again, found where first asked for."""
+
+    def __init__(self, traces: tuple[Trace, ...]) -> None:
+        self.traces = traces
+
+    @cached_property
+    def deviation(self) -> float:
+        """Standard deviation of all measured forces that are compared, N."""
+        forces = [one.force[one.compared] for one in self.traces]
+        return math.sqrt(variance_of(forces[0] if len(forces) == 1 else np.concatenate(forces)))
+
+    @cached_property
+    def n_samples(self) -> int:
+        """Samples compared."""
+        return sum(one.n_samples for one in self.traces)
+
+    @cached_property
+    def weights(self) -> tuple[FloatArray | None, ...]:
+        """What the residuals of each log are multiplied by, as `weights` has it."""
+        return weights(self.traces)
+
+    @cached_property
+    def holds_one_speed(self) -> bool:
+        """Whether nearly all samples are at one speed, either way."""
+        speeds = [np.abs(trace.drive.velocity[trace.compared]) for trace in self.traces]
+        return _speed_held(np.concatenate(speeds)) is not None
+
+    @cached_property
+    def n_speeds(self) -> int | None:
+        """How many speeds the stretches hold; None where one holds none."""
+        speeds: list[float] = []
+        for trace in self.traces:
+            for stretch in trace.stretches:
+                held = _speed_held(np.abs(trace.drive.velocity[stretch.window]))
+                if held is None:
+                    return None
+                if all(abs(held / other - 1.0) > _NEAR for other in speeds):
+                    speeds.append(held)
+        return len(speeds)
+
+
+def _speed_held(speed: FloatArray) -> float | None:
+    """The speed at which nearly all samples are; None where there is none."""
+    usual = median(speed)
+    is_held = mean_of(np.abs(speed - usual) <= _NEAR * usual) > _SHARE
+    return usual if is_held else None
+
+
+def inseparable(
+    facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
+) -> tuple[str, ...]:
+    """The free parameters that logs of one speed cannot separate; none where they can."""
+    # The stiffness of the oil shows in the corners.
+    unknown = [one for one in quantities if one.name in free and one.role != STIFFNESS]
+    return tuple(free) if len(unknown) > _LEVELS and facts.holds_one_speed else ()
+
+
+def said_of_speeds(
+    facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
+) -> tuple[Problem, ...]:
+    """What is to be said of logs that hold one speed, or too few for what is fitted."""
+    if inseparable(facts, free, quantities):
+        return (warning("one-speed", _ONE_SPEED),)
+    # Stiffness, gas and mounting show in the corners and along the stroke.
+    unknown = [
+        one
+        for one in quantities
+        if one.name in free
+        and (one.is_offset or one.scope != RIG)
+        and one.role not in {STIFFNESS, GAS_AMOUNT}
+    ]
+    if len(unknown) <= 2 * _LEVELS:  # two speeds determine them, and one was asked for above
+        return ()
+    n = facts.n_speeds
+    if n is None or _LEVELS * n >= len(unknown):
+        return ()
+    return (warning("few-speeds", _FEW_SPEEDS.format(n, _LEVELS * n, len(unknown))),)
+
+
+# The settled mean cycle of each steady stretch, in place of a whole log.
+#
+# What repeats tells a model the same in every cycle. Half a cycle, from one turn of the motion to
+# the next, lets the model settle, one more is compared with the mean of the measured ones. The
+# cycle being periodic, the filter is a factor of each harmonic. What differs from cycle to cycle
+# stays as one more residual that nothing moves, so that sums of squares are those of the whole
+# log, and a descent ends as there. With as many samples as the log has it is the work of one and
+# a half cycles; thinned to what the filter lets through it is less.
+#
+# Friction jumps at a reversal, between two samples. Over a log whose samples fall elsewhere in
+# every cycle that averages out, and the mean cycle's friction is that of a sample's whole length:
+# a dead band that the speed crosses in one sample. Where the samples fall on the same places in
+# every cycle, so do those of the mean cycle.
+#
+# Not for a last word: a drift, or a state that needs more than half a cycle, is for the whole
+# log.
+
+# s; the slowest of a damper's pressures, at 80 1/s, has settled by then to 1e-8.
+_SETTLING = 0.25
+# Samples of a cycle: at least these, and so many for each harmonic that the filter passes by half.
+_FEWEST = 256
+_PER_HARMONIC = 10
+# A log that is not this much longer than its cycles is as well simulated whole.
+_WORTH = 2.0
+# Samples by which cycles may be out of step and still be those of one period; by which the last
+# cycle's samples may fall beside the first's and still be on the same places.
+_IN_STEP = 0.5
+# Samples on each side of a cycle that a value between two of them is made of.
+_MARGIN = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SettledCycle:
+    """One steady stretch as half a cycle that is only simulated and one that is compared."""
+
+    motion: Motion  # both, from a turn of the motion on
+    force: FloatArray  # (n,), mean of the measured cycles, N
+    gain: NDArray[np.complex128]  # of the compared filter at each line of the real transform
+    # (n,): what residuals are multiplied by, so that their sum of squares is the stretch's.
+    factor: FloatArray
+    # Half width of the friction's dead band that a sample's length is, m/s; 0: the solver's own.
+    dead_band: float = 0.0
+    n_cycles: int = 1  # that it is the mean of
+    # (n_cycles + 1,), where in the trace the cycles begin and the last one ends, samples.
+    starts: FloatArray = field(default_factory=lambda: np.empty(0))
+    turn: int = 0  # sample that a cycle's beginning is of `force`
+
+    def solver(self, options: SolverOptions) -> SolverOptions:
+        """How to integrate it: with the friction's dead band that its samples have."""
+        if options.dead_band >= self.dead_band:
+            return options
+        return replace(options, dead_band=self.dead_band)
+
+    def rows(self, response: Response) -> FloatArray:
+        """Residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
+        rows = self._filtered([response.force, *response.sensitivities.values()])
+        rows[0] -= self.force
+        rows *= self.factor
+        return rows
+
+    def taken_by_filter(self, signal: FloatArray) -> FloatArray:
+        """What the filter takes off a signal of a response in the compared cycle, (n,)."""
+        return np.asarray(signal[-len(self.force) :] - self._filtered([signal])[0])
+
+    def over(self, stretch: Stretch, signals: Sequence[FloatArray]) -> FloatArray:
+        """Signals of a response behind the filter at the samples of a stretch, (k, n), by cycle."""
+        rows = self._filtered(signals)
+        n, starts = rows.shape[1], self.starts
+        samples = stretch.first + np.arange(stretch.n_samples)
+        # How many samples each cycle has; what lies before the first or behind the last is theirs.
+        ends = [0, *np.searchsorted(samples, starts[1:-1]).tolist(), len(samples)]
+        begins = np.repeat(np.stack([starts[:-1], np.diff(starts)]), np.diff(ends), axis=1)
+        share = (samples - begins[0]) / begins[1]
+        around = np.concatenate([rows[:, -_MARGIN:], rows, rows[:, :_MARGIN]], axis=1)
+        at = np.mod(n * share + self.turn, n) + _MARGIN
+        return between_samples(around, at[None])[:, 0]
+
+    def _filtered(self, signals: Sequence[FloatArray]) -> FloatArray:
+        """The compared cycle of signals behind the filter."""
+        n = len(self.force)
+        lines = np.fft.rfft(np.stack([signal[-n:] for signal in signals])) * self.gain
+        return np.asarray(np.fft.irfft(lines, n))
+
+
+class SettledLogs(NamedTuple):
+    """The logs of a setting as settled cycles."""
+
+    cycles: tuple[SettledCycle, ...]  # one for each stretch of each log
+    scatter: float  # sum of squares that the cycles' differences from their mean add, N^2
+
+
+def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs | None:
+    """The settled cycles of the logs of a setting; None where none repeats, or little is saved.
+
+    Thinned, cycles have no more samples than the filter lets through; else the log's own.
+    """
+    if any(not one.n_cycles for trace in traces for one in trace.stretches):
+        return None
+    # Between samples the speed jumps elsewhere in each cycle.
+    if any(len(trace.drive.jumps) for trace in traces):
+        return None
+    cycles, scatter = [], 0.0
+    for trace, weight in zip(traces, weights(traces), strict=True):
+        for stretch, place in zip(trace.stretches, trace.places, strict=True):
+            own = None if weight is None else weight[place]
+            cycle, rest = _settled(trace, stretch, own, is_thinned=is_thinned)
+            cycles.append(cycle)
+            scatter += rest
+    simulated = sum(len(one.motion.displacement) for one in cycles)
+    if sum(len(trace.force) for trace in traces) < _WORTH * simulated:
+        return None
+    return SettledLogs(tuple(cycles), scatter)
+
+
+def _settled(
+    trace: Trace, stretch: Stretch, weight: FloatArray | None, *, is_thinned: bool
+) -> tuple[SettledCycle, float]:
+    """A stretch's settled cycle, and its scatter as a sum of weighed squares."""
+    starts, n, period, is_aligned = _laid_out(trace, stretch, is_thinned=is_thinned)
+    (x, v, force), beside = _folded(trace, starts, n)
+    power = np.full(n, stretch.n_samples / n)
+    if weight is not None:
+        positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n) / n)
+        at = np.clip(np.rint(positions).astype(np.int64) - stretch.first, 0, len(weight) - 1)
+        power *= np.mean(weight[at] ** 2, axis=0)
+    scatter = float(power @ beside) / stretch.n_cycles
+    turn = -int(np.abs(x - mean_of(x)).argmax())
+    force, power = (np.concatenate([one[-turn:], one[:-turn]]) for one in (force, power))
+    interval = trace.interval * period / n
+    lead = (n // 2) * math.ceil(_SETTLING / (0.5 * n * interval))
+    before = np.arange(-turn - lead, n - turn) % n
+    dead_band = 0.0
+    if not (is_aligned or is_thinned):
+        # Half of what the velocity changes by in a sample at its reversals, on average.
+        after = np.append(v[1:], v[0])
+        at = np.flatnonzero(np.signbit(v) != np.signbit(after))
+        dead_band = 0.5 * mean_of(np.abs(after[at] - v[at]))
+    cycle = SettledCycle(
+        Motion(
+            interval,
+            x[before],
+            v[before],
+            gas_pressure=trace.gas_pressure,
+            temperature=trace.temperature,
+        ),
+        force,
+        _gain(trace, period, n),
+        np.sqrt(power),
+        dead_band,
+        stretch.n_cycles,
+        starts,
+        turn,
+    )
+    return cycle, scatter
+
+
+def _folded(trace: Trace, starts: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    """Mean displacement, velocity and force of n samples (3, n); squares of the force beside it."""
+    channels = (trace.drive.displacement, trace.drive.velocity, trace.force)
+    means, beside, room = np.empty((3, n)), np.empty(n), np.empty(len(starts) - 1)
+    compiled_core().fold(
+        *(np.ascontiguousarray(one, dtype=np.float64) for one in channels),
+        np.ascontiguousarray(starts, dtype=np.float64),
+        *(means, beside, room),
+    )
+    return means, beside
+
+
+def _laid_out(
+    trace: Trace, stretch: Stretch, *, is_thinned: bool
+) -> tuple[FloatArray, int, float, bool]:
+    """Where cycles begin, samples of the mean one, the period, whether they are the log's own."""
+    starts = stretch.cycle_starts
+    counts = np.arange(len(starts)) - 0.5 * stretch.n_cycles
+    period = float(counts @ starts) / float(counts @ counts)
+    line = mean_of(starts) + period * counts
+    own = round(period)
+    is_aligned = abs(period - own) * stretch.n_cycles < _IN_STEP
+    n = (
+        _samples(trace, period)
+        if is_thinned
+        else own
+        if is_aligned
+        else 2 * fast_length(math.ceil(period / 2))
+    )
+    if np.max(np.abs(starts - line)) > _IN_STEP:
+        return np.asarray(starts), n, period, False
+    if is_aligned and not is_thinned:
+        # To the last bit on the samples, and the last cycle as long as the others.
+        return np.asarray(stretch.first + period * np.arange(len(starts))), n, period, True
+    return np.asarray(line), n, period, is_aligned
+
+
+def between_samples(channels: FloatArray, positions: FloatArray) -> FloatArray:
+    """Channels (c, n) at fractional samples, through the eight around each: within 2e-5."""
+    at = np.ascontiguousarray(positions, dtype=np.float64)
+    found = np.empty((len(channels), *at.shape))
+    compiled_core().between(np.ascontiguousarray(channels), at, found, len(channels))
+    return found
+
+
+def _samples(trace: Trace, period: float) -> int:
+    """Samples of a cycle, even; as many as the log has where nothing is filtered."""
+    own = 2 * math.ceil(0.5 * period)
+    gain = np.abs(_gain(trace, period, own))
+    passed = int(np.argmax(gain < 0.5)) if np.any(gain < 0.5) else own
+    return min(own, max(_FEWEST, 2 * math.ceil(0.5 * _PER_HARMONIC * passed)))
+
+
+def _gain(trace: Trace, period: float, n: int) -> NDArray[np.complex128]:
+    """The filter at the harmonics of a period in samples."""
+    design = trace.model_filter
+    # What lies beyond the log's own highest frequency is not in it.
+    turn = np.minimum(np.arange(n // 2 + 1) / period, 0.5)
+    z = np.exp(-2j * np.pi * turn)
+    powers = np.array([np.ones_like(z), z, z * z])
+    over, under = np.split(design.sections, 2, axis=1)
+    one_pass = np.multiply.reduce(over @ powers) / np.multiply.reduce(under @ powers)
+    return np.asarray(np.abs(one_pass) ** 2 + 0j if design.is_zero_phase else one_pass)
+
+
+@lru_cache(maxsize=1024)
+def fast_length(n: int) -> int:
+    """The least length from n on with no prime factor but 2, 3 and 5."""
+    best = 1 << max(n - 1, 0).bit_length()
+    fives = 1
+    while fives < best:
+        threes = fives
+        while threes < best:
+            best = min(best, threes << max(-(-n // threes) - 1, 0).bit_length())
+            threes *= 3
+        fives *= 5
+    return best
+
+
+# The model beside a log: simulate, filter alike, subtract; and what a fit keeps of it.
+
+
+class SimulatedLog(NamedTuple):
+    """A response and its force as compared with the measured one."""
+
+    response: Response  # as simulated, unfiltered
+    force: FloatArray  # (n,), N, and sensitivities as asked for, (k, n), behind the model filter
+    sensitivities: FloatArray
+
+
+def compare(
+    parameters: Values,
+    trace: Trace,
+    damper: Model,
+    *,
+    sensitivities: Sequence[str] = (),
+    solver: SolverOptions = SolverOptions(),
+) -> SimulatedLog:
+    """Simulate the displacement of a trace and filter the force as the measured one was.
+
+    Filtering both sides alike keeps the parameters right: a raw model against filtered data costs
+    5 % of the friction, a causal filter on one side most of the bulk modulus.
+    """
+    response = simulate(
+        parameters, damper, motion_of(trace), sensitivities=sensitivities, options=solver
+    )
+    rows = np.stack([response.force, *response.sensitivities.values()])
+    rows = apply_filter(trace.model_filter, rows)
+    return SimulatedLog(response, rows[0], rows[1:])
+
+
+def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:
+    """Return the normalised mean-square error in per cent, eq. (22).
+
+    100/(N var(f)) sum (f - f_hat)^2; predicting the mean gives exactly 100.
+
+    >>> f = np.array([1.0, 2.0, 3.0, 4.0])
+    >>> normalised_mse(f, np.full(4, f.mean()))
+    100.0
+    """
+    misfit = measured - simulated
+    # In NumPy's numbers: of a force that does not vary it is infinite.
+    return float(np.float64(100.0 * mean_of(misfit * misfit)) / variance_of(measured))
+
+
+# One log beside the fit of its setting, and what is kept of its last simulation.
+#
+# Judging, the responses' file and the characteristics are all of one simulation at the values
+# that a fit ended at. It is kept with the fit, and made anew where anything of it has changed.
+
+
+class SeenLog(NamedTuple):
+    """A log simulated with the values that a fit ended at, kept for those who come after it."""
+
+    parameters: Values
+    trace: Trace
+    damper: Model
+    solver: SolverOptions
+    force: FloatArray  # (n,), behind the trace's model filter, N
+    # (3, n), Pa; of every log of a run no more is kept than 50 bytes a sample, and 0.03 Pa are less
+    # than the integrator's error. An empty chamber stays empty.
+    pressures: NDArray[np.float32]
+    cycles: tuple[SettledCycle, ...] = ()  # of each stretch, where the fit has gone down on them
+
+    def is_of(self, parameters: Values, trace: Trace, damper: Model, solver: SolverOptions) -> bool:
+        """Whether a simulation of this would be that one again."""
+        same_log = self.trace is trace
+        same_model = self.damper is damper or self.damper == damper
+        return same_log and same_model and self.solver == solver and self.parameters == parameters
+
+    @property
+    def comparison(self) -> SimulatedLog:
+        """The comparison again; without masses, sensitivities and what is before the filter."""
+        motion = motion_of(self.trace)
+        n = len(self.force)
+        response = Response(
+            time=motion.start_time + motion.interval * np.arange(n, dtype=np.float64),
+            displacement=motion.displacement,
+            velocity=motion.velocity,
+            force=np.empty(0),
+            pressures=self.pressures.astype(np.float64),
+            masses=np.empty((2, 0)),
+        )
+        return SimulatedLog(response, self.force, np.empty((0, n)))
+
+
+class LogFit(NamedTuple):
+    """How one log of a setting is met by the setting's parameters."""
+
+    trace: Trace
+    mse_percent: float  # eq. (22) over the log's steady whole cycles,
+    noise_floor_percent: float  # and of the scatter between them alone; NaN for a single cycle
+    stretch_mse_percent: tuple[float, ...] = ()  # of each stretch, by its own variance
+    seen: SeenLog | None = None  # simulated with the fitted values, for those who judge it
+
+    def cycles_of(
+        self, parameters: Values, damper: Model, solver: SolverOptions
+    ) -> tuple[SettledCycle, ...]:
+        """Return the mean cycles that the fit went down on; none where it ended at other values."""
+        kept = self.seen
+        is_kept = kept is not None and kept.is_of(parameters, self.trace, damper, solver)
+        return kept.cycles if kept is not None and is_kept else ()
+
+    def compared(self, parameters: Values, damper: Model, solver: SolverOptions) -> SimulatedLog:
+        """Return the log beside the model, as the fit has left it or simulated anew."""
+        kept = self.seen
+        if kept is not None and kept.is_of(parameters, self.trace, damper, solver):
+            return kept.comparison
+        found = compare(parameters, self.trace, damper, solver=solver)
+        # As one that was kept: whoever looks at it sees the same, whether or not it was.
+        single = found.response.pressures.astype(np.float32).astype(np.float64)
+        return found._replace(response=replace(found.response, pressures=single))
