@@ -14,19 +14,18 @@ if TYPE_CHECKING:
     from damperfit.identification.logs import *  # noqa: F403
     from damperfit.identification.options import *  # noqa: F403
     from damperfit.identification.outcome import *  # noqa: F403
-    from damperfit.identification.procedures import *  # noqa: F403  # noqa: F403
+    from damperfit.identification.procedures import *  # noqa: F403
     from damperfit.identification.sharing import *  # noqa: F403
     from damperfit.identification.starts import *  # noqa: F403
 
 _NAMES = {
-    "campaign": "Campaign SettingFailure",
     "fit_problem": "Block FitProblem",
     "fit_setting": "Fit",
     "options": "DETECT FitOptions GivenStart check_options check_start shared_names",
     "outcome": "Outcome Status",
-    "procedures": "PROCEDURES identify",
+    "procedures": "Campaign PROCEDURES SettingFailure identify",
     "sharing": "Sharing unlimited_in values_from_others",
-    "simulated_log": "LogFit SimulatedLog compare normalised_mse",
+    "logs": "LogFit SimulatedLog compare normalised_mse",
     "starts": "LocalMinimum Search describe_searches",
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
