@@ -341,6 +341,9 @@ def _forces_of(
     forces = []
     for k, ((speed, stroke), test, pick) in enumerate(zip(places, tests, picked, strict=True)):
         misfit = tare_misfit
+        if pick is not None:  # of few cycles the bend alone is known
+            noise = 0.0 if math.isnan(pick.error) and bends[k] > 0.0 else pick.error
+            pick = replace(pick, error=math.hypot(noise, bends[k] / NORMAL_95))  # noqa: PLW2901
         if test is not None:
             misfit = math.hypot(misfit, test.misfit_near(speed))
             if test.speeds and speed * (1.0 + REPEATS) < test.speeds[0]:
@@ -361,7 +364,7 @@ def _forces_of(
                 friction=float(curve.friction[k]),
                 is_cavitating=bool(curve.is_cavitating[k]),
                 is_tested=not speed > (1.0 + REPEATS) * stage.top_speed,
-                measured=pick and replace(pick, error=_with_bend(pick.error, bends[k])),
+                measured=pick,
                 half_range=math.nan if test is None else test.half_range,
                 tare=stage.offset,
                 tare_out=tare_out,
@@ -390,12 +393,6 @@ def _errors(stage: Stage, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
     by_own, by_shared = slopes[:n].T, slopes[n:].T
     rest = np.einsum("ij,ij->i", by_own @ (own - follow @ cross.T), by_own)
     return np.sqrt(np.maximum(rest, 0.0)), np.asarray((by_shared + by_own @ follow) @ root)
-
-
-def _with_bend(error: float, bend: float) -> float:
-    """The standard error of an interpolated force; of few cycles the bend alone is known."""
-    known = 0.0 if math.isnan(error) and bend > 0.0 else error
-    return math.hypot(known, bend / NORMAL_95)
 
 
 def _bends(

@@ -420,10 +420,19 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     own = median(points.errors)
     is_erratic = curve.scatter > max(_ERRATIC * own, _REMARKABLE)
     is_wild = is_erratic and not quantity.is_open
-    direction: str | None = _direction(curve, kept.settings)
-    allowed = curve.scatter
+    direction: str | None = "flat"
+    if curve.degree:  # by those of its steps that are beyond their errors
+        logs, slopes = curve.logs(kept.settings), curve.slopes(kept.settings)
+        rows = np.vstack([np.diff(slopes, axis=0), slopes[-1] - slopes[0]])
+        steps = np.append(np.diff(logs), logs[-1] - logs[0])
+        direction = _way(steps, curve.quantile(len(steps)) * curve.errors_of(rows))
+    allowed = LEAST_SCATTER if is_wild else curve.scatter
     if not quantity.is_open:
-        allowed = LEAST_SCATTER if is_wild else _usual_scatter(kept, curve)
+        if not is_wild and kept.n >= _USUAL_FROM:
+            # That of most settings: a few that were swapped must not excuse themselves.
+            off = median(np.abs(kept.logs - curve.logs(kept.settings))) / _MEDIAN_OF_NORMAL
+            square = off**2 * kept.n / curve.freedom - median(kept.errors) ** 2
+            allowed = min(allowed, math.sqrt(max(square, LEAST_SCATTER**2)))
         if direction == "mixed" or (is_wild and direction == "flat"):
             # By the values themselves: a curve may turn about a kink where no value does.
             first, second = np.triu_indices(n, 1)
@@ -456,28 +465,9 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     return replace(trend, sentence=_sentence(trend, quantity, own, n))
 
 
-def _direction(curve: Curve, settings: FloatArray) -> str:
-    """Which way the curve goes, by those of its steps that are beyond their errors."""
-    if curve.degree == 0:
-        return "flat"
-    logs, slopes = curve.logs(settings), curve.slopes(settings)
-    rows = np.vstack([np.diff(slopes, axis=0), slopes[-1] - slopes[0]])
-    steps = np.append(np.diff(logs), logs[-1] - logs[0])
-    return _way(steps, curve.quantile(len(steps)) * curve.errors_of(rows))
-
-
 def _way(steps: FloatArray, reach: FloatArray) -> str:
     rises, falls = bool(np.any(steps > reach)), bool(np.any(steps < -reach))
     return "mixed" if rises and falls else "rising" if rises else "falling" if falls else "flat"
-
-
-def _usual_scatter(kept: Points, curve: Curve) -> float:
-    """Return the scatter of most settings: a few that were swapped must not excuse themselves."""
-    if kept.n < _USUAL_FROM:
-        return curve.scatter
-    middle = median(np.abs(kept.logs - curve.logs(kept.settings))) / _MEDIAN_OF_NORMAL
-    square = middle**2 * kept.n / curve.freedom - median(kept.errors) ** 2
-    return min(curve.scatter, math.sqrt(max(square, LEAST_SCATTER**2)))
 
 
 def _reversals(

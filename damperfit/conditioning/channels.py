@@ -282,8 +282,14 @@ def _steps(channel: _Channel, step: float, span: float, *, noise: float) -> Find
     """Say how fine the channel is; a warning when its steps are coarse and noise hides none."""
     name, count, few = f"{channel.name}_steps", span / step, _FEWEST_STEPS[channel.name]
     # Rounding alone is noise of 0.29 steps: what is smoother has few values because it repeats.
-    is_doubtful = count < few or noise < _SMOOTH * step
-    if count > _FINE or (is_doubtful and not _is_stepped(channel.values, step)):
+    is_doubtful, is_stepped = count < few or noise < _SMOOTH * step, True
+    if is_doubtful and count <= _FINE:
+        # A triangle that repeats exactly goes on by one and the same amount.
+        steps = np.abs(np.diff(channel.values)) / step
+        whole = np.rint(steps)
+        low, high = percentiles(whole, 5.0, 95.0)
+        is_stepped = bool(high > low and mean_of(np.abs(steps - whole) < 0.1) > 0.9)
+    if count > _FINE or not is_stepped:
         return Finding(name, "note", f"the {channel.name} has no steps to be seen")
     text = f"the {channel.name} has steps of {channel.shown(step)}, {count:.0f} over its range"
     if count >= few or (channel.name == "force" and noise > _DITHER * step):
@@ -293,15 +299,6 @@ def _steps(channel: _Channel, step: float, span: float, *, noise: float) -> Find
         "finer converter"
     )
     return Finding(name, "warning", text, count)
-
-
-def _is_stepped(values: FloatArray, step: float) -> bool:
-    """Whether the signal goes in whole steps; one that repeats exactly has few values, too."""
-    steps = np.abs(np.diff(values)) / step
-    whole = np.rint(steps)
-    # A triangle that repeats exactly goes on by one and the same amount.
-    low, high = percentiles(whole, 5.0, 95.0)
-    return bool(high > low and mean_of(np.abs(steps - whole) < 0.1) > 0.9)
 
 
 _SPIKE = 0.02  # of the range

@@ -14,7 +14,7 @@ from damperfit.conditioning.delay import find_delay
 from damperfit.conditioning.drive import drive_of_lines, make_drive, unclear_turns
 from damperfit.conditioning.filters import FilteredLog, apply_filter, fading_samples, with_corner
 from damperfit.conditioning.findings import check_velocity, examine, samples_a_cycle
-from damperfit.conditioning.measured_characteristics import with_figures
+from damperfit.conditioning.measured_characteristics import figures_in
 from damperfit.conditioning.noise import with_noise
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.polarity import (
@@ -22,7 +22,6 @@ from damperfit.conditioning.polarity import (
     find_signs,
     level_of,
     rest_of,
-    with_signs,
 )
 from damperfit.conditioning.segments import ComparedPart, FoundStretch, choose_compared, transients
 from damperfit.conditioning.timebase import UniformLog, make_uniform, without_delay
@@ -83,7 +82,14 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         if too_large:
             raise ConditioningError(too_large, code="implausible") from None
         raise
-    _refuse_small(traced.trace, options)
+    if (swing := traced.trace.amplitude) < options.min_amplitude:
+        raise ConditioningError(
+            f"displacement swings +-{1e3 * swing:.4g} mm, expected at "
+            f"least +-{1e3 * options.min_amplitude:g} mm; was m read as mm? Declare the unit "
+            "(rig.units.displacement) or lower conditioning.min_amplitude",
+            subject=recording.name,
+            code="too-small",
+        )
     _refuse_swapped(traced.trace)
     if too_large:
         raise ConditioningError(too_large, code="implausible")
@@ -91,14 +97,18 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     rest = rest_of(traced.logged, traced.trace, recording, options.gas)
     signs = find_signs(traced.trace, recording, level, rest)
     if signs.reversed_channels:
-        recording = with_signs(recording, signs)
+        for channel in signs.reversed_channels:
+            changes = {channel: -getattr(recording, channel), f"reverse_{channel}": True}
+            recording = replace(recording, **changes)
         traced = _trace(recording, options, delay)
     skew, skew_findings = find_delay(traced.log, traced.trace, options)
     if skew != 0.0:
         traced = _trace(recording, options, skew)
     if skew != 0.0 or signs.reversed_channels:
         level = level_of(traced.trace, options)
-    trace = with_figures(traced.trace)
+    trace = traced.trace
+    figured = tuple(replace(one, figures=figures_in(trace, one)) for one in trace.stretches)
+    trace = replace(trace, stretches=figured)
     _refuse_stroke(trace, options)
     findings = (
         *examine(recording, traced.logged, trace, traced.part.cycles, options),
@@ -354,18 +364,6 @@ def _oversize(recording: Recording, options: ConditionOptions) -> str:
             "conditioning.max_force"
         )
     return ""
-
-
-def _refuse_small(trace: Trace, options: ConditionOptions) -> None:
-    """Refuse a motion that no rig makes: its unit was misread."""
-    if trace.amplitude < options.min_amplitude:
-        raise ConditioningError(
-            f"displacement swings +-{1e3 * trace.amplitude:.4g} mm, expected at "
-            f"least +-{1e3 * options.min_amplitude:g} mm; was m read as mm? Declare the unit "
-            "(rig.units.displacement) or lower conditioning.min_amplitude",
-            subject=trace.name,
-            code="too-small",
-        )
 
 
 def _refuse_swapped(trace: Trace) -> None:

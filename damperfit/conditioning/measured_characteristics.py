@@ -8,7 +8,6 @@ does not repeat the largest and the smallest force, and the energy of all of it.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,12 +24,6 @@ if TYPE_CHECKING:
 
 # Of the peak speed: what is about the peak, and what lies between two strokes.
 _NEAR_PEAK, _SLOW = 0.9, 0.5
-
-
-def with_figures(trace: Trace) -> Trace:
-    """Return a trace whose stretches hold their figures."""
-    stretches = tuple(replace(one, figures=figures_in(trace, one)) for one in trace.stretches)
-    return replace(trace, stretches=stretches)
 
 
 def counted_edges(stretch: Stretch) -> IntArray:

@@ -211,6 +211,13 @@ def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
     # What a filter that passes few harmonics may take.
     lost = _OF_HARMONICS * max(frequency / corner - 1.0 / _ENOUGH_HARMONICS, 0.0)
     share = held_share(trace)
+    # What turns faster than the filter shows is friction and preloads.
+    turn = min(2.0 * math.pi * frequency * max(_TURN / corner, trace.interval), _WIDEST_TURN)
+    fast = (turn * min(float(v.max()), -float(v.min())),)
+    out, into = in_both_strokes(v, f[None], fast)[1][:, :, 0, 0]
+    jump = 0.5 * abs(float(np.mean(out) - np.mean(into)))
+    preloads = _OF_PRELOADS * max(jump - _OF_FRICTION * half_range, 0.0)
+    preloads = preloads if math.isfinite(jump) else 0.0
     return ForceLevel(
         branches=constant,
         reversals=at_reversals,
@@ -221,19 +228,9 @@ def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
         rebound_curvature=rebound / half_range,
         bump_curvature=bump / half_range,
         hidden=_OF_DIGRESSION * 0.5 * (max(-rebound, 0.0) + max(-bump, 0.0)) + lost * half_range,
-        preloads=_preloads(v, f, 2.0 * math.pi * frequency * max(_TURN / corner, trace.interval)),
+        preloads=preloads,
         held=share * half_range if share >= YIELDS else 0.0,
     )
-
-
-def _preloads(v: FloatArray, f: FloatArray, turn: float) -> float:
-    """Return what preloads may make of a level, of what turns faster than a filter shows, N."""
-    speed = (min(turn, _WIDEST_TURN) * min(float(v.max()), -float(v.min())),)
-    out, into = in_both_strokes(v, f[None], speed)[1][:, :, 0, 0]
-    jump = 0.5 * abs(float(np.mean(out) - np.mean(into)))
-    if not math.isfinite(jump):
-        return 0.0
-    return _OF_PRELOADS * max(jump - _OF_FRICTION * 0.5 * float(np.ptp(f)), 0.0)
 
 
 def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float, float]:
@@ -434,14 +431,6 @@ def _doubtful(level: ForceLevel, *, is_declared: bool) -> Signs:
     advice = "the declared signs are kept; check them again" if is_declared else ""
     text = f"{_in_words(level)}, {sees}; {advice or f'taken as logged; {_ASK}'}"
     return Signs(findings=(Finding(name, "warning", text, level.ratio),))
-
-
-def with_signs(recording: Recording, signs: Signs) -> Recording:
-    """Return the recording with the signs of the project: the same where nothing is reversed."""
-    for channel in signs.reversed_channels:
-        changes = {channel: -getattr(recording, channel), f"reverse_{channel}": True}
-        recording = replace(recording, **changes)
-    return recording
 
 
 def reversed_in(recording: Recording, trace: Trace) -> list[str]:

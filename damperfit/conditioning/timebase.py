@@ -69,7 +69,13 @@ def make_uniform(recording: Recording) -> UniformLog:
     offset, interval, off = _line(np.arange(len(elapsed), dtype=np.float64), elapsed)
     is_even = off <= _JITTER * interval
     is_rounded = off <= _JITTER * interval + _ROUNDED * rounding
-    if is_even or (is_rounded and not _has_one_or_two_missing(elapsed, steps)):
+    if is_rounded and not is_even:
+        # At 1 kHz, stamps in whole ms with one row lost look like a slightly lower rate, rounded.
+        # More missing rows than two are not spread evenly enough for that.
+        counts = np.rint(steps / median(steps))
+        _, own, rest = _line(np.concatenate([[0.0], np.cumsum(counts)]), elapsed)
+        is_rounded = not (0 < int(counts.sum()) - len(counts) <= 2 and rest <= _JITTER * own)
+    if is_even or is_rounded:
         start = float(recording.time[0]) + offset
         text = f"time stamps are rounded to {rounding:g} s; sampled at {1.0 / interval:.6g} Hz"
         found = () if is_even else (Finding("rounded_time", "note", text, rounding, "s"),)
@@ -141,16 +147,6 @@ def _jitter(
         "the stamps: they are those of the computer, not of the samples; declare rig.sample_rate"
     )
     return Finding("jitter", "warning", text, spread, "%")
-
-
-def _has_one_or_two_missing(elapsed: FloatArray, steps: FloatArray) -> bool:
-    """Whether the stamps are exact but for one or two missing samples."""
-    # At 1 kHz, stamps in whole ms with one row lost look like a slightly lower rate, rounded. More
-    # missing rows than two are not spread evenly enough for that.
-    counts = np.rint(steps / median(steps))
-    missing = int(counts.sum()) - len(counts)
-    _, interval, off = _line(np.concatenate([[0.0], np.cumsum(counts)]), elapsed)
-    return 1 <= missing <= 2 and off <= _JITTER * interval
 
 
 def _line(index: FloatArray, elapsed: FloatArray) -> tuple[float, float, float]:

@@ -270,7 +270,13 @@ class _Walker:
                 along = side * min(abs(along) + step, abs(edge))
                 found = self.refit(along)
                 if limit is None and found >= NORMAL_95:
-                    limit = self._crossing(side, stride)
+                    # Between the outermost points around it, nearer and nearer.
+                    for looks in range(_MAX_LOOKS + 1):
+                        places = [point[:2] for point in self.points]
+                        limit, is_near = _interpolated_limit(places, side)
+                        if is_near or looks == _MAX_LOOKS or self.spent >= stride.budget:
+                            break
+                        self.refit(limit)
                 # Aim for the wanted distance in sqrt(rise), a few times as far at most.
                 aimed = min(stride.step, max(stride.reach - found, 0.2 * stride.step) * 1.05)
                 grown = aimed / max(found - root, 1e-3)
@@ -279,16 +285,6 @@ class _Walker:
         except SimulationError:
             return limit, limit is not None
         return limit, True
-
-    def _crossing(self, side: float, stride: Stride) -> float:
-        """Where sqrt(rise) passes the limit, between the outermost points around it."""
-        along, is_near = _interpolated_limit([point[:2] for point in self.points], side)
-        for _ in range(_MAX_LOOKS):
-            if is_near or self.spent >= stride.budget:
-                break
-            self.refit(along)
-            along, is_near = _interpolated_limit([point[:2] for point in self.points], side)
-        return along
 
 
 def _interpolated_limit(places: Sequence[tuple[float, float]], side: float) -> tuple[float, bool]:

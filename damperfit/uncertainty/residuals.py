@@ -513,7 +513,19 @@ def diagnose(
     pulls: dict[str, FloatArray] = {}
     if is_structured:
         hints, pulls = seek_flaws(linearised, repeats, doubted=doubted, has_yielded=share >= YIELDS)
-    hints = tuple(one for one in hints if one.name != "delay" or _fits_skew(linearised, one.amount))
+    # No delay that the logs' own skew contradicts.
+    skews = [
+        0.0 if one.is_correction else 1e3 * one.value
+        for log in fit.logs
+        for one in log.trace.findings
+        if one.name == "skew" and one.value is not None
+    ]
+    hints = tuple(
+        one
+        for one in hints
+        if one.name != "delay"
+        or all(abs(one.amount - s) <= max(_SKEW_AGREES, 0.5 * abs(one.amount)) for s in skews)
+    )
     folded = [part for part in parts if part.folded.size]
     runs = sum(_sign_changes(part.folded) for part in folded)
     of_noise = sum(_sign_changes(part.about) for part in folded)
@@ -531,17 +543,6 @@ def diagnose(
     )
     found = replace(found, sentence=_sentence(found) + _warned(linearised, found))
     return found, {one.name: pulls[one.name] for one in hints if one.name in pulls}
-
-
-def _fits_skew(linearised: Linearisation, delay: float) -> bool:
-    """Whether a delay, ms, is none that the logs' own skew contradicts."""
-    for log in linearised.fit.logs:
-        for one in log.trace.findings:
-            if one.name == "skew" and one.value is not None:
-                left = 0.0 if one.is_correction else 1e3 * one.value
-                if abs(delay - left) > max(_SKEW_AGREES, 0.5 * abs(delay)):
-                    return False
-    return True
 
 
 # The residuals of each stretch, and their power
