@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError, TimelessError
 from damperfit.io.labels import Guess, guess_settings, one_of_several, unclear_names
@@ -12,13 +12,14 @@ from damperfit.io.options import Profile, ReadOptions
 from damperfit.io.tests_table import TestRow, TestsTable, is_tests_table, read_tests
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from damperfit.io.files import Source
     from damperfit.io.force_curves import ForceCurve
     from damperfit.io.formats import Table
     from damperfit.recording import Recording
 
 __all__ = [
-    "ForceCurve",
     "Guess",
     "Profile",
     "ReadOptions",
@@ -51,19 +52,17 @@ def read_logs(
     from damperfit.io.force_curves import holds_curves
     from damperfit.io.recordings import make_recordings
 
-    source, tables, options, notes = _opened(path, options)
-    try:
-        return make_recordings(source, tables, options, notes)
-    except LogError as error:
-        if not holds_curves(tables, options):
-            raise
-        raise TimelessError(
-            f"speed and force without time, and a fit needs force and displacement "
-            f"over time; damperfit inspect shows the curves, damperfit settings {source.name} "
-            "finds a force among them",
-            subject=source.name,
-            code="no-time",
-        ) from error
+    with _opened(path, options) as (source, tables, own, notes):
+        try:
+            return make_recordings(source, tables, own, notes)
+        except LogError as error:
+            if not holds_curves(tables, own):
+                raise
+            raise TimelessError(
+                "speed and force without time, and a fit needs force and displacement over time; "
+                f"damperfit inspect shows the curves, damperfit settings {source.name} finds a "
+                "force among them"
+            ) from error
 
 
 def read_curves(
@@ -78,7 +77,8 @@ def read_curves(
     """
     from damperfit.io.force_curves import make_curves
 
-    return make_curves(*_opened(path, options))
+    with _opened(path, options) as opened:
+        return make_curves(*opened)
 
 
 def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> Recording:
@@ -94,20 +94,26 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> 
     return recordings[0]
 
 
+@contextmanager
 def _opened(
     path: str | os.PathLike[str], options: ReadOptions
-) -> tuple[Source, tuple[Table, ...], ReadOptions, tuple[str, ...]]:
-    """Return a file, its tables, and the options and notes of its profile."""
+) -> Iterator[tuple[Source, tuple[Table, ...], ReadOptions, tuple[str, ...]]]:
+    """Yield a file, its tables, and the options and notes of its profile.
+
+    What is wrong inside gets the file's name here: a reader tells the place in it, as in
+    ``subject=", row 5"``, or nothing.
+    """
     from damperfit.io.files import read_source, unpack
     from damperfit.io.formats import find_format
 
     source = read_source(path, max_bytes=options.max_bytes)
-    options, notes = options.for_file(source.name)
-    source, format_notes = unpack(source, max_bytes=options.max_bytes)
-    return source, find_format(source).read(source, options), options, (*notes, *format_notes)
-
-
-def __getattr__(name: str) -> Any:
-    if name != "ForceCurve":  # which takes a module that logs do not need
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return import_module("damperfit.io.force_curves").ForceCurve
+    name = source.name
+    try:
+        options, notes = options.for_file(name)
+        source, format_notes = unpack(source, max_bytes=options.max_bytes)
+        yield source, find_format(source).read(source, options), options, (*notes, *format_notes)
+    except LogError as error:
+        place = error.problem.subject
+        if place and not place.startswith(","):
+            raise
+        raise error.at(subject=f"{name}{place}") from error.__cause__

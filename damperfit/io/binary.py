@@ -69,12 +69,9 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     import pyarrow as pa
     from pyarrow import parquet, types
 
-    name = source.name
     if len(source.data) < 12 or not source.data.endswith(b"PAR1"):
-        raise LogError(
-            "truncated Parquet; the end of the file is missing", subject=name, code="truncated"
-        )
-    with refusing_damage("Parquet", name=name):
+        raise LogError("truncated Parquet; the end of the file is missing", code="truncated")
+    with refusing_damage("Parquet"):
         file = parquet.ParquetFile(pa.BufferReader(source.data), page_checksum_verification=True)
         schema = file.schema_arrow
         metadata = _texts(schema.metadata)
@@ -83,7 +80,7 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     n_declared = file.metadata.num_rows
     n_rows = max(n_declared, sum(max(n, 0) for n in counts))
     claimed = max(n_rows, 0) * 8 * 4  # four channels of float64 are all that is ever loaded
-    check_size(claimed, limit=options.max_bytes, what=f"a table of {n_rows} rows", name=name)
+    check_size(claimed, limit=options.max_bytes, what=f"a table of {n_rows} rows")
     columns = []
     for field in fields:
         texts = _texts(field.metadata)
@@ -95,18 +92,15 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             kind = fields[index].type
             is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind)
             if not (is_number or _is_clock(kind) or types.is_duration(kind)):
-                raise LogError(
-                    f"{channel} is of type {kind}, expected numbers", subject=name, code="bad-row"
-                )
+                raise LogError(f"{channel} is of type {kind}, expected numbers", code="bad-row")
         names = {channel: fields[index].name for channel, index in wanted.items()}
-        with refusing_damage("Parquet", name=name):
+        with refusing_damage("Parquet"):
             table = file.read(columns=sorted(set(names.values())), use_threads=False)
             # The counts of the columns are left alone: asking for a damaged one ends the process.
             if not n_declared == sum(counts) == table.num_rows:
                 raise LogError(
                     f"damaged Parquet: {n_declared} rows are declared, {sum(counts)} held and "
                     f"{table.num_rows} read; copy the log again",
-                    subject=name,
                     code="damaged",
                 )
             table.validate(full=True)
@@ -183,18 +177,17 @@ class _Extent(NamedTuple):
 
 def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     """Return a table for each group that is a test."""
-    name, data = source.name, source.data
-    extent = _extent(data, name)
-    nptdms = load_library("nptdms", extra="tdms", reads="TDMS", name=name)
-    with refusing_damage("TDMS file", name=name):
+    data = source.data
+    extent = _extent(data)
+    nptdms = load_library("nptdms", extra="tdms", reads="TDMS")
+    with refusing_damage("TDMS file"):
         lengths = _lengths(nptdms, data)
         n_values = sum(lengths.values())
-        check_size(n_values, limit=options.max_bytes, what="the file", name=name)
+        check_size(n_values, limit=options.max_bytes, what="the file")
         if n_values > 8 * extent.n_stored:
             raise LogError(
                 f"damaged TDMS file: {n_values} values are declared, but only "
                 f"{extent.n_stored} bytes are there; copy the log again",
-                subject=name,
                 code="damaged",
             )
         lost = _lost(nptdms, data, extent, lengths, limit=options.max_bytes)
@@ -203,26 +196,24 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
                 f"truncated TDMS file: {lost}; copy the log again, or keep what all "
                 "channels have by {allow_truncated}",
                 allow_truncated=Option("allow_truncated"),
-                subject=name,
                 code="truncated",
             )
         file = nptdms.TdmsFile.read(io.BytesIO(data))
-        groups = [_group(group, file, name, is_cut=bool(lost)) for group in file.groups()]
+        groups = [_group(group, file, is_cut=bool(lost)) for group in file.groups()]
         n_read = sum(_n_bytes(channel) for group in file.groups() for channel in group.channels())
     if n_read > extent.n_stored or (n_read < extent.n_stored and not lost):
         raise LogError(
             f"truncated or damaged TDMS file: {extent.n_stored} bytes of values are "
             f"declared but {n_read} can be read; copy the log again",
-            subject=name,
             code="truncated",
         )
-    tables = group_tables(groups, options, name=name, notes=(_NO_CHECKSUMS,))
+    tables = group_tables(groups, options, notes=(_NO_CHECKSUMS,))
     words = f"the end of the file is missing: {lost}"
     findings = (Finding("truncated", "warning", words),) if lost else ()
     return tuple(replace(table, findings=findings) for table in tables)
 
 
-def _extent(data: bytes, name: str) -> _Extent:
+def _extent(data: bytes) -> _Extent:
     """Return how many bytes of values the segments hold, and whether the last one is whole."""
     at = total = 0
     while at < len(data):
@@ -231,7 +222,6 @@ def _extent(data: bytes, name: str) -> _Extent:
         if at + _LEAD_IN > len(data) or data[at : at + 4] != b"TDSm":
             raise LogError(
                 f"truncated or damaged TDMS file: no segment at byte {at}",
-                subject=name,
                 code="truncated",
             )
         (contents,) = struct.unpack_from("<I", data, at + 4)
@@ -239,7 +229,7 @@ def _extent(data: bytes, name: str) -> _Extent:
         _, n_bytes, n_before_values = struct.unpack_from(f"{order}IQQ", data, at + 8)
         if contents & _IS_DAQMX:
             text = "raw DAQmx values in TDMS are not supported; export as CSV"
-            raise LogError(text, subject=name, code="damaged")
+            raise LogError(text, code="damaged")
         values_at, end = at + _LEAD_IN + n_before_values, at + _LEAD_IN + n_bytes
         is_sound = values_at <= end if contents & _HAS_VALUES else values_at == end
         if is_sound and values_at <= len(data):
@@ -247,7 +237,7 @@ def _extent(data: bytes, name: str) -> _Extent:
             is_sound = 0 <= ends_at <= values_at and not any(data[ends_at:values_at])
         if n_bytes != _OPEN and not is_sound:
             text = f"damaged TDMS file: the segment at byte {at} is inconsistent"
-            raise LogError(text, subject=name, code="damaged")
+            raise LogError(text, code="damaged")
         if n_bytes == _OPEN or end > len(data):
             has_values = contents & _HAS_VALUES and values_at <= len(data)
             held = len(data) - values_at if has_values else 0
@@ -325,20 +315,20 @@ def _n_bytes(channel: Any) -> int:
     return sum(4 + len(str(text).encode("utf-8")) for text in values)  # an offset and the text
 
 
-def _group(group: Any, file: Any, name: str, *, is_cut: bool) -> Group:
+def _group(group: Any, file: Any, *, is_cut: bool) -> Group:
     properties = {**file.properties, **group.properties}
     metadata = {str(key).lower(): str(text)[:1000] for key, text in properties.items()}
     stamps = [channel.properties.get("wf_start_time") for channel in group.channels()]
     first = min((stamp for stamp in stamps if isinstance(stamp, np.datetime64)), default=None)
     channels = tuple(
-        _channel(channel, name, first)
+        _channel(channel, first)
         for channel in group.channels()
         if channel.dtype.kind in "fiuM" and len(channel)
     )
     return Group(str(group.name), channels, metadata, is_cut=is_cut)
 
 
-def _channel(channel: Any, name: str, first: np.datetime64 | None) -> GroupChannel:
+def _channel(channel: Any, first: np.datetime64 | None) -> GroupChannel:
     properties = channel.properties
     units = [str(properties[key]) for key in _UNITS if properties.get(key)]
     interval, stamp = properties.get("wf_increment"), properties.get("wf_start_time")
@@ -349,20 +339,20 @@ def _channel(channel: Any, name: str, first: np.datetime64 | None) -> GroupChann
         name=str(channel.name),
         unit="s" if channel.dtype.kind == "M" else next(iter(units), None),
         length=len(channel),
-        load=lambda: _floats(channel[:], f"{name}: {visible(str(channel.name))}"),
+        load=lambda: _floats(channel[:], visible(str(channel.name))),
         start=start,
         interval=None if interval is None else float(interval),
     )
 
 
-def _floats(values: NDArray[Any], where: str) -> FloatArray:
+def _floats(values: NDArray[Any], channel: str) -> FloatArray:
     if values.dtype.kind == "M":
         return np.asarray((values - values[0]) / np.timedelta64(1, "ns") * 1e-9, dtype=np.float64)
     is_whole = values.dtype.kind in "iu" and values.dtype.itemsize == 8
     if is_whole and len(values) and max(-int(values.min()), int(values.max())) > _MAX_WHOLE:
         raise LogError(
-            f"{where} holds whole numbers beyond {_MAX_WHOLE}, which no measurement has; its data "
-            "type may be damaged: copy the log again",
+            f"{channel} holds whole numbers beyond {_MAX_WHOLE}, which no measurement has; its "
+            "data type may be damaged: copy the log again",
             code="damaged",
         )
     return np.asarray(values, dtype=np.float64)

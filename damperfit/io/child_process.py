@@ -49,12 +49,12 @@ serve()
 """
 
 
-def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
+def load_library(module: str, *, extra: str, reads: str) -> Any:
     """Return a library that an extra brings, or name the command that installs it."""
     try:
         library = importlib.import_module(module)
     except ImportError as error:
-        raise _missing(extra, reads, name) from error
+        raise _missing(extra, reads) from error
     # It may tell its own story on stderr, with bytes of the log in it.
     for logger in (module, *logging.root.manager.loggerDict):
         if logger.partition(".")[0] == module:
@@ -62,15 +62,15 @@ def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
     return library
 
 
-def _missing(extra: str, reads: str, name: str) -> LogError:
+def _missing(extra: str, reads: str) -> LogError:
     return LogError(
-        f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'",
+        f"{reads} needs one more library: pip install 'damperfit[{extra}]'",
         code="missing-library",
     )
 
 
 @contextmanager
-def refusing_damage(reads: str, *, name: str = "") -> Iterator[None]:
+def refusing_damage(reads: str) -> Iterator[None]:
     """Turn whatever a library raises over damaged bytes into a LogError of one line."""
     try:
         yield
@@ -79,17 +79,14 @@ def refusing_damage(reads: str, *, name: str = "") -> Iterator[None]:
     except Exception as error:  # npTDMS alone raises five kinds, from KeyError to struct.error
         first = (str(error).splitlines() or [""])[0]
         reason = visible(first or type(error).__name__, limit=120)
-        raise LogError(
-            f"damaged {reads}: {reason}; copy the log again", subject=name, code="damaged"
-        ) from error
+        raise LogError(f"damaged {reads}: {reason}; copy the log again", code="damaged") from error
 
 
-def check_size(n_bytes: int, *, limit: int, what: str, name: str = "") -> None:
+def check_size(n_bytes: int, *, limit: int, what: str) -> None:
     """Refuse what would need more memory than the limit, or a negative number of bytes."""
     if not 0 <= n_bytes <= limit:
         raise LogError(
             f"{what} claims {n_bytes} bytes, more than the limit of {limit} (rig.max_log_bytes)",
-            subject=name,
             code="too-large",
         )
 
@@ -119,19 +116,19 @@ def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> Chil
     """Return what a child finds in a log."""
     with suppress(ImportError, ValueError):
         if importlib.util.find_spec(reader.library) is None:
-            raise _missing(reader.extra, reader.reads, source.name)
+            raise _missing(reader.extra, reader.reads)
     while True:
         child = _CHILDREN.take()
         is_kept = False
         try:
             answer = child.ask(reader, source.data, options.max_bytes)
             is_kept = True
-        except LogError as error:
+        except LogError:
             is_kept = reader.is_memory_safe
-            raise error.at(subject=source.name) from error
+            raise
         except _EndedError as error:
             if child.n_asked == 1 or child.is_late.is_set():  # another one would not do better
-                raise LogError(f"{error}", subject=source.name, code="damaged") from error
+                raise LogError(f"{error}", code="damaged") from error
         else:
             return answer
         finally:

@@ -53,19 +53,19 @@ _MOST_LEVELS = 20  # more is a controlled damper
 _COMMON = 0.5  # of the force that the other channels must have too
 
 
-def on_one_clock(samples: Samples, *, wall_clock: float = 0.0, name: str = "") -> Samples:
+def on_one_clock(samples: Samples, *, wall_clock: float = 0.0) -> Samples:
     """Return samples with counters unrolled, clocks put right and all channels at the same times.
 
     Time, and every clock of a channel, is in one unit; `wall_clock` is that unit in seconds where
     somebody may set the clock, else 0.
     """
     if len(samples.channels["force"]) < _FEWEST:
-        return _together(samples, name) if samples.times else samples
+        return _together(samples) if samples.times else samples
     with np.errstate(over="ignore", invalid="ignore"):  # what is no number is refused later
         samples = _unrolled(samples)
         if wall_clock:
             samples = _unset(samples, wall_clock)
-        return _together(_unheld(samples), name)
+        return _together(_unheld(samples))
 
 
 def _with(samples: Samples, finding: Finding, **channels: FloatArray) -> Samples:
@@ -297,7 +297,7 @@ def steps_of_level(values: FloatArray) -> tuple[list[int], list[float]]:
 # One clock for all.
 
 
-def _together(samples: Samples, name: str) -> Samples:
+def _together(samples: Samples) -> Samples:
     """Return each channel at the times of the force: its own rows, interpolated where needed."""
     channels = samples.channels
     time = channels.get("time", np.arange(len(channels["force"]), dtype=np.float64))
@@ -322,7 +322,7 @@ def _together(samples: Samples, name: str) -> Samples:
     if samples.times and np.count_nonzero(kept) < _COMMON * np.count_nonzero(own["force"]):
         spans = ", ".join(f"{one} from {t[0]:g} to {t[-1]:g} s" for one, t in stamps.items())
         text = f"channels of different rate or start: {spans}; log them together"
-        raise LogError(text, subject=name, code="bad-clock")
+        raise LogError(text, code="bad-clock")
     at = np.flatnonzero(kept)
     together = {one: values[at] for one, values in channels.items() if len(values) == len(time)}
     together |= {one: np.interp(force[at], stamps[one], channels[one][own[one]]) for one in apart}

@@ -100,7 +100,6 @@ def choose_channels(  # noqa: C901, PLR0912  # every channel in turn, all that i
     columns: Sequence[Column],
     options: ReadOptions,
     *,
-    where: str,
     needs_time: bool = True,
     hint: str = "",
 ) -> tuple[dict[str, ChannelChoice], tuple[str, ...]]:
@@ -123,13 +122,13 @@ def choose_channels(  # noqa: C901, PLR0912  # every channel in turn, all that i
         try:
             index, note = clocks.get("force"), ""
             if channel != "time" or index is None:
-                index, note = _column_of(channel, columns, options, where)
+                index, note = _column_of(channel, columns, options)
             notes += [note] * (note != "")
             if index is None:
                 continue
             choice = ChannelChoice(index, None)
             if channel != "setting":
-                choice = channel_choice(channel, index, columns[index], options, where)
+                choice = channel_choice(channel, index, columns[index], options)
         except LogError as error:
             problems.append(error)
             continue
@@ -139,10 +138,10 @@ def choose_channels(  # noqa: C901, PLR0912  # every channel in turn, all that i
     if lost:
         problems.insert(0, LogError(_missing(lost, columns, hint), code="no-column"))
     if problems:
-        raise joined_problems(problems, where)
+        raise joined_problems(problems)
     for channel, clock in clocks.items():
         if channel in chosen and clock != clocks.get("force"):
-            own = channel_choice("time", clock, columns[clock], options, where)
+            own = channel_choice("time", clock, columns[clock], options)
             chosen[f"{OWN_TIME}{channel}"] = own
     names = ["_".join(words_of_name(split_name(column.name)[0])) for column in columns]
     for adjuster in options.adjusters:
@@ -198,7 +197,7 @@ def _listed(columns: Sequence[Column]) -> str:
 
 
 def _column_of(
-    channel: str, columns: Sequence[Column], options: ReadOptions, where: str
+    channel: str, columns: Sequence[Column], options: ReadOptions
 ) -> tuple[int | None, str]:
     """Return the column and a note: as declared, or best by unit, then by fewest other words."""
     declared = options.columns.get(channel, "")
@@ -206,7 +205,6 @@ def _column_of(
         if not 1 <= declared <= len(columns):
             raise LogError(
                 f"{channel} is declared as column {declared}, but there are {len(columns)} columns",
-                subject=where,
                 code="no-column",
             )
         best = [declared - 1]
@@ -216,7 +214,6 @@ def _column_of(
             hint = did_you_mean(declared, [column.name for column in columns])
             raise LogError(
                 f"no column {visible(declared)} for {channel}; there are {_listed(columns)}.{hint}",
-                subject=where,
                 code="no-column",
             )
     else:
@@ -234,16 +231,14 @@ def _column_of(
             )
         elif channel in EXTRAS:
             return None, f"{channel}: left out; it could be column {names}: declare which"
-        raise LogError(problem, subject=where, code="unclear-column")
+        raise LogError(problem, code="unclear-column")
     if declared != "":
         return best[0], f"{channel}: column {label}, as declared"
     is_plain = split_name(first.name)[0].lower() == channel or first.is_clock  # has its own note
     return best[0], "" if is_plain else f"{channel}: column {label}"
 
 
-def channel_choice(
-    channel: str, index: int, column: Column, options: ReadOptions, where: str
-) -> ChannelChoice:
+def channel_choice(channel: str, index: int, column: Column, options: ReadOptions) -> ChannelChoice:
     """Return a column with the unit of its channel: declared, or as the log has it.
 
     An extra channel without one is left out: its unit is None, and the note says so.
@@ -252,7 +247,7 @@ def channel_choice(
     if column.is_clock:
         if channel != "time":
             text = f"column {name} holds times of day, declared as {channel}"
-            raise LogError(text, subject=where, code="unclear-column")
+            raise LogError(text, code="unclear-column")
         return ChannelChoice(index, find_unit("s", dimension), f"time: wall clock in column {name}")
     logged = column.unit or split_name(column.name)[1]
     if channel == "time":
@@ -270,7 +265,6 @@ def channel_choice(
             f"column {name} has no unit, needed for {channel}; write it into the name, as in "
             f"{channel}_{example}, or declare it in rig.units ({{declared}})",
             declared=Option("rig", example, f"units.{channel}"),
-            subject=where,
             code="no-unit",
         )
     try:
@@ -280,21 +274,20 @@ def channel_choice(
             return ChannelChoice(index, None, f"velocity: left out; column {name}: {error}")
         advice = f" For volts declare rig.scales and the unit in rig.units of the {channel}."
         advice *= is_unit(logged, "voltage")
-        raise LogError(
-            f"column {name}: {error}{advice}", subject=where, code="unclear-column"
-        ) from error
+        raise LogError(f"column {name}: {error}{advice}", code="unclear-column") from error
 
 
-def joined_problems(problems: Sequence[LogError], subject: str) -> LogError:
+def joined_problems(problems: Sequence[LogError]) -> LogError:
     """Return one error for all that is wrong with a log."""
     if len(problems) == 1:
-        return problems[0].at(subject=subject)
+        return problems[0]
     parts: dict[str, Any] = {
-        f"problem_{i}": problem.at(subject="") for i, problem in enumerate(problems, start=1)
+        f"problem_{i}": problem.at(subject=problem.problem.subject.lstrip(", "))
+        for i, problem in enumerate(problems, start=1)
     }
     listed = "; ".join(f"({i}) {{{name}}}" for i, name in enumerate(parts, start=1))
     text = f"{len(problems)} things are wrong: {listed}"
-    return LogError(text, code=problems[0].problem.code, subject=subject, **parts)
+    return LogError(text, code=problems[0].problem.code, **parts)
 
 
 def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> str:

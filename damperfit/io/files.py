@@ -203,7 +203,7 @@ def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
     elif not data:
         problem = problem or "empty file inside the gzip"
     if problem:
-        raise LogError(problem, subject=source.name, code="unreadable")
+        raise LogError(problem, code="unreadable")
     return source._replace(data=data), ("gzip: unpacked",)
 
 
@@ -222,7 +222,7 @@ def is_json(data: bytes) -> bool:
 
 
 def to_utf8(
-    data: bytes, *, name: str, encoding: str = "", allows_nul: bool = False
+    data: bytes, *, encoding: str = "", allows_nul: bool = False
 ) -> tuple[bytes, tuple[str, ...]]:
     """Return text as UTF-8 without byte order mark, and notes.
 
@@ -230,30 +230,27 @@ def to_utf8(
     """
     notes: tuple[str, ...] = ()
     if encoding:
-        data = _decoded(data, encoding, name)
+        data = _decoded(data, encoding)
         notes = (f"encoding: {encoding}, as declared",)
     if data[:2] in _UTF16:
         encoding = _UTF16[data[:2]]
-        data = _decoded(data[2:], encoding, name)
+        data = _decoded(data[2:], encoding)
         notes = (f"encoding: {encoding.upper()}",)
     data = data.removeprefix(codecs.BOM_UTF8)
     start = data[:200].lstrip().lower()
     if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
         raise LogError(
             "this is HTML, a web page, not a log; download the log again",
-            subject=name,
             code="unknown-format",
         )
     if start.startswith(b"<?xml"):
-        raise LogError(
-            "this is XML; export the log as delimited text", subject=name, code="unknown-format"
-        )
+        raise LogError("this is XML; export the log as delimited text", code="unknown-format")
     if allows_nul:
         data = data.replace(b"\0", b"?")  # no number, so its row is dropped
     elif (offset := data.find(b"\0")) >= 0:
-        _refuse_nul(data, offset, name)
+        _refuse_nul(data, offset)
     if _CONTROL.search(data, 0, _HEAD):
-        raise LogError("binary data in no known format", subject=name, code="unknown-format")
+        raise LogError("binary data in no known format", code="unknown-format")
     if not data.isascii():
         try:
             data.decode("utf-8")
@@ -263,22 +260,25 @@ def to_utf8(
     return data, notes
 
 
-def _decoded(data: bytes, encoding: str, name: str) -> bytes:
+def _decoded(data: bytes, encoding: str) -> bytes:
     try:
         return data.decode(encoding).encode("utf-8")
     except UnicodeError as error:
-        raise LogError(f"is not valid {encoding.upper()}", subject=name, code="not-text") from error
+        raise LogError(f"is not valid {encoding.upper()}", code="not-text") from error
 
 
-def _refuse_nul(data: bytes, offset: int, name: str) -> None:
+def _refuse_nul(data: bytes, offset: int) -> None:
     head = data[:64]
     line = data.count(b"\n", 0, offset) + 1
-    text = f"{name}, line {line}: NUL byte at byte offset {offset}; the file is damaged"
+    place, text = f", line {line}", f"NUL byte at byte offset {offset}; the file is damaged"
     if not data.strip(b"\0"):
-        text = (
-            f"{name}: {len(data)} bytes, all of them NUL; the log was never written to the disk: "
-            "copy it again from the rig"
+        place, text = (
+            "",
+            (
+                f"{len(data)} bytes, all of them NUL; the log was never written to the disk: "
+                "copy it again from the rig"
+            ),
         )
     elif len(head) >= 8 and (not any(head[1::2]) or not any(head[::2])):
-        text = f"{name}: looks like UTF-16 without a byte order mark; save the log as UTF-8"
-    raise LogError(text, code="unreadable")
+        place, text = "", "looks like UTF-16 without a byte order mark; save the log as UTF-8"
+    raise LogError(text, subject=place, code="unreadable")

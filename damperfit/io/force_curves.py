@@ -151,22 +151,20 @@ def make_curves(
     source: Source, tables: Sequence[Table], options: ReadOptions, notes: tuple[str, ...]
 ) -> tuple[ForceCurve, ...]:
     """Return the curves in a file's tables, in SI, positive in rebound."""
-    name = source.name
     if any(has_channel("time", table.columns, options) for table in tables):
         raise LogError(
-            f"has a time column, so it is a log, not a curve; fit it by damperfit identify {name}",
-            subject=name,
+            "has a time column, so it is a log, not a curve; fit it by damperfit identify "
+            f"{source.name}",
             code="not-a-curve",
         )
     curves = [curve for table in tables for curve in _table_curves(table, source, options, notes)]
     if len(curves) > _MAX_CURVES:
         raise LogError(
             f"{len(curves)} curves, more than the limit of {_MAX_CURVES}",
-            subject=name,
             code="too-large",
         )
     if not curves:
-        raise LogError("no speed with a force beside it", subject=name, code="no-data")
+        raise LogError("no speed with a force beside it", code="no-data")
     return tuple(curves)
 
 
@@ -244,13 +242,13 @@ def _pairs(columns: Sequence[Column], headings: Sequence[_Heading]) -> list[_Pai
 def _table_curves(
     table: Table, source: Source, options: ReadOptions, notes: tuple[str, ...]
 ) -> list[ForceCurve]:
-    columns, where = table.columns, source.name
+    columns = table.columns
     headings = _headings(columns, options)
     pairs = _pairs(columns, headings)
     used = sorted({index for pair in pairs for index in (pair.speed, pair.force)})
     if not used:
         return []
-    units = _units(pairs, columns, options, where)
+    units = _units(pairs, columns, options)
     keys = {i: f"column {i + 1}, {visible(columns[i].name)}" for i in used}
     wanted = {key: i for i, key in keys.items()}
     if setting := [i for i, heading in enumerate(headings) if heading.kind == "setting"]:
@@ -269,31 +267,35 @@ def _table_curves(
             if len(alone):
                 at = samples.place(int(np.flatnonzero(is_in)[alone[0]]))
                 raise LogError(
-                    f"{where}, {at}: {keys[pair.force]}: a force without a speed", code="bad-row"
+                    f"{keys[pair.force]}: a force without a speed",
+                    subject=f", {at}",
+                    code="bad-row",
                 )
             is_there = ~np.isnan(force)
             label = " ".join(text for text in (pair.label, part) if text)
             curves.setdefault(label, []).append((pair.stroke, speed[is_there], force[is_there]))
     made = []
     for label, parts in curves.items():
-        signed = [_signed(*part, where, options) for part in parts]
+        signed = [_signed(*part, options) for part in parts]
         velocity, force = (np.concatenate([part[k] for part in signed]) for k in (0, 1))
         if not np.isfinite(force).all() or not np.isfinite(velocity).all():
-            raise LogError(f"a speed or force {label} is infinite", subject=where, code="bad-row")
+            raise LogError(f"a speed or force {label} is infinite", code="bad-row")
         if not len(force):
             what = visible(label) if label else "the curve"
-            raise LogError(f"no points of {what}", subject=where, code="no-data")
-        called = label or table.metadata.get("setting") or where
+            raise LogError(f"no points of {what}", code="no-data")
+        called = label or table.metadata.get("setting") or source.name
         signs = dict.fromkeys(note for *_, note in signed if note)
         every = (*notes, *table.notes, *signs)
         made.append(
-            ForceCurve(where, source.path, source.sha256, called, velocity, force, notes=every)
+            ForceCurve(
+                source.name, source.path, source.sha256, called, velocity, force, notes=every
+            )
         )
     return made
 
 
 def _units(
-    pairs: Sequence[_Pair], columns: Sequence[Column], options: ReadOptions, where: str
+    pairs: Sequence[_Pair], columns: Sequence[Column], options: ReadOptions
 ) -> dict[int, Unit]:
     """Return the unit of each column; what is wrong with speeds and forces is said at once."""
     kinds = {pair.speed: "velocity" for pair in pairs} | {pair.force: "force" for pair in pairs}
@@ -302,26 +304,25 @@ def _units(
     for i, kind in kinds.items():
         column = columns[i]._replace(name=_parted(columns[i].name)[1])
         try:
-            unit = channel_choice(kind, i, column, options, where).unit
+            unit = channel_choice(kind, i, column, options).unit
             if unit is None:
                 name = visible(column.name) if column.name else f"number {i + 1}"
                 raise LogError(  # noqa: TRY301  # as for a force
                     f"column {name} has no unit of {kind}; write it into the name or declare it in "
                     "rig.units ({declared})",
                     declared=Option("rig", "m/s", f"units.{kind}"),
-                    subject=where,
                     code="no-unit",
                 )
             units[i] = unit
         except LogError as error:
             problems.setdefault(kind, error)
     if problems:
-        raise joined_problems(list(problems.values()), where)
+        raise joined_problems(list(problems.values()))
     return units
 
 
 def _signed(
-    stroke: str, speed: FloatArray, force: FloatArray, name: str, options: ReadOptions
+    stroke: str, speed: FloatArray, force: FloatArray, options: ReadOptions
 ) -> tuple[FloatArray, FloatArray, str]:
     """Return speed and force with the project's signs, and a note."""
     if stroke:
@@ -338,7 +339,6 @@ def _signed(
             raise LogError(
                 "forces are positive where speeds are negative; declare which counts "
                 "positive in bump: rig.reverse_force or rig.reverse_displacement = true",
-                subject=name,
                 code="unclear-sign",
             )
         return speed, force, _doubted("rebound: where speeds are positive, as logged", speed, force)
@@ -347,7 +347,6 @@ def _signed(
     raise LogError(
         "all speeds and forces are of one sign, which leaves open which is rebound; name "
         "the column of the force rebound or bump",
-        subject=name,
         code="unclear-sign",
     )
 

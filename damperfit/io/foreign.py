@@ -87,7 +87,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
     A matrix ``x_F`` of three columns gives the columns ``x_F:1``, ``x_F:2`` and ``x_F:3``.
     """
-    name, data = source.name, source.data
+    data = source.data
     is_old = data.startswith(b"MATLAB 5.0")
     if is_old:  # does it end where its last variable does? SciPy reads what is left without a word
         order, at = "<" if data[126:128] == b"IM" else ">", 128
@@ -96,7 +96,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             at += 4 + 4 if kind >> 16 else 8 + n_bytes
         if at != len(data):
             text = "truncated MATLAB file; the end is missing, or it is damaged"
-            raise LogError(text, subject=name, code="damaged")
+            raise LogError(text, code="damaged")
     (group,) = groups_of_child(_MAT if is_old else _MAT73, source, options)
     others = group.metadata  # name -> what it is instead
     lengths = [channel.length for channel in group.channels]
@@ -108,7 +108,6 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         raise LogError(
             f"no vectors of numbers; the file holds {held or 'nothing'}"
             f"{advice if struct_name else ''}",
-            subject=name,
             code="no-data",
         )
     used = tuple(channel for channel in group.channels if channel.length == usual)
@@ -116,7 +115,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     variables -= {channel.name.partition(":")[0] for channel in used}
     n_others = len(others) + len(variables)
     note = f"{n_others} variables left out; they are not vectors of {usual} numbers"
-    return group_tables([Group("", used)], options, name=name, notes=(note,) * (n_others > 0))
+    return group_tables([Group("", used)], options, notes=(note,) * (n_others > 0))
 
 
 def matlab_vectors(data: bytes, limit: int) -> ChildAnswer:
@@ -194,20 +193,16 @@ def _channel(name: str, unit: str | None, values: NDArray[Any]) -> GroupChannel:
 
 def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     """Return a table for each channel group that is a test."""
-    name = source.name
     if not source.data[8:16].startswith(b"4."):
         version = source.data[8:16].decode("latin-1").strip("\0 ")
         raise LogError(
             f"MDF version {version!r}; expected 4, convert the log",
-            subject=name,
             code="unknown-format",
         )
     if source.data.startswith(b"UnFinMF"):
-        raise LogError(
-            "truncated MDF file: the recording was not finished", subject=name, code="truncated"
-        )
-    _check_blocks(source.data, name=name, limit=options.max_bytes)
-    return group_tables(groups_of_child(_MDF, source, options), options, name=name)
+        raise LogError("truncated MDF file: the recording was not finished", code="truncated")
+    _check_blocks(source.data, limit=options.max_bytes)
+    return group_tables(groups_of_child(_MDF, source, options), options)
 
 
 def mdf_groups(data: bytes, limit: int) -> ChildAnswer:
@@ -238,7 +233,7 @@ def mdf_groups(data: bytes, limit: int) -> ChildAnswer:
         return answer_of_groups(groups)
 
 
-def _check_blocks(data: bytes, *, name: str, limit: int) -> None:
+def _check_blocks(data: bytes, *, limit: int) -> None:
     """Walk every block once: whole, in the file, and no chain of successors that bites its tail."""
     successors: dict[int, int] = {}
     waiting = [_FIRST_BLOCK]
@@ -247,16 +242,14 @@ def _check_blocks(data: bytes, *, name: str, limit: int) -> None:
         at = waiting.pop()
         if at in successors:
             continue
-        kind, links = _block(data, at, name)
+        kind, links = _block(data, at)
         if kind == b"##DZ":
             unpacked += struct.unpack_from("<Q", data, at + _UNPACKED_SIZE)[0]
         successors[at] = links[0] if links and kind in _CHAINED else 0
         waiting += [link for link in links if link]
         if len(successors) > _MAX_BLOCKS:
-            raise LogError(
-                f"more than {_MAX_BLOCKS} blocks in the MDF file", subject=name, code="too-large"
-            )
-    check_size(unpacked, limit=limit, what="the MDF file", name=name)
+            raise LogError(f"more than {_MAX_BLOCKS} blocks in the MDF file", code="too-large")
+    check_size(unpacked, limit=limit, what="the MDF file")
     done: set[int] = {0}
     for start in successors:
         chain: set[int] = set()
@@ -266,27 +259,23 @@ def _check_blocks(data: bytes, *, name: str, limit: int) -> None:
             at = successors.get(at, 0)
         if at in chain:
             text = f"damaged MDF file: the block at byte {at} leads to itself"
-            raise LogError(text, subject=name, code="damaged")
+            raise LogError(text, code="damaged")
         done |= chain
 
 
-def _block(data: bytes, at: int, name: str) -> tuple[bytes, tuple[int, ...]]:
+def _block(data: bytes, at: int) -> tuple[bytes, tuple[int, ...]]:
     if at + 24 > len(data):
-        raise LogError(
-            "truncated MDF file; the end of the file is missing", subject=name, code="truncated"
-        )
+        raise LogError("truncated MDF file; the end of the file is missing", code="truncated")
     kind = data[at : at + 4]
     length, n_links = struct.unpack_from("<QQ", data, at + 8)
     if not kind.startswith(b"##") or length < 24 + 8 * n_links:
         raise LogError(
             f"damaged MDF file: no block at byte {at}; copy the log again",
-            subject=name,
             code="damaged",
         )
     if at + length > len(data):
         raise LogError(
             f"truncated MDF file; the block at byte {at} is not whole",
-            subject=name,
             code="truncated",
         )
     return kind, struct.unpack_from(f"<{n_links}Q", data, at + 24)
@@ -309,12 +298,13 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         try:
             read = read_delimited(source._replace(data=text), options)
         except LogError as error:
-            refusals.append(f"sheet {visible(sheet)}: {error}")
+            place = f"sheet {visible(sheet)}{error.problem.subject.removeprefix(source.name)}"
+            refusals.append(str(error.at(subject=place)))
             continue
         tables += [replace(table, notes=(*notes, *table.notes)) for table in read]
     if not tables:
         raise LogError(
-            refusals[0] if refusals else f"{source.name}: the workbook has no sheets",
+            refusals[0] if refusals else "the workbook has no sheets",
             code="unknown-format",
         )
     return tuple(tables)
@@ -322,9 +312,8 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
 def _check_archive(source: Source, options: ReadOptions) -> None:
     """Refuse archives that are no workbook, or too large; no member is unpacked."""
-    name = source.name
     with (
-        refusing_damage("ZIP archive", name=name),
+        refusing_damage("ZIP archive"),
         zipfile.ZipFile(io.BytesIO(source.data)) as archive,
     ):
         members = archive.infolist()
@@ -335,13 +324,11 @@ def _check_archive(source: Source, options: ReadOptions) -> None:
             what = "this is a NumPy archive without units; write CSV or Parquet"
         elif "content.xml" in names:
             what = "this is an OpenDocument file; save the sheet as .xlsx or CSV"
-        raise LogError(what, subject=name, code="damaged")
+        raise LogError(what, code="damaged")
     if len(members) > _MAX_ITEMS:
-        raise LogError(
-            f"{len(members)} members, expected a workbook of few", subject=name, code="too-large"
-        )
+        raise LogError(f"{len(members)} members, expected a workbook of few", code="too-large")
     claimed = sum(member.file_size for member in members)
-    check_size(claimed, limit=options.max_bytes, what="the workbook", name=name)
+    check_size(claimed, limit=options.max_bytes, what="the workbook")
 
 
 def sheets_in(data: bytes, limit: int) -> ChildAnswer:

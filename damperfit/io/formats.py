@@ -112,22 +112,21 @@ _TAR = 257  # where a tar archive says "ustar"
 
 def find_format(source: Source) -> Format:
     """Return the format of a file: what its first bytes say, else what its suffix says."""
-    data, name = source.data, source.name
+    data = source.data
     for known in FORMATS:
         if known.magic and data.startswith(known.magic):
             return known
     refused = next((why for magic, why in _REFUSED.items() if data.startswith(magic)), "")
     if refused or data.startswith(b"ustar", _TAR):
-        raise LogError(refused or _ARCHIVE, subject=name, code="unknown-format")
+        raise LogError(refused or _ARCHIVE, code="unknown-format")
     if is_json(data):
         return _JSON
-    suffix = PurePath(name).suffix.lower()
+    suffix = PurePath(source.name).suffix.lower()
     named = next((known for known in FORMATS if suffix in known.suffixes), _TEXT)
     if named is not _TEXT and is_binary(data):
         raise LogError(
             f"is named like {named.name} and does not begin like it; it is damaged "
             "or of a version that is not read",
-            subject=name,
             code="damaged",
         )
     return _TEXT

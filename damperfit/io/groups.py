@@ -45,29 +45,26 @@ class GroupChannel(NamedTuple):
             return (self.stamps.name, self.stamps.load)
         return None if self.interval is None else (self.start, self.interval)
 
-    def values(self, channel: str, file: str) -> FloatArray:
+    def values(self, channel: str) -> FloatArray:
         """Return its values; refuses other than it says it has."""
         values = np.asarray(self.load(), dtype=np.float64)
         if values.shape != (self.length,):
             raise LogError(
                 f"{channel}: {self.length} values are declared but {values.size} found; "
                 "copy the log again",
-                subject=file,
                 code="damaged",
             )
         return values
 
-    def times(self, file: str) -> FloatArray:
+    def times(self) -> FloatArray:
         """Return the times of its values, s."""
         if self.stamps is not None:
             unit = self.stamps.unit or split_name(self.stamps.name)[1] or "s"
             seconds = find_unit(unit if is_unit(unit, "time") else "s", "time")
-            return seconds.to_si(self.stamps.values("time", file))
+            return seconds.to_si(self.stamps.values("time"))
         step = self.interval
         if step is None or not np.isfinite(step) or step <= 0.0:
-            raise LogError(
-                f"the interval between values is {step} s", subject=file, code="bad-clock"
-            )
+            raise LogError(f"the interval between values is {step} s", code="bad-clock")
         return self.start + step * np.arange(self.length, dtype=np.float64)
 
 
@@ -93,24 +90,24 @@ class Group(NamedTuple):
 
 
 def group_tables(
-    groups: Sequence[Group], options: ReadOptions, *, name: str, notes: tuple[str, ...] = ()
+    groups: Sequence[Group], options: ReadOptions, *, notes: tuple[str, ...] = ()
 ) -> tuple[Table, ...]:
     """Return a table for each test."""
     filled = [group for group in groups if group.channels]
     if not filled:
-        raise LogError("no channels of numbers", subject=name, code="no-data")
+        raise LogError("no channels of numbers", code="no-data")
     tests = filled if len(filled) == 1 else [group for group in filled if _is_test(group, options)]
     if not tests:
         tests = [_together(filled)]
     elif left_out := [group.name for group in filled if group not in tests]:
         names = ", ".join(visible(group) for group in left_out[:10])
         notes = (*notes, f"groups left out, as they are not tests: {names}")
-    return tuple(_table(group, options, name, notes) for group in tests)
+    return tuple(_table(group, options, notes) for group in tests)
 
 
 def _is_test(group: Group, options: ReadOptions) -> bool:
     try:
-        choose_channels(group.columns, options, where=group.name)
+        choose_channels(group.columns, options)
     except LogError:
         return False
     return True
@@ -131,18 +128,18 @@ def _together(groups: Sequence[Group]) -> Group:
     return Group("", tuple(channels), metadata, is_cut=any(group.is_cut for group in groups))
 
 
-def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]) -> Table:
+def _table(group: Group, options: ReadOptions, notes: tuple[str, ...]) -> Table:
     def load(wanted: Mapping[str, int]) -> Samples:
         n = len(group.channels)
         chosen = {channel: group.channels[i] for channel, i in wanted.items() if i < n}
         lengths = {channel: column.length for channel, column in chosen.items()}
         claimed = 8 * sum(lengths.values())
-        check_size(claimed, limit=options.max_bytes, what="the log", name=name)
+        check_size(claimed, limit=options.max_bytes, what="the log")
         makes_time = "time" in wanted and "time" not in chosen
         clocks = {column.clock for column in chosen.values()}
         if makes_time and len(clocks) > 1 and None not in clocks and not group.is_cut:
-            values = {channel: column.values(channel, name) for channel, column in chosen.items()}
-            times = {channel: column.times(name) for channel, column in chosen.items()}
+            values = {channel: column.values(channel) for channel, column in chosen.items()}
+            times = {channel: column.times() for channel, column in chosen.items()}
             return Samples({**values, "time": times["force"]}, times=times)
         n_common = min(lengths.values(), default=0)
         kept: tuple[str, ...] = ()
@@ -150,14 +147,14 @@ def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]
             shown = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
             if not group.is_cut:
                 text = f"channels of different length: {shown} values; log them together"
-                raise LogError(text, subject=name, code="several-groups")
+                raise LogError(text, code="several-groups")
             kept = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
-        values = {channel: one.values(channel, name)[:n_common] for channel, one in chosen.items()}
+        values = {channel: one.values(channel)[:n_common] for channel, one in chosen.items()}
         if makes_time:
             if len(clocks) > 1:
                 text = "channels of different rate or start; log them together"
-                raise LogError(text, subject=name, code="several-groups")
-            values["time"] = next(iter(chosen.values())).times(name)[:n_common]
+                raise LogError(text, code="several-groups")
+            values["time"] = next(iter(chosen.values())).times()[:n_common]
         return Samples(values, notes=kept)
 
     if group.name:

@@ -40,12 +40,11 @@ _Columns = dict[str, tuple[str | None, list[Any]]]  # name -> unit and values
 
 def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     """Return the tables of a JSON log."""
-    name = source.name
-    data, notes = to_utf8(source.data, name=name, encoding=options.encoding)
+    data, notes = to_utf8(source.data, encoding=options.encoding)
     n_lists = data.count(b"[") + data.count(b"{")
     claimed = _VALUE_BYTES * data.count(b",") + _LIST_BYTES * n_lists
-    check_size(claimed, limit=options.max_bytes, what="the JSON", name=name)
-    tables = list(_tables(_parsed(data.decode("utf-8", "replace"), name), {}, name))
+    check_size(claimed, limit=options.max_bytes, what="the JSON")
+    tables = list(_tables(_parsed(data.decode("utf-8", "replace")), {}))
     problem = ""
     if len(tables) > _MAX_TABLES:
         problem = f"{len(tables)} tables, more than the limit of {_MAX_TABLES}"
@@ -57,22 +56,21 @@ def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     elif not tables:
         problem = f"this is JSON without columns or rows of numbers; {_EXPECTED}"
     if problem:
-        raise LogError(problem, subject=name, code="bad-json")
+        raise LogError(problem, code="bad-json")
     notes = (*notes, "format: JSON")
     drops = options.bad_rows == "drop"
     return tuple(
-        _table(columns, metadata, notes, part, name, drops=drops)
+        _table(columns, metadata, notes, part, source.name, drops=drops)
         for part, columns, metadata in tables
     )
 
 
-def _parsed(text: str, name: str) -> Any:
+def _parsed(text: str) -> Any:
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if len(document := dict(pairs)) < len(pairs):
             double = _doubled([key for key, _ in pairs])
             raise LogError(
                 f"this is JSON with two values for {visible(double)}",
-                subject=name,
                 code="given-twice",
             )
         return document
@@ -90,10 +88,10 @@ def _parsed(text: str, name: str) -> Any:
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         problem = f"this is JSON, damaged in {place}: {error.msg}; copy the log again"
-        raise LogError(problem, subject=name, code="bad-json") from error
+        raise LogError(problem, code="bad-json") from error
     except RecursionError as error:
         problem = f"this is JSON, nested too deep for a log; {_EXPECTED}"
-        raise LogError(problem, subject=name, code="bad-json") from error
+        raise LogError(problem, code="bad-json") from error
 
 
 def _doubled(names: Sequence[str]) -> str:
@@ -101,11 +99,11 @@ def _doubled(names: Sequence[str]) -> str:
 
 
 def _tables(
-    node: Any, above: Mapping[str, str], name: str, part: str = "", depth: int = 0
+    node: Any, above: Mapping[str, str], part: str = "", depth: int = 0
 ) -> Iterator[tuple[str, _Columns, Mapping[str, str]]]:
     """Yield title, columns and facts of each table; a table may stand two names deep."""
     if isinstance(node, list):
-        if columns := _from_columns(node) or _from_rows(node, name):
+        if columns := _from_columns(node) or _from_rows(node):
             yield part, columns, above
         return
     if not isinstance(node, dict):
@@ -113,14 +111,14 @@ def _tables(
     facts = {**above, **_facts(node)}
     names, data = node.get("columns"), node.get("data")
     if isinstance(names, list) and _are(str, names) and isinstance(data, list) and data:
-        yield part, _from_rows([names, *data], name), facts  # as pandas splits a table
+        yield part, _from_rows([names, *data]), facts  # as pandas splits a table
         return
     columns = {key.strip(): column for key, value in node.items() if (column := _column(value))}
     inner = [(key, value) for key, value in node.items() if isinstance(value, dict | list)]
     if not mentions_channel(columns) and depth < _DEPTH:
         for _, value in inner:
             facts |= _facts(value) if isinstance(value, dict) and not _column(value) else {}
-        tables = [t for key, value in inner for t in _tables(value, facts, name, key, depth + 1)]
+        tables = [t for key, value in inner for t in _tables(value, facts, key, depth + 1)]
         if tables:
             yield from tables
             return
@@ -167,7 +165,7 @@ def _from_columns(listed: list[Any]) -> _Columns:
     return columns if len(columns) == len(listed) else {}
 
 
-def _from_rows(rows: list[Any], name: str) -> _Columns:
+def _from_rows(rows: list[Any]) -> _Columns:
     """Return the columns of rows that are objects, or lists with or without names above them."""
     if _are(dict, rows):
         for number, row in enumerate(rows, start=1):
@@ -175,7 +173,7 @@ def _from_rows(rows: list[Any], name: str) -> _Columns:
                 odd = min(row.keys() ^ rows[0].keys())
                 has = "has" if odd in row else "lacks"
                 raise LogError(
-                    f"{name}, row {number}: {has} {visible(odd)}, unlike row 1", code="bad-row"
+                    f"{has} {visible(odd)}, unlike row 1", subject=f", row {number}", code="bad-row"
                 )
         return {key.strip(): (None, [row[key] for row in rows]) for key in rows[0]}
     if not _are(list, rows):
@@ -186,13 +184,12 @@ def _from_rows(rows: list[Any], name: str) -> _Columns:
     names = [text.strip() for text in heads[0]] if heads else [f"\0{i}" for i in range(n)]
     units = [text.strip("()[] ") for text in heads[1]] if len(heads) > 1 else [""] * n
     if len(set(names)) < len(names):
-        raise LogError(
-            f"two columns are named {visible(_doubled(names))}", subject=name, code="given-twice"
-        )
+        raise LogError(f"two columns are named {visible(_doubled(names))}", code="given-twice")
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != n:
             raise LogError(
-                f"{name}, row {number}: found {len(row)} values, expected {n} as in row 1",
+                f"found {len(row)} values, expected {n} as in row 1",
+                subject=f", row {number}",
                 code="bad-row",
             )
     return {
@@ -217,9 +214,7 @@ def _table(
         lengths = {[*columns][i]: len(raw[i]) for i in wanted.values()}
         if len(set(lengths.values())) > 1:
             shown = ", ".join(f"{visible(key)} {n}" for key, n in lengths.items())
-            raise LogError(
-                f"columns of different length: {shown} values", subject=name, code="bad-row"
-            )
+            raise LogError(f"columns of different length: {shown} values", code="bad-row")
         is_bad = np.zeros(next(iter(lengths.values())), dtype=bool)
         channels, first_bad = {}, ""
         for channel, index in wanted.items():
@@ -232,11 +227,11 @@ def _table(
             if bad.any():
                 at = int(np.flatnonzero(bad)[0])
                 shown = visible(str(values[at]))
-                problem = f"{name}, row {at + 1}: {channel} is {shown}, expected a number"
+                place, text = f", row {at + 1}", f"{channel} is {shown}, expected a number"
                 if not drops:
-                    advice = "repair it, or drop such rows by rig.bad_rows = 'drop'"
-                    raise LogError(f"{problem}; {advice}", code="bad-json")
-                first_bad = first_bad or problem
+                    text += "; repair it, or drop such rows by rig.bad_rows = 'drop'"
+                    raise LogError(text, subject=place, code="bad-json")
+                first_bad = first_bad or f"{name}{place}: {text}"
                 is_bad |= bad
         kept = np.flatnonzero(~is_bad)
         channels = {channel: values[kept] for channel, values in channels.items()}

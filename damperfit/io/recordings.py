@@ -78,7 +78,6 @@ def make_recordings(
         raise LogError(
             f"{len(parts)} tests found, but {len(settings)} settings declared for "
             "them (part_settings)",
-            subject=source.name,
             code="several-tests",
         )
     several = len(parts) > 1
@@ -167,25 +166,24 @@ def _joined(record: Sequence[Recording], note: str) -> Recording:
 
 def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Recording]:
     """Return the tests in one table; their names are still the file's."""
-    name = source.name
     rate, rate_note = _sample_rate(table, options)
     choices, notes = choose_channels(
-        table.columns, options, where=name, needs_time=rate == 0.0, hint=table.hint
+        table.columns, options, needs_time=rate == 0.0, hint=table.hint
     )
     samples, current = _loaded(table, choices)
     if not options.needs_force:
         motion = samples.channels["displacement"]
         samples = replace(samples, channels={"force": np.zeros_like(motion), **samples.channels})
     if not len(samples.channels["displacement"]):
-        raise LogError("no data rows", subject=name, code="no-data")
+        raise LogError("no data rows", code="no-data")
     clock = choices.get("time")
     wall_clock = 0.0
     if clock is not None and clock.unit is not None and options.sample_rate == 0.0:
         first = float(samples.channels["time"][0]) * clock.unit.factor
         if table.columns[clock.column].is_clock or first > _SINCE_1970:
             wall_clock = clock.unit.factor
-    samples = on_one_clock(samples, wall_clock=wall_clock, name=name)
-    channels = _si_channels(samples, choices, options, name)
+    samples = on_one_clock(samples, wall_clock=wall_clock)
+    channels = _si_channels(samples, choices, options)
     channels.setdefault("force", samples.channels["force"])
     more_notes = [
         f"{channel}: {options.scales.get(channel, 1.0):g} times the log plus "
@@ -206,7 +204,7 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
             del channels[channel]
     is_own_time = "time" in channels and options.sample_rate == 0.0
     more_notes += [] if is_own_time else [rate_note]
-    cuts = _cuts(samples, channels, options, name)
+    cuts = _cuts(samples, channels, options)
     findings = (*table.findings, *samples.findings)
     if current and len(cuts) == 1:
         cuts, steps = _cut_at_levels(*cuts[0], samples, current, options)
@@ -226,7 +224,7 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
         named = {key: text for key, text in label.others.items() if key not in preamble}
         parts.append(
             Recording(
-                name=name,
+                name=source.name,
                 path=source.path,
                 sha256=source.sha256,
                 setting=setting,
@@ -285,7 +283,7 @@ def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> tuple[Samples
 
 
 def _si_channels(
-    samples: Samples, choices: Mapping[str, ChannelChoice], options: ReadOptions, name: str
+    samples: Samples, choices: Mapping[str, ChannelChoice], options: ReadOptions
 ) -> dict[str, FloatArray]:
     channels = {}
     problems = []
@@ -305,24 +303,24 @@ def _si_channels(
             if si is not logged:  # a factor may overflow
                 problem = problem or _not_finite(si, channel, samples)
             problems += [problem] if problem else []
-    if len(problems) == 1:
-        raise LogError(f"{name}, {problems[0]}", code="bad-row")
     if problems:
-        raise joined_problems([LogError(problem, code="bad-row") for problem in problems], name)
+        raise joined_problems(problems)
     return channels
 
 
-def _not_finite(values: FloatArray, channel: str, samples: Samples) -> str:
-    """Return where a channel is no number; empty where all are."""
+def _not_finite(values: FloatArray, channel: str, samples: Samples) -> LogError | None:
+    """Return where a channel is no number; None where all are."""
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(values.sum()):  # one pass where all is well; a sum keeps NaN and infinity
-            return ""
+            return None
     bad = np.flatnonzero(~np.isfinite(values))
     if not len(bad):
-        return ""
-    return (
-        f"{samples.place(int(bad[0]))}: {channel} is blank, NaN or infinite, in "
-        f"{len(bad)} of {len(values)} rows in all; repair the log or remove these rows"
+        return None
+    return LogError(
+        f"{channel} is blank, NaN or infinite, in {len(bad)} of {len(values)} rows in all; repair "
+        "the log or remove these rows",
+        subject=f", {samples.place(int(bad[0]))}",
+        code="bad-row",
     )
 
 
@@ -330,7 +328,7 @@ def _not_finite(values: FloatArray, channel: str, samples: Samples) -> str:
 
 
 def _cuts(
-    samples: Samples, channels: Mapping[str, FloatArray], options: ReadOptions, name: str
+    samples: Samples, channels: Mapping[str, FloatArray], options: ReadOptions
 ) -> list[tuple[int, int]]:
     """Return first and stop of each test: cut at pauses, restarts and changes of setting."""
     n = len(channels["force"])
@@ -340,7 +338,7 @@ def _cuts(
     for adjuster in turned:
         values = samples.channels[adjuster]
         if problem := _not_finite(values, adjuster, samples):
-            raise LogError(f"{name}, {problem}", code="bad-row")
+            raise problem
         is_cut[1:n] |= values[1:] != values[:-1]
     first = 0
     if "time" in channels and n > 1:
@@ -350,16 +348,16 @@ def _cuts(
                 f"samples are {median(steps):.3g} s apart, closer than any logger takes them; "
                 "check the unit of time (rig.units)",
                 code="bad-clock",
-                subject=name,
             )
         if not turned and steps.min() > 0.0 and steps.max() <= (options.pause or _PAUSE):
             ends = buffer_ends(channels["time"]) if options.pause == 0.0 else []
             if ends:
-                _check_pieces(ends, channels, name)
+                _check_pieces(ends, channels)
             return list(pairwise([0, *(end + 1 for end in ends), n]))
         late = np.flatnonzero((steps <= 0.0) & ~is_cut[1:n])
         if options.sample_rate == 0.0 and options.restarts == "refuse" and len(late):
-            raise LogError(_backwards(channels, late + 1, samples, name), code="bad-clock")
+            place = f", {samples.place(int(late[0]) + 1)}"
+            raise LogError(_backwards(channels, late + 1), subject=place, code="bad-clock")
         if options.restarts != "refuse":
             is_cut[late + 1] = True
         if options.restarts == "last" and len(late):
@@ -372,13 +370,12 @@ def _cuts(
         raise LogError(
             f"time jumps {len(edges) - 2} times; these are not tests but a faulty clock: "
             "declare rig.sample_rate",
-            subject=name,
             code="bad-clock",
         )
     return list(pairwise(edges))
 
 
-def _check_pieces(ends: Sequence[int], channels: Mapping[str, FloatArray], name: str) -> None:
+def _check_pieces(ends: Sequence[int], channels: Mapping[str, FloatArray]) -> None:
     """Refuse a record in pieces, between the pauses of its logger, that hold no three cycles."""
     time, x, n = channels["time"], channels["displacement"], ends[0] + 1
     off = x - 0.5 * (float(np.min(x)) + float(np.max(x)))
@@ -392,7 +389,6 @@ def _check_pieces(ends: Sequence[int], channels: Mapping[str, FloatArray], name:
             f"{_CYCLES} are the least; log with a larger buffer, fewer samples a second or a "
             "faster motion",
             code="short-pieces",
-            subject=name,
         )
 
 
@@ -415,10 +411,8 @@ def _cut_at_levels(
     return list(pairwise([first, *starts, stop])), (finding,)
 
 
-def _backwards(
-    channels: Mapping[str, FloatArray], late: NDArray[np.intp], samples: Samples, name: str
-) -> str:
-    """Return where time does not increase, in rows `late`, and what to do about it."""
+def _backwards(channels: Mapping[str, FloatArray], late: NDArray[np.intp]) -> str:
+    """Return how time does not increase, in rows `late`, and what to do about it."""
     time, i = channels["time"], int(late[0])
     what = "repeats" if time[i] == time[i - 1] else "runs backwards"
     advice = "several tests in one file: declare rig.restarts"
@@ -434,7 +428,7 @@ def _backwards(
     elif not np.any(np.diff(time)):
         advice = "the clock stands still: declare rig.sample_rate, if the rows are evenly spaced"
     return (
-        f"{name}, {samples.place(i)}: time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
+        f"time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
         f"time must increase ({len(late)} such row{'s' * (len(late) > 1)}); {advice}"
     )
 

@@ -105,31 +105,30 @@ class _Block(NamedTuple):
 
 def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     """Return the tables of a delimited text log: one, or one for each block."""
-    name, drops = source.name, options.bad_rows == "drop"
-    data, notes = to_utf8(source.data, name=name, encoding=options.encoding, allows_nul=drops)
+    drops = options.bad_rows == "drop"
+    data, notes = to_utf8(source.data, encoding=options.encoding, allows_nul=drops)
     if n_lines := options.skip_lines:
         ends = [end for _, end in zip(range(n_lines), _LINE_END.finditer(data), strict=False)]
         if len(ends) < n_lines:
             raise LogError(
                 f"fewer lines than the {n_lines} to skip (skip_lines)",
-                subject=name,
                 code="wrong-value",
             )
         data = data[ends[-1].end() :]
         notes = (*notes, f"{n_lines} lines skipped, as declared")
     if header := _MTS793.match(data):
         notes = (*notes, f"MTS 793 export, language {header['language'].decode()}")
-    blocks = _blocks(data, n_lines + 1, header["decimal"].decode() if header else "", name)
+    blocks = _blocks(data, n_lines + 1, header["decimal"].decode() if header else "")
     empty = [block for block in blocks if block.title and not _DATA.search(block.data)]
     if 0 < len(empty) < len(blocks):
         others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
         notes = (*notes, f"left out: the block in line {empty[0].first_line}{others}, without rows")
         blocks = [block for block in blocks if block not in empty]
-    tables = tuple(_table(block, name, notes, options) for block in blocks)
+    tables = tuple(_table(block, source.name, notes, options) for block in blocks)
     return _with_time_of_titles(tables, options)
 
 
-def _blocks(data: bytes, first_line: int, decimal: str, name: str) -> list[_Block]:
+def _blocks(data: bytes, first_line: int, decimal: str) -> list[_Block]:
     """Return the whole text, or the pieces that MTS heads with "Data Acquisition"."""
     has_blocks = data.find(b"Data Acquisition", 0, _MAX_PREAMBLE) >= 0
     starts = list(_BLOCK.finditer(data)) if has_blocks else []
@@ -150,7 +149,6 @@ def _blocks(data: bytes, first_line: int, decimal: str, name: str) -> list[_Bloc
     if not blocks:
         raise LogError(
             f"no data rows after 'Data Acquisition' in line {line - 1}",
-            subject=name,
             code="no-data",
         )
     return blocks
@@ -158,7 +156,7 @@ def _blocks(data: bytes, first_line: int, decimal: str, name: str) -> list[_Bloc
 
 def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     """Return a table for each segment of a LabVIEW measurement file."""
-    data, notes = to_utf8(source.data, name=source.name, encoding=options.encoding)
+    data, notes = to_utf8(source.data, encoding=options.encoding)
     ends = list(_LVM_END.finditer(data))
     facts = dict(_LVM_ENTRY.findall(data[: ends[0].start()].decode() if ends else ""))
     preamble = tuple(f"{key}: {text}" for key, text in facts.items())
@@ -199,9 +197,7 @@ def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         block = _Block(text, line, decimal, f"segment {k}", preamble)
         tables.append(_table(block, source.name, notes, options))
     if not tables:
-        raise LogError(
-            "a LabVIEW measurement file without a segment", subject=source.name, code="no-data"
-        )
+        raise LogError("a LabVIEW measurement file without a segment", code="no-data")
     return tuple(tables)
 
 
@@ -296,11 +292,11 @@ def _fields(text: str, separator: str) -> list[str]:
     return [field.strip() for field in text.split(separator)]
 
 
-def _parted_head(block: _Block, options: ReadOptions, name: str) -> tuple[str, Sequence[_Row], int]:
+def _parted_head(block: _Block, options: ReadOptions) -> tuple[str, Sequence[_Row], int]:
     """Return the separator, the first lines of a text parted by it, and the first row of data."""
     lines: list[_Row] = []
     for n_lines in _HEAD_LINES:
-        lines = _head(block, n_lines, name)
+        lines = _head(block, n_lines)
         best, best_score = None, 0.0
         asked = SEPARATORS.get(options.separator)
         for separator in _MARKS if asked is None else (asked,):
@@ -323,12 +319,12 @@ def _parted_head(block: _Block, options: ReadOptions, name: str) -> tuple[str, S
         if any(row.names_by(separator) for separator in _MARKS):
             what = f"no {'rows of numbers' if below else 'data rows'} after the names in line"
             found = f"; line {below.number} is {visible(below.text)}" if below else ""
-            raise LogError(f"{what} {row.number}{found}", code="no-rows", subject=name)
+            raise LogError(f"{what} {row.number}{found}", code="no-rows")
     text = f"{what}; line {shown.number} is {visible(shown.text)}"
-    raise LogError(text, code="no-rows", subject=name)
+    raise LogError(text, code="no-rows")
 
 
-def _head(block: _Block, n_lines: int, name: str) -> list[_Row]:
+def _head(block: _Block, n_lines: int) -> list[_Row]:
     """Return the first lines of UTF-8 text that are not blank."""
     head: list[_Row] = []
     end = min(len(block.data), _HEAD_BYTES)
@@ -336,7 +332,8 @@ def _head(block: _Block, n_lines: int, name: str) -> list[_Row]:
         is_cut = match.end() == end < len(block.data)
         if is_cut and not head:
             raise LogError(
-                f"{name}, line {number}: longer than {_HEAD_BYTES} bytes; this is not a log",
+                f"longer than {_HEAD_BYTES} bytes; this is not a log",
+                subject=f", line {number}",
                 code="too-large",
             )
         if is_cut or len(head) == n_lines:
@@ -345,7 +342,7 @@ def _head(block: _Block, n_lines: int, name: str) -> list[_Row]:
         if text.strip():
             head.append(_Row(number, match.start(), text))
     if not head:
-        raise LogError("nothing but blank lines", subject=name, code="no-data")
+        raise LogError("nothing but blank lines", code="no-data")
     return head
 
 
@@ -458,10 +455,10 @@ def _metadata(preamble: Sequence[str]) -> dict[str, str]:
 def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, marks, rows
     block: _Block, name: str, notes: tuple[str, ...], options: ReadOptions
 ) -> Table:
-    separator, head, first_row = _parted_head(block, options, name)
+    separator, head, first_row = _parted_head(block, options)
     if (n := len(head[first_row].fields)) > _MAX_COLUMNS:
-        where, limit = head[first_row].number, f"more than the limit of {_MAX_COLUMNS}"
-        raise LogError(f"{name}, line {where}: {n} columns, {limit}", code="bad-row")
+        where, text = head[first_row].number, f"{n} columns, more than the limit of {_MAX_COLUMNS}"
+        raise LogError(text, subject=f", line {where}", code="bad-row")
     data_at, names_at, units_at = _heading(head, first_row)
     start, names_line = head[data_at].offset, 0 if names_at is None else head[names_at].number
     names = [] if names_at is None else list(head[names_at].fields)
@@ -484,7 +481,7 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
         if rows[end:].strip():
             if end == start:
                 text = "no data rows; the only one has no line end and may be cut"
-                raise LogError(text, subject=name, code="bad-row")
+                raise LogError(text, code="bad-row")
             words = "no final newline; the last row may be cut and was dropped; is the log whole?"
             findings.append(Finding("cut_row", "warning", words, 1.0))
         rows = rows[:end]
@@ -504,8 +501,8 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
     units = [] if units_at is None else [unit.strip("()[] ") for unit in head[units_at].fields]
     if units and len(units) not in (n_fields, len(names)):
         raise LogError(
-            f"{name}, line {names_line + 1}: {len(units)} units for {len(names)} names in line "
-            f"{names_line}",
+            f"{len(units)} units for {len(names)} names in line {names_line}",
+            subject=f", line {names_line + 1}",
             code="bad-row",
         )
     takes_full = False
@@ -652,7 +649,7 @@ class _Rows(NamedTuple):
         samples = _joined(pieces)
         if not len(next(iter(samples.channels.values()))):
             first = f"; first: {bad[0]}" if bad else ""
-            raise LogError(f"no data rows{first}", subject=self.name, code="no-data")
+            raise LogError(f"no data rows{first}", code="no-data")
         return replace(samples, findings=rows_dropped(len(bad), bad[0] if bad else ""))
 
     def _pieces(self) -> Iterator[_Rows]:

@@ -46,7 +46,8 @@ if TYPE_CHECKING:
 
     from damperfit.comparison import Point, RunComparison, Tolerance
     from damperfit.configuration.options import Configuration
-    from damperfit.io import ForceCurve, ReadOptions
+    from damperfit.io import ReadOptions
+    from damperfit.io.force_curves import ForceCurve
     from damperfit.queries.settings import Question
     from damperfit.reporting.sheet import Sheet
     from damperfit.results import Run

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.configuration.options import Configuration
-    from damperfit.io import ForceCurve
+    from damperfit.io.force_curves import ForceCurve
     from damperfit.problem import Failure
     from damperfit.recording import Trace
     from damperfit.run.logs import LogBatch
