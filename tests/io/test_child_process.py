@@ -37,7 +37,6 @@ def ask(data: bytes, limit: int = LIMIT, reader: ChildReader = READER) -> ChildA
 def refusal(data: bytes, limit: int = LIMIT) -> str:
     with pytest.raises(LogError) as caught:
         ask(data, limit)
-    assert str(caught.value).startswith("log.x: ")
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
