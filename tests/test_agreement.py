@@ -177,7 +177,7 @@ class Outlets:
 @pytest.fixture(
     scope="module",
     params=[
-        pytest.param(name, marks=[pytest.mark.slow] * (name in {"sine", "few_samples"}))
+        pytest.param(name, marks=[pytest.mark.slow] * (name in {"stepped", "few_samples"}))
         for name in CASES
     ],
 )

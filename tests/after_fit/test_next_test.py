@@ -34,11 +34,11 @@ def test_where_no_test_helps_the_answer_says_so(fitted) -> None:
     assert not advice.sheets()
 
 
-def test_the_command_prints_what_the_function_returns(results, capsys) -> None:
+def test_the_command_prints_what_the_function_returns(results, fitted, capsys) -> None:
     words = ("advise", str(results), "--for", "force@0.05m/s", "--setting", "10", "--json")
     assert main(words) == 0
     document = json.loads(capsys.readouterr().out)
-    advice = damperfit.advise(results, for_="force@0.05m/s", setting="10")
+    advice = damperfit.advise(fitted, for_="force@0.05m/s", setting="10")
     assert document["sentence"] == advice.sentence
     assert document["tests"][0]["share"] == pytest.approx(advice.tests[0].share)
 

@@ -51,11 +51,11 @@ def loaded_first(folder: Path, *how: str, **variables: str) -> set[str]:
 
 # Every command; what starts processes of its own does so: copies, spawned workers, child readers.
 COMMANDS = (
-    "identify setting_0*.csv --jobs 2 --out ../out",
     "fleet . --jobs 1 --out ../fleet --collect",
     *(
         pytest.param(words, marks=pytest.mark.slow)
         for words in """
+identify setting_0*.csv --jobs 2 --out ../out
 inspect .
 simulate --setting 5 --out ../a.csv --plot ../a.png
 report {results} --out ../page

@@ -276,6 +276,7 @@ def reference():
     return rig(duration=6.0)
 
 
+@pytest.mark.slow
 def test_noise_alone_is_not_called_a_difference(reference) -> None:
     told = shares(compared_pairs(reference, reference, 3))
     for share, _, surely in told.values():

@@ -72,10 +72,11 @@ def test_every_declaration_is_looked_at_below() -> None:
 def test_the_nearest_word_counts_also_where_it_is_the_default(tmp_path, key) -> None:
     choices = [{}, *({key: value} for value in dict.fromkeys(map(_frozen, VALUES[key])))]
     choices = [{k: list(v) if isinstance(v, tuple) else v for k, v in c.items()} for c in choices]
-    # Each level with and without a word, every word nearest once: not all 64.
+    # Each level with and without a word, and every word nearest once: not all 64.
     words = [choices[1:][k:] + choices[1:][:k] for k in range(len(choices) - 1)]
     said = [(word[0], word[1 % len(word)], word[-1]) for word in words]
-    for three, has in itertools.product(said, itertools.product([True, False], repeat=3)):
+    each = itertools.product(said[:1], itertools.product([True, False], repeat=3))
+    for three, has in (*each, *((three, (True, True, True)) for three in said[1:])):
         levels = [one if there else {} for one, there in zip(three, has, strict=True)]
         told = [level[key] for level in levels if level]
         expected = told[-1] if told else VALUES[key][0]
