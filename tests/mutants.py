@@ -15,7 +15,7 @@ import random
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -189,11 +189,25 @@ def _replace(old: Any, new: Any, set_: Callable[[Any], None]) -> None:
     if isinstance(new, FunctionType) and isinstance(old, FunctionType):
         old.__code__, old.__defaults__ = new.__code__, new.__defaults__
         old.__kwdefaults__ = new.__kwdefaults__
-    elif isinstance(new, dict) and isinstance(old, dict) and _is_plain(new):
-        old.clear()
-        old.update(new)
+    elif isinstance(new, dict) and isinstance(old, dict):
+        for key, value in new.items():
+            _replace(old.get(key), value, partial(old.__setitem__, key))
+    elif is_dataclass(new) and not isinstance(new, type) and is_dataclass(old):
+        for one in fields(new):
+            changed = partial(object.__setattr__, old, one.name)
+            _replace(getattr(old, one.name), getattr(new, one.name), changed)
+    elif isinstance(new, tuple | list) and isinstance(old, tuple | list):
+        if len(new) == len(old) and not any(map(_differ, old, new)):
+            for pair in zip(old, new, strict=True):
+                _replace(*pair, lambda _: None)
+        else:
+            set_(new)
     elif _is_plain(new) and new != old:
         set_(new)
+
+
+def _differ(old: Any, new: Any) -> bool:
+    return _is_plain(new) and new != old
 
 
 def _is_plain(value: Any) -> bool:

@@ -790,8 +790,9 @@ def doubtful() -> Any:
 
     frictions = logs(lambda values, k: replace(values, f_f=30.0 + 20.0 * k))
     unseen = logs(lambda values, _: replace(values, r_m3=2.6e3, f_f=1e-3))
-    outside = replace(PURDY_DAMPER, ambient_pressure=101325.0)
-    airy = [log(sine(), own[one], outside, setting=one, noise=0.5) for one in (8, 12)]
+    thick = replace(PURDY_DAMPER, rod_diameter=0.022)
+    outside = replace(thick, ambient_pressure=101325.0)
+    airy = [log(sine(), own[one], outside, setting=one) for one in (8, 12)]
     other = replace(own[8], r_m1=1.3 * own[8].r_m1)
     held = log(parts((0.02, 2.5, 12)), other, setting=8, name="held.csv")
     sound = logs(lambda values, _: values)
@@ -799,7 +800,7 @@ def doubtful() -> Any:
         "frictions": told(fit(frictions)),
         "unseen": told(fit(unseen)),
         "unseen_alone": told(fit(unseen[:1], procedure="plain")),
-        "air": told(fit(airy)),
+        "air": told(fit(airy, damper=thick)),
         "missed": told(fit([*sound, held], hold_out=["held*"])),
         "starts": fit([sound[2]], procedure="plain", starts=4).record["searches"],
         "shared_profile": told(fit(sound, procedure="joint", profile="r_m3")),
@@ -831,6 +832,7 @@ def valve_kinds() -> Any:
             friction=Friction(breakaway=FIT, stribeck_speed=FIT, seal_area=FIT, **turns),
         )
         values, law = made_up_values(model, 3, 0.25), Structure(model, ("drag",))
+        values = values.replace(drag=15.0)
         motion = parts((0.02, 0.6, 2), (0.02, 2.0, 6))
         seen = simulate(values, model, motion, sensitivities=model.names, options=ROUGH)
         trace = condition(log(motion, values, model, noise=1.0))
