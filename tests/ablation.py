@@ -53,7 +53,6 @@ PIECES: dict[str, tuple[str, str, Any]] = {
         "from_neighbours",
         lambda _, fits, **__: ({one: fit.parameters for one, fit in fits.items()}, 0),
     ),
-    "clip": ("identification.fit_problem", "Block.stays_beyond", False),
     "further_starts": ("damper.purdy.parameters", "Damper.further_starts", lambda *_: ()),
     "starts in turn": ("identification.starts", "_in_turn", lambda _, ranked: ranked),
     "lost valve": ("identification.starts", "_lost_a_valve", lambda *_: False),

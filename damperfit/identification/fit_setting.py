@@ -70,9 +70,9 @@ NOT_FOUND = 0.5
 NOT_FIT_TO_SHARE = 1.0 / 3.0
 # Friction below this share of the force's deviation that the logs do not fix has run to zero.
 _NO_FRICTION = 1e-2
-# A fit whose full step promises less than a tenth of an error is at its minimum, though the
-# integrator's own error lets no step lead there.
-_NO_ERROR = 0.1
+# A fit that no step makes better, while the full step promises less than half an error, is at its
+# minimum as far as anyone sees: the integrator's own error and kinks let no step lead further.
+_NO_ERROR = 0.5
 # MSE in per cent that the paper calls excellent; that of a wrong local minimum is about 2 %.
 EXCELLENT = 1.0
 

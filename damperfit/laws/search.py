@@ -42,7 +42,7 @@ from damperfit.damper.valves import read_loops, valve_starts
 from damperfit.errors import SimulationError
 from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identification.fit_problem import Block
+from damperfit.identification.fit_problem import Block, is_at_edge
 from damperfit.identification.least_squares import Stopping
 from damperfit.identification.logs import effective_samples
 from damperfit.identification.sharing import unknown_at
@@ -522,9 +522,16 @@ class _Search:
         return best
 
     def candidate(self, glance: _Fit, beside: _Fit, words: str) -> _Fit | None:
-        """A candidate followed to its minimum, and kept with what it gains."""
+        """A candidate followed to its minimum, and kept with what it gains.
+
+        None where a number that it has more strains against its range at every setting.
+        """
         try:
             ended = self.ended_at(glance)
+            values = ended.values.values()
+            more = (name for name in ended.model.free if name not in beside.model.free)
+            if any(all(is_at_edge(one, name) for one in values) for name in more):
+                return None
             gain = self.criterion(beside) - self.criterion(ended)
         except SimulationError:
             return None
@@ -550,11 +557,16 @@ class _Search:
         All after a few evaluations beside the fit, which may be at fewer settings, the first of
         them after some more.
         """
-        found = []
+        found: list[tuple[float, str, _Fit]] = []
+        rises: dict[ValveDamper, float] = {}
         for words, structure in candidates.items():
+            halves = [rises[one] for one in structure.strokes_beside(fit.structure) if one in rises]
+            if min(halves, default=-math.inf) > self.margin(fit):
+                continue  # what neither stroke gains both do not
             glance = self.glanced(structure, near, began.get(words, ""))
             if glance is not None:
                 found.append((self.rise(glance, near, fit), words, glance))
+                rises[structure.damper] = found[-1][0]
         found.sort(key=lambda one: one[0])
         for k, (rise, words, glance) in enumerate(found[:_LOOKED_AT]):
             if rise <= 0.0 and glance.minimum.status == 0:

@@ -185,6 +185,13 @@ class Structure:
         whole = sum(without_part(self.damper, name) != self.damper for name in PARTS)
         return whole + sum(self.damper.quantity(name).default == 0.0 for name in self.freed)
 
+    def strokes_beside(self, other: Structure) -> Iterator[ValveDamper]:
+        """Yield the other's damper with either valve of this one, where both differ."""
+        strokes = {stroke: getattr(self.damper, stroke) for stroke in STROKES}
+        if all(valve != getattr(other.damper, stroke) for stroke, valve in strokes.items()):
+            for stroke, valve in strokes.items():
+                yield replace(other.damper, **{stroke: valve})
+
     def laid_out(self, layout: ValveDamper) -> Structure:
         """Return the same parts in another layout, without what that has not."""
         names = ("rebound", "compression", "mounting", "friction")
