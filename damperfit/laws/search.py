@@ -109,7 +109,7 @@ _FREED = 2.0
 _MOST_UNBELIEVED = 9.0
 # Settings that moves are screened at; the chosen structure is fitted at all, and those that it
 # misses are screened at too.
-_MOST_COMPARED = 4
+_MOST_COMPARED = 5
 # Candidates that are followed to their minimum after each screening.
 _FOLLOWED = 4
 # A screened candidate may promise so much more misfit, in logarithms, than would be a gain.
@@ -1034,11 +1034,11 @@ class _Linear:
             least = rise
 
     def is_shown(self, name: str, way: tuple[str, ...]) -> bool:
-        """Whether each adjuster that an opening no longer follows has two determined values.
+        """Whether each adjuster that a preload or bleed follows no more has two determined values.
 
         One that is reached at one place of the adjuster, and never at another, agrees with all.
         """
-        if self.structure.damper.quantity(name).part != "opening":
+        if self.structure.damper.quantity(name).part not in {"opening", "bleed"}:
             return True
         own = [
             (dict(setting.evident), is_determined)
