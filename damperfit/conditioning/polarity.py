@@ -5,8 +5,8 @@
    sign declared, the energy fixes the other.
 3. The gas pushes the rod out. Where the log rests, the force is that of the gas within the
    friction, and tells the signs (`rest_of`).
-4. In the motion the force level (`gas_force`) is -a_r P_0 in the project's signs, and of the other
-   sign when the force is counted positive in bump. That is certain when
+4. In the motion the force level (`force_level`) is -a_r P_0 in the project's signs, and of the
+   other sign when the force is counted positive in bump. That is certain when
 
    - the level is `_CERTAIN` times what the gas gives, and more than twice its own uncertainty with
      what preloads may hide in it: those of rebound are mostly the larger ones, and lift the level
@@ -49,9 +49,9 @@ if TYPE_CHECKING:
 # change of signs:
 #
 # - *branches*: the constant of a least-squares fit of ``1, x, sgn(v)`` and of v and v^2 in each
-# stroke, the closed form of the incompressible damper without its bounds; - *reversals*: the mean
-# of the force at the two ends of the stroke, where friction and hysteresis are opposite, less the
-# curvature of the gas spring.
+#   stroke, the closed form of the incompressible damper without its bounds;
+# - *reversals*: the mean of the force at the two ends of the stroke, where friction and hysteresis
+#   are opposite, less the curvature of the gas spring.
 #
 # Their mean is the level. Its uncertainty is half their distance, a share of the hysteresis at
 # the ends of the stroke, and a little of the gas force. Over the reference set (4 N of noise, 500

@@ -115,6 +115,11 @@ class Block:
             object.__setattr__(self, "facts", LogFacts(self.traces))
 
     @property
+    def stays_beyond(self) -> bool:
+        """Whether what runs beyond its range stays there."""
+        return self.is_candidate
+
+    @property
     def whole(self) -> Block:
         """The same of the logs as they are."""
         return self if self.cycles is None else replace(self, cycles=None)
@@ -338,7 +343,7 @@ class _Stacked:
         settings, names, border = problem.settings, problem.variables, problem.border
         first = problem.blocks[settings[0]]
         self.is_alone = len(settings) == 1 and not border
-        self.stays_beyond = self.is_alone and first.is_candidate
+        self.stays_beyond = self.is_alone and first.stays_beyond
         self.weights = dict(problem.weights or {})
         if self.is_alone and not self.weights:
             self.weights = {settings[0]: first.scale**2}

@@ -179,12 +179,7 @@ def _ended(block: Block, start: Values) -> FitResult:
     logs = replace(block, cycles=None, max_evaluations=left)
     if block.cancelled():
         raise FitCancelledError("stopped while a fit was running.", code="cancelled")
-    ended = None
-    if near.ending != _LIMIT:  # one step on the logs, where that is not too far
-        with suppress(SimulationError):
-            first = descended(replace(logs, max_evaluations=1), near.values, _FINE)
-            if first.mse_percent > block.solvers_percent:
-                ended = _stepped(logs, first, errors=_AN_ERROR)
+    ended = None if near.ending == _LIMIT else _last_step(logs, near.values)
     ended = ended or _on_logs(logs, near.values)
     return ended.after(near.evaluations, near.failed_trials)
 
@@ -213,6 +208,15 @@ def _on_logs(block: Block, start: Values) -> FitResult:
         # The tighter integrator has failed where the other did not: what it found stands.
         return result.after(1, 1)
     return refined.after(result.evaluations, result.failed_trials)
+
+
+def _last_step(block: Block, near: Values) -> FitResult | None:
+    """One step on the logs from the minimum of their mean cycles; None where that is too far."""
+    with suppress(SimulationError):
+        first = descended(replace(block, max_evaluations=1), near, _FINE)
+        if first.mse_percent > block.solvers_percent:
+            return _stepped(block, first, errors=_AN_ERROR)
+    return None
 
 
 def descended(block: Block, start: Values, stopping: Stopping) -> FitResult:

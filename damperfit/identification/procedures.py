@@ -1,6 +1,6 @@
 """Fits over the settings of a damper: the procedures `plain`, `paper` and `joint`.
 
-`plain` fits every setting by itself; `paper` is `paper.as_in_the_paper`; `joint` starts from either
+`plain` fits every setting by itself; `paper` is `as_in_the_paper`; `joint` starts from either
 and fits all settings at once, with R_m3 and f_f, or what the model ties, in common.
 """
 
@@ -191,10 +191,11 @@ def fit_every_setting(
 
 # The paper's own procedure as stages of one fit, automated.
 #
-# 1. All five parameters at every setting, the lowest one first. The mean friction of the sound
-# fits is f_f. 2. The lowest setting whose logs tell R_m3 once more with that friction: R_m3 and
-# f_f are strongly correlated within one setting, and the mean over the settings knows f_f better
-# than any of them. 3. R_m1, R_m2 and K_e at every setting with both held.
+# 1. All five parameters at every setting, the lowest one first. The mean friction of the sound fits
+#    is f_f.
+# 2. The lowest setting whose logs tell R_m3 once more with that friction: R_m3 and f_f are strongly
+#    correlated within one setting, and the mean over the settings knows f_f better than any.
+# 3. R_m1, R_m2 and K_e at every setting with both held.
 #
 # What the logs do not tell is taken from the options or the model, with a warning.
 

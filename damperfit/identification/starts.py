@@ -400,17 +400,24 @@ def best_of_starts(
     ended = block.descend(best.extra, COMPARING)
     spent += ended.evaluations
     further = [(look.extra, False) for look in others] if is_thorough else []
-    of_valves = [name for name in block.free if block.model.quantity(name).part in _OF_VALVES]
+
     for start, is_next in (*further, *((one, True) for one in ranked[many : many + 1])):
         # The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
-        is_lost = any(is_at_edge(ended.extra, name) for name in of_valves)
-        if ended.cost <= expected or (is_next and not is_lost):
+        if ended.cost <= expected or (is_next and not _lost_a_valve(block, ended)):
             break
         with suppress(SimulationError):
             other = block.descend(start, COMPARING)
             spent += other.evaluations
             ended = min(ended, other, key=lambda one: one.cost)
     return replace(ended, evaluations=spent)
+
+
+def _lost_a_valve(block: Block, ended: Minimum[Values]) -> bool:
+    """Whether a bleed or a blow-off ran out of its range."""
+    return any(
+        block.model.quantity(name).part in _OF_VALVES and is_at_edge(ended.extra, name)
+        for name in block.free
+    )
 
 
 def _in_turn(block: Block, ranked: list[Values]) -> list[Values]:

@@ -6,7 +6,7 @@
 
 Preloads of 10 to 1000 N in either stroke lift the force at the reversals, as a gas force that is
 counted the other way does. ``--without`` tells what would be without doubt of such levels: without
-`_OF_HIDDEN` of `conditioning/polarity.py` and what `conditioning/gas_force.py` has as held.
+`_OF_HIDDEN` and `_OF_PRELOADS` of `conditioning/polarity.py` and what it has as held.
 ``--tares`` tells how often logs are said to be tared: right ones, and such without a gas force.
 """
 
@@ -20,7 +20,6 @@ from unittest.mock import patch
 import numpy as np
 
 from damperfit.conditioning import condition, polarity
-from damperfit.conditioning import polarity as gas_force
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import RATE, recording, sine
@@ -78,8 +77,8 @@ def main() -> None:
     with ExitStack() as doubts:
         if options.without:
             doubts.enter_context(patch.object(polarity, "_OF_HIDDEN", 0.0))
-            doubts.enter_context(patch.object(gas_force, "held_share", lambda _: 0.0))
-            doubts.enter_context(patch.object(gas_force, "_preloads", lambda *_: 0.0))
+            doubts.enter_context(patch.object(polarity, "held_share", lambda _: 0.0))
+            doubts.enter_context(patch.object(polarity, "_OF_PRELOADS", 0.0))
         for _ in range(options.dampers):
             x, force, known = drawn(random, declared)
             x = x + random.normal(0.0, 4e-6, len(x))
