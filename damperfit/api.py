@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     )
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
-    from damperfit.queries.compared import Comparison, CurveForces
-    from damperfit.queries.settings import SettingForces
+    from damperfit.queries.compared import Comparison
+    from damperfit.queries.settings import CurveForces, SettingForces
     from damperfit.recording import Recording
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
@@ -676,7 +676,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     places = results if isinstance(results, list | tuple) else [results]
     paths = [folder_of(one, "damperfit.settings") for one in places] or [_RESULTS]
     if all(path.is_file() for path in paths):
-        from damperfit.queries.compared import measured_forces
+        from damperfit.queries.settings import measured_forces
 
         idle = ("amplitude", "frequency", "temperature", "units")
         refuse_idle(given, idle, f"the forces of {paths[0]} were measured, not simulated")
@@ -718,8 +718,13 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     """Show what differs between results, and whether it is more than chance."""
     given = dict(locals())
     from damperfit.comparison import parse_bands
-    from damperfit.queries.compared import Comparison, compare_all, comparison_options, one_run
-    from damperfit.queries.compared_runs import baseline_text
+    from damperfit.queries.compared import (
+        Comparison,
+        baseline_text,
+        compare_all,
+        comparison_options,
+        one_run,
+    )
     from damperfit.results import Run
     from damperfit.store import write_text
 

@@ -219,7 +219,7 @@ def folder_of(given: object, where: Option | str, expected: str = _RESULT) -> Pa
         raise _wrong(f"found {found}; expected {expected}", where, "not-a-result")
     path = path_of(given, where, expected)
     if path.suffix.lower() == ".json" and where != "damperfit.compare":
-        from damperfit.queries.compared_runs import is_baseline
+        from damperfit.queries.compared import is_baseline
 
         if is_baseline(path):
             text = "a baseline or passport, which compare reads; give the results it was made of"

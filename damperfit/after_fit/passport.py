@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
-from damperfit.queries.compared_runs import baseline_text, read_run
+from damperfit.queries.compared import baseline_text, read_run
 from damperfit.reporting.drawing import draw_plot
 from damperfit.reporting.forces import force_sheets
 from damperfit.reporting.report import lead

@@ -3,13 +3,14 @@
 from damperfit.comparison.comparing import ComparisonOptions, RunComparison, compare_runs
 from damperfit.comparison.measured import MeasuredTest, common_tests, measured_tests
 from damperfit.comparison.tolerance import (
+    Point,
     Tolerance,
     bands_met,
     parse_bands,
     parse_tolerance,
     tolerated,
 )
-from damperfit.comparison.verdict import Difference, Point, Sameness, verdict_of
+from damperfit.comparison.verdict import Difference, Sameness, verdict_of
 
 __all__ = [
     "ComparisonOptions",

@@ -1,6 +1,10 @@
 """Runs compared: what was measured first, then forces, parameters, energy and hysteresis.
 
-Beside the numbers stands what the runs differ in besides, which may be the reason.
+At a setting where a model misses the measured force of any run by more than it may, the measured
+forces of all are compared, at every speed: a model that misses one is not asked for the next, and a
+difference must be of one kind. Where every run knows the offset of its rig, which is tared before
+each test, forces are without it. Beside the numbers stands what the runs differ in besides, which
+may be the reason.
 """
 
 from __future__ import annotations
@@ -10,17 +14,7 @@ from dataclasses import dataclass, field, replace
 from statistics import fmean, median, stdev
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.adjustment.force_at import REPEATS, named_speeds, said_offsets
-from damperfit.comparison.fitted import (
-    comparable_quantities,
-    figure_lines,
-    force_readings,
-    known_tares,
-    knows_gas,
-    parameter_readings,
-    settings_of,
-    shifted,
-)
+from damperfit.adjustment.force_at import REPEATS, STROKES, force_at, named_speeds, said_offsets
 from damperfit.comparison.measured import (
     SAME_MOTION,
     measured_readings,
@@ -30,12 +24,15 @@ from damperfit.comparison.measured import (
 )
 from damperfit.comparison.verdict import (
     Difference,
+    Reading,
     Sameness,
+    Topic,
     compared,
     outcome_of,
     surely_different,
 )
 from damperfit.errors import ConfigurationError, failure_of
+from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.problem import Option
 from damperfit.statistics import NORMAL_95
@@ -47,7 +44,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.adjustment.force_at import Sine
-    from damperfit.comparison.verdict import Reading, Topic
+    from damperfit.damper.quantity import Quantity
+    from damperfit.errors import OnError
     from damperfit.problem import Failure
     from damperfit.results import Run
     from damperfit.tested.setting import Setting
@@ -59,6 +57,12 @@ if TYPE_CHECKING:
 _EACH, _CONSTANT = "the motion of each test", "constant speed"
 _KINDS = ("measured", "force", "parameter", "figure")
 _FEW_REPEATS = 3  # fewer tell little of a scatter
+_OBJECTIONS = {
+    Status.AT_BOUND.value: "it is at a bound of its range",
+    Status.NOT_IDENTIFIABLE.value: "the logs do not determine it",
+    Status.ABSENT.value: "the law is fitted without it there",
+}
+_ONCE = {Status.SHARED.value, Status.FIXED.value, Status.NOT_IDENTIFIABLE.value}
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +86,6 @@ class Circumstance(NamedTuple):
     first: str
     second: str
     sentence: str
-
-    @property
-    def is_alike(self) -> bool:
-        """Whether it is what both have in common."""
-        return self.kind == "logs"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,46 +133,35 @@ class RunComparison:
 
     @property
     def forces_title(self) -> str:
-        """What forces are compared, as in "forces as measured at the motion of each test"."""
+        """What forces are compared, as in "Forces as measured at the motion of each test"."""
         forces = self.of("force")
         is_measured = bool(forces) and all(line.is_measured for line in forces)
         motion = self.units.say_lengths(self.motion)
-        return f"forces {'as measured ' if is_measured else ''}at {motion}"
+        return f"Forces {'as measured ' if is_measured else ''}at {motion}"
 
     @property
     def differing(self) -> tuple[str, ...]:
         """Sentences of what else differs, which may be the reason."""
-        return tuple(one.sentence for one in self.circumstances if not one.is_alike)
+        return tuple(one.sentence for one in self.circumstances if one.kind != "logs")
 
     @property
     def to_know(self) -> tuple[str, ...]:
         """Sentences of what both have in common, and the notes."""
-        alike = tuple(one.sentence for one in self.circumstances if one.is_alike)
+        alike = tuple(one.sentence for one in self.circumstances if one.kind == "logs")
         return (*alike, *self.notes)
 
 
-def compare_runs(
+def compare_runs(  # noqa: C901, PLR0915 - one step after the other
     first: Run,
     second: Run,
     options: ComparisonOptions = ComparisonOptions(),
     *,
     repeats: Sequence[Run] = (),
 ) -> RunComparison:
-    """Return a run beside the reference.
+    """Return a run beside the reference; of `repeats`, its further runs, scatter is the measure.
 
-    Parameters
-    ----------
-    first, second : Run
-        The reference and the other.
-    options : ComparisonOptions
-        What is compared.
-    repeats : sequence of Run
-        Further runs of the reference: their scatter is then the measure.
-
-    Raises
-    ------
-    ConfigurationError
-        They have no setting in common, or no motion reaches the speeds that were asked for.
+    A ConfigurationError tells that they have no setting in common, or no motion reaches the speeds
+    that were asked for.
     """
     runs = (first, *repeats, second)
     is_bare = options.is_measured or not all(run.settings for run in runs)
@@ -199,14 +187,30 @@ def compare_runs(
         measured = measured_readings(runs, settings, speeds=options.speeds)
     else:
         measured = measured_readings(runs, settings, kind="measured")
-        speeds = _speeds(runs, options)
+        speeds = options.speeds
+        if not speeds:  # the named ones that the sine or all tests have reached
+            top = min(run.motion.peak_speed for run in runs)
+            top = top if options.sine is None else options.sine.peak_speed
+            if not (speeds := named_speeds(top)):
+                raise ConfigurationError(
+                    f"none is reached by {top:.3g} m/s; give {{velocity}}",
+                    velocity=Option("velocity"),
+                    subject="the named test speeds",
+                    code="no-speed",
+                )
         forces = force_readings(runs, settings, speeds=speeds, on_error=take)
         parameters = parameter_readings(runs, settings)
         bare = known_tares(runs, settings)
 
     def tared(topic: Topic, reading: Reading, shift: Shift) -> Reading:
-        is_bare_force = topic.kind == "force" and topic.setting in bare
-        return reading if topic.speed is None or is_bare_force else shifted(reading, *shift)
+        """Without a zero shift, of which a model without an offset took up between none and all."""
+        if topic.speed is None or (topic.kind == "force" and topic.setting in bare):
+            return reading
+        size, error = shift
+        if size and not reading.is_measured:
+            size, error = 0.5 * size, math.hypot(0.5 * error, size / math.sqrt(12.0))
+        repeat = math.hypot(reading.repeat, error)
+        return replace(reading, value=reading.value - size, repeat=repeat)
 
     tables = [
         {topic: tared(topic, one, shift) for topic, one in (tests | models | values).items()}
@@ -218,31 +222,45 @@ def compare_runs(
             f"{listed_settings(settings)}: no motion is common to both",
             code="nothing-in-common",
         )
-    hashes = [
-        [
+    hashes = {
+        setting: [
             {str(log["sha256"]) for log in _inputs(run) if log["setting"] == setting.cell}
             for run in runs
         ]
         for setting in settings
-    ]
-    identical = tuple(
-        setting
-        for setting, own in zip(settings, hashes, strict=True)
-        if own[0] and all(other == own[0] for other in own)
+    }
+    identical = tuple(one for one, (a, *more) in hashes.items() if a and all(b == a for b in more))
+    motions = [] if is_bare else [(run.motion.amplitude, run.motion.frequency) for run in runs]
+    is_same_motion = all(  # what each model misses there was measured
+        abs(one / own - 1.0) <= SAME_MOTION
+        for motion in motions
+        for one, own in zip(motion, motions[0], strict=True)
     )
+    lines: list[Difference] = []
+    *references, other = tables
+    for kind in _KINDS:  # what is asked of the forces and of the parameters are two questions
+        group = []
+        for topic, reading in other.items():
+            mine = [table[topic] for table in references if topic in table]
+            if topic.kind != kind or len(mine) < len(references):
+                continue
+            if repeats:
+                line = compared(topic, _mean(topic, mine), _bare(reading))
+            else:
+                line = compared(topic, mine[0], reading, is_same_motion=is_same_motion)
+            group.append(line)
+        lines += surely_different(group)
     lines = [
         # What was measured of the same logs is the same, whatever a filter has made of it.
         replace(line, verdict=Sameness.SAME, is_sure=False, words="identical: the same logs")
         if line.is_measured and line.subject.setting in identical
         else line
-        for line in _lines(tables, is_same_motion=is_bare or _is_same_motion(runs))
+        for line in lines
     ]
     if not is_bare:
         lines += figure_lines(first, second, settings)
     return RunComparison(
-        first,
-        second,
-        tuple(repeats),
+        *(first, second, tuple(repeats)),
         circumstances(first, second, options.units, is_bare=is_bare),
         settings,
         _EACH if is_bare else _CONSTANT,
@@ -255,47 +273,11 @@ def compare_runs(
     )
 
 
-def _is_same_motion(runs: Sequence[Run]) -> bool:
-    """Whether all were tested with one motion: what each model misses there was measured."""
-    a = runs[0].motion
-    ratios = [
-        ratio
-        for run in runs
-        for ratio in (run.motion.amplitude / a.amplitude, run.motion.frequency / a.frequency)
-    ]
-    return all(abs(ratio - 1.0) <= SAME_MOTION for ratio in ratios)
-
-
-def _speeds(runs: Sequence[Run], options: ComparisonOptions) -> tuple[float, ...]:
-    """Return the speeds asked for, else the named ones that the sine or all tests have reached."""
-    if options.speeds:
-        return options.speeds
-    top = min(run.motion.peak_speed for run in runs)
-    if options.sine is not None:
-        top = options.sine.peak_speed
-    if not (speeds := named_speeds(top)):
-        raise ConfigurationError(
-            f"none is reached by {top:.3g} m/s; give {{velocity}}",
-            velocity=Option("velocity"),
-            subject="the named test speeds",
-            code="no-speed",
-        )
-    return speeds
-
-
-def _lines(tables: Sequence[Readings], *, is_same_motion: bool) -> Iterator[Difference]:
-    *references, other = tables
-    for kind in _KINDS:  # what is asked of the forces and of the parameters are two questions
-        lines = []
-        for topic, second in other.items():
-            known = [table[topic] for table in references if topic in table]
-            if topic.kind != kind or len(known) < len(references):
-                continue
-            first, beside = known[0], second
-            if len(known) > 1:
-                first, beside = _mean(topic, known), _bare(second)
-            lines.append(compared(topic, first, beside, is_same_motion=is_same_motion))
-        yield from surely_different(lines)
+def settings_of(run: Run, *, is_bare: bool) -> tuple[Setting, ...]:
+    """Return the settings that were measured, or those that have parameters."""
+    if is_bare:
+        return tuple(sorted({test.setting for test in run.tests}))
+    return tuple(stage.setting for stage in run.settings)
 
 
 def _mean(topic: Topic, readings: Sequence[Reading]) -> Reading:
@@ -309,12 +291,11 @@ def _mean(topic: Topic, readings: Sequence[Reading]) -> Reading:
     objection = next((one.objection for one in readings if one.objection), "")
     if not all(map(math.isfinite, values)):
         return replace(readings[0], value=math.nan, objection=objection)
+    mean, error = fmean(values), stdev(values)
     if topic.is_logarithmic and min(values) > 0.0:
         logs = [math.log(value) for value in values]
         mean = math.exp(fmean(logs))
         error = mean * stdev(logs)
-    else:
-        mean, error = fmean(values), stdev(values)
     return replace(
         _bare(readings[0]),
         value=mean,
@@ -328,6 +309,164 @@ def _mean(topic: Topic, readings: Sequence[Reading]) -> Reading:
 def _bare(reading: Reading) -> Reading:
     """Return a reading without errors: the scatter of repeats is the measure."""
     return replace(reading, error=0.0, repeat=0.0, misfit=0.0, misses=math.nan)
+
+
+# What was fitted, as readings
+
+
+def force_readings(
+    runs: Sequence[Run],
+    settings: Sequence[Setting],
+    *,
+    speeds: Sequence[float],
+    on_error: OnError | None = None,
+) -> tuple[Readings, ...]:
+    """Return the forces of fitted runs at speeds, m/s, of settings that all have.
+
+    Without `on_error` an error that a setting has met is raised.
+    """
+    bare = known_tares(runs, settings)
+    tables = []
+    for run in runs:
+        stages = [stage for stage in run.settings if stage.setting in settings]
+        forces = force_at(stages, run.damper, speeds, measured=run.speed_forces, on_error=on_error)
+        tables.append(
+            {
+                (one.setting, one.speed, one.stroke): one if one.setting in bare else one.with_tare
+                for one in forces
+            }
+        )
+    order = [
+        (setting, speed, stroke) for setting in settings for speed in speeds for stroke in STROKES
+    ]
+    common = [key for key in order if all(key in table for table in tables)]
+    doubted = {key[0] for key in common if any(table[key].disagrees for table in tables)}
+    readings: list[Readings] = []
+    for run, table in zip(runs, tables, strict=True):
+        share, repeat_freedom = repeat_scatter(run)
+        readings.append({})
+        for key in common:
+            force = table[key]
+            if key[0] in doubted and all(other[key].measured is not None for other in tables):
+                force = force.as_read
+            n_logs = run.row(force.setting).get("n_logs") or 1
+            readings[-1][Topic("force", "force", "force", "N", *key)] = Reading(
+                force.force,
+                force.error,
+                freedom_of(run, force.setting),
+                repeat=share * abs(force.damping) / math.sqrt(n_logs),
+                repeat_freedom=repeat_freedom,
+                misfit=force.misfit,
+                misses=force.difference,
+                misses_error=force.measured_error,
+                disagrees=force.disagrees,
+                scale=force.damping,
+                is_measured=force.is_measured,
+            )
+    return tuple(readings)
+
+
+def known_tares(runs: Sequence[Run], settings: Sequence[Setting]) -> set[Setting]:
+    """Return the settings at which all of several runs know the offset of their rig."""
+    if len(runs) < 2 or not all(map(_knows_gas, runs)):
+        return set()
+    known = [{stage.setting for stage in run.settings if stage.knows_offset} for run in runs]
+    return set(settings).intersection(*known)
+
+
+def _knows_gas(run: Run) -> bool:
+    """Without a gas of its own a model holds the gas force in its offset."""
+    return run.damper.rest_force(0.0) is not None
+
+
+def freedom_of(run: Run, setting: Setting) -> float:
+    """Degrees of freedom of a setting's errors: its cycles less one a log; infinite: not known."""
+    row = run.row(setting)
+    cycles, logs = row.get("n_cycles"), row.get("n_logs") or 1
+    return float(max(cycles - logs, 1)) if cycles else math.inf
+
+
+def comparable_quantities(runs: Sequence[Run]) -> tuple[Quantity, ...]:
+    """Return the quantities that all runs have: none where they are of different models."""
+    if len({run.damper.name for run in runs}) > 1:
+        return ()
+    units = [{one.name: one.unit for one in run.quantities} for run in runs[1:]]
+    return tuple(
+        one for one in runs[0].quantities if all(known.get(one.name) == one.unit for known in units)
+    )
+
+
+def parameter_readings(runs: Sequence[Run], settings: Sequence[Setting]) -> tuple[Readings, ...]:
+    """Return the parameters of each run that was fitted in at least one of them.
+
+    What all settings share is one number, and stands once.
+    """
+    tables: tuple[Readings, ...] = tuple({} for _ in runs)
+    for quantity in comparable_quantities(runs):
+        name, status = quantity.name, f"{quantity.name}_status"
+        by_run = [[run.row(setting) for setting in settings] for run in runs]
+        is_shared = all(
+            len({row.get(name) for row in rows}) == 1 and {row.get(status) for row in rows} <= _ONCE
+            for rows in by_run
+        )
+        for k, setting in enumerate(settings[:1] if is_shared else settings):
+            rows = [rows[k] for rows in by_run]
+            if all(row.get(status) == Status.FIXED.value for row in rows):
+                continue
+            topic = Topic(
+                *("parameter", name, quantity.symbol, quantity.unit),
+                setting=None if is_shared else setting,
+                is_logarithmic=quantity.is_logarithmic,
+            )
+            for table, run, row in zip(tables, runs, rows, strict=True):
+                if row.get(name) is None:
+                    table[topic] = Reading(math.nan, objection="it has no value")
+                    continue
+                is_fixed = row.get(status) == Status.FIXED.value
+                counted = settings if is_shared else (setting,)
+                table[topic] = Reading(
+                    float(row[name]),
+                    0.0 if is_fixed else _number(row.get(f"{name}_se")),
+                    sum(freedom_of(run, one) for one in counted),
+                    misfit=float(row.get(f"{name}_misfit_se") or 0.0),
+                    scale=math.nan if quantity.is_logarithmic else quantity.size,
+                    objection=_OBJECTIONS.get(str(row.get(status)), ""),
+                )
+    return tables
+
+
+def figure_lines(first: Run, second: Run, settings: Sequence[Setting]) -> Iterator[Difference]:
+    """Yield MSE and distance from cavitation by setting: numbers without errors, told in words."""
+
+    def in_words(topic: Topic, values: Sequence[float], words: Sequence[str]) -> Difference:
+        is_same = words[0] == words[1]
+        return Difference(
+            topic,
+            Reading(values[0]),
+            Reading(values[1]),
+            verdict=Sameness.SAME if is_same else Sameness.DIFFERENT,
+            words=f"both {words[0]}" if is_same else f"{words[0]}, now {words[1]}",
+        )
+
+    for setting in settings:
+        rows = (first.row(setting), second.row(setting))
+        yield in_words(
+            Topic("figure", "mse", "MSE", "%", setting),
+            [_number(row.get("mse_percent")) for row in rows],
+            [str(row.get("grade") or "no grade") for row in rows],
+        )
+        margins = [100.0 * _number(row.get("r_m3_cavitation_margin")) for row in rows]
+        is_empty = [bool(row.get("cavitation_fraction")) for row in rows]
+        if any(map(math.isfinite, margins)) or any(is_empty):
+            yield in_words(
+                Topic("figure", "cavitation_margin", "R_m3 below cavitation", "%", setting),
+                margins,
+                ["cavitates" if empty else "full" for empty in is_empty],
+            )
+
+
+def _number(value: Any) -> float:
+    return math.nan if value is None else float(value)
 
 
 # What a reader must know
@@ -440,7 +579,7 @@ def _tares(runs: Sequence[Run], settings: Sequence[Setting], *, is_shifted: bool
             for one in run.settings
             if one.setting in settings and one.setting not in bare and one.offset
         ]
-        if rest and knows_gas(run):
+        if rest and _knows_gas(run):
             yield (
                 f"{run.name}: its force offset ({said_offsets(rest)}), the rig's tare, is in its "
                 "forces, for not every run has a known one: so much of a difference may be the tare"

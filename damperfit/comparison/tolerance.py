@@ -11,23 +11,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.force_at import REPEATS, STROKES
-from damperfit.comparison.fitted import force_readings, settings_of
+from damperfit.comparison.comparing import force_readings, settings_of
 from damperfit.comparison.measured import measured_readings
-from damperfit.comparison.verdict import Point, Reading
+from damperfit.comparison.verdict import Reading
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text
 from damperfit.problem import Option
 from damperfit.units.quantities import parse_quantity
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from damperfit.comparison.comparing import ComparisonOptions, RunComparison
     from damperfit.results import Run
+    from damperfit.tested.setting import Setting
+    from damperfit.units.shown_units import ShownUnits
 
 _UNIT = re.compile(r"(_n|_m_per_s|_m/s)$")  # of a column's name, in lower case
 _PER_CENT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*%\s*")
-_NOWHERE = (math.nan, "", math.nan, math.nan, math.nan)  # speed, stroke, force and band
 
 
 class Band(NamedTuple):
@@ -50,6 +52,43 @@ class Tolerance:
     bands: tuple[Band, ...] = ()  # nominal forces in place of a reference's
 
 
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A force held against its band, N, positive in rebound."""
+
+    run: str  # whose
+    setting: Setting | str
+    speed: float  # m/s; NaN where a whole setting is missing
+    stroke: str
+    force: float  # NaN where it is not known
+    low: float
+    high: float
+    reach: float = math.nan  # half of the 95 % interval of the force; NaN: not known
+    reason: str = ""  # why it could not be looked at
+    is_measured: bool = False
+    units: ShownUnits = SI  # in which people want it told
+
+    @property
+    def margin(self) -> float:
+        """How far inside the band, N; negative: outside."""
+        return min(self.force - self.low, self.high - self.force)
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the force is inside; one that could not be looked at is not."""
+        return self.margin >= 0.0
+
+    @property
+    def words(self) -> str:
+        """The result in words."""
+        if math.isnan(self.margin):
+            return f"not evaluated: {self.reason}"
+        near = ", no further than its error" if abs(self.margin) <= self.reach else ""
+        mark = " (measured)" if self.is_measured else ""
+        side, where = ("passes", "inside") if self.is_met else ("FAILS", "outside")
+        return f"{side}, {self.units.write(abs(self.margin), 'N', '.3g')} {where}{near}{mark}"
+
+
 def parse_tolerance(text: str) -> Tolerance:
     """Return a tolerance from text: per cent of the damping, newtons, or both.
 
@@ -58,6 +97,10 @@ def parse_tolerance(text: str) -> Tolerance:
     >>> parse_tolerance("5%, 10N")
     Tolerance(source='5%, 10N', share=0.05, newtons=10.0, bands=())
     """
+
+    def refused(why: str) -> ConfigurationError:
+        return ConfigurationError(why, where=Option("tolerance", text), code="bad-tolerance")
+
     share = newtons = 0.0
     for part in text.split(","):
         if per_cent := _PER_CENT.fullmatch(part):
@@ -66,16 +109,12 @@ def parse_tolerance(text: str) -> Tolerance:
         try:
             newtons = parse_quantity(part.strip(), "force")
         except ConfigurationError as error:
-            raise ConfigurationError(
+            raise refused(
                 "expected per cent, newtons, both as in 5%,10N, or the name of a file with "
-                "nominal forces",
-                where=Option("tolerance", text),
-                code="bad-tolerance",
+                "nominal forces"
             ) from error
     if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
-        raise ConfigurationError(
-            "expected a tolerance above zero", where=Option("tolerance", text), code="bad-tolerance"
-        )
+        raise refused("expected a tolerance above zero")
     return Tolerance(text, share, newtons)
 
 
@@ -101,7 +140,7 @@ def parse_bands(text: str | None) -> Tolerance | None:
     except (OSError, UnicodeDecodeError) as error:
         raise refused(f"cannot be read: {getattr(error, 'strerror', None) or error}") from error
     reader = csv.DictReader(line for line in lines if line.strip() and not line.startswith("#"))
-    names = {_UNIT.sub("", (one or "").strip().lower()): one for one in reader.fieldnames or ()}
+    names = {_UNIT.sub("", (name or "").strip().lower()): name for name in reader.fieldnames or ()}
     has_band = {"force", "tolerance"} <= names.keys() or {"low", "high"} <= names.keys()
     if not {"speed", "stroke"} <= names.keys() or not has_band:
         raise refused(
@@ -122,12 +161,10 @@ def parse_bands(text: str | None) -> Tolerance | None:
 def _band(cells: Mapping[str, str]) -> Band:
     stroke = cells["stroke"].lower()
     if stroke not in STROKES:
-        raise ConfigurationError(
-            f"stroke {cells['stroke']!r}: expected {' or '.join(STROKES)}", code="bad-tolerance"
-        )
+        raise ValueError(f"stroke {cells['stroke']!r}: expected {' or '.join(STROKES)}")
     speed = abs(parse_quantity(cells["speed"], "velocity"))
     if speed == 0.0:
-        raise ConfigurationError("speed 0: expected a speed above zero", code="bad-tolerance")
+        raise ValueError("speed 0: expected a speed above zero")
     if cells.get("low") and cells.get("high"):
         low, high = (parse_quantity(cells[name], "force") for name in ("low", "high"))
     else:
@@ -138,7 +175,7 @@ def _band(cells: Mapping[str, str]) -> Band:
     if stroke == "bump" and low + high > 0.0:
         low, high = -high, -low
     if low > high:
-        raise ConfigurationError(f"low {low:g} N is above high {high:g} N", code="bad-tolerance")
+        raise ValueError(f"low {low:g} N is above high {high:g} N")
     return Band(cells.get("setting", ""), speed, stroke, low, high)
 
 
@@ -158,13 +195,12 @@ def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, .
                 *(name, topic.setting or "", topic.speed or math.nan, topic.stroke),
                 *(line.second.value, first.value - reach, first.value + reach),
                 line.high - line.difference,
-                line.reason,
-                line.is_measured,
-                units,
+                *(line.reason, line.is_measured, units),
             )
         )
+    nowhere = (math.nan, "", math.nan, math.nan, math.nan)  # speed, stroke, force and band
     points += [
-        Point(name, setting, *_NOWHERE, reason="not tested", units=units)
+        Point(name, setting, *nowhere, reason="not tested", units=units)
         for setting in settings_of(comparison.first, is_bare=comparison.is_without_model)
         if setting not in comparison.settings
     ]
@@ -182,9 +218,7 @@ def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tup
         top = (options.sine or run.motion).peak_speed
         reached = [speed for speed in speeds if speed <= (1.0 + REPEATS) * top]
         (table,) = force_readings((run,), settings, speeds=reached) if reached else ({},)
-    known: dict[Any, Reading] = {
-        (one.setting, one.speed, one.stroke): reading for one, reading in table.items()
-    }
+    known: dict[Any, Reading] = {(t.setting, t.speed, t.stroke): one for t, one in table.items()}
     points = []
     for band in tolerance.bands:
         mine: list[Any] = [one for one in settings if band.setting in {"", str(one)}]
@@ -197,9 +231,7 @@ def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tup
                 Point(
                     *(run.name, setting, band.speed, band.stroke),
                     *(reading.value, band.low, band.high, reading.half_interval),
-                    reading.objection,
-                    reading.is_measured,
-                    options.units,
+                    *(reading.objection, reading.is_measured, options.units),
                 )
             )
     return tuple(points)

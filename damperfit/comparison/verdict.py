@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from scipy.special import stdtr, stdtrit
 
@@ -37,8 +37,7 @@ class Sameness(Enum):
     UNDETERMINED = "undetermined"
 
 
-@dataclass(frozen=True, slots=True)
-class Topic:
+class Topic(NamedTuple):
     """What is compared."""
 
     kind: str  # measured, force, parameter or figure
@@ -84,7 +83,7 @@ class Reading:
     @property
     def half_interval(self) -> float:
         """Half of the 95 % interval of the reading by itself; NaN where no error is known."""
-        return _reach([*self.errors(), (0.0 if self.is_measured else self.misfit, math.inf)])
+        return _reach([*self.errors(), (0.0 if self.is_measured else self.misfit, math.inf)])[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +93,7 @@ class Difference:
     subject: Topic
     first: Reading
     second: Reading
-    difference: float  # second less first, with its 95 % interval; NaN where no error is known
-    low: float = math.nan
+    low: float = math.nan  # 95 % interval of the difference; NaN where no error is known
     high: float = math.nan
     # The same in per cent, for a force of the reference's damping: positive is harder; for a
     # hysteresis of half the force's range. NaN where there is nothing to take it of.
@@ -109,69 +107,60 @@ class Difference:
     words: str = ""  # the verdict, where the subject has words of its own
 
     @property
+    def difference(self) -> float:
+        """Second less first."""
+        return self.second.value - self.first.value
+
+    @property
     def is_measured(self) -> bool:
         """Whether measured numbers are compared."""
         return self.first.is_measured and self.second.is_measured
 
 
-def _summed(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the standard error of a sum from independent ones, and its degrees of freedom."""
+def _reach(parts: Sequence[tuple[float, float]], distance: float = 0.0) -> tuple[float, float]:
+    """Half of the 95 % interval of a sum, and how often chance makes it as far from zero."""
     total = sum(error**2 for error, _ in parts)
     squares = sum(error**4 / freedom for error, freedom in parts if math.isfinite(freedom))
-    return math.sqrt(total), min(total**2 / squares, 1e9) if squares > 0.0 else 1e9
-
-
-def _reach(parts: Sequence[tuple[float, float]]) -> float:
-    """Return half of the 95 % interval of a sum."""
-    error, freedom = _summed(parts)
-    return error * float(stdtrit(freedom, 0.975))
-
-
-def _chance(parts: Sequence[tuple[float, float]], distance: float) -> float:
-    """Return how often chance makes a sum as far from zero."""
-    error, freedom = _summed(parts)
-    if not math.isfinite(error):
-        return math.nan
+    error, freedom = math.sqrt(total), min(total**2 / squares, 1e9) if squares > 0.0 else 1e9
+    chance = math.nan
     if error == 0.0:
-        return float(distance == 0.0)
-    return 2.0 * float(stdtr(freedom, -abs(distance) / error))
+        chance = float(distance == 0.0)
+    elif math.isfinite(error):
+        chance = 2.0 * float(stdtr(freedom, -abs(distance) / error))
+    return error * float(stdtrit(freedom, 0.975)), chance
 
 
 def compared(
     subject: Topic, first: Reading, second: Reading, *, is_same_motion: bool = False
 ) -> Difference:
-    """Return two readings beside each other.
-
-    Where both are of one model and motion, what the model misses alike cancels.
-    """
+    """Return two readings beside each other; of one model and motion, common misfit cancels."""
     a, b = first.value, second.value
     objection = first.objection or second.objection
-    line = Difference(subject, first, second, b - a, reason=objection or "not known for both")
+    line = Difference(subject, first, second, reason=objection or "not known for both")
     if not (math.isfinite(a) and math.isfinite(b)):
         return line
     is_log = subject.is_logarithmic and a > 0.0 and b > 0.0
     misfit = (_misfit(first, second, is_same_motion=is_same_motion, is_log=is_log), math.inf)
     if is_log:
         step = math.log(b / a)
-        parts = [*first.errors(1.0 / a), *second.errors(1.0 / b), misfit]
-        reach = share = _reach(parts)
+        reach, chance = _reach([*first.errors(1.0 / a), *second.errors(1.0 / b), misfit], step)
         low, high = (math.exp(min(end, _MOST_LOG)) - 1.0 for end in (step - reach, step + reach))
+        share = reach
         numbers = (a * low, a * high, 100.0 * (b / a - 1.0), 100.0 * low, 100.0 * high)
     else:
         step = b - a
-        parts = [*first.errors(), *second.errors(), misfit]
-        reach = _reach(parts)
+        reach, chance = _reach([*first.errors(), *second.errors(), misfit], step)
         scale = first.scale if math.isfinite(first.scale) else a
         percent = share = math.nan
         if scale:
             # The first number is the denominator too: its error counts 1 + share times.
             of_both = [*first.errors(1.0 + step / scale), *second.errors(), misfit]
-            percent, share = 100.0 * step / scale, _reach(of_both) / abs(scale)
+            percent, share = 100.0 * step / scale, _reach(of_both)[0] / abs(scale)
         if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
             percent = math.nan
         ends = (percent - 100.0 * share, percent + 100.0 * share)
         numbers = (step - reach, step + reach, percent, *ends)
-    line = Difference(subject, first, second, b - a, *numbers, _chance(parts, step))
+    line = Difference(subject, first, second, *numbers, chance)
     if objection:
         return replace(line, reason=objection)
     if not math.isfinite(reach):
@@ -222,10 +211,9 @@ def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
 def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) -> str:
     """Say how many differ, which most, and what chance would do."""
     n_measured = sum(one.is_measured for one in lines) if lines[0].subject.kind == "force" else 0
-    if n_measured == len(lines):
-        words += " as measured"
-    elif n_measured:
-        words += f" ({n_measured} of {len(lines)} as measured)"
+    if n_measured:
+        part = f" ({n_measured} of {len(lines)} as measured)"
+        words += " as measured" if n_measured == len(lines) else part
     known = [line for line in lines if line.verdict is not Sameness.UNDETERMINED]
     if not known:
         return f"{words}: cannot be determined ({lines[0].reason})"
@@ -267,73 +255,25 @@ def difference_of(line: Difference, units: ShownUnits = SI) -> str:
 
 def verdict_of(line: Difference, units: ShownUnits = SI, *, says_measured: bool = True) -> str:
     """Say the verdict of a line in words, and of a force whether it was measured."""
-    if line.words:
-        words = line.words
-    elif line.verdict is Sameness.UNDETERMINED:
-        words = f"cannot be determined: {line.reason}"
-    elif line.verdict is Sameness.SAME:
-        words = "same within errors"
-    else:
-        perhaps = "" if line.is_sure else ", perhaps by chance"
-        words = f"different{perhaps}: {_how_different(line, units)}"
-    is_said = says_measured and line.subject.kind == "force" and line.is_measured
-    return f"{words} (measured)" if is_said else words
-
-
-def _how_different(line: Difference, units: ShownUnits) -> str:
-    subject = line.subject
-    if subject.name.startswith("hysteresis") and line.first.value * line.second.value > 0.0:
+    subject, a, b = line.subject, line.first.value, line.second.value
+    if subject.name.startswith("hysteresis") and a * b > 0.0:
         # Its sign is the way round the loop: -54 N after -57 N is a narrower loop.
-        wider = abs(line.second.value) - abs(line.first.value)
-        size = units.write(abs(wider), subject.unit, ".2g")
-        return f"the loop is {size} {'wider' if wider > 0.0 else 'narrower'}"
-    if math.isnan(line.percent):
+        size = units.write(abs(abs(b) - abs(a)), subject.unit, ".2g")
+        how = f"the loop is {size} {'wider' if abs(b) > abs(a) else 'narrower'}"
+    elif math.isnan(line.percent):
         size = units.write(abs(line.difference), subject.unit, ".3g")
-        return f"{size} {'more' if line.difference > 0.0 else 'less'}"
-    words = ("harder", "softer") if subject.kind == "force" else ("more", "less")
-    return f"{_two_digits(abs(line.percent))} % {words[0] if line.percent > 0 else words[1]}"
-
-
-def _two_digits(value: float) -> str:
-    """Return two digits, without a power of ten."""
-    return f"{float(f'{value:.2g}'):.15g}"
-
-
-# A force held against its band.
-
-
-@dataclass(frozen=True, slots=True)
-class Point:
-    """A force held against its band, N, positive in rebound."""
-
-    run: str  # whose
-    setting: Setting | str
-    speed: float  # m/s; NaN where a whole setting is missing
-    stroke: str
-    force: float  # NaN where it is not known
-    low: float
-    high: float
-    reach: float = math.nan  # half of the 95 % interval of the force; NaN: not known
-    reason: str = ""  # why it could not be looked at
-    is_measured: bool = False
-    units: ShownUnits = SI  # in which people want it told
-
-    @property
-    def margin(self) -> float:
-        """How far inside the band, N; negative: outside."""
-        return min(self.force - self.low, self.high - self.force)
-
-    @property
-    def is_met(self) -> bool:
-        """Whether the force is inside; one that could not be looked at is not."""
-        return self.margin >= 0.0
-
-    @property
-    def words(self) -> str:
-        """The result in words."""
-        if math.isnan(self.margin):
-            return f"not evaluated: {self.reason}"
-        near = ", no further than its error" if abs(self.margin) <= self.reach else ""
-        mark = " (measured)" if self.is_measured else ""
-        side, where = ("passes", "inside") if self.is_met else ("FAILS", "outside")
-        return f"{side}, {self.units.write(abs(self.margin), 'N', '.3g')} {where}{near}{mark}"
+        how = f"{size} {'more' if line.difference > 0.0 else 'less'}"
+    else:
+        words = ("harder", "softer") if subject.kind == "force" else ("more", "less")
+        two_digits = f"{float(f'{abs(line.percent):.2g}'):.15g}"  # without a power of ten
+        how = f"{two_digits} % {words[0] if line.percent > 0 else words[1]}"
+    said = (
+        line.words
+        or {
+            Sameness.UNDETERMINED: f"cannot be determined: {line.reason}",
+            Sameness.SAME: "same within errors",
+            Sameness.DIFFERENT: f"different{'' if line.is_sure else ', perhaps by chance'}: {how}",
+        }[line.verdict]
+    )
+    is_told = says_measured and subject.kind == "force" and line.is_measured
+    return f"{said} (measured)" if is_told else said

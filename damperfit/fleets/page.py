@@ -25,7 +25,7 @@ from damperfit.fleets.survey import (
     RULE_COLUMNS,
     capability_sheet,
 )
-from damperfit.reporting.compared import tolerance_rows, tolerance_sheet, tolerance_table
+from damperfit.reporting.compared import tolerance_sheet, tolerance_table
 from damperfit.reporting.figures import RUN_COLOURS, Line, Panel, Plot, setting_panel
 from damperfit.reporting.figures import setting_places as places_of
 from damperfit.reporting.page import PlotData, asset, draw, plotly_script
@@ -226,7 +226,7 @@ def write_page(
     }
     if held is not None:
         tables["capability"] = _table(capability, CAPABILITY_COLUMNS)
-        tables["tolerance"] = tolerance_table(tolerance_rows(held.missed))
+        tables["tolerance"] = tolerance_table(held.missed)
     with file_set(folder) as files:
         files.path("fleet.html").write_bytes(page.encode("utf-8", "backslashreplace"))
         files.path("plotly.min.js").write_text(plotly_script(), encoding="utf-8")

@@ -42,7 +42,7 @@ from damperfit.fleets.sources import (
 from damperfit.io import is_tests_table, read_tests
 from damperfit.io.files import sha256_of
 from damperfit.problem import Failure, Option, Problem
-from damperfit.queries.compared_runs import compared_record
+from damperfit.queries.compared import compared_record
 from damperfit.recording import natural_order
 from damperfit.run.logs import Labels
 from damperfit.tables.columns import adjusters_in, table_schema

@@ -2,39 +2,52 @@
 
 from __future__ import annotations
 
+import json
 import math
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
-from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.adjustment.force_at import STROKE_WORDS, STROKES, Sine
-from damperfit.comparison import ComparisonOptions, bands_met, compare_runs, tolerated
-from damperfit.configuration.loading import load_configuration
-from damperfit.errors import ConfigurationError, DamperfitError, LogError
-from damperfit.io import read_curves
-from damperfit.problem import Option
-from damperfit.queries.compared_runs import (
-    NoUsableLogError,
-    is_baseline,
-    is_results,
-    name_apart,
-    read_log_runs,
-    read_run,
+import numpy as np
+
+from damperfit import __version__
+from damperfit.adjustment.force_at import STROKES, Sine
+from damperfit.comparison import (
+    ComparisonOptions,
+    MeasuredTest,
+    bands_met,
+    compare_runs,
+    measured_tests,
+    tolerated,
 )
-from damperfit.queries.settings import positive
+from damperfit.configuration.loading import load_configuration
+from damperfit.errors import ConfigurationError, DamperfitError, LogError, TimelessError
+from damperfit.io import read_curves
+from damperfit.io.files import open_regular, read_text
+from damperfit.problem import Option
+from damperfit.queries.settings import positive, refuse_unfitted
 from damperfit.recording import natural_order
 from damperfit.reporting import compared as shown
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.inspection import curve_forces_sheet
-from damperfit.reporting.records import to_record
+from damperfit.results import Run
 from damperfit.run.log_files import expand
-from damperfit.simulation import NAMED_SPEEDS
+from damperfit.run.logs import Purpose, read_batch
+from damperfit.run.parting import by_damper, folder_name
+from damperfit.run.record import log_warnings
 from damperfit.store import file_set
-from damperfit.tables.files import json_values, write_table
-from damperfit.tables.reading import is_part
+from damperfit.tables.columns import (
+    adjusters_in,
+    column_names,
+    quantities_in,
+    read_setting,
+    setting_cells,
+)
+from damperfit.tables.files import finite, json_values, write_table
+from damperfit.tables.reading import LogSignals, is_part
+from damperfit.tested.identity import common_identity
+from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, parse_units
 
@@ -46,14 +59,14 @@ if TYPE_CHECKING:
 
     from damperfit.comparison import Point, RunComparison, Tolerance
     from damperfit.configuration.options import Configuration
-    from damperfit.io import ReadOptions
     from damperfit.io.force_curves import ForceCurve
-    from damperfit.queries.settings import Question
+    from damperfit.problem import Failure
+    from damperfit.recording import Trace
     from damperfit.reporting.sheet import Sheet
-    from damperfit.results import Run
+    from damperfit.run.logs import LogBatch
 
 
-# Everything that one call of `compare` compares: which pairs, at what motion, by what measure
+# The answer
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -89,11 +102,11 @@ class Comparison(Answer):
         from damperfit.reporting.page import comparison_page
 
         if out is not None:
-            text = dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+            text = json.dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
             texts = {"html": self._told_by(comparison_page), "md": self.markdown, "json": text}
             tables = {"differences": self._table()}
             if self.points:
-                tables["tolerance"] = shown.tolerance_table(shown.tolerance_rows(self.points))
+                tables["tolerance"] = shown.tolerance_table(self.points)
             with file_set(out) as files:
                 for suffix, one in texts.items():
                     path = files.path(f"comparison.{suffix}")
@@ -127,8 +140,7 @@ class Comparison(Answer):
         return frame
 
     def _table(self) -> pa.Table:
-        rows = [row for one in self.comparisons for row in shown.comparison_rows(one)]
-        return shown.comparison_table(rows)
+        return shown.comparison_table(self.comparisons)
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return the forces of each pair."""
@@ -182,10 +194,10 @@ def compare_all(
     reading: Configuration | None = None,
 ) -> Comparison:
     """Return every pair compared."""
-    logs = _LogRuns([*paths, *repeats], options, config, reading)
+    places = _Places([*paths, *repeats], options, config, reading)
     nominal = tolerance is not None and bool(tolerance.bands)
-    is_single = nominal and len(paths) == 1 and not _inside(paths[0], logs)
-    pairs, alone = ([], ()) if is_single else _pairs_of(paths, logs)
+    is_single = nominal and len(paths) == 1 and not places.inside(paths[0])
+    pairs, alone = ([], ()) if is_single else places.pairs(paths)
     if repeats and len({first for first, _ in pairs}) > 1:
         raise ConfigurationError(
             "{repeats} are of one reference, and there are several; compare one damper at a time",
@@ -202,13 +214,11 @@ def compare_all(
                 code="given-twice",
             )
         taken[place.resolve()] = "given twice"
-    places = list(dict.fromkeys(chain.from_iterable(pairs))) or list(paths)
-    known = {
-        place: logs.by_place.get(place)
-        or read_run(place, config=config, is_measured=options.is_measured)
-        for place in dict.fromkeys([*places, *repeats])
-    }
-    name_apart(list(known.values()))
+    wanted = list(dict.fromkeys(chain.from_iterable(pairs))) or list(paths)
+    known = {place: places.run(place) for place in dict.fromkeys([*wanted, *repeats])}
+    if len({run.name for run in known.values()}) < len({run.shown_as for run in known.values()}):
+        for run in known.values():  # where two are called alike, as much of their path
+            run.name = "/".join(Path(run.shown_as).resolve().parts[-2:])
     for place, name in options.names.items():
         if place in known:
             known[place].name = known[place].shown_as = name
@@ -216,20 +226,18 @@ def compare_all(
         compare_runs(known[a], known[b], options, repeats=[known[place] for place in repeats])
         for a, b in pairs
     )
-    remarks = [*logs.remarks]
+    remarks = [*places.remarks]
     for run in known.values():
         own = run.remarks if options.is_measured else (*run.remarks, *run.remarks_on_errors)
         remarks += [f"{run.shown_as}: {remark}" for remark in own]
     remarks += [f"{one.second.shown_as}: {remark}" for one in comparisons for remark in one.remarks]
     points: list[Point] = []
     if tolerance is not None and nominal:
-        points = [p for place in places for p in bands_met(known[place], tolerance, options)]
+        points = [p for place in wanted for p in bands_met(known[place], tolerance, options)]
     elif tolerance is not None:
         points = [p for one in comparisons for p in tolerated(one, tolerance)]
-    told = tuple(dict.fromkeys(remarks))
-    return Comparison(
-        comparisons, alone, told, tuple(points), tolerance.source if tolerance else ""
-    )
+    source = tolerance.source if tolerance else ""
+    return Comparison(comparisons, alone, tuple(dict.fromkeys(remarks)), tuple(points), source)
 
 
 def one_run(
@@ -240,26 +248,25 @@ def one_run(
     reading: Configuration | None = None,
 ) -> Run:
     """Return a single run, to be kept; arguments as of `compare_all`."""
-    logs = _LogRuns([place], options, config, reading)
-    named = [name for name in logs.groups.get(place, {}) if name]
-    if named:
+    places = _Places([place], options, config, reading)
+    if named := list(places.groups.get(place, {})):
         raise ConfigurationError(
             f"logs of {len(named)} dampers ({', '.join(named[:3])}"
             f"{', ...' * (len(named) > 3)}); a baseline is of one: give its folder",
             subject=place,
             code="several-dampers",
         )
-    known = logs.by_place.get(place)
-    return known or read_run(place, config=config, is_measured=options.is_measured)
+    return places.run(place)
 
 
 # What a command line names: which runs, and which pairs of them
 
 
-class _LogRuns:
-    """Raw logs among some places: runs by place and damper, "" where they are of one.
+class _Places:
+    """What places hold: raw logs, where measured curves are compared, or results.
 
-    None where fitted runs are compared; remarks tell folders of which no log can be used.
+    `groups` are the runs of logs by damper, no damper where they are of one; `remarks` tell of
+    folders of which no log can be used.
     """
 
     def __init__(
@@ -269,112 +276,117 @@ class _LogRuns:
         config: Path | None,
         reading: Configuration | None,
     ) -> None:
-        self.groups: dict[Path, dict[str, Run]] = {}
+        self.config, self.is_measured = config, options.is_measured
+        self.groups: dict[Path, dict[str, Path]] = {}
         self.remarks: list[str] = []
+        self._runs: dict[Path, Run] = {}
         if options.is_measured:
             configuration = reading or load_configuration(config)
             for place in dict.fromkeys(places):
                 self._read(place, configuration, options.jobs)
-        self.by_place = {
-            Path(run.shown_as) if name else place: run
-            for place, group in self.groups.items()
-            for name, run in group.items()
-        }
 
     def _read(self, place: Path, configuration: Configuration, jobs: int) -> None:
         is_file = place.is_file() and not is_baseline(place) and not is_part(place)
         is_folder = place.is_dir() and not _is_run(place) and not _runs_in(place)
         # A pattern or a list of logs is no file or folder of this name.
         is_several = not place.exists() and (str(place)[0] == "@" or set("*?[") & set(str(place)))
-        if is_file or is_several or (is_folder and _holds_logs(place)):
-            self.groups[place] = read_log_runs(place, configuration, jobs=jobs)
-            return
-        folders = [one for one in _listed(place) if _holds_logs(one)] if is_folder else []
+        folders = [place]
+        if not (is_file or is_several or (is_folder and _holds_logs(place))):
+            folders = [one for one in _listed(place) if _holds_logs(one)] if is_folder else []
+        runs: dict[str, Run] = {}
         for folder in folders:
-            group = self.groups.setdefault(place, {})
             try:
-                found = read_log_runs(folder, configuration, jobs=jobs)
+                own = read_log_runs(folder, configuration, jobs=jobs)
             except LogError as error:
+                if folder == place:
+                    raise
                 self.remarks.append(str(error))
                 continue
-            names = {key: f"{folder.name}/{key}" if key else folder.name for key in found}
-            group |= {names[key]: one for key, one in found.items()}
-        if folders and not self.groups[place]:
+            if folder != place:
+                own = {f"{folder.name}/{k}" if k else folder.name: run for k, run in own.items()}
+            runs |= own
+        if folders and not runs:
             raise NoUsableLogError(self.remarks[-1])
+        if runs:
+            self.groups[place] = {name: Path(run.shown_as) for name, run in runs.items() if name}
+            self._runs |= {Path(run.shown_as) if n else place: run for n, run in runs.items()}
 
+    def run(self, place: Path) -> Run:
+        """Return the run in a place."""
+        known = self._runs.get(place)
+        return known or read_run(place, config=self.config, is_measured=self.is_measured)
 
-def _pairs_of(
-    paths: Sequence[Path], logs: _LogRuns
-) -> tuple[list[tuple[Path, Path]], tuple[str, ...]]:
-    """Return what is compared with what, and what has no partner, a sentence each.
+    def pairs(self, paths: Sequence[Path]) -> tuple[list[tuple[Path, Path]], tuple[str, ...]]:
+        """Return what is compared with what, and what has no partner, a sentence each.
 
-    A folder that holds results folders stands for them: one alone for all its dampers, the first
-    of which is the reference; two or more for the same dampers before and after, paired by name.
-    Raw logs of several dampers likewise.
-    """
-    for path in paths:
-        if not path.exists() and path not in logs.groups:
-            raise ConfigurationError("no such file or folder", subject=path, code="no-such-file")
-    groups = [_inside(path, logs) for path in paths]
-    if len(paths) == 1:
-        if len(groups[0]) < 2:
-            raise ConfigurationError(
-                f"{paths[0]}: one run alone has nothing to be compared with; give a second one, "
-                "or a folder that holds several, or {tolerance} with nominal forces",
-                tolerance=Option("tolerance", "FILE"),
-                code="one-run",
+        A folder that holds results folders stands for them: one alone for all its dampers, the
+        first of which is the reference; two or more for the same dampers before and after, paired
+        by name. Raw logs of several dampers likewise.
+        """
+        for path in paths:
+            if not path.exists() and path not in self.groups:
+                raise ConfigurationError(
+                    "no such file or folder", subject=path, code="no-such-file"
+                )
+        groups = [self.inside(path) for path in paths]
+        if len(paths) == 1:
+            if len(groups[0]) < 2:
+                raise ConfigurationError(
+                    f"{paths[0]}: one run alone has nothing to be compared with; give a second "
+                    "one, or a folder that holds several, or {tolerance} with nominal forces",
+                    tolerance=Option("tolerance", "FILE"),
+                    code="one-run",
+                )
+            first, *others = groups[0].values()
+            return [(first, other) for other in others], ()
+        if not any(groups):
+            return [(paths[0], other) for other in paths[1:]], ()
+        for path, group in zip(paths, groups, strict=True):
+            if not group:
+                raise ConfigurationError(
+                    "is one run, and others that were given hold several; give folders of "
+                    "several dampers, or single runs, not both",
+                    subject=path,
+                    code="several-results",
+                )
+        pairs, alone = [], []
+        for path, group in zip(paths[1:], groups[1:], strict=True):
+            common = [name for name in groups[0] if name in group]
+            pairs += [(groups[0][name], group[name]) for name in common]
+            for where, names in ((paths[0], groups[0]), (path, group)):
+                alone += [f"{name}: only in {where}" for name in names if name not in common]
+        if not pairs:
+            named = zip(paths, groups, strict=True)
+            held = "; ".join(f"{path} holds {', '.join(group)}" for path, group in named)
+            raise ConfigurationError(f"no damper is in both: {held}", code="no-pair")
+        return pairs, tuple(dict.fromkeys(alone))
+
+    def inside(self, path: Path) -> Mapping[str, Path]:
+        """Return the results folders inside a folder that is none; of raw logs, the dampers."""
+        if path in self.groups:
+            return self.groups[path]
+        if not path.is_dir() or _is_run(path):
+            return {}
+        if runs := _runs_in(path):
+            return runs
+        files = [one.name for one in _listed(path) if one.is_file()]
+        for name in files:
+            if is_baseline(path / name):
+                raise ConfigurationError(
+                    f"{path}: {name} in it is a baseline or passport: give the file, {path / name}",
+                    code="baseline",
+                )
+        more = "; expected run.json and parameters.parquet"
+        if files:
+            others = f" and {len(files) - 1} more" if len(files) > 1 else ""
+            more = (
+                f", but {files[0]}{others}; if these are logs, run damperfit identify on them "
+                f"first, or compare them as measured: damperfit compare {path} OTHER --measured"
             )
-        first, *others = groups[0].values()
-        return [(first, other) for other in others], ()
-    if not any(groups):
-        return [(paths[0], other) for other in paths[1:]], ()
-    for path, group in zip(paths, groups, strict=True):
-        if not group:
-            raise ConfigurationError(
-                "is one run, and others that were given hold several; give folders of "
-                "several dampers, or single runs, not both",
-                subject=path,
-                code="several-results",
-            )
-    pairs, alone = [], []
-    for path, group in zip(paths[1:], groups[1:], strict=True):
-        common = [name for name in groups[0] if name in group]
-        pairs += [(groups[0][name], group[name]) for name in common]
-        for where, names in ((paths[0], groups[0]), (path, group)):
-            alone += [f"{name}: only in {where}" for name in names if name not in common]
-    if not pairs:
-        named = zip(paths, groups, strict=True)
-        held = "; ".join(f"{path} holds {', '.join(group)}" for path, group in named)
-        raise ConfigurationError(f"no damper is in both: {held}", code="no-pair")
-    return pairs, tuple(dict.fromkeys(alone))
-
-
-def _inside(path: Path, logs: _LogRuns) -> Mapping[str, Path]:
-    """Return the results folders inside a folder that is none itself; of raw logs, the dampers."""
-    if path in logs.groups:
-        return {name: Path(run.shown_as) for name, run in logs.groups[path].items() if name}
-    if not path.is_dir() or _is_run(path):
-        return {}
-    if found := _runs_in(path):
-        return found
-    files = [one.name for one in _listed(path) if one.is_file()]
-    for name in files:
-        if is_baseline(path / name):
-            raise ConfigurationError(
-                f"{path}: {name} in it is a baseline or passport: give the file, {path / name}",
-                code="baseline",
-            )
-    sentence = f"{path}: no results of damperfit identify, and no folder in it holds any"
-    if not files:
         raise ConfigurationError(
-            f"{sentence}; expected run.json and parameters.parquet", code="no-results"
+            f"{path}: no results of damperfit identify, and no folder in it holds any{more}",
+            code="no-results",
         )
-    more = f" and {len(files) - 1} more" if len(files) > 1 else ""
-    raise ConfigurationError(
-        f"{sentence}, but {files[0]}{more}; if these are logs, run damperfit identify on them "
-        f"first, or compare them as measured: damperfit compare {path} OTHER --measured",
-        code="no-results",
-    )
 
 
 def _listed(folder: Path) -> list[Path]:
@@ -383,7 +395,9 @@ def _listed(folder: Path) -> list[Path]:
 
 
 def _is_run(folder: Path) -> bool:
-    return is_results(folder) or is_part(folder)
+    """Whether a folder holds results of `identify`, or a part of a fleet."""
+    marks = ("run.json", "parameters.parquet", "parameters.csv")
+    return is_part(folder) or any((folder / name).is_file() for name in marks)
 
 
 def _runs_in(folder: Path) -> dict[str, Path]:
@@ -397,106 +411,287 @@ def _holds_logs(folder: Path) -> bool:
     return False
 
 
-# Curves that were measured without time, asked for forces: by curve, and which gives a force
+def read_run(path: Path, *, config: Path | None = None, is_measured: bool = False) -> Run:
+    """Return a run to be compared: results, a baseline or a part; or measured curves alone."""
 
-
-@dataclass(frozen=True, repr=False, eq=False)
-class CurveForces(Answer):
-    """Forces of measured curves at some speeds, and the answer where one is asked."""
-
-    paths: tuple[Path, ...]
-    question: Question
-    curves: tuple[ForceCurve, ...]  # as the files have them
-    speeds: tuple[float, ...]  # m/s, positive
-    sentence: str  # which curve gives the wanted force; empty where none was asked for
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What to know of the curves."""
-        return tuple(dict.fromkeys(note for one in self.curves for note in one.notes))
-
-    def document(self) -> dict[str, Any]:
-        """Return the forces by curve, stroke and speed that were reached, as JSON values."""
-        asked = self.question
-        document: dict[str, Any] = json_values(
-            {
-                "source": ", ".join(map(str, self.paths)),
-                "question": None if asked.force is None else to_record(asked),
-                "sentence": self.sentence or None,
-                "forces": [
-                    {"curve": one.label, "stroke": side, "speed_m_per_s": speed, "force_N": force}
-                    for one in self.curves
-                    for side in STROKES
-                    for speed in self.speeds
-                    if math.isfinite(force := one.force_at(speed, side))
-                ],
-            }
+    def wrong(text: str) -> ConfigurationError:
+        return ConfigurationError(
+            text, measured=Option("measured"), subject=path, code="no-results"
         )
-        return document
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return a row a curve, stroke and speed."""
-        import pandas as pd
-
-        return pd.DataFrame(self.document()["forces"])
-
-    def sheets(self) -> tuple[Sheet, ...]:
-        """Return the forces of the fastest speeds by curve."""
-        return (curve_forces_sheet(self.curves, self.speeds[-5:]),)
-
-
-def measured_forces(
-    paths: Sequence[Path], question: Question, *, reading: ReadOptions
-) -> CurveForces:
-    """Return what the curves of some files, without time, say of a question."""
-    read = [curve for path in paths for curve in read_curves(path, reading)]
-    files: dict[str, set[str]] = {}
-    for one in read:
-        files.setdefault(one.label, set()).add(one.path)
-    curves = tuple(  # the file's name before labels that several files use
-        replace(one, label=f"{one.name} {one.label}") if len(files[one.label]) > 1 else one
-        for one in read
-    )
-    strokes = (question.stroke,) if question.stroke else STROKES
-    tops = [float(v.max()) for c in curves for s in strokes if len(v := c.points(s)[0])]
-    speeds = tuple(speed for speed in NAMED_SPEEDS if speed <= max(tops, default=0.0))
-    if question.speed is not None:
-        speeds = (question.speed,)
-    forces = [
-        (force, curve.label)
-        for curve in curves
-        for stroke in strokes
-        for speed in speeds
-        if math.isfinite(force := curve.force_at(speed, stroke))
-    ]
-    if not forces:
-        at = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
-        side = f" in {STROKE_WORDS[question.stroke]}" if question.stroke else ""
-        names = ", ".join(path.name for path in paths)
+    if is_part(path):
+        if is_measured:
+            raise wrong(
+                "a part of a fleet keeps no measured cycles; give {measured} the logs, or "
+                "results of damperfit identify"
+            )
+        return refuse_unfitted(Run.load(path, config=config))
+    if path.is_dir() and _is_run(path):
+        run = Run.load(path, parts=("parameters", "responses"), config=config)
+    elif path.is_dir():
+        raise wrong(
+            "holds no results of damperfit identify; expected run.json and parameters.parquet"
+        )
+    elif not path.is_file():
+        raise wrong("no such file or folder")
+    elif not is_baseline(path):
+        raise wrong(
+            "neither a results folder nor a baseline; to compare logs and files of "
+            "curves, give {measured}"
+        )
+    else:
+        run = _read_baseline(path, config)
+        if not run.rows("parameters") and not is_measured:
+            raise wrong("a baseline of measured curves, nothing was fitted; give {measured}")
+    if not is_measured:
+        return refuse_unfitted(run)
+    if not run.tests:
+        why = f" ({'; '.join(run.remarks)})" if run.remarks else "; no motion in it repeats"
         raise ConfigurationError(
-            f"no curve of {names} has points on both sides of it{side}; the highest "
-            f"measured speed is {max(tops, default=0.0):.3g} m/s",
-            subject=at,
-            code="no-speed",
+            f"{run.place}: no measured cycles to compare{why}", code="not-measured"
         )
-    sentence = "" if question.force is None else _answer(question, question.force, forces)
-    return CurveForces(tuple(paths), question, curves, speeds, sentence)
+    return run
 
 
-def _answer(question: Question, wanted: float, forces: Sequence[tuple[float, str]]) -> str:
-    """Say between which curves a force lies; labels need no order for that."""
-    asked = (
-        f"{wanted:.5g} N in {STROKE_WORDS[question.stroke or 'rebound']} at {question.speed:g} m/s"
+# A run kept as one JSON file, to be the reference of later comparisons
+
+_KEY, _VERSION = "damperfit_baseline", 1
+# Of run.json: what is compared, or says what is compared.
+_KEPT = (
+    *("version", "schema_version", "test", "configuration", "procedure", "uncertainty"),
+    *("speed_forces", "quantities", "adjusters"),
+)
+_OF_INPUTS = (
+    *("log", "sha256", "setting", "reversed", "stretches"),
+    *("amplitude_m", "frequency_Hz", "temperature_degC"),
+)
+_NUMBERS = ("amplitude", "frequency", "temperature")
+_ARRAYS = ("displacement", "velocity", "force", "speeds")
+
+
+def baseline_text(run: Run, *, is_measured: bool = False) -> str:
+    """Return a run as the text of a baseline; of measured curves alone without parameters."""
+    rows = () if is_measured else run.rows("parameters")
+    is_whole = all(isinstance(row["setting"].cell, int) for row in rows)
+
+    def rounded(values: Any) -> list[float | None]:  # to as many digits as 32-bit floats have
+        return [float(f"{x:.7g}") if math.isfinite(x) else None for x in values.tolist()]
+
+    document = {
+        _KEY: _VERSION,
+        "version": __version__,
+        "source": run.name,
+        "record": compared_record(run.record),
+        # The columns of adjusters are those that follow the setting.
+        "parameters": [
+            {**setting_cells(row["setting"], is_whole=is_whole)}
+            | {name: cell for name, cell in row.items() if name != "setting"}
+            for row in rows
+        ],
+        "tests": [
+            {
+                "setting": setting_cells(one.setting, is_whole=isinstance(one.setting.cell, int)),
+                "log": one.log,
+                "n_cycles": one.n_cycles,
+                **{name: finite(getattr(one, name)) for name in _NUMBERS},
+                **{name: rounded(getattr(one, name)) for name in _ARRAYS},
+                "strokes": {k: [rounded(row) for row in rows] for k, rows in one.strokes.items()},
+                "figures": {k: list(map(finite, pair)) for k, pair in one.figures.items()},
+            }
+            for one in run.tests
+        ],
+    }
+    return json.dumps(json_values(document), indent=1, allow_nan=False) + "\n"
+
+
+def compared_record(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what of run.json is compared, or says what is compared."""
+    inputs = record.get("inputs")
+    logs = [one for one in inputs if isinstance(one, dict)] if isinstance(inputs, list) else []
+    return {key: record[key] for key in _KEPT if key in record} | {
+        "inputs": [{key: one[key] for key in _OF_INPUTS if key in one} for one in logs]
+    }
+
+
+def is_baseline(path: Path) -> bool:
+    """Whether a file says that it is a baseline."""
+    if path.suffix.lower() != ".json":
+        return False
+    try:
+        with open_regular(path) as file:
+            return f'"{_KEY}"'.encode() in file.read(200)
+    except OSError:
+        return False
+
+
+def _read_baseline(path: Path, config: Path | None) -> Run:
+    try:
+        document = json.loads(read_text(path))
+        if document[_KEY] != _VERSION:
+            raise ConfigurationError(
+                f"a baseline of form {document[_KEY]} (damperfit "
+                f"{document.get('version')}), and this damperfit knows {_VERSION}; save it again",
+                subject=path,
+                code="other-version",
+            )
+        record, rows = document["record"], document["parameters"]
+        quantities = quantities_in(record)
+        names = adjusters_in(list(rows[0]), quantities) if rows else ()
+        parameters = tuple({**row, "setting": read_setting(row, names)} for row in rows)
+        tests = tuple(map(_kept_test, document["tests"]))
+    except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+        raise ConfigurationError(
+            f"a damaged baseline ({type(error).__name__}: {error}); save it again with "
+            "damperfit compare RESULTS --save FILE",
+            subject=path,
+            code="damaged",
+        ) from error
+    rows_of = {"parameters": parameters}
+    run = Run(record, rows_of, quantities=quantities, place=path, config=config)
+    run.tests = tests
+    return run
+
+
+def _kept_test(record: dict[str, Any]) -> MeasuredTest:
+    def array(values: Any) -> Any:  # None is not known
+        return np.array(values, dtype=np.float64)
+
+    cells = record["setting"]
+    names = [name for name in cells if name != "setting" and name not in column_names()]
+    figures = {name: array(pair).tolist() for name, pair in record["figures"].items()}
+    numbers: dict[str, Any] = {name: float(array(record[name])) for name in _NUMBERS}
+    numbers |= {name: array(record[name]) for name in _ARRAYS}
+    return MeasuredTest(
+        setting=read_setting(cells, names) or Setting.of(0),
+        log=str(record["log"]),
+        n_cycles=int(record["n_cycles"]),
+        strokes={name: array(rows) for name, rows in record["strokes"].items()},
+        figures={name: (value, error) for name, (value, error) in figures.items()},
+        **numbers,
     )
-    below = max((one for one in forces if one[0] <= wanted), default=None)
-    above = min((one for one in forces if one[0] >= wanted), default=None)
-    if below is None or above is None:
-        force, label = above or below or (math.nan, "")
-        return f"{asked}: no curve gives it; the nearest is {label} with {force:.5g} N"
-    if below[0] == above[0]:
-        return f"{asked}: {below[1]} gives it"
-    force, label = min(below, above, key=lambda one: abs(one[0] - wanted))
-    return (
-        f"{asked}: between {below[1]} with {below[0]:.5g} N and {above[1]} with {above[0]:.5g} N; "
-        f"nearest is {label} ({force - wanted:+.3g} N)"
+
+
+# Raw logs, without a fit: a folder, pattern or list of them is one run, or one a damper
+
+_NAMELESS = Setting.of("as tested")  # of what says none
+
+
+class NoUsableLogError(LogError):
+    """None of the logs of a run can be used."""
+
+    exit_code = 3
+
+
+def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -> dict[str, Run]:
+    """Return what raw logs tell, by damper; one run without a name where they are of one.
+
+    A log that cannot be used costs itself: the run's remarks say so.
+    """
+    batch = read_batch(expand([str(place)]), configuration, jobs=jobs, purpose=Purpose.COMPARE)
+    groups = by_damper(batch)
+    if len(groups) == 1:
+        return {"": _of_logs(place, next(iter(groups.values())), configuration)}
+    return {
+        owner: _of_logs(place / folder_name(owner), part, configuration)
+        for owner, part in groups.items()
+    }
+
+
+def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
+    timeless = [one for one in batch.failures if one.kind == TimelessError.__name__]
+    lost = [one.message for one in batch.failures if one not in timeless]
+    tests: list[MeasuredTest] = []
+    about = (*batch.notes, *batch.skipped_files, *batch.remarks, *log_warnings(batch.traces))
+    notes = list(map(str, about))
+    for trace in batch.traces:
+        own = _of_trace(trace)
+        tests += own
+        if not own:
+            lost.append(f"{trace.name}: no measured cycles to compare; no motion in it repeats")
+    for failure in timeless:
+        try:
+            curves = read_curves(Path(failure.path), configuration.reading)
+        except ConfigurationError:
+            raise
+        except DamperfitError as error:
+            lost.append(str(error))
+            continue
+        tests += [_of_curve(curve, None if place.is_file() else failure) for curve in curves]
+        notes += [f"{failure.log}: {note}" for note in curves[0].notes]
+    # Beside settings, what says none cannot be told apart.
+    if named := [test for test in tests if test.setting != _NAMELESS]:
+        lost += [
+            f"{log}: does not say its adjuster setting, and others do; give it a line "
+            "'# setting: 10', a column 'setting', a name such as setting_10.csv or a row in "
+            "tests.csv"
+            for log in dict.fromkeys(test.log for test in tests if test.setting == _NAMELESS)
+        ]
+        tests = named
+    if not tests:
+        more = f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
+        first = lost[0] if lost else "no log that is not damperfit's own"
+        where = "" if place.is_file() else f"{place}: none of its logs can be used: "
+        raise NoUsableLogError(f"{where}{first}{more}")
+    if not place.is_file() and not named:
+        n = len({test.log for test in tests})
+        notes.append(
+            f"no log says its setting: {'it is' if n == 1 else f'all {n} are'} compared as tested"
+        )
+    document = configuration.document
+    record = {  # what run.json would say of what else may differ
+        "inputs": [
+            {"log": log.log, "sha256": log.sha256}
+            | {"setting": (log.facts.get("setting") or _NAMELESS).cell}
+            | {key: log.facts[key] for key in ("reversed",) if key in log.facts}
+            for log in batch.logs
+        ],
+        "test": common_identity(log.identity for log in batch.logs).describe(),
+        "configuration": {name: document.get(name, {}) for name in ("rig", "conditioning")},
+        "notes": list(dict.fromkeys(notes)),
+    }
+    run = Run(record, {"parameters": ()}, place=place, remarks=lost)
+    run.tests = tuple(tests)
+    return run
+
+
+def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
+    nothing = np.full((4, len(trace.force)), np.nan)  # no model: no force, no pressures
+    time = trace.start_time + trace.interval * np.arange(len(trace.force), dtype=np.float64)
+    signals = LogSignals(
+        *(trace.setting or _NAMELESS, trace.name, time),
+        *(trace.displacement, trace.velocity, trace.force, nothing[0], nothing[1:]),
+    )
+    segments = [stretch.describe(trace) for stretch in trace.stretches]
+    mean = math.nan if trace.temperature is None else trace.temperature
+    return measured_tests(signals, segments, temperature=mean)
+
+
+def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
+    """Return a curve without time as a test without a motion: no errors are known."""
+    speeds = np.unique(np.abs(curve.velocity[curve.velocity != 0.0]))
+    setting = (known.setting if known is not None else None) or _NAMELESS
+    if curve.label not in {curve.name, Path(curve.name).stem}:  # one of several in its file
+        try:
+            setting = Setting.of(parse_place(curve.label))
+        except ValueError:
+            setting = Setting.of(curve.label)
+    return MeasuredTest(
+        setting=setting,
+        log=curve.name,
+        amplitude=math.nan,
+        frequency=math.nan,
+        n_cycles=0,
+        displacement=np.empty(0),
+        velocity=curve.velocity,
+        force=curve.force,
+        speeds=speeds,
+        strokes={
+            stroke: np.array(
+                [
+                    [curve.force_at(speed, stroke) for speed in speeds.tolist()],
+                    [math.nan] * len(speeds),
+                ]
+            )
+            for stroke in STROKES
+        },
     )

@@ -30,22 +30,11 @@ if TYPE_CHECKING:
     from damperfit.io import ReadOptions
     from damperfit.recording import Recording
 
-__all__ = [
-    "Guessed",
-    "check_damper",
-    "damper_keys",
-    "fault_of",
-    "first_configuration",
-    "guess_from_logs",
-]
-
 _FEW = 3  # logs that are read; the others are named alike
 # Units that are tried for a column that says none, the likeliest first.
 _UNITS = {"time": ("s", "ms"), "displacement": ("mm", "m", "in"), "force": ("N", "kN", "lbf")}
 # What a damper's test looks like: amplitude in m, peak force in N, duration in s.
-_AMPLITUDES = (5e-4, 0.25)
-_FORCES = (30.0, 5e4)
-_DURATIONS = (0.2, 7200.0)
+_LIKELY = ((5e-4, 0.25), (30.0, 5e4), (0.2, 7200.0))
 _DOUBTED = {"direction", CONTRADICTED}  # findings that ask for the signs
 
 
@@ -71,25 +60,28 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
     recordings: list[Recording] = []
     for path in logs[:_FEW]:
         try:
-            found, units = _read(path, options)
+            own, units = _read(path, options)
         except DamperfitError as error:
             unreadable.append(str(error))
             continue
-        recordings += found
+        recordings += own
+        amplitude, _, duration = _sizes(own[0])
+        seen = {
+            "time": f"the log then lasts {duration:.3g} s",
+            "displacement": f"its amplitude is then {1e3 * amplitude:.3g} mm",
+            "force": f"its largest is then {np.max(np.abs(own[0].force)):.4g} N",
+        }
         for channel, unit in units.items():
             if rig.setdefault("units", {}).setdefault(channel, unit) == unit and path == logs[0]:
-                why.append(_unit_sentence(channel, unit, found[0]))
-    said = [one.setting for one in recordings]
-    if unclear_names(path.name for path in logs):
-        said = [None for _ in said]
+                why.append(f"{channel} is read in {unit}: {seen[channel]}")
+    lacks_setting = any(one.setting is None for one in recordings)
+    lacks_setting |= bool(recordings and unclear_names(path.name for path in logs))
     guess = guess_settings(path.name for path in logs)
-    if guess.settings and any(one is None for one in said):
+    if lacks_setting and (guess.settings or guess.adjusters):
         rig["setting_pattern"] = guess.pattern
-        why.append(str(guess.said).partition(";")[0])
-    elif guess.adjusters and any(one is None for one in said):
-        rig["setting_pattern"] = guess.pattern
-        why.append(f"the names differ in the places of {' and '.join(guess.adjusters)}")
-    elif recordings and any(one is None for one in said):
+        places = f"the names differ in the places of {' and '.join(guess.adjusters)}"
+        why.append(str(guess.said).partition(";")[0] if guess.settings else places)
+    elif lacks_setting:
         offered = f": {guess.way}" if guess.way else ""
         unknown.append(
             "the logs do not say their setting: name them setting_10.csv, write '# setting: 10' "
@@ -102,8 +94,10 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
             rig[f"reverse_{channel}"] = True
             why.append(f"{channel} is positive in compression: the loops show it")
     if doubt := next((doubt for _, doubt in signs if doubt), ""):
-        seen = doubt.partition("; taken as logged")[0].partition("; declare")[0]
-        unknown.append(f"signs: {seen}; decide reverse_displacement and reverse_force in [rig]")
+        seen_there = doubt.partition("; taken as logged")[0].partition("; declare")[0]
+        unknown.append(
+            f"signs: {seen_there}; decide reverse_displacement and reverse_force in [rig]"
+        )
     identity = common_identity(identity_in(one.metadata) for one in recordings)
     facts = {key: getattr(identity, key) for key in IDENTITY_KEYS}
     test = {key: value for key, value in facts.items() if value and "," not in value}
@@ -117,18 +111,22 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
     try:
         return read_logs(path, options), {}
     except LogError as error:
-        keys = [one.key for one in error.problem.offered if one.name == "rig"]
-        lacking = [
-            key.removeprefix("units.") for key in keys if key.removeprefix("units.") in _UNITS
+        keys = [
+            one.key.removeprefix("units.") for one in error.problem.offered if one.name == "rig"
         ]
+        lacking = [key for key in keys if key in _UNITS]
         if not lacking:
             raise
     for chosen in product(*(_UNITS[channel] for channel in lacking)):
         units = dict(zip(lacking, chosen, strict=True))
         declared = load_configuration(overlay={"rig": {"units": units}}).reading
-        found = read_logs(path, declared)
-        if all(map(_is_likely, found)):
-            return found, units
+        recordings = read_logs(path, declared)
+        if all(
+            low <= size <= high
+            for one in recordings
+            for size, (low, high) in zip(_sizes(one), _LIKELY, strict=True)
+        ):
+            return recordings, units
     raise LogError(
         f"columns without units, and no common units give plausible values: "
         f"declare rig.units ({', '.join(lacking)})",
@@ -137,21 +135,11 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
     )
 
 
-def _is_likely(recording: Recording) -> bool:
+def _sizes(recording: Recording) -> tuple[float, float, float]:
+    """Amplitude, m, peak force, N, and duration, s."""
     amplitude = float(np.ptp(recording.displacement)) / 2.0
     force = float(np.max(np.abs(recording.force - median(recording.force))))
-    duration = float(recording.time[-1] - recording.time[0])
-    seen = ((amplitude, _AMPLITUDES), (force, _FORCES), (duration, _DURATIONS))
-    return all(low <= value <= high for value, (low, high) in seen)
-
-
-def _unit_sentence(channel: str, unit: str, recording: Recording) -> str:
-    seen = {
-        "time": f"the log then lasts {recording.time[-1] - recording.time[0]:.3g} s",
-        "displacement": f"its amplitude is then {500.0 * np.ptp(recording.displacement):.3g} mm",
-        "force": f"its largest is then {np.max(np.abs(recording.force)):.4g} N",
-    }
-    return f"{channel} is read in {unit}: {seen[channel]}"
+    return amplitude, force, float(recording.time[-1] - recording.time[0])
 
 
 def _signs(recording: Recording, options: ConditionOptions) -> tuple[list[str], str]:
@@ -175,6 +163,13 @@ _PASSAGE = """\
 # law = "orifice"                  # or check, linear, ...: damperfit help models
 # name = "rebound"
 # two_way = true""".splitlines()
+
+
+_ADJUSTERS = [
+    "# [adjusters]                      # more than one: in the order of labels such as R12 C8",
+    '# rebound = "from open"',
+    '# compression = "from open"',
+]
 
 
 def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) -> str:
@@ -213,34 +208,34 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
             "# reverse_displacement = true     # the log counts compression (rod in) as positive",
             "# reverse_force = true            # remove the #, or declare both false",
         ]
-    lines += [
-        "# temperature_tolerance = inf      # ask for no temperature",
-        "",
-        *_adjusters(guessed.adjusters),
-    ]
+    lines += ["# temperature_tolerance = inf      # ask for no temperature", ""]
+    if guessed.adjusters:
+        lines.append(
+            '[adjusters]                        # clicks count "from open" or "from closed"'
+        )
+        lines += [f'{name} = ""' for name in guessed.adjusters]
+    else:
+        lines += _ADJUSTERS
     return "\n".join(lines) + "\n"
-
-
-def _adjusters(names: Sequence[str]) -> list[str]:
-    if names:
-        heading = '[adjusters]                        # clicks count "from open" or "from closed"'
-        return [heading, *(f'{name} = ""' for name in names)]
-    return [
-        "# [adjusters]                      # more than one: in the order of labels such as R12 C8",
-        '# rebound = "from open"',
-        '# compression = "from open"',
-    ]
 
 
 def damper_keys(model: str) -> dict[str, str]:
     """Return the plain keys of [damper] and their defaults, as text."""
     document = load_configuration(overlay={"damper": {"model": model}}).document["damper"]
     ranges = model_named(model).ranges
-    return {
-        key: _with_unit(value, ranges[key][2] if key in ranges else "")
-        for key, value in document.items()
-        if key not in {"model", "reference_temperature"} and not isinstance(value, dict | list)
-    }
+    keys = {}
+    for key, value in document.items():
+        if key in {"model", "reference_temperature"} or isinstance(value, dict | list):
+            continue
+        unit = ranges[key][2] if key in ranges else ""
+        if isinstance(value, bool):
+            keys[key] = _toml(value)
+        elif isinstance(value, str) or unit not in _MEASURED_IN:
+            keys[key] = str(value)
+        else:
+            name, size = _MEASURED_IN[unit]
+            keys[key] = f"{float(value) / size:.6g}{name}"
+    return keys
 
 
 # SI unit of a key: the unit that people measure it in, and its size.
@@ -252,23 +247,12 @@ _MEASURED_IN = {
 }
 
 
-def _with_unit(value: Any, unit: str) -> str:
-    if isinstance(value, bool):
-        return _toml(value)
-    if isinstance(value, str) or unit not in _MEASURED_IN:
-        return str(value)
-    name, size = _MEASURED_IN[unit]
-    return f"{float(value) / size:.6g}{name}"
-
-
 def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
     if isinstance(value, dict):
         return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + "}"
     plain = _plain(value) if isinstance(value, str) else value
     if isinstance(plain, bool):
-        return _toml(plain)
+        return "true" if plain else "false"
     return _text(plain) if isinstance(plain, str) else str(plain)
 
 

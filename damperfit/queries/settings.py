@@ -1,9 +1,9 @@
-"""Forces by setting of a run, and the setting for a force."""
+"""Forces by setting of a run, or by measured curve, and the setting for a force."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment.clicks import Click, Wanted, clicks, which_setting
@@ -22,9 +22,11 @@ from damperfit.damper.quantity import RIG
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.sharing import of_settings
+from damperfit.io import read_curves
 from damperfit.problem import Failure, Option
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.forces import force_by_setting_sheet, force_sheets, measured_force_sheet
+from damperfit.reporting.inspection import curve_forces_sheet
 from damperfit.reporting.records import to_record
 from damperfit.reporting.sheet import rows_in_units, sheet_in_units
 from damperfit.simulation import NAMED_SPEEDS, refuse_amplitude
@@ -36,11 +38,14 @@ from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
     import pandas as pd
 
     from damperfit.adjustment.force_at import Stage
     from damperfit.damper.model import Model, Values
+    from damperfit.io import ReadOptions
+    from damperfit.io.force_curves import ForceCurve
     from damperfit.reporting.sheet import Sheet
     from damperfit.results import Run
     from damperfit.units.shown_units import ShownUnits
@@ -265,10 +270,8 @@ def tabulate_forces(
     own = run.motion_of_tests if size and rate else run.motion
     sine = own
     if sine is None or size or rate:
-        sine = Sine(
-            size or (own.amplitude if own else math.nan),
-            rate or (own.frequency if own else math.nan),
-        )
+        amplitude_of, rate_of = (own.amplitude, own.frequency) if own else (math.nan, math.nan)
+        sine = Sine(size or amplitude_of, rate or rate_of)
     refuse_amplitude(sine.amplitude, damper.travel)
     speeds = named_speeds(sine.peak_speed, run.shown_speeds or NAMED_SPEEDS)
     if question.speed is not None:
@@ -283,10 +286,10 @@ def tabulate_forces(
             subject="the named test speeds",
             code="no-speed",
         )
-    failure_log: dict[Setting, Failure] = {}
+    failures: dict[Setting, Failure] = {}
 
     def take(setting: Setting, error: Exception) -> None:
-        failure_log[setting] = failure_of(error, f"simulating setting {setting}")
+        failures[setting] = failure_of(error, f"simulating setting {setting}")
 
     forces = force_at(run.settings, damper, speeds, measured=run.speed_forces, on_error=take)
     shown = credible_forces(forces)
@@ -295,20 +298,25 @@ def tabulate_forces(
     if isinstance(damper, WithTemperature):
         source += f" and {damper.oil_temperature:g} degC"
     lost = (
-        failure_log[stage.setting].message
-        if stage.setting in failure_log
-        else f"setting {stage.setting} cannot be simulated {source}"
-        for stage in run.settings
-        if stage.setting not in done
+        failures[one.setting].message
+        if one.setting in failures
+        else f"setting {one.setting} cannot be simulated {source}"
+        for one in run.settings
+        if one.setting not in done
     )
-    notes = (
-        *run.notes,
-        *(() if sine is own else _motion_notes(run, sine)),
-        *notes_on_settings(damper, run.settings),
-        *_untested_notes(run, shown),
-        *_cavitation_notes(forces),
-        *_measured_notes(shown),
-    )
+    notes = [*run.notes]
+    if sine is not own:
+        beyond = ", ".join(
+            run.tested.outside(
+                amplitude=sine.amplitude, frequency=sine.frequency, speed=sine.peak_speed
+            )
+        )
+        notes += [f"never tested: {beyond}"] if beyond else []
+        notes.append(
+            f"the sine of {1e3 * sine.amplitude:.4g} mm at {sine.frequency:.4g} Hz says which "
+            "speeds are shown; the forces are those at constant speed, whatever the stroke"
+        )
+    notes += [*notes_on_settings(damper, run.settings), *_force_notes(run, forces, shown)]
     return SettingForces(
         run,
         question,
@@ -318,8 +326,8 @@ def tabulate_forces(
         clicks(shown),
         () if question.force is None else _wanted(shown, question, question.force),
         (*run.remarks, *run.remarks_on_errors, *lost),
-        notes,
-        tuple(failure_log[setting].trace for setting in sorted(failure_log)),
+        tuple(notes),
+        tuple(failures[setting].trace for setting in sorted(failures)),
         units,
     )
 
@@ -344,65 +352,41 @@ def _wanted(shown: Sequence[Force], question: Question, force: float) -> tuple[W
     return tuple(which_setting(mine, force, line=line) for line in lines)
 
 
-def _motion_notes(run: Run, sine: Sine) -> Iterator[str]:
-    """Say what of a motion that was asked for was never tested, and what it is for."""
-    beyond = run.tested.outside(
-        amplitude=sine.amplitude, frequency=sine.frequency, speed=sine.peak_speed
-    )
-    if listed := ", ".join(beyond):
-        yield f"never tested: {listed}"
-    yield (
-        f"the sine of {1e3 * sine.amplitude:.4g} mm at {sine.frequency:.4g} Hz says which speeds "
-        "are shown; the forces are those at constant speed, whatever the stroke"
-    )
-
-
-def _untested_notes(run: Run, shown: Sequence[Force]) -> Iterator[str]:
-    """Say which speeds no test of a setting has reached, and what the logs leave open there."""
+def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> Iterator[str]:
+    """Say which forces are extrapolated, cavitate or are measured, and where peaks differ."""
     untested = {one.setting: one.speed for one in shown if not one.is_tested}
-    if not untested:
-        return
-    stages = [stage for stage in run.settings if stage.setting in untested]
-    top = min(stage.top_speed for stage in stages)
-    yield (
-        f"{max(untested.values()):g} m/s was never tested at {of_settings(untested)} (tested: up "
-        f"to {top:.3g} m/s): the force there is the model's, extrapolated"
-    )
-    loose = [one.setting for one in shown if not (one.is_tested or one.is_determined)]
-    if loose:
-        reached = min(determined_speed(stage, run.damper) for stage in stages)
+    if untested:
+        stages = [stage for stage in run.settings if stage.setting in untested]
+        top = min(stage.top_speed for stage in stages)
         yield (
-            f"the logs do not determine the force there at {of_settings(dict.fromkeys(loose))}: "
-            f"within 5 % it is known up to {reached:.3g} m/s; the intervals are what is left open"
+            f"{max(untested.values()):g} m/s was never tested at {of_settings(untested)} (tested: "
+            f"up to {top:.3g} m/s): the force there is the model's, extrapolated"
         )
-
-
-def _cavitation_notes(found: Sequence[Force]) -> Iterator[str]:
-    """Say at which settings and from which speed on the damper cavitates."""
-    empty = [one for one in found if one.is_cavitating]
-    if empty:
-        settings = dict.fromkeys(one.setting for one in empty)
+        if loose := [one.setting for one in shown if not (one.is_tested or one.is_determined)]:
+            reached = min(determined_speed(stage, run.damper) for stage in stages)
+            yield (
+                f"the logs do not determine the force there at {of_settings(dict.fromkeys(loose))}:"
+                f" within 5 % it is known up to {reached:.3g} m/s; the intervals are what is left "
+                "open"
+            )
+    if empty := [one for one in forces if one.is_cavitating]:
         yield (
             f"a chamber cavitates from {min(one.speed for one in empty):g} m/s on at "
-            f"{of_settings(settings)}: the forces there are the model's with an empty chamber"
+            f"{of_settings(dict.fromkeys(one.setting for one in empty))}: the forces there are the "
+            "model's with an empty chamber"
         )
-
-
-def _measured_notes(told: Sequence[Force]) -> Iterator[str]:
-    """Say where measured forces are given in place of the model's, and where peaks differ."""
-    missed = [one for one in told if one.is_measured and one.disagrees]
-    if missed:
+    if missed := [one for one in shown if one.is_measured and one.disagrees]:
         worst = max(missed, key=lambda one: abs(one.difference / one.measured_force))
-        share = 100.0 * abs(worst.difference / worst.measured_force)
-        where = of_settings(dict.fromkeys(one.setting for one in missed))
         yield (
-            f"the model misses measured forces at {where}, most by {share:.2g} % at "
-            f"{worst.speed:g} m/s in {STROKE_WORDS[worst.stroke]} (setting {worst.setting}): "
-            "measured forces are given at those speeds"
+            "the model misses measured forces at "
+            f"{of_settings(dict.fromkeys(one.setting for one in missed))}, most by "
+            f"{100.0 * abs(worst.difference / worst.measured_force):.2g} % at {worst.speed:g} m/s "
+            f"in {STROKE_WORDS[worst.stroke]} (setting {worst.setting}): measured forces are given "
+            "at those speeds"
         )
     peaks = [
         (abs(seen.peak - seen.force), seen, one)
-        for one in told
+        for one in shown
         if (seen := one.measured) is not None and seen.peak_differs
     ]
     if peaks:
@@ -413,3 +397,108 @@ def _measured_notes(told: Sequence[Force]) -> Iterator[str]:
             f"{seen.peak:.4g} N for {seen.force:.4g} N; measured forces are those at the peak "
             "speed"
         )
+
+
+# Curves that were measured without time, asked for forces: by curve, and which gives a force
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class CurveForces(Answer):
+    """Forces of measured curves at some speeds, and the answer where one is asked."""
+
+    paths: tuple[Path, ...]
+    question: Question
+    curves: tuple[ForceCurve, ...]  # as the files have them
+    speeds: tuple[float, ...]  # m/s, positive
+    sentence: str  # which curve gives the wanted force; empty where none was asked for
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to know of the curves."""
+        return tuple(dict.fromkeys(note for one in self.curves for note in one.notes))
+
+    def document(self) -> dict[str, Any]:
+        """Return the forces by curve, stroke and speed that were reached, as JSON values."""
+        asked = self.question
+        document: dict[str, Any] = json_values(
+            {
+                "source": ", ".join(map(str, self.paths)),
+                "question": None if asked.force is None else to_record(asked),
+                "sentence": self.sentence or None,
+                "forces": [
+                    {"curve": one.label, "stroke": side, "speed_m_per_s": speed, "force_N": force}
+                    for one in self.curves
+                    for side in STROKES
+                    for speed in self.speeds
+                    if math.isfinite(force := one.force_at(speed, side))
+                ],
+            }
+        )
+        return document
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row a curve, stroke and speed."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document()["forces"])
+
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return the forces of the fastest speeds by curve."""
+        return (curve_forces_sheet(self.curves, self.speeds[-5:]),)
+
+
+def measured_forces(
+    paths: Sequence[Path], question: Question, *, reading: ReadOptions
+) -> CurveForces:
+    """Return what the curves of some files, without time, say of a question."""
+    read = [curve for path in paths for curve in read_curves(path, reading)]
+    files: dict[str, set[str]] = {}
+    for one in read:
+        files.setdefault(one.label, set()).add(one.path)
+    curves = tuple(  # the file's name before labels that several files use
+        replace(one, label=f"{one.name} {one.label}") if len(files[one.label]) > 1 else one
+        for one in read
+    )
+    strokes = (question.stroke,) if question.stroke else STROKES
+    tops = [float(v.max()) for c in curves for s in strokes if len(v := c.points(s)[0])]
+    speeds = tuple(speed for speed in NAMED_SPEEDS if speed <= max(tops, default=0.0))
+    if question.speed is not None:
+        speeds = (question.speed,)
+    forces = [
+        (force, curve.label)
+        for curve in curves
+        for stroke in strokes
+        for speed in speeds
+        if math.isfinite(force := curve.force_at(speed, stroke))
+    ]
+    if not forces:
+        at = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
+        side = f" in {STROKE_WORDS[question.stroke]}" if question.stroke else ""
+        names = ", ".join(path.name for path in paths)
+        raise ConfigurationError(
+            f"no curve of {names} has points on both sides of it{side}; the highest "
+            f"measured speed is {max(tops, default=0.0):.3g} m/s",
+            subject=at,
+            code="no-speed",
+        )
+    sentence = "" if question.force is None else _answer(question, question.force, forces)
+    return CurveForces(tuple(paths), question, curves, speeds, sentence)
+
+
+def _answer(question: Question, wanted: float, forces: Sequence[tuple[float, str]]) -> str:
+    """Say between which curves a force lies; labels need no order for that."""
+    asked = (
+        f"{wanted:.5g} N in {STROKE_WORDS[question.stroke or 'rebound']} at {question.speed:g} m/s"
+    )
+    below = max((one for one in forces if one[0] <= wanted), default=None)
+    above = min((one for one in forces if one[0] >= wanted), default=None)
+    if below is None or above is None:
+        force, label = above or below or (math.nan, "")
+        return f"{asked}: no curve gives it; the nearest is {label} with {force:.5g} N"
+    if below[0] == above[0]:
+        return f"{asked}: {below[1]} gives it"
+    force, label = min(below, above, key=lambda one: abs(one[0] - wanted))
+    return (
+        f"{asked}: between {below[1]} with {below[0]:.5g} N and {above[1]} with {above[0]:.5g} N; "
+        f"nearest is {label} ({force - wanted:+.3g} N)"
+    )

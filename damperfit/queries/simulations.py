@@ -71,6 +71,7 @@ class ChosenParameters:
     tested: Tested = Tested()  # what the logs of the run covered
     remarks: tuple[str, ...] = ()  # what is wrong with the table
     fitted: SettingResult | None = None  # as the run judged it; None where values were replaced
+    run: Run | None = None  # that was read
 
     def warnings(
         self, speed: float, temperature: float | None = None, **motion: float
@@ -136,7 +137,7 @@ def choose_parameters(
             code="no-parameters",
         )
     if path is not None:
-        found = _of_run(path, setting, values)
+        choice = _of_run(path, setting, values)
     elif damper.name != PURDY_DAMPER.name:
         raise ConfigurationError(
             f"there is no reference set of the model {damper.name!r}: give {{parameters}}, or "
@@ -154,23 +155,23 @@ def choose_parameters(
                 code="unknown-setting",
             )
         source = f"setting {chosen} of the {REFERENCE_SOURCE}"
-        found = ChosenParameters(reference_parameters(chosen.cell), chosen, source)
+        choice = ChosenParameters(reference_parameters(chosen.cell), chosen, source)
     more = f"; replaced: {', '.join(values)}" if values else ""
-    parameters, source = found.parameters.replace(values), f"parameters: {found.source}{more}"
-    return replace(found, parameters=parameters, source=source)
+    source = f"parameters: {choice.source}{more}"
+    return replace(choice, parameters=choice.parameters.replace(values), source=source)
 
 
 def _of_run(
     path: Path, setting: Setting | int | str, replaced: Mapping[str, float]
 ) -> ChosenParameters:
     run = Run.load(path)
-    known = {one.setting: one.parameters for one in run.settings}
-    fitted = next((one for one in run.settings if one.setting == _meant(setting, known)), None)
+    known = {one.setting: one for one in run.settings}
+    values = {one.setting: one.parameters for one in run.settings}
     unlimited = {one.setting: frozenset(one.unlimited) for one in run.settings}
     chosen = _meant(setting, known)
-    source = f"setting {chosen} of {path}"
-    if is_combined := chosen not in known:
-        together = values_from_others(known, chosen)
+    source, fitted = f"setting {chosen} of {path}", known.get(chosen)
+    if fitted is None:
+        together = values_from_others(values, chosen)
         if together is None:
             there = ", ".join(str(number) for number in sorted(known)) or "none"
             raise ConfigurationError(
@@ -178,15 +179,18 @@ def _of_run(
                 subject=path,
                 code="unknown-setting",
             )
-        names = frozenset(unlimited_in(together, known, unlimited))
+        names = frozenset(unlimited_in(together, values, unlimited))
         source = f"setting {chosen}, put together from the clicks of the settings of {path}"
     else:
-        together, names = known[chosen], unlimited[chosen]
-    left = tuple(name for name in together.names if name in names and name not in replaced)
-    judged = None if replaced else fitted
-    remarks = tuple(f"{path.parent}: {text}" for text in run.remarks)
+        together, names = fitted.parameters, unlimited[chosen]
     return ChosenParameters(
-        together, chosen, source, path, left, is_combined, run.tested, remarks, judged
+        *(together, chosen, source, path),
+        tuple(name for name in together.names if name in names and name not in replaced),
+        is_combined=fitted is None,
+        tested=run.tested,
+        remarks=tuple(f"{path.parent}: {text}" for text in run.remarks),
+        fitted=None if replaced else fitted,
+        run=run,
     )
 
 
@@ -222,12 +226,9 @@ def table_meant(given: Path) -> Path:
     if not given.is_dir():
         return given
     settle(given)  # what an interrupted run put there may be none of the results
-    found = _table_in(given)
-    if found is None:
-        raise ConfigurationError(
-            f"no {_TABLES[0]} in this folder", subject=given, code="no-results"
-        )
-    return found
+    if table := _table_in(given):
+        return table
+    raise ConfigurationError(f"no {_TABLES[0]} in this folder", subject=given, code="no-results")
 
 
 def _table_in(folder: Path) -> Path | None:
@@ -239,8 +240,8 @@ def damper_of(
 ) -> tuple[Configuration, str]:
     """Return the configuration with the damper that the parameters belong to, and a line on it."""
     meant, line = configuration, configuration.damper_sentence
-    if choice.table is not None:
-        meant, line = _damper_of_table(choice.table, configuration, config)
+    if choice.run is not None:
+        meant, line = _damper_of_run(choice.run, configuration, config)
     if isinstance(meant.damper, WithTemperature) and BETA.name not in choice.parameters.names:
         raise ConfigurationError(
             f"damper.reference_temperature: setting {choice.setting} of "
@@ -252,10 +253,9 @@ def damper_of(
     return meant, line
 
 
-def _damper_of_table(
-    table: Path, configuration: Configuration, config: Path | None
+def _damper_of_run(
+    run: Run, configuration: Configuration, config: Path | None
 ) -> tuple[Configuration, str]:
-    run = Run.load(table)
     meant = run.configured(configuration, config=config, takes_motion=True)
     line = f", that of {run.source}"
     if run.declared_damper is None:
@@ -268,11 +268,10 @@ def truth_of(
     given: Path, configuration: Configuration, config: Path | None
 ) -> tuple[dict[int, Values], Configuration, str]:
     """Return the values of a table, and the configuration and line of the damper they hold for."""
-    path = table_meant(given)
-    meant, damper = _damper_of_table(path, configuration, config)
-    known = {one.setting.cell: one.values for one in Run.load(path).settings}
+    run = Run.load(table_meant(given))
+    known = {one.setting.cell: one.values for one in run.settings}
     truth = {setting: values for setting, values in known.items() if isinstance(setting, int)}
-    return truth, meant, damper
+    return truth, *_damper_of_run(run, configuration, config)
 
 
 # One simulated test
@@ -411,7 +410,7 @@ def parse_variation(text: str, damper: Model = PURDY_DAMPER) -> Variation:
             values.append(float(part))
         except ValueError as error:
             raise wrong(f"{part!r} is not a number", "not-a-number") from error
-        if not (math.isfinite(values[-1]) and values[-1] >= 0.0):
+        if not 0.0 <= values[-1] < math.inf:
             raise wrong(f"{part}: expected a factor of 0 or more", "out-of-range")
     may_be_zero = [one.name for one in damper.quantities if one.may_vanish or one.is_offset]
     if min(values) == 0.0 and name not in may_be_zero:

@@ -30,10 +30,11 @@ from damperfit.reporting.sheet import (
     printable,
     with_interval,
 )
+from damperfit.tables.files import finite
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -60,9 +61,8 @@ def comparison_sheets(
 
     ``is_short`` is for a terminal: of many forces those that tell something.
     """
-    title = comparison.forces_title
     sheets = (
-        (title[0].upper() + title[1:], comparison_force_sheet(comparison, is_short=is_short)),
+        (comparison.forces_title, comparison_force_sheet(comparison, is_short=is_short)),
         ("Parameters", _parameter_sheet(comparison)),
         ("Energy, hysteresis, MSE, cavitation", _figure_sheet(comparison)),
     )
@@ -211,7 +211,7 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
     columns = [
         Column("run", "", lambda one: one.run, is_number=False),
         Column("set", "", lambda one: str(one.setting)),
-        Column("speed", units.of("m/s"), lambda one: _speed(_finite(one.speed), units)),
+        Column("speed", units.of("m/s"), lambda one: _speed(finite(one.speed), units)),
         Column("stroke", "", lambda one: _stroke(one.stroke), is_number=False),
         *(newtons("force", "force"), newtons("from", "low"), newtons("to", "high")),
         Column("result", "", lambda one: one.words, is_number=False),
@@ -334,30 +334,27 @@ def _rows(things: Sequence[Any], columns: _Columns) -> list[dict[str, Any]]:
     def cell(kind: pa.DataType, value: Any) -> Any:
         if value is None or kind is _TRUTH:
             return value
-        return str(value) if kind is _TEXT else _finite(value)
+        return str(value) if kind is _TEXT else finite(float(value))
 
     return [{name: cell(kind, get(one)) for name, kind, _, get in columns} for one in things]
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def comparison_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Return rows of one or more comparisons as a table."""
+def comparison_table(comparisons: Sequence[RunComparison]) -> pa.Table:
+    """Return the rows of comparisons as a table."""
+    rows = [row for one in comparisons for row in comparison_rows(one)]
     return _table(rows, (*_NAMES, *_COLUMNS))
 
 
-def tolerance_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Return rows of forces held against bands as a table."""
-    return _table(rows, _POINT_COLUMNS)
+def tolerance_table(points: Sequence[Point]) -> pa.Table:
+    """Return forces held against bands as a table."""
+    return _table(tolerance_rows(points), _POINT_COLUMNS)
 
 
-def _table(rows: Sequence[Mapping[str, Any]], columns: _Columns) -> pa.Table:
+def _table(rows: list[dict[str, Any]], columns: _Columns) -> pa.Table:
     fields = [
         pa.field(name, kind, metadata={"description": text}) for name, kind, text, _ in columns
     ]
-    return pa.Table.from_pylist([dict(row) for row in rows], schema=pa.schema(fields))
+    return pa.Table.from_pylist(rows, schema=pa.schema(fields))
 
 
 def comparison_record(comparison: RunComparison) -> dict[str, Any]:
@@ -373,10 +370,7 @@ def comparison_record(comparison: RunComparison) -> dict[str, Any]:
         "motion": comparison.motion,
         "settings": [setting.cell for setting in comparison.settings],
         "sentences": list(comparison.sentences),
-        "circumstances": [
-            {"kind": one.kind, "first": one.first, "second": one.second, "sentence": one.sentence}
-            for one in comparison.circumstances
-        ],
+        "circumstances": [one._asdict() for one in comparison.circumstances],
         "notes": list(comparison.notes),
         "remarks": list(comparison.remarks),
         "lines": comparison_rows(comparison),

@@ -9,8 +9,8 @@ import pytest
 
 from damperfit.adjustment.force_at import Sine, Stage
 from damperfit.comparison import ComparisonOptions, Sameness, compare_runs
-from damperfit.comparison.comparing import _speeds, circumstances
-from damperfit.comparison.fitted import (
+from damperfit.comparison.comparing import (
+    circumstances,
     comparable_quantities,
     figure_lines,
     force_readings,
@@ -49,7 +49,7 @@ def _row(n_cycles: int, n_logs: int, **more: object) -> dict:
 ROWS = (_row(13, 1), _row(12, 2))
 
 
-def run(name, tare, *, is_free=True, factor=1.0):
+def run(name, tare, *, is_free=True, factor=1.0, **more):
     """Return a run of two settings whose rig adds a tare, known where it is free."""
     truth = reference_parameters(5)
     values = replace(truth, r_m1=factor * truth.r_m1, f_0=tare)
@@ -61,7 +61,7 @@ def run(name, tare, *, is_free=True, factor=1.0):
         row |= {one.name: getattr(values, one.name), f"{one.name}_status": status}
         row |= {f"{one.name}_se": 1.0 if one.name == "f_0" else 1e-3 * row[one.name]}
     stages = tuple(Stage(one, values, free, (), known) for one in SETTINGS)
-    return fitted(name=name, stages=stages, rows=(row, row))
+    return fitted(name=name, stages=stages, rows=(row, row), **more)
 
 
 def test_cycles_less_one_a_log_are_the_degrees_of_freedom() -> None:
@@ -89,12 +89,18 @@ def test_what_the_logs_do_not_tell_is_not_compared(status) -> None:
     assert not told["r_m1", SETTINGS[1]]
 
 
-def test_speeds_are_those_that_all_tests_have_reached() -> None:
-    slow, fast = fitted(sine=Sine(0.02, 1.1)), fitted(sine=Sine(0.032, 1.5))
-    assert _speeds([slow, fast], ComparisonOptions()) == (0.05, 0.1, 0.13)
-    faster = ComparisonOptions(sine=Sine(0.032, 1.5))
-    assert _speeds([slow, fast], faster) == (0.05, 0.1, 0.13, 0.26, 0.3)
-    assert _speeds([slow], ComparisonOptions(speeds=(0.7,))) == (0.7,)
+@pytest.mark.parametrize(
+    ("how", "speeds"),
+    [
+        ({}, {0.05, 0.1, 0.13}),
+        ({"sine": Sine(0.032, 1.5)}, {0.05, 0.1, 0.13, 0.26, 0.3}),
+        ({"speeds": (0.7,)}, {0.7}),
+    ],
+)
+def test_speeds_are_those_that_all_tests_have_reached(how, speeds) -> None:
+    slow, fast = run("a", 0.0, sine=Sine(0.02, 1.1)), run("b", 0.0, sine=Sine(0.032, 1.5))
+    forces = compare_runs(slow, fast, ComparisonOptions(**how)).of("force")
+    assert {line.subject.speed for line in forces} == speeds
 
 
 def test_misfits_and_margins_are_told_in_per_cent() -> None:
