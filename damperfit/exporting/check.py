@@ -70,15 +70,7 @@ class SettingCheck:
 
 
 def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
-    """Return the error of what was written, by setting.
-
-    Raises
-    ------
-    ConfigurationError
-        The run has no signals, or the FMU has no library for this machine.
-    SimulationError
-        The FMU refuses a step, or the file does not hold what was written.
-    """
+    """Return the error of what was written, by setting."""
     if not run.run.signals:
         raise ConfigurationError(
             f"{run.run.name} has no responses.parquet to check against; run damperfit "
@@ -168,13 +160,7 @@ def _filter(record: Mapping[str, Any], sample_rate: float) -> FilterDesign:
 
 
 def read_back(export: Export) -> list[Curve]:
-    """Return speeds and forces as they stand in the files, for each table: m/s and N, rebound +.
-
-    Raises
-    ------
-    SimulationError
-        A table is not found in its file.
-    """
+    """Return speeds and forces as they stand in the files, for each table: m/s and N, rebound +."""
     read = {"csv": _from_csv, "xlsx": _from_workbook, "matlab": _from_matlab}
     curves = []
     found = read.get(export.target.name, _from_texts)(export)

@@ -88,11 +88,6 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
     """Return the damper with all its settings.
 
     Settings that are whole numbers of one adjuster keep them; others are counted from 1.
-
-    Raises
-    ------
-    ConfigurationError
-        The model is none that an FMU can hold.
     """
     damper, tested, solver = run.damper, run.run.tested, run.run.solver
     if not isinstance(damper, Damper | ValveDamper):

@@ -41,15 +41,7 @@ _ORDINARY = ("-mcpu=baseline", "-fno-sanitize=undefined", "-DNDEBUG")
 
 
 def build(platform: Platform) -> Path:
-    """Build the library of one platform and keep it with the installation.
-
-    Raises
-    ------
-    InstallationError
-        There is no Zig, or it could not compile.
-    OutputError
-        The installation cannot be written to.
-    """
+    """Build the library of one platform and keep it with the installation."""
     folder = BINARIES / platform.name
     sources = sorted(name for name in source_files() if name.endswith(".c"))
     command = [*_compiler(platform), *_OPTIONS, *sources, "-o", platform.library]

@@ -75,12 +75,6 @@ def exported_run(
 
     The damper of ``config`` is taken where the run does not tell its own; ``temperature`` is the
     oil's, where the damper follows it: the reference temperature by default.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no such folder, no setting in it has parameters, or ``config`` declares another
-        damper.
     """
     run = Run.load(folder, parts=("parameters",), config=config, temperature=temperature)
     damper, settings, notes = run.damper, run.settings, []
@@ -181,13 +175,6 @@ def force_tables(
     """Return the table of each setting, to the tested speed or to ``extend``, m/s.
 
     ``common``: all on the same speeds, up to what every setting was tested at.
-
-    Raises
-    ------
-    ConfigurationError
-        ``extend`` is not beyond the tested speed, or far beyond it.
-    SimulationError
-        The model cannot be simulated.
     """
     known = run.run.tested.speed
     fastest = run.run.motion.peak_speed if known is None else known

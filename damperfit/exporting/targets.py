@@ -117,11 +117,6 @@ class Target:
         """Return the folder to write to, and what the files' names begin with.
 
         ``out`` is a file if it has a suffix, else a folder.
-
-        Raises
-        ------
-        ConfigurationError
-            The suffix is not the target's.
         """
         if not out.suffix or out.is_dir():
             return out, "damper"
@@ -136,15 +131,7 @@ class Target:
         return out.parent, out.stem
 
     def export(self, run: ExportedRun, options: ExportOptions = ExportOptions()) -> Export:
-        """Return what this target's files hold of a run.
-
-        Raises
-        ------
-        ConfigurationError
-            The target holds no such damper, or ``extend`` is of no use.
-        SimulationError
-            The model cannot be simulated.
-        """
+        """Return what this target's files hold of a run."""
         from damperfit.exporting.fmu import missing_platforms, write_fmu
 
         has_table = self.has_table_of(run.damper)
@@ -478,13 +465,7 @@ TARGETS: Mapping[str, Target] = {
 
 
 def find_target(name: str) -> Target:
-    """Return the target of a name.
-
-    Raises
-    ------
-    ConfigurationError
-        There is none.
-    """
+    """Return the target of a name."""
     if name not in TARGETS:
         raise ConfigurationError(
             f"expected one of {', '.join(TARGETS)}.{did_you_mean(name, TARGETS)} "

@@ -188,10 +188,8 @@ def setting_panel(
 def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
     """Return the indices of samples that keep every peak of every signal.
 
-    The samples are cut into ``n_buckets`` runs of equal length. From each run the samples with the
-    lowest and the highest value of each signal are kept, and the first and last sample of all: at
-    most ``2 n_buckets len(signals) + 2``. No extreme value is lost, unlike in taking every n-th
-    sample. The signals have one length; NaN is passed over.
+    From each of ``n_buckets`` runs of equal length the lowest and the highest value of each signal
+    are kept, and the first and last sample of all. The signals have one length; NaN is passed over.
 
     Examples
     --------

@@ -187,13 +187,7 @@ class PlotData:
 
 
 def plotly_script() -> Markup:
-    """Return plotly.js out of the Python package, which need not be imported for it.
-
-    Raises
-    ------
-    InstallationError
-        plotly is not installed.
-    """
+    """Return plotly.js out of the Python package, which need not be imported for it."""
     spec = find_spec("plotly")
     for place in spec.submodule_search_locations or () if spec else ():
         path = Path(place) / "package_data" / "plotly.min.js"
@@ -212,11 +206,6 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
     """Return a run as one self-contained HTML page.
 
     The title is the heading, as a rule the name of the folder; it is escaped here.
-
-    Raises
-    ------
-    InstallationError
-        plotly is not installed.
     """
     run, data = shown.run, PlotData()
     overall = [data.add(plot) for plot in shown.overall]
@@ -304,11 +293,6 @@ def comparison_page(
     """Return comparisons, and forces held against bands, as one self-contained HTML page.
 
     Of the pairs, of the points and their bands as they were given, and of what has no partner.
-
-    Raises
-    ------
-    InstallationError
-        plotly is not installed.
     """
     data = PlotData()
     groups: dict[str, list[RunComparison]] = defaultdict(list)

@@ -61,7 +61,7 @@ def to_record(one: Any) -> Any:
         return one.cell
     if is_dataclass(one):
         kind: Any = type(one)
-        return {key: to_record(getattr(one, name)) for name, key in _keys_of(kind)}
+        return {key: to_record(getattr(one, name)) for name, (key, _) in _fields(kind).items()}
     if isinstance(one, tuple):
         return [to_record(item) for item in one]
     if isinstance(one, dict):
@@ -70,17 +70,17 @@ def to_record(one: Any) -> Any:
 
 
 @cache
-def _keys_of(kind: Any) -> tuple[tuple[str, str], ...]:
-    """Return the name of each field, and the key that stands for it in run.json."""
+def _fields(kind: Any) -> dict[str, tuple[str, Any]]:
+    """Return of each field the key that stands for it in run.json, and its kind."""
+    hints = get_type_hints(kind, localns={"Setting": Setting, "Mapping": dict})
     keys = _KEYS.get(kind, {})
-    return tuple((one.name, keys.get(one.name, one.name)) for one in fields(kind))
+    return {one.name: (keys.get(one.name, one.name), hints[one.name]) for one in fields(kind)}
 
 
 def read_back(kind: type[_T], entry: object) -> _T | None:
-    """Return what `to_record` was given; None where the entry is another thing.
+    """Return what `to_record` was given; None where the entry, anything at all, is another thing.
 
-    The kind is Check, Trend, Click, Finding, ...; the entry, of run.json, is anything at all. What
-    it lacks reads as not known: NaN, None, an empty text.
+    What it lacks reads as not known: NaN, None, an empty text.
 
     Examples
     --------
@@ -96,18 +96,8 @@ def read_back(kind: type[_T], entry: object) -> _T | None:
     return read
 
 
-@cache
-def _hints(kind: Any) -> dict[str, tuple[str, Any]]:
-    """Return the key and the kind of each field that is read."""
-    hints = get_type_hints(kind, localns={"Setting": Setting, "Mapping": dict})
-    keys = _KEYS.get(kind, {})
-    read = {name: hint for name, hint in hints.items() if get_origin(hint) is not dict}
-    return {name: (keys.get(name, name), hint) for name, hint in read.items()}
-
-
 def _read(hint: Any, value: Any) -> Any:
     """Return a value as its kind, or what stands for an unknown one."""
-    kinds: list[Any]
     if isinstance(hint, UnionType):
         kinds = [kind for kind in get_args(hint) if kind is not NoneType]
         if value is None and len(kinds) < len(get_args(hint)):
@@ -120,7 +110,8 @@ def _read(hint: Any, value: Any) -> Any:
         return tuple(_read(kind, item) for kind, item in zip(kinds, items, strict=True))
     if is_dataclass(hint) and hint is not Setting:
         entry, kind = dict(value), cast("Any", hint)
-        values = {name: _read(one, entry.get(key)) for name, (key, one) in _hints(kind).items()}
+        known = {name: of for name, of in _fields(kind).items() if get_origin(of[1]) is not dict}
+        values = {name: _read(one, entry.get(key)) for name, (key, one) in known.items()}
         if next(iter(values.values())) == "":  # what the entry is about
             raise ValueError
         return kind(**values)
@@ -191,15 +182,17 @@ def trends_in(record: Record) -> tuple[Trend, ...]:
 
 def findings_in(log: Record) -> tuple[Finding, ...]:
     """Return the findings of one entry of ``inputs``, the gravest first."""
-    order = {"refusal": 0, "warning": 1}
-    found = []
+    findings = []
     for entry in listed_in(log, "findings"):
         finding = read_back(Finding, entry)
-        if finding is not None and "values" in entry:  # to be worded by whoever shows it
+        if finding is None:
+            continue
+        if "values" in entry:  # to be worded by whoever shows it
             problem = Problem.of_record(entry)
             finding = replace(finding, text=problem.text, values=problem.values)
-        found += [] if finding is None else [finding]
-    return tuple(sorted(found, key=lambda finding: order.get(finding.severity, 2)))
+        findings.append(finding)
+    order = {"refusal": 0, "warning": 1}
+    return tuple(sorted(findings, key=lambda finding: order.get(finding.severity, 2)))
 
 
 def units_in(record: Record) -> ShownUnits:
