@@ -83,14 +83,29 @@ def _by_setting(rows: Sequence[Row], strokes: Sequence[str], speeds: Sequence[fl
             Column(heading, unit, lambda place: cell(table.get((*place, stroke, speed), {})))
         )
 
+    def bare_force(row: Row) -> str:
+        return number(row.get("force_N"), digits=4) + _mark(row)
+
+    def force(row: Row) -> str:
+        limits = [row.get(name) for name in ("force_N", "force_ci_low_N", "force_ci_high_N")]
+        return with_interval(*limits, digits=4) + _mark(row)
+
+    def change(row: Row) -> str:
+        names = ("change_N", "change_ci_low_N", "change_ci_high_N")
+        return with_interval(*(row.get(name) for name in names), plus="+")
+
+    def change_percent(row: Row) -> str:
+        share = row.get("change_percent")
+        return NOTHING if share is None else f"{share:+.1f}"
+
     for stroke in strokes:
         for speed in speeds[:-1]:
-            add(f"{speed:.3g}", "m/s", stroke, speed, _bare_force)
+            add(f"{speed:.3g}", "m/s", stroke, speed, bare_force)
         last = speeds[-1]
-        add(f"{last:.3g}", "m/s ±95 %", stroke, last, _force)
+        add(f"{last:.3g}", "m/s ±95 %", stroke, last, force)
         if has_click:
-            add("change" if wide else "click", "N ±95 %", stroke, last, _change)
-            add("", "%", stroke, last, _change_percent)
+            add("change" if wide else "click", "N ±95 %", stroke, last, change)
+            add("", "%", stroke, last, change_percent)
     notes = _notes_on_clicks(places, wide) if has_click else []
     return laid_out(places, columns, *notes, *_marks(rows))
 
@@ -98,25 +113,6 @@ def _by_setting(rows: Sequence[Row], strokes: Sequence[str], speeds: Sequence[fl
 def _words(place: Place) -> str:
     setting, changed = str(place[0]), place[1]
     return f"{setting}, {changed}" if changed is not None and " " in setting else setting
-
-
-def _bare_force(row: Row) -> str:
-    return number(row.get("force_N"), digits=4) + _mark(row)
-
-
-def _force(row: Row) -> str:
-    limits = [row.get(name) for name in ("force_N", "force_ci_low_N", "force_ci_high_N")]
-    return with_interval(*limits, digits=4) + _mark(row)
-
-
-def _change(row: Row) -> str:
-    names = ("change_N", "change_ci_low_N", "change_ci_high_N")
-    return with_interval(*(row.get(name) for name in names), plus="+")
-
-
-def _change_percent(row: Row) -> str:
-    share = row.get("change_percent")
-    return NOTHING if share is None else f"{share:+.1f}"
 
 
 def _mark(row: Row) -> str:

@@ -168,8 +168,17 @@ def finding_lines(
         for one in chain.from_iterable(log.get("findings", ()) for log in logs):
             if one["severity"] == "note":
                 notes.setdefault(one["name"], []).append(one)
-        parts["Notes"] = [_note(found, len(logs)) for found in notes.values()]
-        parts["Read as"] = _read_as(logs)
+        parts["Notes"] = [_note(alike, len(logs)) for alike in notes.values()]
+        read_as: Counter[str] = Counter()  # what was assumed in reading, each assumption once
+        for log in logs:
+            known = {one["sentence"] for one in log.get("findings", ())}
+            read_as.update(note for note in log.get("notes", ()) if note not in known)
+        parts["Read as"] = [
+            f"{note} ({n} of {len(logs)} logs)" if len(logs) > 1 else note
+            for note, n in list(read_as.items())[:FEW]
+        ]
+        if len(read_as) > FEW:
+            parts["Read as"].append(f"and {len(read_as) - FEW} more; --json lists them all")
     for heading, lines in parts.items():
         if lines:
             yield from ("", heading)
@@ -219,15 +228,3 @@ def _note(found: Sequence[Facts], n_logs: int) -> str:
     low, high = (number(factor * known[end], digits=3) for end in (0, -1))
     spread = f"; {low} to {high} {unit}".rstrip() if low != high else ""
     return f"{note} ({len(found)} of {n_logs} logs{spread})"
-
-
-def _read_as(logs: Sequence[Facts]) -> list[str]:
-    """Return what was assumed in reading, each assumption once."""
-    notes: Counter[str] = Counter()
-    for log in logs:
-        told = {one["sentence"] for one in log.get("findings", ())}
-        notes.update(note for note in log.get("notes", ()) if note not in told)
-    several = len(logs) > 1
-    lines = [f"{note} ({n} of {len(logs)} logs)" if several else note for note, n in notes.items()]
-    more = len(lines) - FEW
-    return lines[:FEW] + ([f"and {more} more; --json lists them all"] if more > 0 else [])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from damperfit.reporting.records import listed_in, number_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out, number, percent
+from damperfit.tables.files import finite
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -17,14 +17,6 @@ if TYPE_CHECKING:
 
 
 # Tables and sentences, of what run.json tells
-
-
-def _figure(heading: str, key: str, pattern: str) -> Column:
-    def cell(one: Row) -> str:
-        value = number_in(one, key)
-        return "" if value is None else pattern.format(value)
-
-    return Column(heading, "", cell)
 
 
 _FREE = Column("free", "", lambda one: str(len(listed_in(one, "free")) or ""))
@@ -52,11 +44,19 @@ def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
             + ("; factor: MSE of the smaller of both over that of the larger" * (not is_narrow))
         )
     chosen = Column("", "", lambda one: "*" if one.get("is_chosen") is True else "", False)
-    structure, bic = Column.text("structure", "law"), _figure("BIC", "bic", "{:+.0f}")
+
+    def figure(heading: str, key: str, pattern: str) -> Column:
+        def cell(one: Row) -> str:
+            value = number_in(one, key)
+            return "" if value is None else pattern.format(value)
+
+        return Column(heading, "", cell)
+
+    structure, bic = Column.text("structure", "law"), figure("BIC", "bic", "{:+.0f}")
     columns = [chosen, structure, _FREE, bic, *_ERRORS]
     if not is_narrow:
         changed, why = Column.text("changed", "change"), Column.text("why", "reason")
-        factor = _figure("factor", "gain", "{:.3g}")
+        factor = figure("factor", "gain", "{:.3g}")
         columns = [chosen, structure, changed, factor, bic, _FREE, *_ERRORS, why]
     return laid_out(_entries(choice, "laws"), columns, *notes)
 
@@ -122,8 +122,8 @@ def tried_law_records(search: LawSearch) -> list[dict[str, Any]]:
             "is_chosen": law.is_taken,
             **_fitted(law.tried),
             "change": law.change,
-            "gain": _finite(law.gain),
-            "bic": _finite(law.bic),
+            "gain": finite(law.gain),
+            "bic": finite(law.bic),
             "reason": law.reason,
         }
         for law in search.laws
@@ -149,7 +149,7 @@ def _fitted(one: Tried) -> dict[str, Any]:
         "free": list(one.fits[0].free),
         "at_bound": list(one.at_bound),
         "mse_percent": one.mse_percent,
-        "held_out_mse_percent": _finite(one.held_out_percent),
+        "held_out_mse_percent": finite(one.held_out_percent),
     }
 
 
@@ -164,13 +164,9 @@ def chosen_records(fits: Sequence[LawFit]) -> list[dict[str, Any]]:
             "not_told": list(fit.undetermined),
             "mse_percent": fit.mse_percent,
             "stretch_mse_percent": list(fit.stretches),
-            "held_out_mse_percent": _finite(fit.held_out_percent),
+            "held_out_mse_percent": finite(fit.held_out_percent),
             "held_out": fit.held_out or None,
             "evaluations": fit.evaluations,
         }
         for fit in fits
     ]
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

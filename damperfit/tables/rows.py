@@ -122,23 +122,29 @@ def _parameter_row(
             row |= {f"{name}_se": interval.error, f"{name}_misfit_se": interval.misfit}
         row |= {f"{name}_ci_low": low, f"{name}_ci_high": high}
         row[f"{name}_status"] = fit.status[name].value
-    return row | {
-        "mse_percent": fit.mse_percent,
-        "outcome": fit.outcome.value,
-        "n_logs": len(fit.logs),
-        "n_samples": fit.n_samples,
-        "n_cycles": fit.n_cycles,
-        "evaluations": fit.evaluations,
-        "lowest_pressure_chamber": fit.cavitation.chamber or None,
-    }
+    named = ("mse_percent", "n_samples", "n_cycles", "evaluations")
+    return (
+        row
+        | {name: getattr(fit, name) for name in named}
+        | {
+            "outcome": fit.outcome.value,
+            "n_logs": len(fit.logs),
+            "lowest_pressure_chamber": fit.cavitation.chamber or None,
+        }
+    )
 
 
 def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
     """Yield for each setting the row of the whole, of each log fitted, of each held out."""
-
-    def row(setting: Setting, role: str, one: Any) -> dict[str, Any]:
+    rows: list[tuple[Setting, str, Any]] = []
+    for fit in campaign.fits:
+        rows += [(fit.setting, "fitted", one) for one in (fit, *fit.logs)]
+        held_out = (one for one in predictions if one.setting == fit.setting)
+        rows += [(fit.setting, "held_out", one) for one in held_out]
+    rows += [(one.setting, "held_out", one) for one in predictions if one.is_unseen]
+    for setting, role, one in rows:
         trace = getattr(one, "trace", None)
-        return {
+        yield {
             "setting": setting,
             "log": "" if trace is None else trace.name,
             "mse_percent": one.mse_percent,
@@ -147,12 +153,6 @@ def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator
             "n_samples": one.n_samples if trace is None else trace.n_samples,
             "role": role,
         }
-
-    for fit in campaign.fits:
-        yield from (row(fit.setting, "fitted", one) for one in (fit, *fit.logs))
-        held_out = (one for one in predictions if one.setting == fit.setting)
-        yield from (row(fit.setting, "held_out", one) for one in held_out)
-    yield from (row(one.setting, "held_out", one) for one in predictions if one.is_unseen)
 
 
 def profile_rows(profiles: Iterable[MisfitProfile]) -> list[dict[str, Any]]:
