@@ -13,11 +13,7 @@ from damperfit.adjustment.trends import Trend
 from damperfit.checks import Check
 from damperfit.problem import Failure, Problem, failure_lines, short_listing
 from damperfit.recording import Finding
-from damperfit.reporting.forces import (
-    force_sheets,
-)
 from damperfit.reporting.inspection import MANY_ROWS, finding_lines, inspection_sheet
-from damperfit.reporting.laws import law_sentences, rival_sheet, tried_laws_sheet
 from damperfit.reporting.records import (
     gaps_in,
     read_back,
@@ -39,8 +35,12 @@ from damperfit.reporting.sheet import (
     with_interval,
 )
 from damperfit.reporting.tables import (
+    force_sheets,
+    law_sentences,
     parameter_line,
     parameter_sheet,
+    rival_sheet,
+    tried_laws_sheet,
 )
 from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tables.rows import make_tables

@@ -14,14 +14,19 @@ from matplotlib.text import Text
 from damperfit.checks import Check
 from damperfit.identification import Outcome
 from damperfit.reporting.drawing import compose, fixed_style
-from damperfit.reporting.forces import force_by_setting_sheet, force_sheets, measured_force_sheet
 from damperfit.reporting.inspection import finding_lines, inspection_sheet
 from damperfit.reporting.page import html_report
 from damperfit.reporting.records import to_record
 from damperfit.reporting.report import markdown_report
 from damperfit.reporting.run_figures import report_plots
 from damperfit.reporting.sheet import text_table
-from damperfit.reporting.tables import check_lines, parameter_sheet
+from damperfit.reporting.tables import (
+    check_lines,
+    force_by_setting_sheet,
+    force_sheets,
+    measured_force_sheet,
+    parameter_sheet,
+)
 from damperfit.results import Run
 from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tables.rows import make_tables

@@ -175,11 +175,15 @@ def _tell_of_run(damper: Identified, how: Shown) -> None:
 
 
 def _blocks_of_run(damper: Identified) -> list[Any]:
-    from damperfit.reporting.forces import force_sheets
-    from damperfit.reporting.laws import law_sentences
     from damperfit.reporting.records import checks_in, law_in, predictions_in
     from damperfit.reporting.sheet import parameters_in_units, rows_in_units, sheet_in_units
-    from damperfit.reporting.tables import check_lines, held_out_sheet, parameter_sheet
+    from damperfit.reporting.tables import (
+        check_lines,
+        force_sheets,
+        held_out_sheet,
+        law_sentences,
+        parameter_sheet,
+    )
 
     run, configuration = damper.run, damper.configuration
     tables, units = run.tables, configuration.output.units

@@ -616,9 +616,8 @@ def circumstances(  # noqa: C901, PLR0912 - one thing after the other
     runs = (first, second)
     differences = [*_of_logs(first, second)]
 
-    def differs(kind: str, what: str, a: object, b: object, more: str = "") -> None:
-        sentence = f"{what}: {a}, then {b}{more}"
-        differences.append(Circumstance(kind, str(a), str(b), sentence))
+    def differs(*about: Any) -> None:
+        differences.append(_differs(*about))
 
     for key in _WHOSE:
         a, b = (run.identity.get(key) for run in runs)
@@ -649,14 +648,9 @@ def circumstances(  # noqa: C901, PLR0912 - one thing after the other
                 for amplitude, frequency in middle
             )
             differs("motion", "motion", here, there, ": what a model misses does not cancel")
-    temperatures = [
-        [t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs
-    ]
-    if (
-        all(temperatures)
-        and abs(fmean(temperatures[0]) - fmean(temperatures[1])) > _TEMPERATURES_DIFFER
-    ):
-        here, there = (f"{fmean(one):.1f} degC" for one in temperatures)
+    heat = [[t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs]
+    if all(heat) and abs(fmean(heat[0]) - fmean(heat[1])) > _TEMPERATURES_DIFFER:
+        here, there = (f"{fmean(one):.1f} degC" for one in heat)
         differs("temperature", "temperature", here, there)
     for (section, key), (kind, words) in _HOW.items():
         values: list[Any] = []
@@ -674,6 +668,10 @@ def circumstances(  # noqa: C901, PLR0912 - one thing after the other
             more = "; what the older run lacks is not compared" if is_older else ""
             differs("version", words, values[0], values[1], more)
     return tuple(differences)
+
+
+def _differs(kind: str, what: str, a: object, b: object, more: str = "") -> Circumstance:
+    return Circumstance(kind, str(a), str(b), f"{what}: {a}, then {b}{more}")
 
 
 def _inputs(run: Run) -> list[dict[str, Any]]:
@@ -736,13 +734,9 @@ def _gas_force(run: Run) -> float:
 
 def _of_dampers(first: Run, second: Run, units: ShownUnits) -> Iterator[Circumstance]:
     a, b = first.damper, second.damper
-
-    def differs(kind: str, what: str, here: str, there: str, more: str = "") -> Circumstance:
-        return Circumstance(kind, here, there, f"{what}: {here}, then {there}{more}")
-
     if a.name != b.name:
         more = ": only forces are compared, not parameters"
-        yield differs("model", "model", a.name, b.name, more)
+        yield _differs("model", "model", a.name, b.name, more)
         return
     names = [", ".join(model.names) for model in (a, b)]
     if names[0] != names[1]:
@@ -751,21 +745,21 @@ def _of_dampers(first: Run, second: Run, units: ShownUnits) -> Iterator[Circumst
     units_of = {one.name: one.unit for one in second.quantities}
     for one in first.quantities:
         if one.unit != (unit := units_of.get(one.name, one.unit)):
-            yield differs("model", f"unit of {one.name}", one.unit, unit, ": it is not compared")
+            yield _differs("model", f"unit of {one.name}", one.unit, unit, ": it is not compared")
     for name, (_, _, unit) in a.ranges.items():
         values: list[Any] = [getattr(model, name, None) for model in (a, b)]
         is_known = all(isinstance(value, float) for value in values)
         if is_known and not math.isclose(*values, rel_tol=_SAME):
             kind = "gas" if name.startswith("gas_") else "damper"
             first_value, other = (f"{value:.6g} {unit}".strip() for value in values)
-            yield differs(kind, f"damper.{name}", first_value, other)
+            yield _differs(kind, f"damper.{name}", first_value, other)
     forces = [_gas_force(run) for run in (first, second)]
     if math.isfinite(sum(forces)) and not math.isclose(*forces, rel_tol=_SAME):
         form = ".1f" if units.of("N") == "N" else ".3g"
         gas, other = (units.write(force, "N", form) for force in forces)
         apart = units.write(forces[1] - forces[0], "N", f"+{form}")
         more = f": {apart} of every difference of force is the declared gas"
-        yield differs("gas", "gas force at mid-stroke", gas, other, more)
+        yield _differs("gas", "gas force at mid-stroke", gas, other, more)
 
 
 def _shown(value: object) -> str:

@@ -14,6 +14,7 @@ import math
 import re
 import tomllib
 import zipfile
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache, lru_cache
 from importlib import metadata, resources
@@ -46,12 +47,7 @@ _MAX_STEPS = 10_000
 _TOLERANCE_OF_VALVES = 0.03
 # What is the rig's, in the order of reading.c: by the name of its quantity.
 _RIG = ("k_s", "play", "f_0", "lag", "moving_mass")
-_RIG_NUMBERS = (
-    "k_s",
-    "play",
-    "rubber",
-    "rubber_bend",
-)  # of them those that the core has among its numbers
+_RIG_NUMBERS = ("k_s", "play", "rubber", "rubber_bend")  # that the core has among its numbers
 # Geometry and oil, in the order of reading.c.
 _OF_PAPER = (
     *("annulus_area", "piston_area", "rod_area", "chamber_1_volume", "chamber_2_volume"),
@@ -400,12 +396,10 @@ def _licence() -> bytes:
     checkout = Path(str(resources.files("damperfit"))).parent / "LICENSE"
     if checkout.is_file():
         return checkout.read_bytes()
-    try:
+    with suppress(metadata.PackageNotFoundError):
         for file in metadata.files("damperfit") or ():
             if file.name == "LICENSE":
                 return file.read_binary()
-    except metadata.PackageNotFoundError:
-        pass
     return b"MIT License: https://opensource.org/license/mit\n"
 
 
@@ -456,11 +450,9 @@ def built() -> dict[Platform, bytes]:
     digest, libraries = sources_digest(), {}
     for platform in PLATFORMS:
         folder = BINARIES / platform.name
-        try:
+        with suppress(OSError):
             if (folder / DIGEST).read_text(encoding="ascii").strip() == digest:
                 libraries[platform] = (folder / platform.library).read_bytes()
-        except OSError:
-            continue
     return libraries
 
 

@@ -42,7 +42,7 @@ from damperfit.exporting.tables import (
 from damperfit.problem import Option
 from damperfit.reporting.sheet import printable
 from damperfit.tables.columns import describe_tables
-from damperfit.tables.files import safe_cell
+from damperfit.tables.files import finite, safe_cell
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
@@ -324,10 +324,6 @@ class _Table(NamedTuple):
     rows: Sequence[Sequence[Any]]
 
 
-def _about(run: ExportedRun, tables: Sequence[ForceTable]) -> list[str]:
-    return header_lines(run, tables, sign=_SIGN, gas=gas_line(tables[0], "add it to the force"))
-
-
 def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
     """Yield the tables of the run, as far as they are there."""
     described = describe_tables([one.setting for one in run.settings], run.run.quantities)
@@ -336,7 +332,12 @@ def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
         columns = []
         for one in described[name] if rows else ():
             heading, unit = one["name"], one["unit"] if one["unit"] != "1" else ""
-            cells = [_stored_cell(row, heading) for row in rows]
+            cells = [
+                row["setting"].cell
+                if heading == "setting"
+                else finite(row.get(heading, dict(row["setting"].places).get(heading)))
+                for row in rows
+            ]
             if units.of(unit) != unit:
                 cells = [None if cell is None else units.show(float(cell), unit) for cell in cells]
             if heading in rows[0] or any(cell is not None for cell in cells):
@@ -344,12 +345,6 @@ def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
         if rows:
             headings, shown, cells_of = zip(*columns, strict=True)
             yield _Table(name, headings, shown, list(zip(*cells_of, strict=True)))
-
-
-def _stored_cell(row: Mapping[str, Any], name: str) -> Any:
-    setting = row["setting"]
-    cell = setting.cell if name == "setting" else row.get(name, dict(setting.places).get(name))
-    return None if isinstance(cell, float) and not math.isfinite(cell) else cell
 
 
 def _workbook(
@@ -370,8 +365,10 @@ def _workbook(
     ]
     units = [shown.of("m/s"), *(shown.of("N") for _ in forces)]
     rows = np.column_stack([shown.show(tables[0].speeds, "m/s"), *forces]).tolist()
+    gas = gas_line(tables[0], "add it to the force")
+    about = header_lines(run, tables, sign=_SIGN, gas=gas)
     sheets = (
-        _Table("about", ["about"], [""], [[line] for line in _about(run, tables)]),
+        _Table("about", ["about"], [""], [[line] for line in about]),
         _Table("forces", headings, units, rows),
         *_stored(run, shown),
     )
@@ -418,7 +415,8 @@ def _csv_files(
         shown.column(name, "N") for name in ("force_N", "force_ci_low_N", "force_ci_high_N")
     )
     head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", low, high)
-    about = "\n".join(_about(run, tables)) + "\n"
+    gas = gas_line(tables[0], "add it to the force")
+    about = "\n".join(header_lines(run, tables, sign=_SIGN, gas=gas)) + "\n"
     files = {
         f"{stem}.csv": _csv(head, rows, mark),
         f"{stem}_about.txt": about.encode("utf-8", "backslashreplace"),

@@ -25,10 +25,10 @@ from damperfit.identification.sharing import of_settings
 from damperfit.io import read_curves
 from damperfit.problem import Failure, Option
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.forces import force_by_setting_sheet, force_sheets, measured_force_sheet
 from damperfit.reporting.inspection import curve_forces_sheet
 from damperfit.reporting.records import to_record
 from damperfit.reporting.sheet import rows_in_units, sheet_in_units
+from damperfit.reporting.tables import force_by_setting_sheet, force_sheets, measured_force_sheet
 from damperfit.simulation import NAMED_SPEEDS, refuse_amplitude
 from damperfit.tables.files import json_values
 from damperfit.tables.rows import adjustment_rows

@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pyarrow as pa
 
+from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.comparison import Sameness, common_tests, verdict_of
 from damperfit.reporting.figures import (
     RUN_COLOURS,
@@ -19,7 +20,6 @@ from damperfit.reporting.figures import (
     setting_panel,
     setting_places,
 )
-from damperfit.reporting.forces import STROKE_WORDS
 from damperfit.reporting.report import Section, markdown
 from damperfit.reporting.sheet import (
     NOTHING,
@@ -61,38 +61,49 @@ def comparison_sheets(
 
     ``is_short`` is for a terminal: of many forces those that tell something.
     """
+    parameters, units = comparison.of("parameter"), comparison.units
+    # Some units are longer than the numbers: they are told once.
+    known = {
+        one.subject.label: units.of(one.subject.unit) for one in parameters if one.subject.unit
+    }
+    notes = [", ".join(f"{name} in {unit}" for name, unit in known.items())] if known else []
+
+    def change(line: Difference) -> tuple[str, str]:
+        if math.isnan(line.percent):
+            unit = line.subject.unit
+            low, high = (units.show(end, unit) for end in (line.low, line.high))
+            interval = f"{low:+.3g} to {high:+.3g}" if math.isfinite(low) else NOTHING
+            return units.write(line.difference, unit, "+.3g"), interval
+        low, high = line.percent_low, line.percent_high
+        interval = NOTHING if math.isnan(low) else f"{low:+.2f} to {high:+.2f}"
+        return f"{line.percent:+.2f}", interval
+
+    of_parameters = [
+        _SETTING,
+        Column("parameter", "", lambda line: line.subject.label, is_number=False),
+        *_pair(units, "", 5),
+        Column("B - A", "%", lambda line: change(line)[0]),
+        Column("", "%, 95 %", lambda line: change(line)[1]),
+        _verdict(units),
+    ]
+
+    def figure(line: Difference) -> str:
+        return f"{line.subject.label}, {units.of(line.subject.unit)}"
+
+    of_figures = [
+        _SETTING,
+        Column("figure", "", figure, is_number=False),
+        *(*_pair(units, ""), _difference(units, "±95 %"), _verdict(units)),
+    ]
     sheets = (
         (comparison.forces_title, comparison_force_sheet(comparison, is_short=is_short)),
-        ("Parameters", _parameter_sheet(comparison)),
-        ("Energy, hysteresis, MSE, cavitation", _figure_sheet(comparison)),
+        ("Parameters", laid_out(parameters, of_parameters, *notes)),
+        (
+            "Energy, hysteresis, MSE, cavitation",
+            laid_out(comparison.of("figure"), of_figures, _FIGURES_NOTE),
+        ),
     )
     return [(title, sheet) for title, sheet in sheets if sheet.rows]
-
-
-_SETTING = Column(
-    "set", "", lambda line: "all" if line.subject.setting is None else str(line.subject.setting)
-)
-
-
-def _pair(units: ShownUnits, unit: str, digits: int = 4) -> list[Column]:
-    """Return the columns of both values."""
-
-    def column(heading: str, name: str) -> Column:
-        def cell(line: Difference) -> str:
-            value = units.show(getattr(line, name).value, line.subject.unit)
-            return number(value, digits=digits)
-
-        return Column(heading, unit, cell)
-
-    return [column("A", "first"), column("B", "second")]
-
-
-def _difference(units: ShownUnits, unit: str) -> Column:
-    def cell(line: Difference) -> str:
-        numbers = (line.difference, line.low, line.high)
-        return with_interval(*(units.show(one, line.subject.unit) for one in numbers), plus="+")
-
-    return Column("B - A", unit, cell)
 
 
 def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False) -> Sheet:
@@ -125,7 +136,7 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     columns = [
         _SETTING,
         Column("speed", units.of("m/s"), lambda line: _speed(line.subject.speed, units)),
-        Column("stroke", "", lambda line: _stroke(line.subject.stroke), is_number=False),
+        _STROKE._replace(cell=lambda line: STROKE_WORDS.get(line.subject.stroke, "")),
         *_pair(units, force),
         _difference(units, f"{force} ±95 %"),
         Column("", "%", percent),
@@ -134,61 +145,39 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     return laid_out(shown, columns, *notes)
 
 
+_SETTING = Column(
+    "set", "", lambda line: "all" if line.subject.setting is None else str(line.subject.setting)
+)
+_STROKE = Column("stroke", "", lambda one: STROKE_WORDS.get(one.stroke, ""), is_number=False)
+
+
+def _pair(units: ShownUnits, unit: str, digits: int = 4) -> list[Column]:
+    """Return the columns of both values."""
+
+    def column(heading: str, name: str) -> Column:
+        def cell(line: Difference) -> str:
+            value = units.show(getattr(line, name).value, line.subject.unit)
+            return number(value, digits=digits)
+
+        return Column(heading, unit, cell)
+
+    return [column("A", "first"), column("B", "second")]
+
+
+def _difference(units: ShownUnits, unit: str) -> Column:
+    def cell(line: Difference) -> str:
+        numbers = (line.difference, line.low, line.high)
+        return with_interval(*(units.show(one, line.subject.unit) for one in numbers), plus="+")
+
+    return Column("B - A", unit, cell)
+
+
 def _verdict(units: ShownUnits, **how: bool) -> Column:
     return Column("verdict", "", lambda line: verdict_of(line, units, **how), is_number=False)
 
 
-def _stroke(stroke: str) -> str:
-    return STROKE_WORDS.get(stroke, stroke)
-
-
 def _speed(speed: float | None, units: ShownUnits) -> str:
     return NOTHING if speed is None else units.write_speed(speed).split()[0]
-
-
-def _parameter_sheet(comparison: RunComparison) -> Sheet:
-    """Return the parameters, those that all settings share once."""
-    lines, units = comparison.of("parameter"), comparison.units
-    # Some units are longer than the numbers: they are told once.
-    known = {line.subject.label: units.of(line.subject.unit) for line in lines if line.subject.unit}
-    notes = [", ".join(f"{name} in {unit}" for name, unit in known.items())] if known else []
-
-    def change(line: Difference) -> tuple[str, str]:
-        if math.isnan(line.percent):
-            unit = line.subject.unit
-            low, high = (units.show(end, unit) for end in (line.low, line.high))
-            interval = f"{low:+.3g} to {high:+.3g}" if math.isfinite(low) else NOTHING
-            return units.write(line.difference, unit, "+.3g"), interval
-        low, high = line.percent_low, line.percent_high
-        interval = NOTHING if math.isnan(low) else f"{low:+.2f} to {high:+.2f}"
-        return f"{line.percent:+.2f}", interval
-
-    columns = [
-        _SETTING,
-        Column("parameter", "", lambda line: line.subject.label, is_number=False),
-        *_pair(units, "", 5),
-        Column("B - A", "%", lambda line: change(line)[0]),
-        Column("", "%, 95 %", lambda line: change(line)[1]),
-        _verdict(units),
-    ]
-    return laid_out(lines, columns, *notes)
-
-
-def _figure_sheet(comparison: RunComparison) -> Sheet:
-    """Return energy, hysteresis, MSE and distance from cavitation."""
-    units = comparison.units
-
-    def figure(line: Difference) -> str:
-        return f"{line.subject.label}, {units.of(line.subject.unit)}"
-
-    columns = [
-        _SETTING,
-        Column("figure", "", figure, is_number=False),
-        *_pair(units, ""),
-        _difference(units, "±95 %"),
-        _verdict(units),
-    ]
-    return laid_out(comparison.of("figure"), columns, _FIGURES_NOTE)
 
 
 def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet:
@@ -212,7 +201,7 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
         Column("run", "", lambda one: one.run, is_number=False),
         Column("set", "", lambda one: str(one.setting)),
         Column("speed", units.of("m/s"), lambda one: _speed(finite(one.speed), units)),
-        Column("stroke", "", lambda one: _stroke(one.stroke), is_number=False),
+        _STROKE,
         *(newtons("force", "force"), newtons("from", "low"), newtons("to", "high")),
         Column("result", "", lambda one: one.words, is_number=False),
     ]

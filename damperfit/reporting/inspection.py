@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.io.force_curves import ForceCurve
 from damperfit.problem import FEW, Problem, listed_names
-from damperfit.reporting.forces import STROKE_WORDS
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, first_of, laid_out, number
 
 if TYPE_CHECKING:

@@ -33,11 +33,10 @@ from damperfit.reporting.compared import (
     tolerance_sheet,
 )
 from damperfit.reporting.figures import plot_in_units, setting_colours
-from damperfit.reporting.forces import log_force_sheet, segment_sheet
 from damperfit.reporting.records import checks_in, findings_in, listed_in, number_in
 from damperfit.reporting.report import Section, lead, report_sections, verdict
 from damperfit.reporting.sheet import html_table, printable, rows_in_units, sheet_in_units
-from damperfit.reporting.tables import parameter_line
+from damperfit.reporting.tables import log_force_sheet, parameter_line, segment_sheet
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:

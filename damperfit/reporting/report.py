@@ -15,8 +15,6 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome
 from damperfit.identification.sharing import of_runs
 from damperfit.problem import Problem, failure_lines, listing, short_listing
-from damperfit.reporting.forces import force_sheets, measured_force_sheet, segment_sheet
-from damperfit.reporting.laws import law_sentences, rival_sheet, tried_laws_sheet
 from damperfit.reporting.records import (
     checks_in,
     failures_in,
@@ -43,11 +41,17 @@ from damperfit.reporting.tables import (
     cavitation_sheet,
     check_sheet,
     check_summary,
+    force_sheets,
     grade_counts,
     held_out_sheet,
+    law_sentences,
+    measured_force_sheet,
     mse_sheet,
     parameter_sheet,
     remarks_on,
+    rival_sheet,
+    segment_sheet,
+    tried_laws_sheet,
 )
 from damperfit.tested.identity import identity_sentence
 from damperfit.units.shown_units import SI, ShownUnits

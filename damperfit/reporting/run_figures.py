@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.reporting.figures import (
     SPEED_COLOURS,
     Line,
@@ -31,7 +32,6 @@ from damperfit.reporting.figures import (
     setting_places,
     thin,
 )
-from damperfit.reporting.forces import STROKE_WORDS
 from damperfit.reporting.records import listed_in, number_in, trends_in, units_in
 from damperfit.reporting.sheet import number
 from damperfit.reporting.tables import is_one_for_all, scale_of

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.reporting.figures import (
     Line,
     Panel,
@@ -15,7 +16,6 @@ from damperfit.reporting.figures import (
     pressure_panel,
     setting_colours,
 )
-from damperfit.reporting.forces import STROKE_WORDS
 from damperfit.reporting.sheet import Column, Sheet, laid_out, number
 from damperfit.reporting.tables import BLOCK_LEVELS, sparkline
 

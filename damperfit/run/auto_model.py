@@ -23,7 +23,7 @@ from damperfit.laws.search import FLOOR_PERCENT, follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import Problem, failure_lines, note
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.laws import (
+from damperfit.reporting.tables import (
     chosen_records,
     chosen_sheet,
     rival_records,

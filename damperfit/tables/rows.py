@@ -122,16 +122,13 @@ def _parameter_row(
             row |= {f"{name}_se": interval.error, f"{name}_misfit_se": interval.misfit}
         row |= {f"{name}_ci_low": low, f"{name}_ci_high": high}
         row[f"{name}_status"] = fit.status[name].value
-    named = ("mse_percent", "n_samples", "n_cycles", "evaluations")
-    return (
-        row
-        | {name: getattr(fit, name) for name in named}
-        | {
-            "outcome": fit.outcome.value,
-            "n_logs": len(fit.logs),
-            "lowest_pressure_chamber": fit.cavitation.chamber or None,
-        }
-    )
+    return row | {
+        **{name: getattr(fit, name) for name in ("mse_percent", "n_samples", "n_cycles")},
+        "evaluations": fit.evaluations,
+        "outcome": fit.outcome.value,
+        "n_logs": len(fit.logs),
+        "lowest_pressure_chamber": fit.cavitation.chamber or None,
+    }
 
 
 def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:

@@ -18,7 +18,7 @@ from damperfit.identification.least_squares import DenseSystem, Minimum
 from damperfit.identification.logs import FEWEST_SAMPLES
 from damperfit.laws.description import physics_seen, seen_again
 from damperfit.laws.law_fit import LawFit, _undetermined
-from damperfit.reporting.laws import chosen_records, chosen_sheet
+from damperfit.reporting.tables import chosen_records, chosen_sheet
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests import fakes
