@@ -172,10 +172,7 @@ class ForceTable:
 def force_tables(
     run: ExportedRun, *, extend: float | None = None, common: bool = False
 ) -> tuple[ForceTable, ...]:
-    """Return the table of each setting, to the tested speed or to ``extend``, m/s.
-
-    ``common``: all on the same speeds, up to what every setting was tested at.
-    """
+    """Return the table of each setting, to ``extend``, m/s; ``common``: all on the same speeds."""
     known = run.run.tested.speed
     fastest = run.run.motion.peak_speed if known is None else known
     tested = [_rounded_down(min(one.top_speed, fastest)) for one in run.settings]

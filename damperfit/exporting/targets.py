@@ -167,10 +167,7 @@ class Target:
 
 
 def rendered(template: str, **known: Any) -> str:
-    """Return a template of this package, by its file's name, filled in with what it asks for.
-
-    In XML and HTML texts cannot leave their place.
-    """
+    """Return a template of this package, filled in; texts cannot leave their place in XML, HTML."""
     is_marked = template.endswith((".xml", ".html"))
     return _environment(is_marked=is_marked).get_template(template).render(**known)
 
@@ -350,10 +347,7 @@ def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
 def _workbook(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
 ) -> Mapping[str, bytes]:
-    """Return one workbook: what it is about, force by speed, and every table of the results.
-
-    Of the forces a column for each setting, then half the 95 % interval of each.
-    """
+    """Return one workbook: what it is about, forces with half intervals, tables of the results."""
     shown = options.units
     known = [table for table in tables if table.has_interval]
     halves = (0.5 * (table.high - table.low) for table in known)

@@ -57,10 +57,7 @@ _MANY = 40  # lines that a terminal shows of forces that are the same
 def comparison_sheets(
     comparison: RunComparison, *, is_short: bool = False
 ) -> list[tuple[str, Sheet]]:
-    """Return forces, parameters and figures by title, those without rows left out.
-
-    ``is_short`` is for a terminal: of many forces those that tell something.
-    """
+    """Return forces, parameters and figures by title; ``is_short``: of many forces what tells."""
     parameters, units = comparison.of("parameter"), comparison.units
     # Some units are longer than the numbers: they are told once.
     known = {
@@ -181,10 +178,7 @@ def _speed(speed: float | None, units: ShownUnits) -> str:
 
 
 def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet:
-    """Return forces held against their bands, those outside first.
-
-    ``is_short`` shows of many those that are not met, and the nearest to an edge.
-    """
+    """Return forces held against bands, those outside first; ``is_short``: and the nearest."""
     order = sorted(points, key=lambda one: (not math.isnan(one.margin), one.margin))
     failed = sum(not one.is_met for one in points)
     shown = order[: max(failed, _MANY)] if is_short else order
@@ -235,10 +229,7 @@ def comparison_markdown(
     source: str = "",
     alone: Sequence[str] = (),
 ) -> str:
-    """Return comparisons, and forces held against bands, as one document, everything escaped.
-
-    Of the pairs, of the points and their bands as they were given, and of what has no partner.
-    """
+    """Return comparisons, and forces held against bands, as one document, everything escaped."""
     sections = [Section("Without a partner", "", alone)] if alone else []
     if points:
         outcome = [tolerance_outcome(points)]
@@ -367,10 +358,7 @@ def comparison_record(comparison: RunComparison) -> dict[str, Any]:
 
 
 def junit_report(points: Sequence[Point], *, source: str) -> bytes:
-    """Return a JUnit file, which build servers read: a test case a point, by run.
-
-    What could not be looked at has failed. ``source`` are the bands, as they were given.
-    """
+    """Return a JUnit file: a test case a point, by run; what could not be looked at has failed."""
 
     def counts(mine: Sequence[Point]) -> dict[str, str]:
         failures = sum(not point.is_met for point in mine)
@@ -404,10 +392,7 @@ def junit_report(points: Sequence[Point], *, source: str) -> bytes:
 
 
 def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plot, ...]:
-    """Return force against velocity and displacement of a setting, where all ran one motion.
-
-    The reference is the first of the runs; ``name`` is what the names of the plots begin with.
-    """
+    """Return the loops of a setting, where all ran one motion; the first run is the reference."""
     groups = common_tests(runs, setting)
     if not groups:
         return ()
@@ -468,10 +453,7 @@ def _aligned(test: MeasuredTest) -> FloatArray:
 
 
 def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
-    """Return the difference of force over the settings, at the fastest speed of each pair.
-
-    All comparisons have one reference.
-    """
+    """Return the difference of force from one reference over the settings, at the fastest speed."""
     plots = []
     places = setting_places({s for one in comparisons for s in one.settings})
     is_bare = any(one.is_without_model for one in comparisons)

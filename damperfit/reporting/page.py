@@ -57,10 +57,7 @@ _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}
 
 
 def draw(template: str, **parts: object) -> str:
-    """Return a template of `reporting/assets` with these parts in it, by the names it has for them.
-
-    Text is escaped, but for what is `Markup`.
-    """
+    """Return a template of `reporting/assets` with these parts, escaped but for `Markup`."""
     return _environment().get_template(template).render(parts)
 
 
@@ -202,10 +199,7 @@ def plotly_script() -> Markup:
 
 
 def html_report(shown: ReportPlots, *, title: str) -> str:
-    """Return a run as one self-contained HTML page.
-
-    The title is the heading, as a rule the name of the folder; it is escaped here.
-    """
+    """Return a run as one self-contained HTML page below a heading, which is escaped here."""
     run, data = shown.run, PlotData()
     overall = [data.add(plot) for plot in shown.overall]
     logs = list(_log_sections(shown, data))
@@ -289,10 +283,7 @@ def comparison_page(
     source: str = "",
     alone: Sequence[str] = (),
 ) -> str:
-    """Return comparisons, and forces held against bands, as one self-contained HTML page.
-
-    Of the pairs, of the points and their bands as they were given, and of what has no partner.
-    """
+    """Return comparisons, and forces held against bands, as one self-contained HTML page."""
     data = PlotData()
     groups: dict[str, list[RunComparison]] = defaultdict(list)
     for one in comparisons:

@@ -184,10 +184,7 @@ def report_plots(run: Run, units: ShownUnits | None = None) -> ReportPlots:
 def _means(
     x: FloatArray, values: FloatArray, part: NDArray[np.bool_], *, has_range: bool = False
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Return the means of the values in a part, at the middles of bins of x.
-
-    With its range: where nine of ten samples lie.
-    """
+    """Return means of the values in a part by bins of x, and where nine of ten samples lie."""
     few = _FEW_IN_RANGE if has_range else _FEW
     if len(x) < max(few, _BINS * (not has_range)) or np.ptp(x) == 0.0:
         return np.empty(0), np.empty(0), {}
@@ -461,10 +458,7 @@ def _point(
 def _trends(
     trends: Sequence[Trend], places: Mapping[Setting, float], factor: float
 ) -> Iterator[Line]:
-    """Yield each trend with its band and what is off it.
-
-    Where settings stand beside one another each is drawn along its adjuster, without its band.
-    """
+    """Yield each trend with its band and what is off it; along its adjuster without a band."""
     is_numbered = not setting_names(places)
     adjusters = list(dict.fromkeys(one.adjuster for one in trends))
     standing = {(line.adjuster, line.held): line.numbers for line in lines_of(places)}

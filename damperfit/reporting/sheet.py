@@ -378,10 +378,7 @@ def with_interval(
 
 
 def stroke_ratio(rebound: float, bump: float) -> str:
-    """Return the force in rebound over that in bump.
-
-    At low speed the gas pushes both strokes to one side: then there is no ratio.
-    """
+    """Return rebound over bump; none where the gas pushes both strokes to one side."""
     return number(-rebound / bump if rebound > 0.0 > bump else None, digits=3)
 
 
@@ -389,10 +386,7 @@ def stroke_ratio(rebound: float, bump: float) -> str:
 
 
 def sheet_in_units(sheet: Sheet, units: ShownUnits) -> Sheet:
-    """Return a table whose forces and speeds are scaled already with the names of the units.
-
-    Names stand in the headings, the units, the first column and the notes.
-    """
+    """Return a table whose forces and speeds are scaled already with the names of the units."""
     if units.is_si:
         return sheet
     speed = f" {units.of('m/s')}"
@@ -419,10 +413,7 @@ def rows_in_units(rows: Iterable[Mapping[str, Any]], units: ShownUnits) -> list[
 def parameters_in_units(
     rows: Sequence[Mapping[str, Any]], quantities: Sequence[Quantity], units: ShownUnits
 ) -> tuple[list[dict[str, Any]], tuple[Quantity, ...]]:
-    """Return rows of parameters with what is a force scaled, and the quantities as they are shown.
-
-    What has units of its own, as R_m1 does, keeps them.
-    """
+    """Return rows with what is a force scaled, and the quantities as shown; R_m1 keeps its own."""
     force = units.of("N")
     forces = [one for one in quantities if one.unit == "N" != force]
     ends = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")

@@ -167,10 +167,7 @@ def _cell(row: Row, quantity: Quantity) -> str:
 
 
 def _bound(row: Row, quantity: Quantity) -> str:
-    """Return a value that ran to a bound as the limit it ran into; empty where it is none.
-
-    A friction too small to be determined may be far from the bound.
-    """
+    """Return a value at a bound as the limit it ran into; empty where it is far from it."""
     value, factor = row[quantity.name], scale_of(quantity).factor
     is_at_bound = row[f"{quantity.name}_status"] == "at_bound"
     if value is None or not is_at_bound or not quantity.is_logarithmic:
@@ -285,10 +282,7 @@ def _courses(rows: Sequence[Row], shown: Sequence[Quantity], levels: str) -> Ite
 
 
 def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
-    """Return what makes a setting less than plainly fitted, in words.
-
-    Bounds and want of data are told of these quantities; a table marks them in its cells.
-    """
+    """Return what makes a setting less than plainly fitted; of these quantities bounds as well."""
     outcome = (row.get("outcome") or "outcome unknown").replace("_", " ")
     share = row.get("cavitation_fraction")
     cavitates = f"cavitates {100.0 * share:.0f} % of the time" if share else ""
@@ -354,10 +348,7 @@ def grade_counts(rows: Iterable[Row]) -> str:
 
 
 def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
-    """Return one row per setting: lowest pressure, share of the cycle, and what may still change.
-
-    Columns of another version may be missing; a setting that tells nothing has no row.
-    """
+    """Return one row per setting that tells of pressures: the lowest, and what may still change."""
     telling = ("lowest_pressure", "r_m3_cavitation_margin")
     known = [row for row in rows if any(row.get(name) is not None for name in telling)]
     columns = [
@@ -398,10 +389,7 @@ def check_sheet(checks: Sequence[Check]) -> Sheet:
 
 
 def held_out_sheet(predictions: Iterable[Row], *, is_narrow: bool = False) -> Sheet:
-    """Return one row per prediction: its MSE beside the fitted logs', the verdict.
-
-    ``is_narrow`` is for a terminal: without amplitude, frequency and the expected MSE.
-    """
+    """Return one row per prediction; ``is_narrow``: without motion and expected MSE."""
 
     def frequency(row: Row) -> str:
         # What moves beside the steady cycles has no frequency of its own.
@@ -537,10 +525,7 @@ def _notes_on_clicks(places: Sequence[Place], wide: Sequence[tuple[Any, Any, flo
 
 
 def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
-    """Return the measured force beside the model's on the same cycles, with the difference.
-
-    At the fastest speed of all settings, and wherever else the model misses the measured force.
-    """
+    """Return measured beside modelled force at the fastest speed, and wherever the model misses."""
     known = [row for row in rows if row.get("measured_N") is not None]
     table = {(row["setting"], row["speed_m_per_s"], row["stroke"]): row for row in known}
     fastest = max((row["speed_m_per_s"] for row in known), default=0.0)
@@ -673,10 +658,7 @@ def _entries(choice: Row, key: str) -> list[Row]:
 
 
 def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
-    """Return one row a candidate, in the order in which they were tried, of a ``law_choice``.
-
-    ``is_narrow`` is for a terminal: without what was changed and why it was taken or not.
-    """
+    """Return one row a candidate as they were tried; ``is_narrow``: without changes and reasons."""
     notes = ["* chosen; MSE and what was held out in per cent of the variance"]
     if (samples := number_in(choice, "effective_samples")) is not None:
         notes.append(
