@@ -61,7 +61,7 @@ def to_record(one: Any) -> Any:
         return one.cell
     if is_dataclass(one):
         kind: Any = type(one)
-        return {key: to_record(getattr(one, name)) for name, (key, _) in _fields(kind).items()}
+        return {key: to_record(getattr(one, name)) for name, key in _keys_of(kind)}
     if isinstance(one, tuple):
         return [to_record(item) for item in one]
     if isinstance(one, dict):
@@ -70,11 +70,16 @@ def to_record(one: Any) -> Any:
 
 
 @cache
-def _fields(kind: Any) -> dict[str, tuple[str, Any]]:
-    """Return of each field the key that stands for it in run.json, and its kind."""
-    hints = get_type_hints(kind, localns={"Setting": Setting, "Mapping": dict})
+def _keys_of(kind: Any) -> tuple[tuple[str, str], ...]:
+    """Return the name of each field, and the key that stands for it in run.json."""
     keys = _KEYS.get(kind, {})
-    return {one.name: (keys.get(one.name, one.name), hints[one.name]) for one in fields(kind)}
+    return tuple((one.name, keys.get(one.name, one.name)) for one in fields(kind))
+
+
+@cache
+def _hints(kind: Any) -> dict[str, Any]:
+    """Return the kind of each field; what is only written need not have them all at hand."""
+    return get_type_hints(kind, localns={"Setting": Setting, "Mapping": dict})
 
 
 def read_back(kind: type[_T], entry: object) -> _T | None:
@@ -110,8 +115,12 @@ def _read(hint: Any, value: Any) -> Any:
         return tuple(_read(kind, item) for kind, item in zip(kinds, items, strict=True))
     if is_dataclass(hint) and hint is not Setting:
         entry, kind = dict(value), cast("Any", hint)
-        known = {name: of for name, of in _fields(kind).items() if get_origin(of[1]) is not dict}
-        values = {name: _read(one, entry.get(key)) for name, (key, one) in known.items()}
+        keyed = [(name, key, _hints(kind)[name]) for name, key in _keys_of(kind)]
+        values = {
+            name: _read(one, entry.get(key))
+            for name, key, one in keyed
+            if get_origin(one) is not dict
+        }
         if next(iter(values.values())) == "":  # what the entry is about
             raise ValueError
         return kind(**values)
