@@ -22,6 +22,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+import hypothesis  # noqa: F401 - it warns where pytest, which then ends, is the first to load it
 import pytest
 
 from tests import test_numbers
@@ -147,7 +148,7 @@ def tests_of(file: str, root: Path) -> list[str]:
     return [str(path.relative_to(root)) for path in (*own, *others) if path.exists()]
 
 
-def is_noticed(mutant: Mutant, work: Callable[[], int]) -> bool:
+def is_noticed(mutant: Mutant | None, work: Callable[[], int]) -> bool:
     """Return whether some work fails, or does not end, in a copy of this process with a mutant."""
     copy = os.fork()
     if not copy:
@@ -157,7 +158,8 @@ def is_noticed(mutant: Mutant, work: Callable[[], int]) -> bool:
         os.dup2(quiet, 2)
         code = 1
         try:
-            install(mutant)
+            if mutant is not None:
+                install(mutant)
             code = int(work())
         finally:
             os._exit(code)
@@ -256,11 +258,16 @@ def main() -> int:
     for file in sorted((ROOT / "damperfit").rglob("*.py")):
         if file.name != "__main__.py" and "binaries" not in file.parts:
             import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
-    survivors = 0
+    survivors, sound = 0, set[tuple[str, ...]]()
     for number, mutant in enumerate(drawn, start=1):
-        tests = ["-q", "-x", "-n0", *tests_of(mutant.file, ROOT)]
+        quiet = ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # loaded already
+        tests = ["-q", "-x", "-n0", *quiet, *tests_of(mutant.file, ROOT)]
         numbers = partial(numbers_moved, Path(mutant.file).parts[1])
         work = [numbers, partial(pytest.main, tests)][options.without_numbers :]
+        if tuple(tests) not in sound:
+            sound.add(tuple(tests))
+            for one in work:
+                assert not is_noticed(None, one), f"fails without a mutant: {one}"
         is_dead = any(is_noticed(mutant, one) for one in work)
         survivors += not is_dead
         if not is_dead:
