@@ -517,9 +517,10 @@ def _slopes(trace: Trace, seen: SimulatedLog) -> FloatArray:
     """
     empty = seen.response.pressures[:2] <= 0.0
     filled = np.flatnonzero((empty[:, :-1] & ~empty[:, 1:]).any(axis=0)) + 1
-    if not len(filled) or all(stretch.n_cycles for stretch in trace.stretches):
+    slopes = seen.response.sensitivities
+    if not (slopes and len(filled)) or all(stretch.n_cycles for stretch in trace.stretches):
         return seen.sensitivities  # cycles meet a refilling at other moments of it
-    rows = np.stack(list(seen.response.sensitivities.values()))
+    rows = np.stack(list(slopes.values()))
     luck = np.unique(np.add.outer(filled, np.arange(_REFILLING)))
     luck = luck[luck < rows.shape[1] - 1]
     known = np.setdiff1d(np.arange(rows.shape[1]), luck)

@@ -95,6 +95,16 @@ def test_a_setting_without_friction_supposes_as_many_forms_as_the_others(log, al
     assert len(shapes) == 1
 
 
+def test_transients_of_a_chamber_that_empties_and_refills_are_judged() -> None:
+    low = replace(DAMPER, gas_pressure=1.2e5)
+    known = {"return_slope": 8e6}
+    log = adjusted.log(adjusted.at(14, 3), damper=low, speeds=(0.05, 0.2), cycles=1, **known)
+    (fit,) = identify([log], low, FitOptions("plain", fixed=known)).fits
+    assert fit.cavitation_fraction > 0.0
+    assert not any(one.n_cycles for one in log.stretches)
+    assert np.isfinite(linearise_at_fit(fit, low).supposed).all()
+
+
 def test_it_is_wrong_by_the_same_at_all_settings() -> None:
     logs = [adjusted.log(one, drag=1.5 * DRAG) for one in adjusted.SETTINGS]
     few, many = (intervals(fitted(*some))["rebound_slope"] for some in (logs[:2], logs))
