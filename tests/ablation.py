@@ -46,6 +46,7 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "floor of the criterion": ("laws.search", "FLOOR_PERCENT", 0.001),
     "rubber": ("laws.structures", "with_part", _without_rubber),
     # Fits.
+    "clip": ("identification.fit_problem", "Block.stays_beyond", property(lambda _: False)),
     "idle parts": ("identification.procedures", "_without_idle_parts", _first),
     "last step": ("identification.fit_setting", "_last_step", lambda *_: None),
     "start again at a bound": (

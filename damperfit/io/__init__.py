@@ -61,7 +61,8 @@ def read_logs(
             raise TimelessError(
                 "speed and force without time, and a fit needs force and displacement over time; "
                 f"damperfit inspect shows the curves, damperfit settings {source.name} finds a "
-                "force among them"
+                "force among them",
+                code="no-time",
             ) from error
 
 
