@@ -1047,9 +1047,9 @@ class _Linear:
         ]
         determined = [places for places, is_determined in own if is_determined]
         return all(
-            len({places[adjuster] for places in determined}) > 1
+            len({places.get(adjuster) for places in determined}) > 1
             for adjuster in own[0][0]
-            if adjuster not in way and len({places[adjuster] for places, _ in own}) > 1
+            if adjuster not in way and len({places.get(adjuster) for places, _ in own}) > 1
         )
 
     def values(self, ties: Mapping[str, tuple[str, ...]]) -> dict[Setting, Values]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+from types import SimpleNamespace
 
 import pytest
 
 from damperfit.errors import ConfigurationError
+from damperfit.laws.search import _Linear
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, log_text, moved
 
@@ -41,6 +43,17 @@ def test_letters_of_a_label_are_places() -> None:
     assert (at.place("L"), at.place("H"), at.label) == (6, 1, "L6 H1")
     assert Setting.of("soft").evident == (("setting", "soft"),)
     assert Setting.of("L6 L1").evident == (("setting", "L6 L1"),)
+
+
+def test_a_setting_without_the_letters_of_others_stands_elsewhere() -> None:
+    labels, is_determined = ("L6 H1", "L6 H3", "soft"), [True, True, False]
+    known = SimpleNamespace(
+        structure=SimpleNamespace(damper=damper(has_play_and_lag=False)),
+        whose=[("rebound_bleed", Setting.of(label)) for label in labels],
+        is_determined=is_determined,
+    )
+    assert _Linear.is_shown(known, "rebound_bleed", ("L",))  # H1 and H3 are both known
+    assert not _Linear.is_shown(known, "rebound_bleed", ())  # and of L only 6
 
 
 @pytest.mark.slow
