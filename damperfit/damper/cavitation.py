@@ -64,7 +64,7 @@ class Cavitation:
     def moment(self) -> str:
         """When the pressure is lowest, in words."""
         x, v = f"x = {1e3 * self.displacement:+.0f} mm", f"v = {self.velocity:+.2f} m/s"
-        return f"{x}, {v} of the {'rebound' if self.velocity > 0.0 else 'bump'}"
+        return f"{x}, {v} in {'rebound' if self.velocity > 0.0 else 'compression'}"
 
 
 def describe_cavitation(

@@ -349,10 +349,10 @@ def _of_exchanges(search: LawSearch, tests: _Tests) -> Iterator[str]:
         others[one.part].append(one)
     for part, known in others.items():
         times = max(one.times for one in known)
+        fits = f"fits with {times:.2g} times the MSE" if times > 1.05 else "fits as well"
         yield (
-            f"Whether it is {part} or {' or '.join(one.instead for one in known)}: with that in "
-            f"its place the logs are fitted at {times:.2g} times the MSE (intervals of identify "
-            f"hold both). {tests.faster[0].upper()}{tests.faster[1:]}, another gas pressure, or "
+            f"Whether it is {part} or {' or '.join(one.instead for one in known)}: the latter "
+            f"{fits}, and the intervals cover both. {tests.faster[0].upper()}{tests.faster[1:]}, another gas pressure, or "
             "a rigid bar in the damper's place would decide it."
         )
 

@@ -469,14 +469,16 @@ class Assessment:
             for one, other, value in known.ties if known.setting in fitted else ():
                 ties[one, other].append((known.setting, value))
         problems = list(self.undetermined(campaign))
+        symbol_of = {quantity.name: quantity.symbol for quantity in campaign.quantities}
         for (one, other), where in ties.items():
             low, high = min(value for _, value in where), max(value for _, value in where)
             spread = f"{low:+.2f} to {high:+.2f}" if high - low > 0.005 else f"{low:+.2f}"
             text = (
-                "{quantity} and {other} are strongly correlated at {settings} ({correlation}): "
+                "{symbols} are strongly correlated at {settings} ({correlation}): "
                 "the logs determine their combination better than each"
             )
-            values = {"quantity": one, "other": other, "correlation": spread}
+            symbols = " and ".join(symbol_of[name] for name in (one, other))
+            values = {"quantity": one, "other": other, "symbols": symbols, "correlation": spread}
             at = of_settings(setting for setting, _ in where)
             problems.append(warning("correlated", text, settings=at, **values))
         return tuple(problems)
