@@ -352,8 +352,8 @@ def _of_exchanges(search: LawSearch, tests: _Tests) -> Iterator[str]:
         fits = f"fits with {times:.2g} times the MSE" if times > 1.05 else "fits as well"
         yield (
             f"Whether it is {part} or {' or '.join(one.instead for one in known)}: the latter "
-            f"{fits}, and the intervals cover both. {tests.faster[0].upper()}{tests.faster[1:]}, another gas pressure, or "
-            "a rigid bar in the damper's place would decide it."
+            f"{fits}, and the intervals cover both. {tests.faster[0].upper()}{tests.faster[1:]}, "
+            "another gas pressure, or a rigid bar in the damper's place would decide it."
         )
 
 
