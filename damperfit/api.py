@@ -548,7 +548,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
                 raise _usage(text, "wrong-suffix", Option(name, path))
             _check_places(path.parent)
     choice, configuration, sentence = _parameters("simulate", given, own)
-    configuration = with_temperature(configuration, given["temperature"])
+    configuration = with_temperature(configuration, _text(given["temperature"]))
     if temperature is not None and isinstance(configuration.damper, WithTemperature):
         sentence += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if log is not None and not log.exists():
@@ -580,6 +580,11 @@ def _parameters(
         damper=configuration.damper,
     )
     return (choice, *damper_of(choice, configuration, config=given["config"]))
+
+
+def _text(value: object) -> str | None:
+    """As the command line has a quantity: True is none, an array neither."""
+    return None if value is None else str(value)
 
 
 def _check_places(*folders: Path | None) -> None:
@@ -672,7 +677,9 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.units.shown_units import SI, parse_units
 
     shown = SI if units is None else parse_units(units)
-    question = parse_question(force=given["force"], velocity=given["velocity"], stroke=stroke)
+    question = parse_question(
+        force=_text(given["force"]), velocity=_text(given["velocity"]), stroke=stroke
+    )
     places = results if isinstance(results, list | tuple) else [results]
     paths = [folder_of(one, "damperfit.settings") for one in places] or [_RESULTS]
     if all(path.is_file() for path in paths):
@@ -691,9 +698,12 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         )
     refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
     run = Run.load(
-        paths[0], parts=("parameters",), config=given["config"], temperature=given["temperature"]
+        paths[0],
+        parts=("parameters",),
+        config=given["config"],
+        temperature=_text(given["temperature"]),
     )
-    motion = {name: given[name] for name in ("amplitude", "frequency")}
+    motion = {name: _text(given[name]) for name in ("amplitude", "frequency")}
     return tabulate_forces(run, question, **motion, units=shown)
 
 
@@ -842,8 +852,7 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
         where, stem = target.place_of(place)
     _check_places(where)
     file: Any = config
-    oil: Any = temperature
-    run = exported_run(folder, config=file, temperature=oil)
+    run = exported_run(folder, config=file, temperature=_text(temperature))
     made = target.export(run, ExportOptions(stem, speed, shown, decimal))
     checked = check_export(run, made) if check else ()
     with file_set(where, spares_others=not overwrite) as drafts:

@@ -169,6 +169,12 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
             return _values(value, option)
         case "pairs":
             return assignments(value, option, "rod_diameter=12mm")
+        case "text" if option.name == "tolerance":
+            if isinstance(value, str | Path):
+                return str(value)
+            # A bare number would be newtons, and is as often meant as per cent.
+            text = f"found {value!r}; expected '5%', '20N' or the path of a table of bands"
+            raise _wrong(text, option, "not-a-tolerance")
         case "text" if isinstance(value, Real):
             return label_of(value) or value
         case "count" | "workers" | "number" | "flag":
@@ -198,7 +204,8 @@ def _adapter(kind: str) -> Any:
 
     from pydantic import BeforeValidator, Field, StrictBool, TypeAdapter
 
-    number = BeforeValidator(lambda value: "" if isinstance(value, bool | bytes) else value)
+    no_numbers = {"bool", "bool_", "bytes"}  # NumPy's too
+    number = BeforeValidator(lambda value: "" if type(value).__name__ in no_numbers else value)
     types: dict[str, Any] = {
         "count": Annotated[int, number],
         "workers": Annotated[int, Field(ge=1), number],

@@ -57,7 +57,7 @@ _EXPECTED = {
     "literal_error": "{expected}",
 }
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
-_KEY = re.compile(r"\s*[\"']?(\w+)\b")
+_KEY = re.compile(r"\s*(?:([\"'])(.+?)\1|([\w-]+))")  # bare or in quotes
 
 
 def load_configuration(
@@ -156,7 +156,7 @@ class _Layer:
                 section = re.sub(r"[\"'\s]", "", heading[1])
             places.setdefault((section, ""), number)
             if key := _KEY.match(line):
-                places.setdefault((section, key[1]), number)
+                places.setdefault((section, key[2] or key[3]), number)
         for depth in range(len(keys), 0, -1):
             section, inner = ".".join(keys[:depth]), "".join(keys[depth : depth + 1])
             if number := places.get((section, inner), 0):

@@ -330,7 +330,7 @@ def declared_passages(tables: Iterable[Mapping[str, Any]]) -> tuple[DeclaredPass
     passages = []
     for place, table in enumerate(tables, start=1):
         for code, fault in _faults(table):
-            raise ConfigurationError(fault, subject=f"passages: passage {place}", code=code)
+            raise ConfigurationError(f"passage {place}: {fault}", subject="passages", code=code)
         passages.append(DeclaredPassage(**{_KEYS[key]: number for key, number in table.items()}))
     return tuple(passages)
 

@@ -6,7 +6,7 @@ import re
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 from functools import lru_cache, total_ordering
-from numbers import Real
+from numbers import Integral, Rational, Real
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 if TYPE_CHECKING:
@@ -158,9 +158,14 @@ def _lettered_places(label: str) -> tuple[tuple[str, Place], ...]:
 
 def label_of(given: object) -> str | None:
     """Return the label of a setting as a user gives it, a number too; None: it is none."""
-    if not isinstance(given, bool) and isinstance(given, Real):
-        return f"{given:.0f}" if float(given).is_integer() else str(given)
-    return str(given) if isinstance(given, Setting | str) else None
+    if isinstance(given, bool) or not isinstance(given, Real):
+        return str(given) if isinstance(given, Setting | str) else None
+    if isinstance(given, Integral):  # of any length
+        return str(given)
+    number = float(given)
+    if number.is_integer():
+        return f"{number:.0f}"
+    return str(number if isinstance(given, Rational) else given)
 
 
 def _said(place: Place) -> str:

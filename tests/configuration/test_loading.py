@@ -133,6 +133,9 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
 # Lines of a file, parted by a bar, and what the sentence says.
 MISTAKES = r"""
 [damper] | | rod_diametr = 1 -> rig\.toml:3: unknown key 'rod_diametr'.*'rod_diameter'
+[damper] | rod-diameter = 1 -> rig\.toml:2: unknown key 'rod-diameter'.*'rod_diameter'
+[rig] | 'skew time' = 1 -> rig\.toml:2: unknown key 'skew time'
+[damper] | model = 'network' | passages = [{from = 1}] -> rig\.toml:3: .*passage 1: lacks to
 [dampr] | x = 1 -> rig\.toml:1: unknown section \[dampr\].*Did you mean 'damper'
 damper = 3 -> write \[damper\]
 [damper] | rod_diameter = '19 kg' -> rig\.toml:2: damper\.rod_diameter: no unit.*kg

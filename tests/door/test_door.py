@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from fractions import Fraction
 from inspect import signature, unwrap
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, refuse_wrong_arguments
 from damperfit.keywords import PRESENTATION, keyword_of
+from damperfit.tested.setting import Setting
 
 ROOT = Path(__file__).parents[2]
 LOGS = [str(ROOT / "sample_runs" / f"setting_{number:02d}.csv") for number in (1, 10)]
@@ -69,7 +71,8 @@ def test_a_result_has_values_intervals_and_verdicts_without_a_second_call(result
     assert ten.values["r_m1"] == table["r_m1"][1]
     assert ten.intervals["k_e"] == (table["k_e_ci_low"][1], table["k_e_ci_high"][1])
     assert ten.mse_percent == table["mse_percent"][1]
-    assert result.setting(10.0).label == "10"
+    for same in (10.0, np.int64(10), np.float32(10.0), Fraction(10), Setting.of(10), " 10"):
+        assert result.setting(same).label == "10"
     assert result.failures == ()
     assert "name" in result.checks
 
@@ -298,6 +301,10 @@ simulate(10, damper={'model': 'auto'}) -> let the logs choose
 compare() -> found no result
 compare(result) -> or tolerance=FILE with nominal forces
 compare(result, result, tolerance='x') -> (tolerance='x'): expected per cent, newtons
+compare(result, result, tolerance=5) -> found 5; expected '5%', '20N' or the path of a table
+compare(result, result, tolerance=Path('no.csv')) -> (tolerance='no.csv'): cannot be read
+settings(result, force=True, velocity=0.2) -> 'True' cannot be read as force
+settings(result, temperature=[1, 2]) -> '[1, 2]' cannot be read as temperature
 compare(result, result, measured='x') -> (measured=...): found 'x'; expected True
 compare(result, result, amplitude='5mm') -> amplitude= and frequency= make the sine
 export(result) -> export: no target: give to=
@@ -329,6 +336,7 @@ def test_no_wrong_call_ends_inside(line, frame, result, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     call, said = line.split(" -> ")
     names = {"damperfit": damperfit, "result": result, "frame": frame, "LOG": LOGS[1]}
+    names["Path"] = Path
     with pytest.raises(DamperfitError) as caught:
         eval(call if call.startswith("result.") else f"damperfit.{call}", names)  # noqa: S307
     assert said in str(caught.value)
