@@ -33,6 +33,21 @@ _OF_PYTHON = {
     "on_law": ("callable", "Called with the name of each law that was tried."),
     "inspect.units": ("mapping of str to str", "Units of columns that do not say theirs."),
 }
+# What a call takes beside, or in place of, what its option does.
+_LOGS = "path, pattern, list of such, or mapping of labels to data frames"
+_IN_PYTHON = {
+    "inspect.logs": (_LOGS, "As of `identify`."),
+    "models.logs": (_LOGS, "As of `identify`."),
+    "models.start": ("path or mapping", "As of `identify`."),
+    "fleet.logs": ("paths, patterns or addresses", "Of all dampers; None: the parts there are."),
+    "settings.results": ("Run, path or list of paths", "What `identify` found, or curves' files."),
+    "settings.force": ("number or text", "Which setting gives it? As in 900N; minus: compression."),
+    "settings.velocity": ("number or text", "At this speed, as in 0.2m/s; minus: compression."),
+    "compare.runs": ("Run or path", "The first is the reference."),
+    "samples.folder": ("path", "Folder for the logs."),
+    "samples.settings": ("text or sequence of int", "Settings to make, as in 1,5,10-12."),
+    "init.out": ("path", "The file to write; None: nothing is written."),
+}
 # In the order of the help; what stands in none stands last, under "Options".
 PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "Output", "Options")
 
@@ -291,7 +306,8 @@ def with_keywords(function: Callable[..., Any]) -> str:
         keyword = keyword_of(function.__name__, name)
         known = _OF_PYTHON.get(name) or _OF_PYTHON.get(f"{function.__name__}.{name}")
         if keyword is not None:
-            known = _TYPES[keyword.kind], keyword.help
+            known = _IN_PYTHON.get(f"{function.__name__}.{name}")
+            known = known or (_TYPES[keyword.kind], keyword.help)
         if known is not None and name not in told:
             lines += [f"    {name} : {known[0]}", f"        {known[1]}"]
     title = "Other Parameters" if "    Parameters\n" in text else "Parameters"

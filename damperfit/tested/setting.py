@@ -19,7 +19,9 @@ ADJUSTER = "setting"  # the name of the only adjuster where nobody named it
 LONGEST_WORD = 40  # of a click that is no number; a longer text is a sentence
 _HIGHEST = 1_000_000  # clicks; more is a date or a serial number
 _NUMBER = re.compile(r"[+-]?\d{1,9}(?:\.\d{1,6})?", re.ASCII)
-_OTHER_NUMBER = re.compile(r"[+-]?(nan|inf\w*|\.?\d[\d_.]*(e[+-]?\d[\d_]*)?)", re.IGNORECASE)
+_OTHER_NUMBER = re.compile(
+    r"[+-]?(nan|inf\w*|(\d[\d_]*\.?|\.\d)[\d_]*(e[+-]?\d[\d_]*)?)", re.IGNORECASE
+)
 # What dampers' makers and tuners call the two strokes.
 _STROKES = (
     ("rebound", "reb", "extension", "ext", "r", "e"),
