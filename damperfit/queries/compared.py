@@ -539,7 +539,7 @@ def _read_baseline(path: Path, config: Path | None) -> Run:
         names = adjusters_in(list(rows[0]), quantities) if rows else ()
         parameters = tuple({**row, "setting": read_setting(row, names)} for row in rows)
         tests = tuple(map(_kept_test, document["tests"]))
-    except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+    except (OSError, ArithmeticError, ValueError, TypeError, LookupError, AttributeError) as error:
         raise ConfigurationError(
             f"a damaged baseline ({type(error).__name__}: {error}); save it again with "
             "damperfit compare RESULTS --save FILE",
@@ -553,20 +553,24 @@ def _read_baseline(path: Path, config: Path | None) -> Run:
 
 
 def _kept_test(record: dict[str, Any]) -> MeasuredTest:
-    def array(values: Any) -> Any:  # None is not known
-        return np.array(values, dtype=np.float64)
+    def array(values: Any, *shape: int) -> Any:  # None is not known
+        numbers = np.array(values, dtype=np.float64)
+        if numbers.shape != (shape or (len(values),)):
+            raise ValueError(f"numbers of shape {numbers.shape}")
+        return numbers
 
     cells = record["setting"]
     names = [name for name in cells if name != "setting" and name not in column_names()]
-    figures = {name: array(pair).tolist() for name, pair in record["figures"].items()}
-    numbers: dict[str, Any] = {name: float(array(record[name])) for name in _NUMBERS}
+    numbers: dict[str, Any] = {name: float(np.float64(record[name])) for name in _NUMBERS}
     numbers |= {name: array(record[name]) for name in _ARRAYS}
+    array(record["force"], len(numbers["velocity"]))
+    n_speeds = len(numbers["speeds"])
     return MeasuredTest(
         setting=read_setting(cells, names) or Setting.of(0),
         log=str(record["log"]),
         n_cycles=int(record["n_cycles"]),
-        strokes={name: array(rows) for name, rows in record["strokes"].items()},
-        figures={name: (value, error) for name, (value, error) in figures.items()},
+        strokes={name: array(rows, 2, n_speeds) for name, rows in record["strokes"].items()},
+        figures={name: tuple(array(pair, 2).tolist()) for name, pair in record["figures"].items()},
         **numbers,
     )
 

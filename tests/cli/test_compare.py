@@ -133,10 +133,22 @@ def test_a_baseline_stands_for_its_run(run, campaigns) -> None:
             assert a[key] == (None if b[key] is None else pytest.approx(b[key], rel=1e-4, abs=1e-4))
     measured = pair(run, "base.json", after, "--measured")
     assert {line["source"] for line in measured["lines"]} == {"measured"}
-    Path("base.json").write_text(Path("base.json").read_text()[:5000])
-    damaged = run("compare", "base.json", after)
-    assert damaged.code == 2
-    assert "base.json: a damaged baseline" in damaged.err
+    text = Path("base.json").read_text()
+    flat = {"rebound": [1.0, 2.0], "bump": [1.0, 2.0]}
+    one_test = json.loads(text)
+    wrong = [
+        {"speeds": 3},
+        {"force": None},
+        {"force": [[1.0]]},
+        {"force": [1.0]},
+        {"strokes": flat},
+    ]
+    edited = [json.dumps(one_test | {"tests": [one_test["tests"][0] | values]}) for values in wrong]
+    for damage in (text[:5000], *edited):
+        Path("base.json").write_text(damage)
+        damaged = run("compare", "base.json", after)
+        assert damaged.code == 2
+        assert "base.json: a damaged baseline" in damaged.err
 
 
 def test_page_markdown_json_and_tables_are_written_as_a_set(run, campaigns) -> None:
