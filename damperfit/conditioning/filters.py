@@ -67,8 +67,10 @@ def design_filter(
 ) -> FilterDesign:
     """Return a Butterworth low-pass of the kind "zero_phase", "causal" or "none".
 
-    The order is that of one pass, corner and sample rate in Hz; `key` is what the corner is called
-    where a user says it. A ConditioningError: the corner is not below half the sample rate.
+    "zero_phase": forward and backward, combined gain -3 dB at the corner, Hz. "causal": forward
+    only, -3 dB at the corner. "none": passes everything. The order is that of one pass, the sample
+    rate in Hz; `key` is what the corner is called where a user says it. A ConfigurationError:
+    unknown kind; a ConditioningError: the corner is not below half the sample rate.
 
     >>> design_filter("zero_phase", 30.0, sample_rate=1000.0).description
     'zero-phase Butterworth low-pass, order 4 forward and backward, -3 dB at 30 Hz'
@@ -227,6 +229,8 @@ def corner_of(design: FilterDesign, *, sample_rate: float) -> float:
 
 def differentiate(displacement: FloatArray, interval: float) -> FloatArray:
     """Return the slope of the not-a-knot cubic spline through uniform samples, m/s.
+
+    Displacement, m, of shape (n,), n >= 4; the interval in s.
 
     >>> t = np.arange(6) * 0.5
     >>> np.allclose(differentiate(t**3, 0.5), 3 * t**2)

@@ -40,7 +40,10 @@ _BY_CYCLES = "scatter between cycles"
 
 
 def noise_floor(trace: Trace) -> float:
-    """Return the noise of the compared force, percent of its variance, eq. (22); NaN: not known."""
+    """Return the noise of the compared force, percent of its variance, eq. (22).
+
+    NaN where a stretch has but a single cycle, and where the force does not vary.
+    """
     variance = variance_of(trace.force[trace.compared])
     if not variance > 0.0:
         return math.nan
