@@ -149,6 +149,13 @@ def test_what_the_run_told_is_shown(copy):
     assert page.count("K_e rises by 10 MPa a setting.") == 1  # a sentence stands once
 
 
+def test_a_file_of_another_run_is_named(copy):
+    (copy / "run.json").write_text('{"files": {"mse.parquet": "00"}}', encoding="utf-8")
+    assert Run.load(copy).remarks == (
+        "mse.parquet is not the file that the run wrote (see run.json)",
+    )
+
+
 @pytest.mark.parametrize(
     "record",
     [

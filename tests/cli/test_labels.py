@@ -141,3 +141,11 @@ def test_several_dampers_get_a_result_each(bodies, run, tmp_path):
     assert ended.code == 0, ended.err
     assert (tmp_path / "out" / "run.json").exists()
     assert not [path.name for path in (tmp_path / "out").iterdir() if path.is_dir()]
+
+
+def test_a_configured_serial_against_the_log_is_an_error(bodies, run, tmp_path):
+    (tmp_path / "a.csv").write_text("# setting: 3\n# serial: 12\n" + bodies[4, 8])
+    (tmp_path / "c.toml").write_text('[test]\nserial = "13"\n')
+    ended = run("identify", tmp_path / "a.csv", "--config", tmp_path / "c.toml")
+    assert ended.code == 2
+    assert "test.serial: found '13', but a.csv is of serial '12'" in ended.err

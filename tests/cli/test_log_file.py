@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -67,6 +68,12 @@ def test_a_bug_leaves_its_traceback_there_and_a_line_on_the_terminal(
     told = records(kept)
     assert ("DEBUG", "Traceback (most recent call last):") in told
     assert any(level == "DEBUG" and "test_log_file.py" in text for level, text in told)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_a_full_disk_ends_no_command(run, logs) -> None:
+    ended = run("inspect", logs / "setting_01.csv", "--log-file", "/dev/full")
+    assert (ended.code, ended.err) == (0, "")
 
 
 @pytest.mark.parametrize("text", [None, "hello\n", "2026-01-01T10:00:00 INFO other[1] a\n", " "])

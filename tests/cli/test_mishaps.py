@@ -183,6 +183,11 @@ def test_memory_that_one_log_lacks_is_said_so(run, samples, tmp_path, broken) ->
     assert "(Unable to allocate 9.00 GiB); give fewer or shorter logs" in failure["message"]
 
 
+def test_whoever_wants_to_stop_is_not_held_up(run, samples, broken) -> None:
+    broken("run.logs.condition", is_file_two, KeyboardInterrupt())
+    assert run("inspect", samples[1])[0] == 130
+
+
 def test_a_gate_that_a_bug_kept_from_being_looked_at_is_not_met(
     run, samples, tmp_path, broken
 ) -> None:

@@ -243,6 +243,24 @@ def test_a_state_is_taken_up_bit_for_bit_also_from_its_bytes(unit, name) -> None
 
 
 @runs_here
+def test_instances_do_not_disturb_each_other(unit) -> None:
+    x, v = sine(0.2)
+    both, forces = (unit("paper"), unit("paper")), []
+    for setting, one in enumerate(both, 1):
+        one.initialise(x[0], v[0], setting=setting)
+    for i in range(len(x) - 1):
+        for one in both:
+            one.set("displacement", x[i])
+            one.set("velocity", v[i])
+            assert one.step(i * 1e-3, 1e-3) == OK
+        forces.append([one.get("force") for one in both])
+    for setting, mixed in enumerate(np.transpose(forces), 1):
+        alone = unit("paper")
+        alone.initialise(x[0], v[0], setting=setting)
+        assert np.array_equal(alone.run(x, v), mixed)
+
+
+@runs_here
 @pytest.mark.parametrize("name", ["paper", "twin_tube"])
 def test_what_cannot_be_set_is_refused(unit, name) -> None:
     one = unit(name)

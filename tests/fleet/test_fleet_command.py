@@ -77,6 +77,11 @@ def test_a_bad_log_is_a_row_with_its_reason_and_not_tried_again(three, tmp_path,
     assert "3 done before" in capsys.readouterr().out
 
 
+def test_where_no_log_can_be_fitted_the_code_says_so(tmp_path, here):
+    put(tmp_path / "logs", {"setting_01.csv": ("time_s,displacement_mm,force_N\n", "1,2\n")})
+    assert run(tmp_path / "logs", "--out", tmp_path / "out") == 3
+
+
 def test_a_missed_gate_ends_with_4(three, tmp_path, here, capsys):
     config = tmp_path / "gate.toml"
     config.write_text("[output]\nmax_mse_percent = 1e-6\n")

@@ -134,6 +134,22 @@ def test_another_damper_with_no_number_of_the_paper() -> None:
         assert is_near(fit.parameters, settings[fit.setting], **bars)
 
 
+def test_a_tared_rig_with_f_0_free() -> None:
+    truth = replace(reference_parameters(5), f_0=118.0)
+    options = FitOptions("plain", (*FREE, "f_0"), KNOWN)
+    (fit,) = identify([trace(5, truth, noise=4.0, duration=5.0)], PURDY_DAMPER, options).fits
+    assert fit.parameters.f_0 == pytest.approx(118.0, abs=0.5)
+    assert is_near(fit.parameters, truth, r_m1=2e-3)
+
+
+def test_several_logs_of_one_setting_are_one_fit() -> None:
+    logs = [trace(6, noise=4.0, seed=seed, duration=5.0) for seed in (1, 2, 3)]
+    (one,), (three,) = (identify(few, PURDY_DAMPER, THREE).fits for few in (logs[:1], logs))
+    assert len(three.logs) == 3
+    assert three.n_samples == sum(log.trace.n_samples for log in three.logs) > 2 * one.n_samples
+    assert is_near(three.parameters, reference_parameters(6), r_m1=7e-4)
+
+
 def test_jobs_and_order_give_the_same_bits() -> None:
     logs = traces([1, 2, 5, 9], noise=4.0, duration=5.0)
     one = identify(logs, PURDY_DAMPER, jobs=1)

@@ -68,6 +68,15 @@ def test_a_missing_library_is_one_line_with_the_command(
     assert f"pip install 'damperfit[{extra}]'" in refusal(path)
 
 
+def test_modules_beside_a_log_are_never_imported(tmp_path, put, monkeypatch) -> None:
+    pytest.importorskip("h5py")
+    for name in ("h5py", "json", "struct"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(7)")
+    monkeypatch.chdir(tmp_path)
+    path = put(binary_logs.matlab_73(SCENARIO), "a.mat")
+    np.testing.assert_array_equal(read_log(path).force, SCENARIO.force_n)
+
+
 # MATLAB
 
 
