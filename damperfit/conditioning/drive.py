@@ -140,7 +140,7 @@ def _before_two(far: BoolArray) -> int:
 
 
 # Velocity that the compared filter may take away, over all of it. A sine loses less, a triangle of
-# 0.2 m/s and +-32 mm an eighth (`tests/test_told_figures.py`).
+# 0.2 m/s and +-32 mm an eighth.
 _LOST = 3e-3
 _STEP = 0.5  # octaves between the corners tried
 # Of the sample rate. Above, the spline rings at a sharp corner that falls between two samples: at

@@ -264,7 +264,7 @@ def differentiate(displacement: FloatArray, interval: float) -> FloatArray:
 #
 # C is the bilinear design at the log's rate. A rig whose filter is analogue, or digital at a much
 # higher rate, differs from it near half the log's rate: without noise that costs up to 0.3 % of a
-# parameter at 500 Hz, 0.06 % at 1 kHz (`tests/test_told_figures.py`).
+# parameter at 500 Hz, 0.06 % at 1 kHz.
 
 
 _SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline

@@ -276,8 +276,7 @@ def truth_of(
 
 # One simulated test
 
-# A cycle: at 33 the force at 0.05 m/s is up to 50 N off, at 333 half a newton
-# (`tests/test_told_figures.py`).
+# A cycle: at 33 the force at 0.05 m/s is up to 50 N off, at 333 half a newton.
 FEW_SAMPLES = 200
 _PILOT_SAMPLES = 100  # of one cycle: the integrator's own steps are more
 _WAVES = {"sine": sine_motion, "triangle": triangle_motion}

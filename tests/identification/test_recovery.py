@@ -150,6 +150,18 @@ def test_several_logs_of_one_setting_are_one_fit() -> None:
     assert is_near(three.parameters, reference_parameters(6), r_m1=7e-4)
 
 
+def test_wrong_lengths_and_gas_cost_what_the_manual_says() -> None:
+    lengths = ("chamber_1_length", "chamber_2_length")
+    longer = {name: 1.1 * getattr(PURDY_DAMPER, name) for name in lengths}
+    log = trace(10, duration=6.0)
+    (fit,) = identify([log], replace(PURDY_DAMPER, **longer), THREE).fits
+    assert fit.parameters.k_e == pytest.approx(1.1 * reference_parameters(10).k_e, rel=0.015)
+    for factor in (0.6, 1.4):
+        damper = replace(PURDY_DAMPER, gas_pressure=factor * PURDY_DAMPER.gas_pressure)
+        (fit,) = identify([log], damper, FitOptions("plain", (*FREE, *KNOWN))).fits
+        assert fit.mse_percent < 0.3
+
+
 def test_jobs_and_order_give_the_same_bits() -> None:
     logs = traces([1, 2, 5, 9], noise=4.0, duration=5.0)
     one = identify(logs, PURDY_DAMPER, jobs=1)
