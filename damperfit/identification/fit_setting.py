@@ -154,6 +154,7 @@ def minimised(block: Block, start: Values, *, spent: int = 0) -> FitResult:
     by_name = dict(zip(block.free, errors.tolist(), strict=True))
     status = _statuses(block, result, by_name)
     is_minimum = result.gradient_cosine < block.right_angle or result.mse_percent < 1e-8
+    is_minimum = is_minimum or _promised_errors(result) < _NO_ERROR
     outcome = Outcome.CONVERGED
     if Status.AT_BOUND in status.values():
         outcome = Outcome.AT_BOUND
