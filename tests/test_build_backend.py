@@ -32,33 +32,25 @@ def backend(monkeypatch, tmp_path):
     return module
 
 
-def put(folder, name, body):
-    path = folder / name
-    path.write_text(f"#!/bin/sh\n{body}\n", encoding="ascii")
-    path.chmod(0o755)
-
-
-def test_without_a_compiler_it_asks_for_zig(backend):
-    assert backend._compiler_package() == ["ziglang"]
-
-
-def test_with_a_compiler_it_asks_for_nothing(backend, tmp_path):
-    put(tmp_path, "clang", "exit 0")
-    assert backend._find_compiler() == "clang"
-    assert backend._compiler_package() == []
-
-
-def test_a_compiler_without_the_headers_of_c_does_not_count(backend, tmp_path):
-    put(tmp_path, "cc", "echo no stdlib.h; exit 1")
-    put(tmp_path, "gcc", "exit 0")
-    assert backend._find_compiler() == "gcc"
-
-
-def test_cc_may_hold_options_and_comes_first(backend, tmp_path, monkeypatch):
-    put(tmp_path, "gcc", "exit 0")
-    put(tmp_path, "mine", '[ "$1" = --wanted ]')
-    monkeypatch.setenv("CC", "mine --wanted")
-    assert backend._find_compiler() == "mine --wanted"
+@pytest.mark.parametrize(
+    ("programs", "cc", "found"),
+    [
+        ({}, None, ""),
+        ({"clang": "exit 0"}, None, "clang"),
+        ({"cc": "echo no stdlib.h; exit 1", "gcc": "exit 0"}, None, "gcc"),  # without C's headers
+        ({"gcc": "exit 0", "mine": '[ "$1" = --wanted ]'}, "mine --wanted", "mine --wanted"),
+    ],
+)
+def test_it_asks_for_zig_where_no_compiler_works(
+    backend, tmp_path, monkeypatch, programs, cc, found
+):
+    for name, body in programs.items():
+        (tmp_path / name).write_text(f"#!/bin/sh\n{body}\n", encoding="ascii")
+        (tmp_path / name).chmod(0o755)
+    if cc:
+        monkeypatch.setenv("CC", cc)
+    assert (backend._find_compiler() or "") == found
+    assert backend._compiler_package() == ([] if found else ["ziglang"])
 
 
 def test_with_neither_the_failure_is_one_line_that_says_what_to_do(backend, monkeypatch, tmp_path):
@@ -68,18 +60,10 @@ def test_with_neither_the_failure_is_one_line_that_says_what_to_do(backend, monk
     assert "\n" not in str(caught.value)
 
 
-def test_every_source_of_an_exported_damper_is_shipped():
-    """An FMU's sources are read where damperfit is installed, not only from a checkout."""
-    listed = ROOT / "damperfit" / "exporting" / "c" / "core_sources.txt"
-    needed = [f"core/{name}" for name in listed.read_text(encoding="ascii").split()]
-    patterns = SETUPTOOLS["package-data"]["damperfit.damper"]
-    assert needed
-    assert [name for name in needed if not any(fnmatch(name, one) for one in patterns)] == []
-
-
-def test_every_data_file_of_the_package_is_shipped():
-    """What is no Python and no C of the core: pages, templates, styles, the doors of an FMU."""
+def test_all_that_is_read_is_shipped():
+    """What is no Python and no C of the core; and of that what an FMU is compiled from."""
     package = ROOT / "damperfit"
+    listed = (package / "exporting" / "c" / "core_sources.txt").read_text(encoding="ascii").split()
     ways = [
         (name.removeprefix("damperfit").strip(".").replace(".", "/"), pattern)
         for name, patterns in SETUPTOOLS["package-data"].items()
@@ -89,17 +73,14 @@ def test_every_data_file_of_the_package_is_shipped():
         path.relative_to(package).as_posix()
         for path in package.rglob("*.*")
         if path.is_file() and path.suffix not in {".py", ".pyc", ".so", ".pyd"}
+        if CORE not in path.parents and "binaries" not in path.parts  # built with the wheel
+        if "pictures" not in path.parts  # of the site, not of `help`
     }
     assert {"py.typed", "manual/pages/start.md"} <= files
-    left = [
-        name
-        for name in sorted(files)
-        if CORE not in (package / name).parents
-        and "binaries" not in name  # built with the wheel
-        and not name.startswith("manual/pages/pictures/")  # of the site, not of `help`
-        and not any(fnmatch(name, f"{folder}/{one}".lstrip("/")) for folder, one in ways)
-    ]
-    assert left == []
+    assert listed
+    files |= {f"damper/core/{name}" for name in listed}
+    shipped = [f"{folder}/{pattern}".lstrip("/") for folder, pattern in ways]
+    assert [name for name in files if not any(fnmatch(name, one) for one in shipped)] == []
 
 
 def test_the_source_distribution_has_all_that_is_compiled():

@@ -3,7 +3,6 @@
 import ast
 import re
 from dataclasses import fields
-from functools import cache
 from pathlib import Path
 
 import typer
@@ -15,7 +14,6 @@ from damperfit.damper.model import MODELS
 from damperfit.io.options import Profile
 
 SOURCE = Path(damperfit.__file__).parent
-FILES = sorted(p for p in SOURCE.rglob("*.py") if p.name != "build_backend.py")
 DEFAULTS = default_document()
 COMMANDS = typer.main.get_command(app).commands
 OPTIONS = {name for command in COMMANDS.values() for p in command.params for name in p.opts}
@@ -34,32 +32,20 @@ IN_SECTION = re.compile(rf"\[({'|'.join(DEFAULTS)})\] ([a-z]+_[a-z_]+)")
 COMMAND = re.compile(r"(?:run|as|of|see|by|Example:|\() ?damperfit ([a-z]+)\b")
 
 
-@cache
 def _texts(path: Path) -> list[tuple[int, str]]:
     """Every string of a module that is no docstring, with the parts of an f-string put together."""
     silent: set[int] = set()
     found = []
-    left: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
-    while left:  # from the top, so that what a node silences is known before it is met
-        node = left.pop()
-        for name in node._fields:
-            value = getattr(node, name, None)
-            if isinstance(value, list):
-                if name == "body":  # docstrings, also those of fields
-                    silent |= {id(one.value) for one in value if isinstance(one, ast.Expr)}
-                left += [one for one in value if isinstance(one, ast.AST)]
-            elif isinstance(value, ast.AST):
-                left.append(value)
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):  # parents first
+        if isinstance(body := getattr(node, "body", None), list):  # docstrings, also of fields
+            silent |= {id(one.value) for one in body if isinstance(one, ast.Expr)}
         if isinstance(node, ast.JoinedStr):
             silent |= {id(part) for part in node.values}
-            whole = "".join(
-                part.value if isinstance(part, ast.Constant) else "\0" for part in node.values
-            )
-            found.append((node.lineno, whole))
+            parts = (p.value if isinstance(p, ast.Constant) else "\0" for p in node.values)
+            found.append((node.lineno, "".join(parts)))
         elif isinstance(node, ast.Constant) and id(node) not in silent:
             value = node.value.decode("latin-1") if isinstance(node.value, bytes) else node.value
-            if isinstance(value, str):
-                found.append((node.lineno, value))
+            found += [(node.lineno, value)] * isinstance(value, str)
     return found
 
 
@@ -85,7 +71,8 @@ def unknown_names(text: str) -> list[str]:
 def test_messages_name_what_exists() -> None:
     wrong = {
         f"{path.relative_to(SOURCE)}:{line}": names
-        for path in FILES
+        for path in sorted(SOURCE.rglob("*.py"))
+        if path.name != "build_backend.py"
         if unknown_names(path.read_text(encoding="utf-8"))  # docstrings may name what they like
         for line, text in _texts(path)
         if (names := unknown_names(text))

@@ -56,16 +56,14 @@ def forces_of(found: dict) -> dict:
     }
 
 
-def test_two_campaigns_of_one_damper_are_the_same(run, campaigns) -> None:
-    found = pair(run, campaigns / "before", campaigns / "again")
-    assert not [line for line in found["lines"] if line["is_sure"]]
-    forces = forces_of(found).values()
+def test_a_changed_valve_is_found_where_it_is_and_nothing_where_none_changed(
+    run, campaigns
+) -> None:
+    same = pair(run, campaigns / "before", campaigns / "again")
+    assert (same["circumstances"], [1 for one in same["lines"] if one["is_sure"]]) == ([], [])
+    forces = forces_of(same).values()
     assert len(forces) == len(SETTINGS) * 5 * 2
     assert sum(line["verdict"] == "same" for line in forces) >= 0.9 * len(forces)
-    assert found["circumstances"] == []
-
-
-def test_a_changed_valve_is_found_where_it_is_and_by_how_much(run, campaigns) -> None:
     found = pair(run, campaigns / "before", campaigns / "after")
     told = {(line["name"], line["setting"]): line for line in found["lines"]}
     assert not told["r_m1", "1"]["is_sure"]
@@ -73,7 +71,6 @@ def test_a_changed_valve_is_found_where_it_is_and_by_how_much(run, campaigns) ->
     assert (line["verdict"], line["is_sure"]) == ("different", True)
     assert line["percent_ci_low"] <= 5.0 <= line["percent_ci_high"]
     assert told["r_m3", None]["verdict"] != "different"
-    assert "of them significantly" in found["sentences"][0]
 
 
 @pytest.mark.parametrize("form", ["folders", "pattern", "list", "results"])
@@ -124,9 +121,8 @@ def test_a_gate_that_is_missed_ends_with_code_4(run, campaigns) -> None:
 def test_a_baseline_stands_for_its_run(run, campaigns) -> None:
     before, after = campaigns / "before", campaigns / "after"
     assert run("compare", before, "--save", "base.json").code == 0
-    kept, whole = pair(run, "base.json", after), pair(run, before, after)
-    assert len(kept["lines"]) == len(whole["lines"])
-    for a, b in zip(kept["lines"], whole["lines"], strict=True):
+    kept, fresh = pair(run, "base.json", after), pair(run, before, after)
+    for a, b in zip(kept["lines"], fresh["lines"], strict=True):
         for key in ("verdict", "is_sure", "name"):
             assert a[key] == b[key]
         for key in ("first_value", "difference_ci_low", "difference_ci_high", "chance"):
@@ -134,16 +130,10 @@ def test_a_baseline_stands_for_its_run(run, campaigns) -> None:
     measured = pair(run, "base.json", after, "--measured")
     assert {line["source"] for line in measured["lines"]} == {"measured"}
     text = Path("base.json").read_text()
-    flat = {"rebound": [1.0, 2.0], "bump": [1.0, 2.0]}
-    one_test = json.loads(text)
-    wrong = [
-        {"speeds": 3},
-        {"force": None},
-        {"force": [[1.0]]},
-        {"force": [1.0]},
-        {"strokes": flat},
-    ]
-    edited = [json.dumps(one_test | {"tests": [one_test["tests"][0] | values]}) for values in wrong]
+    whole = json.loads(text)
+    flat = {"strokes": {"rebound": [1.0, 2.0], "bump": [1.0, 2.0]}}
+    wrong = ({"speeds": 3}, {"force": None}, {"force": [[1.0]]}, {"force": [1.0]}, flat)
+    edited = [json.dumps(whole | {"tests": [whole["tests"][0] | values]}) for values in wrong]
     for damage in (text[:5000], *edited):
         Path("base.json").write_text(damage)
         damaged = run("compare", "base.json", after)

@@ -3,25 +3,19 @@
 import csv
 import hashlib
 import json
-import re
 import shutil
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from damperfit.arguments import starts_of
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import procedures
 from damperfit.run.given_starts import with_given_start
 from damperfit.run.log_files import is_own_table
-from damperfit.simulation import Motion, simulate
 from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.units.quantities import find_unit
 from tests.fakes import values_in
@@ -48,16 +42,10 @@ def test_the_parameters_are_the_true_ones(logs, results) -> None:
     found = values_in(results / "parameters.parquet")
     assert found == values_in(results / "parameters.csv")
     for setting, true in values_in(logs / "truth.csv").items():
-        for name, off in {
-            "r_m1": 2e-3,
-            "r_m2": 5e-3,
-            "k_e": 2e-2,
-            "r_m3": 1e-2,
-            "f_f": 2e-2,
-        }.items():
-            assert getattr(found[setting], name) == pytest.approx(getattr(true, name), rel=off), (
-                name
-            )
+        off = {"r_m1": 2e-3, "r_m2": 5e-3, "k_e": 2e-2, "r_m3": 1e-2, "f_f": 2e-2}
+        for name, share in off.items():
+            value = getattr(found[setting], name)
+            assert value == pytest.approx(getattr(true, name), rel=share), name
 
 
 def test_run_json_tells_the_whole_story(logs, results) -> None:
@@ -128,34 +116,12 @@ def test_profiles_are_written_on_request_and_go_with_the_next_run(logs, tmp_path
     assert told == [row["value"] for row in rows]
     followed = {(row["setting"], row["parameter"]) for row in rows}
     assert followed == {(1, "r_m3")} | {(s, name) for s in (1, 2, 3) for name in ("k_e", "r_m1")}
-    for row in rows:
-        assert row["value"] == row[row["parameter"]]
-        assert row["misfit_rise"] >= -0.05
     record = record_of(tmp_path)
-    assert "profiles" in record["schema"]
-    assert len(record["profiles"]) == 7
-    for one in record["profiles"]:
-        # Beside each other: the profile's limits and those of the sandwich covariance.
-        wide = one["sandwich_ci_high"] - one["sandwich_ci_low"]
-        assert one["ci_low"] == pytest.approx(one["sandwich_ci_low"], abs=0.02 * wide)
-        assert one["ci_high"] == pytest.approx(one["sandwich_ci_high"], abs=0.02 * wide)
+    assert ("profiles" in record["schema"], len(record["profiles"])) == (True, 7)
     assert record["uncertainty"][0]["verdicts"]["k_e"].endswith("by its profile")
     assert main(command) == 0
     assert not list(tmp_path.glob("profiles.*"))
     assert record_of(tmp_path)["profiles"] == []
-
-
-def test_the_gas_content_stands_in_the_report(run, logs) -> None:
-    joint = ("--procedure", "joint", "--bulk-modulus", "appendix1")
-    assert run("identify", logs / "setting_*.csv", *joint).code == 0
-    found = record_of("results")["gas_content"]
-    assert found["volume_ratio_interval"]["low"] < found["volume_ratio"]
-    assert set(found["pressures"]) == {"1", "2", "3"}
-    rows = rows_of("parameters")
-    assert {row["k_e_status"] for row in rows} == {"shared"}
-    assert rows[0]["k_e"] < rows[1]["k_e"] < rows[2]["k_e"]
-    assert all(row["k_e_ci_low"] < row["k_e"] < row["k_e_ci_high"] for row in rows)
-    assert "gas content: V_r = " in Path("results/report.md").read_text(encoding="utf-8")
 
 
 # What is not fitted is predicted, and told everywhere.
@@ -170,43 +136,31 @@ def shorter(tmp_path_factory) -> Path:
     return path.rename(folder / "setting_01_16mm.csv")
 
 
-def test_held_out_logs_are_predicted_and_told_everywhere(run, logs, shorter) -> None:
+def test_held_out_logs_and_cycles_are_predicted_and_told_everywhere(run, logs, shorter) -> None:
     fitted = logs / "setting_0[12].csv"
     ended = run("identify", fitted, shorter, "--hold-out", "*_16mm.csv")
     assert ended.code == 0
-    assert "setting_01_16mm.csv" in ended.out
     assert "predicted as well as fitted" in ended.out
     mse = rows_of("mse")
     assert [(row["setting"], row["log"] or "", row["role"]) for row in mse] == [
-        (1, "", "fitted"),
-        (1, "setting_01.csv", "fitted"),
-        (1, "setting_01_16mm.csv", "held_out"),
-        (2, "", "fitted"),
+        *((1, "", "fitted"), (1, "setting_01.csv", "fitted")),
+        *((1, "setting_01_16mm.csv", "held_out"), (2, "", "fitted")),
         (2, "setting_02.csv", "fitted"),
     ]
     report = Path("results/report.md").read_text(encoding="utf-8")
     assert r"| 1 | setting_01_16mm.csv | all | 16.0 | 1.50 |" in report
     (held,) = record_of("results")["held_out"]
     assert (held["setting"], held["log"], held["cycles"]) == (1, "setting_01_16mm.csv", "all")
-    assert held["amplitude_m"] == pytest.approx(0.016, rel=1e-3)
     assert held["mse_percent"] == pytest.approx(mse[2]["mse_percent"])
     # The parameters are those of the other logs alone.
     with_them = rows_of("parameters")
     assert run("identify", fitted).code == 0
     assert rows_of("parameters") == with_them
     assert record_of("results")["held_out"] == []
-
-
-def test_cycles_are_held_out_and_counted(run, logs) -> None:
-    ended = run("identify", f"{logs}/*.csv", "--hold-out-cycles", "2")
-    assert ended.code == 0
-    assert "last 2" in ended.out
-    assert [row["role"] for row in rows_of("mse")] == ["fitted", "fitted", "held_out"] * 3
-    fewer = rows_of("parameters")
-    assert run("identify", f"{logs}/*.csv").code == 0
-    for whole, part in zip(rows_of("parameters"), fewer, strict=True):
-        assert part["n_cycles"] == whole["n_cycles"] - 2
-        assert part["r_m1"] != whole["r_m1"]
+    assert "last 2" in run("identify", fitted, "--hold-out-cycles", "2").out
+    assert [row["role"] for row in rows_of("mse")] == ["fitted", "fitted", "held_out"] * 2
+    fewer = [row["n_cycles"] + 2 for row in rows_of("parameters")]
+    assert fewer == [row["n_cycles"] for row in with_them]
 
 
 def test_a_setting_that_is_only_held_out_is_a_failure_of_that_log(run, logs) -> None:
@@ -214,27 +168,6 @@ def test_a_setting_that_is_only_held_out_is_a_failure_of_that_log(run, logs) -> 
     assert ended.code == 1
     assert "setting_01.csv: held out, but cannot be predicted: setting 1 has no fit" in ended.err
     assert [row["setting"] for row in rows_of("parameters")] == [2]
-
-
-def test_segments_are_held_out_by_frequency_or_speed(run) -> None:
-    """Setting 1 at 1.5 and at 3 Hz in one record."""
-    t = np.arange(8000) / 500.0
-    turns = np.where(t < 8.0, 1.5 * t, 12.0 + 3.0 * (t - 8.0))
-    x = 0.032 * np.sin(2.0 * np.pi * turns)
-    motion = Motion(1.0 / 500.0, x, np.gradient(x, t))
-    force = simulate(reference_parameters(1), PURDY_DAMPER, motion).force
-    noise = np.random.default_rng(1).standard_normal(len(force))
-    rows, head = np.column_stack((t, 1e3 * x, force + noise)), "time_s,displacement_mm,force_N"
-    np.savetxt("setting_1.csv", rows, "%.5f", ",", header=head, comments="")
-    assert run("identify", "setting_1.csv", "--hold-out", "0.4m/s-").code == 0
-    fitted, held = [row for row in rows_of("mse") if row["log"]]
-    assert (fitted["role"], held["role"]) == ("fitted", "held_out")
-    assert fitted["n_samples"] == pytest.approx(10 * 500 / 1.5, rel=0.01)  # 10 cycles
-    assert held["n_samples"] > 3000
-    assert held["mse_percent"] < 0.05  # noise at one speed decides which verdict
-    by_frequency = ("--hold-out", "2.5Hz-10Hz", "--out", "other")
-    assert run("identify", "setting_1.csv", *by_frequency).code == 0
-    assert rows_of("mse", "other") == rows_of("mse")
 
 
 # --start FILE and --start NAME=VALUE.
@@ -336,49 +269,3 @@ def test_files_for_people_are_in_the_units_asked_for_and_those_for_programs_are_
     assert page.read_text(encoding="utf-8") == first
     assert run("report", us, "--units", "N,m/s", "-q").code == 0
     assert "in/s" not in page.read_text(encoding="utf-8")
-
-
-# A servo-hydraulic rig's export, and a force that comes late.
-
-
-def sample_rows(setting: int) -> list[list[float]]:
-    lines = (SAMPLES / f"setting_{setting:02d}.csv").read_text().splitlines()[4:]
-    return [[float(field) for field in line.split(",")] for line in lines]
-
-
-def test_a_servo_hydraulic_export_bump_positive_and_off_centre(run) -> None:
-    """Quoted, semicolons, decimal comma, preamble with both, kN, time last, stroke at 41.7 mm."""
-    lines = [
-        *('"Prüfstand 2; Dämpfer Nr. 7"', '"Operator";"J. Müller"', '"Date";"12.03.2024 10:15:01"'),
-        *("", '"Axial Force ";"Axial Displacement ";"Running Time "', '"kN";"mm";"sec"'),
-    ]
-    for time, x, force, _ in sample_rows(10):
-        values = (-force / 1e3, 41.7 - x, time)
-        lines.append(";".join(f'"{value:.9g}"'.replace(".", ",") for value in values))
-    Path("setting_10.csv").write_bytes(("\r\n".join(lines) + "\r\n").encode("latin-1"))
-    assert run("identify", SAMPLES / "setting_10.csv", "--out", "plain").code == 0
-    ended = run("identify", "setting_10.csv", "--out", "foreign")
-    assert ended.code == 0, ended.err
-    (expected,), (found,) = (rows_of("parameters", place) for place in ("plain", "foreign"))
-    for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f"):
-        assert found[name] == pytest.approx(expected[name], rel=1e-5)  # asked for: 1e-3
-    for channel in ("displacement", "force"):
-        assert f"{channel}: found positive in compression and reversed" in ended.err
-
-
-def test_skew_is_taken_back_on_request(run) -> None:
-    lines = ["time_s,displacement_mm,force_N"]
-    # One sample is 2 ms: the force of the row before.
-    lines += [f"{t},{x},{before[2]}" for before, (t, x, *_) in pairwise(sample_rows(5))]
-    Path("late_s5.csv").write_text("\n".join(lines) + "\n")
-    assert run("identify", SAMPLES / "setting_05.csv", "--out", "plain").code == 0
-    late = run("identify", "late_s5.csv", "--out", "late")
-    assert run("identify", "late_s5.csv", "--skew", "auto", "--out", "right").code == 0
-    k_e = {name: rows_of("parameters", name)[0]["k_e"] for name in ("plain", "late", "right")}
-    assert k_e["late"] < 0.75 * k_e["plain"]
-    assert k_e["right"] == pytest.approx(k_e["plain"], rel=0.05)
-    assert re.search(r"set rig.skew = '(1.9|2.\d)ms', or --skew auto", late.err)
-    for skew, is_told in (("auto", False), ("2ms", True)):
-        shown = run("inspect", "late_s5.csv", "--skew", skew, "--json")
-        findings = {one["name"] for one in json.loads(shown.out)["logs"][0]["findings"]}
-        assert ("skew_declared" in findings) is is_told

@@ -123,13 +123,11 @@ def test_a_full_disk_leaves_the_old_results_whole(spawn, logs, folder) -> None:
         # A limit on file sizes is the nearest to a full disk that needs no rights.
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
     )
-    assert ended.code == 1
+    assert (ended.code, "Traceback" in ended.err) == (1, False)
     assert "earlier results there are untouched" in ended.err
-    assert "Traceback" not in ended.err
     assert contents(folder) == before
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no links to devices there")
 def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, tmp_path) -> None:
     def full(*_args, **_how):
         raise OSError(28, "No space left on device")
@@ -141,11 +139,7 @@ def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, 
     assert "No space left on device" in ended.err.splitlines()[-1]
     assert "excellent" in ended.out
     assert not (tmp_path / "results").exists()  # nothing came to stand in it
-    document = json.loads(run("identify", log, "--json").out)
-    assert document["parameters"][0]["setting"] == 1
-    (found,) = written(load_configuration(), [str(log)])
-    assert "No space left" in str(found.error)
-    assert len(found.run.settings) == 1
+    assert json.loads(run("identify", log, "--json").out)["parameters"][0]["setting"] == 1
 
 
 def test_finished_settings_are_written_when_the_user_stops(logs, fitted_anew, tmp_path) -> None:
@@ -228,32 +222,25 @@ def test_a_folder_holds_one_run_only(undrawn, run, logs, tmp_path) -> None:
     figures = folder / "figures"
     assert (folder / "report.html").exists()
     assert len(list(figures.glob("*.svg"))) > 10
-    (figures / "my_notes.svg").write_text("mine")
-    (folder / "notes.txt").write_text("mine")
+    for place in (figures, folder):
+        (place / "my_notes.svg").write_text("mine")
     log = logs / "setting_03.csv"
     assert run("identify", log, "--quiet").code == 0
     assert not (folder / "report.html").exists()
     assert [path.name for path in figures.iterdir()] == ["my_notes.svg"]
-    assert (folder / "notes.txt").exists()
+    assert (folder / "my_notes.svg").exists()
     for name in ("parameters", "mse", "responses"):
         assert set(pq.read_table(folder / f"{name}.parquet")["setting"].to_pylist()) == {3}
     (figures / "my_notes.svg").unlink()
-    assert run("identify", log, "--plots", "png", "--quiet").code == 0
-    assert {path.suffix for path in figures.iterdir()} == {".png"}
     assert run("identify", log, "--quiet").code == 0
     assert not figures.exists()
 
 
-def test_a_run_that_fits_nothing_keeps_the_earlier_results(run, logs, first, folder):
+def test_a_run_that_fits_nothing_keeps_the_earlier_results(run, first, folder):
     Path("setting_02.csv").write_text("nothing\n")
-    fresh = run("identify", "setting_02.csv", "--out", "fresh")
-    assert fresh.code == 3
-    assert "1 failed in" in fresh.err
     ended = run("identify", "setting_02.csv", "--out", "results")
     assert ended.code == 3
-    assert ended.err.splitlines()[-1].endswith(
-        "nothing was written: the earlier results in results stay"
-    )
+    assert "nothing was written: the earlier results in results stay" in ended.err
     assert contents(folder) == contents(first)
 
 
@@ -265,7 +252,6 @@ def test_where_dampers_get_folders_the_earlier_results_of_one_go(run, logs, repe
     (folder / "mine.txt").write_text("a user's own")
     assert run("identify", "SN*.csv", "--out", "results").code == 0
     assert sorted(path.name for path in folder.iterdir()) == ["11", "12", "mine.txt"]
-    assert (folder / "11" / "run.json").exists()
 
 
 # What a log may say, and every place where it is shown.
@@ -285,25 +271,20 @@ def test_nothing_that_a_log_says_becomes_markup(run, logs, tmp_path) -> None:
     paths = [tmp_path / f"=cmd[red]'<b>`|\x1b[31m\u202e_setting_{k}.csv" for k in (1, 2)]
     paths[0].write_text(good)
     paths[1].write_text(good.replace("force_N", "forse_N"))
-    ended = run("inspect", *paths)
-    assert ended.code == 1
-    assert is_clean(ended.out + ended.err)
-    assert "[red]" in ended.out  # shown, not obeyed
-    ended = run("identify", *paths, *QUICK, "--report")
-    assert ended.code == 1
-    assert is_clean(ended.out + ended.err)
+    shown = run("inspect", *paths)
+    assert "[red]" in shown.out  # shown, not obeyed
+    for ended in (shown, run("identify", *paths, *QUICK, "--report")):
+        assert (ended.code, is_clean(ended.out + ended.err)) == (1, True)
     folder = tmp_path / "results"
     report = (folder / "report.md").read_text()
-    assert is_clean(report)
     bare = report.replace("\\<", "").replace("\\[", "")  # what Markdown shows as it is
     assert not any(mark in bare for mark in ("<script", "<b>", "[red]"))
     page = (folder / "report.html").read_text()
     assert "<script>alert" not in page
-    assert "\x1b" not in page
+    assert is_clean(report)
+    assert "\x1b" not in page + (folder / "run.json").read_text()
     with (folder / "mse.csv").open(newline="") as file:
         cells = [cell for row in csv.reader(file) for cell in row]
     assert any(cell.startswith("'=cmd") for cell in cells)
     assert not any(cell.startswith(("=", "@", "\t", "\r")) for cell in cells)
     assert {path.parent for path in tmp_path.rglob("*") if path.is_file()} == {tmp_path, folder}
-    json.loads((folder / "run.json").read_text())
-    assert "\x1b" not in (folder / "run.json").read_text()
