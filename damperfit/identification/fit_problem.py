@@ -76,6 +76,8 @@ _POLISH_FACTOR = 0.003
 # many times the cosine that the least promised fall would have.
 _RIGHT_ANGLE = 1e-3
 _AMONG_KINKS = 1.5
+# Weights of settings beside each other that are this near those of the end move nothing.
+_SAME_WEIGHT = 1.5
 _ALONE = Setting(())
 
 
@@ -88,6 +90,12 @@ class Point(NamedTuple):
     is_cavitating: bool  # a chamber is empty somewhere in what is compared
     weights: Mapping[Setting, float]  # of the squares of each setting
     gas: GasLaw | None
+
+    @property
+    def is_fairly_weighed(self) -> bool:
+        """Whether the weights are those that this point gives but for what moves nothing."""
+        shifts = [s * self.weights[k] for k, s in self.mean_squares.items()]
+        return max(shifts) <= _SAME_WEIGHT * min(shifts)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

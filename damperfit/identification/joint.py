@@ -17,7 +17,7 @@ fitted apart does not reach far; it ends when the way stays as it is.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple, cast
@@ -62,8 +62,9 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.damper.purdy.parameters import Damper
-    from damperfit.identification.fit_problem import Block
+    from damperfit.identification.fit_problem import Block, Point
     from damperfit.identification.fit_setting import Fit
+    from damperfit.identification.least_squares import Minimum
     from damperfit.identification.procedures import ProcedureInput
     from damperfit.tested.setting import Setting
 
@@ -89,8 +90,6 @@ _WEIGHTS_MOVE = warning(
 # The working pressure hardly depends on K_e: it moves by less than this in the second round.
 _SAME_PRESSURE = 1e-4
 _MAX_ROUNDS = 5
-# Weights of settings beside each other that are this near those of the end move nothing.
-_SAME_WEIGHT = 1.5
 # Two unknowns of the gas law; a third setting is the first that can contradict it. Neither share of
 # the compliance starts at less than this: a logarithm must leave its end.
 _LAW_UNKNOWNS, _LEAST_SHARE = 2, 0.05
@@ -112,27 +111,7 @@ _FEW_ADJUSTERS = 4
 # The fit of several settings.
 
 
-class JointSolution(NamedTuple):
-    """Where a fit of several settings ended; mappings are by setting, `errors` by label."""
-
-    parameters: Mapping[Setting, Values]  # the shared ones are equal where they are one unknown
-    evaluations: int  # simulations of each setting
-    is_converged: bool  # no further step promised anything
-    cost: float  # sum of squares, each setting's times its weight
-    weights: Mapping[Setting, float]  # one over the mean square at the start, 1/N^2
-    mean_squares: Mapping[Setting, float]  # of the residuals at the end, N^2
-    n_independent: Mapping[Setting, float]  # twice their sign changes
-    errors: Mapping[str, float]  # rough relative standard errors of the shared unknowns
-    gas: GasLaw | None = None  # the law that K_e follows, where one was given
-
-    @property
-    def is_fairly_weighed(self) -> bool:
-        """Whether the weights are those of the end but for what moves nothing."""
-        shifts = [s * self.weights[k] for k, s in self.mean_squares.items()]
-        return max(shifts) <= _SAME_WEIGHT * min(shifts)
-
-
-def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> JointSolution:
+def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> Minimum[Point]:
     """Minimise the misfit of all settings together, from starts at which what is shared is equal.
 
     Where all logs repeat, first on mean cycles. A `SettingError`: a setting cannot be simulated at
@@ -144,14 +123,14 @@ def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> JointS
     spent = 0
     if problem.weights is None:
         # Weights are of the logs at the start, whichever way the descent takes.
-        weights = _minimised(logs, starts, max_evaluations=1).weights
+        weights = _minimised(logs, starts, max_evaluations=1).extra.weights
         problem, logs, spent = replace(problem, weights=weights), replace(logs, weights=weights), 1
     try:
         near = _minimised(problem, starts)
     except SettingError:
         return _minimised(logs, starts)
-    ended = _minimised(replace(logs, gas=near.gas), near.parameters)
-    return ended._replace(evaluations=ended.evaluations + near.evaluations + spent)
+    ended = _minimised(replace(logs, gas=near.extra.gas), near.extra.values)
+    return replace(ended, evaluations=ended.evaluations + near.evaluations + spent)
 
 
 def _minimised(
@@ -159,37 +138,42 @@ def _minimised(
     starts: Mapping[Setting, Values],
     *,
     max_evaluations: int = _MAX_EVALUATIONS,
-) -> JointSolution:
+) -> Minimum[Point]:
     """The minimum of what the blocks have, their mean cycles or their logs."""
-    n_samples = {setting: one.facts.n_samples for setting, one in problem.blocks.items()}
+    n_samples = sum(one.facts.n_samples for one in problem.blocks.values())
     stopping = Stopping(
         step_tolerance=_STEP_TOLERANCE,
         max_evaluations=max_evaluations,
-        # Weighted squares are about 1 each.
-        least_gain=_COST_TOLERANCE * sum(n_samples.values()),
+        least_gain=_COST_TOLERANCE * n_samples,  # weighted squares are about 1 each
         longest_step=_LONGEST_STEP,
     )
-    ended = problem.minimise(starts, stopping)
-    system, at = ended.system, ended.extra
-    assert isinstance(system, BorderedSystem)
-    variances = np.diag(inverse_information(system.shared_rows)).tolist()
-    inflation = np.mean([n_samples[s] / at.n_independent[s] for s in problem.settings])
-    rest = system.without(ended.is_held)
-    promise = rest.scaled(np.maximum(system.lengths, NO_LENGTH)).step(0.0).effect
-    return JointSolution(
-        parameters=at.values,
-        evaluations=ended.evaluations,
-        is_converged=ended.status in _AT_MINIMUM or promise < _NOTHING,
-        cost=system.cost,
-        weights=at.weights,
-        mean_squares=at.mean_squares,
-        n_independent=at.n_independent,
-        errors={
-            one.label: math.sqrt(variance * inflation)
-            for one, variance in zip(problem.border, variances, strict=True)
-        },
-        gas=at.gas,
+    return problem.minimise(starts, stopping)
+
+
+def _fairly_weighed(problem: FitProblem, ended: Minimum[Point]) -> Minimum[Point]:
+    """The joint fit with the weights that its own end gives the settings."""
+    # Where shared values meet a setting badly at the start, what they miss is not its noise: a
+    # tenth of its weight moves the minimum as a wrong law would.
+    for _ in range(_MAX_ROUNDS):
+        if ended.extra.is_fairly_weighed:
+            break
+        again = fit_jointly(problem, ended.extra.values)
+        ended = replace(again, evaluations=ended.evaluations + again.evaluations)
+    return ended
+
+
+def rough_errors(problem: FitProblem, ended: Minimum[Point]) -> dict[Unknown, float]:
+    """Rough relative standard errors of the shared unknowns where a fit has ended."""
+    assert isinstance(ended.system, BorderedSystem)
+    variances = np.diag(inverse_information(ended.system.shared_rows)).tolist()
+    inflation = np.mean(
+        [problem.blocks[s].facts.n_samples / n for s, n in ended.extra.n_independent.items()]
     )
+    border = replace(problem, gas=ended.extra.gas).border
+    return {
+        unknown: math.sqrt(variance * inflation)
+        for unknown, variance in zip(border, variances, strict=True)
+    }
 
 
 # What is shared.
@@ -271,15 +255,15 @@ def detected_sharing(
         problem = FitProblem(
             blocks, sharing.jointly, sharing.follows, weights=search.weights, jobs=jobs
         )
-        solution = fit_jointly(problem, search.starts(follows))
-        spent += solution.evaluations + 1
-        seen = search.mean_squares
-        if any(solution.mean_squares[s] < _CLEARLY_BETTER * seen[s] for s in seen):
+        ended = fit_jointly(problem, search.starts(follows))
+        spent += ended.evaluations + 1
+        at, left = ended.extra.values, ended.extra.mean_squares
+        if any(left[s] < _CLEARLY_BETTER * before for s, before in search.mean_squares.items()):
             found, tried = [], []
-            search = _Search(blocks, solution.parameters, None)
+            search = _Search(blocks, at, None)
         else:
-            search = _Search(blocks, solution.parameters, search)
-        found.append((search.cost + search.price(follows), sharing, solution.parameters))
+            search = _Search(blocks, at, search)
+        found.append((search.cost + search.price(follows), sharing, at))
     _, sharing, at = min(found, key=lambda one: one[0])
     return sharing, at, spent
 
@@ -415,11 +399,10 @@ class _Search:
 # The joint fit of a campaign.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class JointResult:
-    """What a joint fit gave: where it ended, what is shared by whom and how well it is told."""
+class JointResult(NamedTuple):
+    """What a joint fit gave: where it ended, what is shared by whom and how well determined."""
 
-    solution: JointSolution
+    at: Point
     status: Mapping[Unknown, Status]  # of what is shared
     sharing: Sharing  # for its errors
     evaluations: int  # simulations of each setting
@@ -427,27 +410,25 @@ class JointResult:
 
     def start(self, fit: Fit, block: Block) -> Values:
         """Where a setting's own fit starts: the joint result, or its own with what is shared."""
-        known = self.solution.parameters.get(fit.setting)
-        if known is not None:
-            return known
+        if fit.setting in self.at.values:
+            return self.at.values[fit.setting]
         held = {
-            name: getattr(at, name)
+            name: getattr(values, name)
             for name in self.sharing.jointly
-            for other, at in self.solution.parameters.items()
+            for other, values in self.at.values.items()
             if unknown_at(name, self.sharing.follows, fit.setting).holds_at(other)
         }
         parameters = fit.parameters.replace(held)
-        if self.solution.gas is None:
+        if self.at.gas is None:
             return parameters
         pressure = working_pressure(block, parameters)
-        law = self.solution.gas._replace(pressures={fit.setting: pressure})
+        law = self.at.gas._replace(pressures={fit.setting: pressure})
         return parameters.replace({GAS_FOLLOWER: law.modulus(fit.setting)})
 
     def own_at(self, setting: Setting) -> tuple[str, ...]:
         """What is left to a setting's own fit: its own, and what follows a click of it alone."""
-        lost = {*self.sharing.found_at(setting)}
-        gas = set() if self.solution.gas is None else {GAS_FOLLOWER}
-        return tuple(name for name in self.sharing.free if name not in {*lost, *gas})
+        lost = {*self.sharing.found_at(setting), *([GAS_FOLLOWER] if self.at.gas else [])}
+        return tuple(name for name in self.sharing.free if name not in lost)
 
     def status_at(self, setting: Setting) -> dict[str, Status]:
         """The status of what a setting shares."""
@@ -487,7 +468,7 @@ def fit_settings_jointly(
                 warnings.append(warning("left-out-of-joint", text))
             continue
         if together is not None:
-            together = replace(together, warnings=(*warnings, *together.warnings))
+            together = together._replace(warnings=(*warnings, *together.warnings))
         return together, broken
 
 
@@ -497,16 +478,16 @@ def _fit_sound(
     sharing: Sharing | None,
     moving: tuple[str, ...],
 ) -> JointResult | None:
-    is_gas = given.options.bulk_modulus == "appendix1"
+    options, spent = given.options, 0
+    is_gas = options.bulk_modulus == "appendix1"
     if len(sound) < 2 or not (sharing is None or sharing.jointly or is_gas):
         return None
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
     blocks = {setting: given.block(setting, free) for setting in sound}
-    spent = 0
-    if sharing is None or given.options.is_detecting or given.options.follows:
+    if sharing is None or options.is_detecting or options.follows:
         apart, spent = from_neighbours(blocks, sound, jobs=given.jobs)
         sharing, starts, more = detected_sharing(
-            blocks, apart, sharing, untied=given.options.untied, jobs=given.jobs
+            blocks, apart, sharing, untied=options.untied, jobs=given.jobs
         )
         spent += more
         if not sharing.jointly:
@@ -514,21 +495,20 @@ def _fit_sound(
     else:
         starts = _common_starts(given, sound, sharing)
     problem = FitProblem(blocks, sharing.jointly, sharing.follows, jobs=given.jobs)
-    solution = _fairly_weighed(problem, fit_jointly(problem, starts))
-    result = _result(solution, sharing, free, spent)
+    alone = _fairly_weighed(problem, fit_jointly(problem, starts))
     if not is_gas:
-        return result
-    alone = solution
-    solution, more = _with_gas(given, problem, alone.parameters)
+        return _result(problem, alone, sharing, free, spent)
+    ended, more = _with_gas(given, problem, alone.extra.values)
+    spent += alone.evaluations + more - ended.evaluations
+    result = _result(problem, ended, sharing, free, spent)
     rises = {
-        setting: alone.n_independent[setting] * (solution.mean_squares[setting] / least - 1.0)
-        for setting, least in alone.mean_squares.items()
+        setting: n * (ended.extra.mean_squares[setting] / alone.extra.mean_squares[setting] - 1.0)
+        for setting, n in alone.extra.n_independent.items()
     }
-    return replace(
-        _result(solution, sharing, free, result.evaluations + more - solution.evaluations),
-        status={Unknown(GAS_FOLLOWER): Status.SHARED} | _statuses(solution, sharing),
-        sharing=replace(result.sharing, gas=solution.gas, gas_rises=rises),
-        warnings=(*(() if solution.is_converged else (_NO_MINIMUM,)), *_judged_law(rises)),
+    return result._replace(
+        status={Unknown(GAS_FOLLOWER): Status.SHARED, **result.status},
+        sharing=replace(result.sharing, gas=ended.extra.gas, gas_rises=rises),
+        warnings=(*(one for one in result.warnings if one is _NO_MINIMUM), *_judged_law(rises)),
     )
 
 
@@ -541,44 +521,34 @@ def fit_from_one_model(
     if any(percent < blocks[s].solvers_percent for s, percent in left.items()):
         blocks = {s: one.refined(left[s]) for s, one in blocks.items()}
     tied = FitProblem(blocks, sharing.jointly, sharing.follows, jobs=given.jobs)
-    return _result(_fairly_weighed(tied, fit_jointly(tied, starts)), sharing, sharing.free, 0)
+    ended = _fairly_weighed(tied, fit_jointly(tied, starts))
+    return _result(tied, ended, sharing, sharing.free, 0)
 
 
 def _result(
-    solution: JointSolution, sharing: Sharing, free: tuple[str, ...], spent: int
+    tied: FitProblem,
+    ended: Minimum[Point],
+    sharing: Sharing,
+    free: tuple[str, ...],
+    spent: int,
 ) -> JointResult:
     """What a joint fit has reached, and what it has not."""
-    warnings = [] if solution.is_converged else [_NO_MINIMUM]
-    if not solution.is_fairly_weighed:
-        warnings.append(_WEIGHTS_MOVE)
-    sharing = replace(sharing, free=free, settings=tuple(sorted(solution.parameters)))
-    status, spent = _statuses(solution, sharing), spent + solution.evaluations
-    return JointResult(solution, status, sharing, spent, tuple(warnings))
-
-
-def _statuses(solution: JointSolution, sharing: Sharing) -> dict[Unknown, Status]:
-    status = {}
-    for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(solution.parameters)):
-        having = [at for s, at in solution.parameters.items() if unknown.holds_at(s)]
+    system, at, status = ended.system, ended.extra, {}
+    errors = rough_errors(tied, ended)
+    for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(at.values)):
+        having = [values for s, values in at.values.items() if unknown.holds_at(s)]
         one, value = having[0].quantity(unknown.name), getattr(having[0], unknown.name)
         low, high = one.plausible
         fitted = Status.SHARED if len(having) > 1 else Status.FITTED
         status[unknown] = fitted if low < value < high else Status.AT_BOUND
-        if is_loose(one, value, solution.errors[unknown.label], NOT_FIT_TO_SHARE):
+        if is_loose(one, value, errors[unknown], NOT_FIT_TO_SHARE):
             status[unknown] = Status.NOT_IDENTIFIABLE
-    return status
-
-
-def _fairly_weighed(problem: FitProblem, solution: JointSolution) -> JointSolution:
-    """The joint fit with the weights that its own end gives the settings."""
-    # Where shared values meet a setting badly at the start, what they miss is not its noise: a
-    # tenth of its weight moves the minimum as a wrong law would.
-    for _ in range(_MAX_ROUNDS):
-        if solution.is_fairly_weighed:
-            break
-        again = fit_jointly(problem, solution.parameters)
-        solution = again._replace(evaluations=solution.evaluations + again.evaluations)
-    return solution
+    steps = system.without(ended.is_held).scaled(np.maximum(system.lengths, NO_LENGTH))
+    is_converged = ended.status in _AT_MINIMUM or steps.step(0.0).effect < _NOTHING
+    said = ((_NO_MINIMUM, is_converged), (_WEIGHTS_MOVE, at.is_fairly_weighed))
+    warnings = tuple(problem for problem, is_well in said if not is_well)
+    sharing = replace(sharing, free=free, settings=tuple(sorted(at.values)))
+    return JointResult(at, status, sharing, spent + ended.evaluations, warnings)
 
 
 def _common_starts(
@@ -602,7 +572,7 @@ def _common_starts(
 
 def _with_gas(
     given: ProcedureInput, problem: FitProblem, starts: Mapping[Setting, Values]
-) -> tuple[JointSolution, int]:
+) -> tuple[Minimum[Point], int]:
     """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
 
     def pressures_at(values: Mapping[Setting, Values]) -> dict[Setting, float]:
@@ -616,25 +586,24 @@ def _with_gas(
 
     moduli = {setting: getattr(start, GAS_FOLLOWER) for setting, start in starts.items()}
     gas = first_law(moduli, pressures_at(starts), cast("Damper", given.damper).gas_exponent)
-    solution = fit_jointly(replace(problem, gas=gas), starts)
-    spent = solution.evaluations + 1
+    ended = fit_jointly(replace(problem, gas=gas), starts)
+    spent = ended.evaluations + 1
     for _ in range(_MAX_ROUNDS):
-        assert solution.gas is not None
-        again = pressures_at(solution.parameters)
-        moved = max(abs(again[s] / solution.gas.pressures[s] - 1.0) for s in again)
+        law = cast("GasLaw", ended.extra.gas)
+        again = pressures_at(ended.extra.values)
+        moved = max(abs(again[s] / law.pressures[s] - 1.0) for s in again)
         # Once more in any case: the weights of the first round are those of a rough law.
-        gas = solution.gas._replace(pressures=again)
-        solution = fit_jointly(replace(problem, gas=gas), solution.parameters)
-        spent += solution.evaluations + 1
+        ended = fit_jointly(replace(problem, gas=law._replace(pressures=again)), ended.extra.values)
+        spent += ended.evaluations + 1
         if moved < _SAME_PRESSURE:
             break
-    return solution, spent
+    return ended, spent
 
 
 def working_pressure(block: Block, parameters: Values) -> float:
     """The mean absolute pressure in chambers 1 and 2, which K_e is of, weighted by volume, Pa."""
     damper = cast("Damper", block.model)
-    work, volume = 0.0, 0.0
+    work = volume = 0.0
     for trace in block.traces:
         seen = compare(parameters, trace, damper, solver=block.solver).response
         x = trace.displacement[trace.compared]

@@ -704,7 +704,7 @@ def _from_one_model(given: ProcedureInput, sharing: Sharing) -> Campaign:
     starts = {setting: with_given(given, setting, first, fixed) for setting in given.settings}
     together = fit_from_one_model(given, sharing, starts)
     once = replace(given, options=replace(given.options, starts=1))
-    return _each_beside(once, together, lambda s, _: together.solution.parameters[s], {})
+    return _each_beside(once, together, lambda s, _: together.at.values[s], {})
 
 
 def _each_beside(

@@ -39,7 +39,7 @@ from damperfit.identification.fit_problem import (
     with_values,
 )
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE
-from damperfit.identification.joint import JointSolution, fit_jointly
+from damperfit.identification.joint import fit_jointly
 from damperfit.identification.least_squares import NO_LENGTH, DenseSystem, Stopping, iterate
 from damperfit.identification.outcome import Status
 from damperfit.simulation import SolverOptions
@@ -54,7 +54,8 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Fit, Sharing
-    from damperfit.identification.least_squares import LinearSystem, Step
+    from damperfit.identification.fit_problem import Point
+    from damperfit.identification.least_squares import LinearSystem, Minimum, Step
     from damperfit.identification.sharing import Unknown
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.covariance import Uncertainty
@@ -387,27 +388,27 @@ class _JointWalker(_Walker):
         self,
         problem: FitProblem,
         unknown: Unknown,
-        best: JointSolution,
+        best: Minimum[Point],
         scale: float,
         error: float,
     ) -> None:
         self.problem, self.unknown, self.centre, self.scale = problem, unknown, best, scale
-        having = [at for setting, at in best.parameters.items() if unknown.holds_at(setting)]
+        having = [at for setting, at in best.extra.values.items() if unknown.holds_at(setting)]
         own, value = having[0].quantity(unknown.name), float(getattr(having[0], unknown.name))
         self.error = error
-        super().__init__(own, value, best.parameters)
+        super().__init__(own, value, best.extra.values)
 
     def refit(self, along: float) -> float:
         held = {self.unknown.name: self.value_at(along)}
         starts = {
             setting: at.replace(held) if self.unknown.holds_at(setting) else at
-            for setting, at in self.state.parameters.items()
+            for setting, at in self.state.extra.values.items()
         }
-        problem = replace(self.problem, gas=self.state.gas, weights=self.centre.weights)
+        problem = replace(self.problem, gas=self.state.extra.gas, weights=self.centre.extra.weights)
         self.state = fit_jointly(problem, starts)
         self.spent += self.state.evaluations
         rise = self.scale * (self.state.cost - self.centre.cost)
-        return self.note(along, rise, self.state.parameters)
+        return self.note(along, rise, self.state.extra.values)
 
 
 def profile_at(
