@@ -55,8 +55,8 @@ PIECES: dict[str, tuple[str, str, Any]] = {
         lambda _, fits, **__: ({one: fit.parameters for one, fit in fits.items()}, 0),
     ),
     "further_starts": ("damper.purdy.parameters", "Damper.further_starts", lambda *_: ()),
-    "starts in turn": ("identification.starts", "_in_turn", lambda _, ranked: ranked),
-    "lost valve": ("identification.starts", "_lost_a_valve", lambda *_: False),
+    "starts in turn": ("identification.fit_setting", "_in_turn", lambda _, ranked: ranked),
+    "lost valve": ("identification.fit_setting", "_lost_a_valve", lambda *_: False),
 }
 
 

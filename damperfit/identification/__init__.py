@@ -10,23 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from damperfit.identification.fit_problem import *  # noqa: F403
-    from damperfit.identification.fit_setting import *  # noqa: F403
+    from damperfit.identification.fit_setting import *  # noqa: F403  # noqa: F403
     from damperfit.identification.logs import *  # noqa: F403
     from damperfit.identification.options import *  # noqa: F403
     from damperfit.identification.outcome import *  # noqa: F403
     from damperfit.identification.procedures import *  # noqa: F403
     from damperfit.identification.sharing import *  # noqa: F403
-    from damperfit.identification.starts import *  # noqa: F403
 
 _NAMES = {
     "fit_problem": "Block FitProblem",
-    "fit_setting": "Fit",
+    "fit_setting": "Fit LocalMinimum Search describe_searches",
     "options": "DETECT FitOptions GivenStart check_options check_start shared_names",
     "outcome": "Outcome Status",
     "procedures": "Campaign PROCEDURES SettingFailure identify",
     "sharing": "Sharing unlimited_in values_from_others",
     "logs": "LogFit SimulatedLog compare normalised_mse",
-    "starts": "LocalMinimum Search describe_searches",
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 

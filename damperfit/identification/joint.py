@@ -32,7 +32,7 @@ from damperfit.identification.fit_problem import (
     values_of,
     with_values,
 )
-from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, from_neighbours, is_loose
 from damperfit.identification.least_squares import (
     NO_LENGTH,
     BorderedSystem,
@@ -51,7 +51,6 @@ from damperfit.identification.sharing import (
     unknown_at,
     unknowns_of,
 )
-from damperfit.identification.starts import from_neighbours
 from damperfit.problem import Failure, Problem, warning
 from damperfit.statistics import chi_squared_quantile
 

@@ -34,8 +34,15 @@ from damperfit.identification.fit_setting import (
     NOT_FIT_TO_SHARE,
     Fit,
     FitResult,
+    Search,
     describe_fit,
+    fit_from,
+    fit_in_stages,
+    fit_setting,
+    lacks_stiffness_alone,
     minimised,
+    own_start,
+    with_given,
 )
 from damperfit.identification.joint import (
     JointResult,
@@ -47,15 +54,6 @@ from damperfit.identification.logs import SettledLogs, settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.outcome import Outcome, Status, attempted
 from damperfit.identification.sharing import Sharing, of_settings
-from damperfit.identification.starts import (
-    Search,
-    fit_from,
-    fit_in_stages,
-    fit_setting,
-    lacks_stiffness_alone,
-    own_start,
-    with_given,
-)
 from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Trace, natural_order
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
@@ -68,8 +66,8 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.damper.purdy.parameters import Damper
     from damperfit.damper.quantity import Quantity
+    from damperfit.identification.fit_setting import Search
     from damperfit.identification.logs import SettledLogs
-    from damperfit.identification.starts import Search
 
 
 # The settings of a campaign fitted side by side; one that cannot be fitted costs itself alone.
@@ -99,13 +97,13 @@ class Campaign:
     @property
     def gaps(self) -> tuple[tuple[int, int], ...]:
         """Runs of settings without a fit within a run of clicks: first and last of each."""
-        cells = [Setting.of(fit.setting).cell for fit in self.fits]
-        done = [cell for cell in cells if isinstance(cell, int)]
-        steps = sorted(later - earlier for earlier, later in pairwise(done))
+        done = [cell for fit in self.fits if isinstance(cell := Setting.of(fit.setting).cell, int)]
+        pairs = list(pairwise(done))
         # Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
-        if len(done) < len(cells) or not steps or steps[len(steps) // 2] != 1:
+        steps = sorted(b - a for a, b in pairs)
+        if len(done) < len(self.fits) or not steps or steps[len(steps) // 2] != 1:
             return ()
-        return tuple((a + 1, b - 1) for a, b in pairwise(done) if b - a > 1)
+        return tuple((a + 1, b - 1) for a, b in pairs if b - a > 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,25 +165,24 @@ def fit_every_setting(
         except FitCancelledError:
             return None
 
-    settings = sorted(given.settings)
-    results = apart(of, settings, jobs=given.jobs, known=given.known, cancelled=given.cancelled)
-    fits, searches, failures, is_complete = [], [], [], True
-    for result in results:
-        if result is None:
-            is_complete = False
-        elif isinstance(result, tuple):
+    settings, done, failures, is_complete = sorted(given.settings), [], [], True
+    for result in apart(
+        of, settings, jobs=given.jobs, known=given.known, cancelled=given.cancelled
+    ):
+        if isinstance(result, tuple):
             given.on_fit(result[0])
-            fits.append(result[0])
-            searches += [] if result[1] is None else [result[1]]
+            done.append(result)
+        elif result is None:
+            is_complete = False
         else:
             failures.append(result)
     return Campaign(
         procedure=given.options.procedure,
-        fits=tuple(fits),
+        fits=tuple(fit for fit, _ in done),
         failures=tuple(failures),
         warnings=tuple(warnings),
         is_complete=is_complete,
-        searches=tuple(searches),
+        searches=tuple(search for _, search in done if search is not None),
     )
 
 
@@ -209,20 +206,18 @@ _SAME_R_M3 = 0.25
 
 def as_in_the_paper(given: ProcedureInput) -> Campaign:
     """The paper's own procedure, sections 3 and 4 of its identification."""
-    quantities, fixed = given.damper.quantities, dict(given.options.fixed)
+    fixed = dict(given.options.fixed)
     free = given.options.free or tuple(
         one.name
-        for one in quantities
+        for one in given.damper.quantities
         if one.default is None and not one.is_shared and one.name not in fixed
     )
-    for one in quantities:
+    for one in given.damper.quantities:
         if one.default is not None and one.name not in free:
             fixed.setdefault(one.name, one.default)
-    names = given.ordered(one.name for one in quantities if one.name not in fixed)
-    wanted = [name for name in (TAKEN, MEAN) if name not in fixed and name not in free]
-    stages = _Stages(given, names, fixed, wanted)
+    stages = _Stages(given, fixed, [one for one in (TAKEN, MEAN) if one not in {*fixed, *free}])
     try:
-        if wanted:
+        if stages.wanted:
             stages.run()
     except FitCancelledError:
         return Campaign("paper", (), is_complete=False)
@@ -248,13 +243,10 @@ class _Stages:
     """The first two stages: fits with everything free, and the shared values that they give."""
 
     def __init__(
-        self,
-        given: ProcedureInput,
-        names: tuple[str, ...],
-        fixed: Mapping[str, float],
-        wanted: Sequence[str],
+        self, given: ProcedureInput, fixed: Mapping[str, float], wanted: Sequence[str]
     ) -> None:
-        self.given, self.names, self.fixed, self.wanted = given, names, fixed, wanted
+        self.given, self.fixed, self.wanted = given, fixed, wanted
+        self.names = tuple(name for name in given.damper.names if name not in fixed)
         self.judged: dict[Setting, FitResult] = {}  # the fits
         self.broken: dict[Setting, Failure] = {}  # met a bug, which a second fit would only hide
         self.searches: tuple[Search, ...] = ()
@@ -265,6 +257,15 @@ class _Stages:
         # What is taken for a shared parameter that no log tells; its model knows one.
         known = {name: given.options.fallback(given.damper.quantity(name)) for name in wanted}
         self.fallbacks = cast("dict[str, float]", known)
+
+    def _warn(self, code: str, text: str, **values: Option) -> None:
+        self.warnings.append(warning(code, text, **values))
+
+    def _warn_assumed(self, text: str, name: str) -> None:
+        """Say that a value is used which the logs do not determine."""
+        self._warn(
+            "assumed", f"{text}; give {{fix}} if yours is known.", fix=Option("fix", "VALUE", name)
+        )
 
     def run(self) -> None:
         """Fit everything free everywhere, then find what is shared."""
@@ -281,8 +282,9 @@ class _Stages:
         self.shared, self.sharing = dict(self.fallbacks), Sharing()
         self.status = dict.fromkeys(self.wanted, Status.FIXED)
         known = [f"{n} {v:.4g} (identification.fallback_{n})" for n, v in self.shared.items()]
+        self.warnings = []
         text = "with all parameters free no setting can be fitted: these are used"
-        self.warnings = [warning("assumed", f"{text}: {', '.join(known)}.")]
+        self._warn("assumed", f"{text}: {', '.join(known)}.")
 
     def _fit_everywhere(self) -> Setting | None:
         """Everything free at the lowest setting that can be fitted so, and from there at others."""
@@ -314,19 +316,18 @@ class _Stages:
             start = with_given(given, setting, first, self.fixed)
             return fit_in_stages(block, start, (REBOUND,), has_further_starts=True)
 
+        def tried(setting: Setting) -> FitResult | Failure:
+            return attempted(setting, partial(other, setting))
+
         others = sorted(set(given.settings) - {lowest, *self.broken})
         results = apart(
-            lambda setting: attempted(setting, partial(other, setting)),
-            others,
-            jobs=given.jobs,
-            known=given.known,
-            cancelled=given.cancelled,
+            tried, others, jobs=given.jobs, known=given.known, cancelled=given.cancelled
         )
-        for setting, found in zip(others, results, strict=True):
-            if not isinstance(found, Failure):
-                self.judged[setting] = found
-            elif found.is_internal:
-                self.broken[setting] = found
+        for setting, result in zip(others, results, strict=True):
+            if not isinstance(result, Failure):
+                self.judged[setting] = result
+            elif result.is_internal:
+                self.broken[setting] = result
         return lowest
 
     def _share(self, lowest: Setting) -> Failure | None:
@@ -361,27 +362,25 @@ class _Stages:
         return failure
 
     def _take_friction(self, r_m3: float | None) -> None:
-        """f_f as the mean over the settings whose first fit is sound.
-
-        Where no setting tells R_m3, those count whose fit is a minimum that tells all the others;
-        in a damper that cavitates at every setting, the excellent fits that agree on R_m3.
-        """
+        """f_f as the mean over the settings whose first fit is sound."""
 
         def agrees(one: FitResult) -> bool:
             return r_m3 is None or abs(one.values.r_m3 / r_m3 - 1.0) < _SAME_R_M3
 
-        def lacks_r_m3_alone(one: FitResult) -> bool:
+        def is_sound(one: FitResult) -> bool:
+            return _is_good(one) and agrees(one)
+
+        def lacks_r_m3_alone(one: FitResult) -> bool:  # where no setting tells it
             is_told = all(one.status[n] == Status.FITTED for n in one.errors if n != TAKEN)
             return is_told and one.outcome.is_minimum and one.outcome is not Outcome.CAVITATING
 
-        def cavitates_rightly(one: FitResult) -> bool:
+        def cavitates_rightly(one: FitResult) -> bool:  # in a damper that does at every setting
             is_told = all(error < NOT_FIT_TO_SHARE for error in one.errors.values())
             is_excellent = one.outcome is Outcome.CAVITATING and one.mse_percent < EXCELLENT
             return is_excellent and is_told and r_m3 is not None and agrees(one)
 
-        rules = (lambda one: _is_good(one) and agrees(one), lacks_r_m3_alone, cavitates_rightly)
         used: list[Setting] = []
-        for counts in rules:
+        for counts in (is_sound, lacks_r_m3_alone, cavitates_rightly):
             used = used or sorted(s for s, one in self.judged.items() if counts(one))
         if not used:
             self.shared[MEAN] = self.fallbacks[MEAN]
@@ -402,14 +401,10 @@ class _Stages:
         self.sharing = replace(self.sharing, means={MEAN: tuple(used)})
         if len(used) > 1:
             errors = own * np.array([self.judged[setting].errors[MEAN] for setting in used])
-            weights = 1.0 / errors**2
-            misses = (own - np.sum(weights * own) / np.sum(weights)) / errors
-            bar = chi_squared_quantile(len(own) - 1, 1.0 - _CHANCE)
-            self.sharing = replace(
-                self.sharing,
-                spread=(float(own.min()), float(own.max())),
-                is_spread_certain=bool(float(misses @ misses) > bar),
-            )
+            misses = (own - np.average(own, weights=1.0 / errors**2)) / errors
+            is_certain = misses @ misses > chi_squared_quantile(len(own) - 1, 1.0 - _CHANCE)
+            spread = float(own.min()), float(own.max())
+            self.sharing = replace(self.sharing, spread=spread, is_spread_certain=bool(is_certain))
 
     def _take_r_m3(self, setting: Setting, f_f: float | None) -> None:
         """R_m3 from the logs of one setting, and how far they tell it."""
@@ -444,14 +439,6 @@ class _Stages:
             taken={TAKEN: setting} if is_from_logs else {},
             held=(MEAN,) if is_refined and is_from_logs else (),
         )
-
-    def _warn(self, code: str, text: str) -> None:
-        self.warnings.append(warning(code, text))
-
-    def _warn_assumed(self, text: str, name: str) -> None:
-        """Say that a value is used which the logs do not determine."""
-        fix, advice = Option("fix", "VALUE", name), "give {fix} if yours is known."
-        self.warnings.append(warning("assumed", f"{text}; {advice}", fix=fix))
 
 
 def _is_good(first: FitResult) -> bool:
@@ -493,13 +480,6 @@ def _with_mean_friction(block: Block, judged: FitResult, f_f: float, r_m3: float
         return judged
     is_better = again.is_sound if judged.is_sound else again.outcome.is_minimum
     return again if is_better else judged
-
-
-_NOT_JOINT = (
-    "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
-    "results of procedure {}."
-)
-_NOT_FITTED_JOINTLY = "the joint fit met an error: these are the results of procedure {}."
 
 
 def identify(
@@ -555,15 +535,16 @@ def identify(
     if not traces:
         raise LogError("identify: found no log to fit; give one trace or more", code="no-log")
     settings, jobs = _by_setting(traces), max(1, jobs)
-    given = ProcedureInput(
-        settings,
-        damper,
-        options,
-        jobs,
-        on_fit or (lambda _fit: None),
-        cancelled or (lambda: False),
-        {} if damper.kinks else _cycles(settings, jobs),  # kinks need every sample
-    )
+
+    def mean_cycles(setting: Setting) -> SettledLogs | None:
+        cycles = attempted(setting, lambda: settled(settings[setting], is_thinned=False))
+        return None if isinstance(cycles, Failure) else cycles
+
+    cycles: dict[Setting, SettledLogs | None] = {}
+    if not damper.kinks:  # these need every sample
+        cycles = dict(zip(settings, apart(mean_cycles, settings, jobs=jobs), strict=True))
+    watched = on_fit or (lambda _fit: None), cancelled or (lambda: False)
+    given = ProcedureInput(settings, damper, options, jobs, *watched, cycles)
     # BLAS threads spin between the small products of a fit and take the core that the next
     # setting's thread needs.
     with one_blas_thread():
@@ -593,18 +574,6 @@ def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
     return {setting: tuple(groups[setting]) for setting in sorted(groups)}
 
 
-def _cycles(
-    settings: Mapping[Setting, tuple[Trace, ...]], jobs: int
-) -> dict[Setting, SettledLogs | None]:
-    """The mean cycles of each setting whose logs repeat."""
-
-    def of(setting: Setting) -> SettledLogs | None:
-        cycles = attempted(setting, lambda: settled(settings[setting], is_thinned=False))
-        return None if isinstance(cycles, Failure) else cycles
-
-    return dict(zip(settings, apart(of, settings, jobs=jobs), strict=True))
-
-
 def _plain(given: ProcedureInput) -> Campaign:
     """Fit at every setting what is free, from the closed form."""
     options, defaults = given.options, {q.name: q.default for q in given.damper.quantities}
@@ -614,7 +583,7 @@ def _plain(given: ProcedureInput) -> Campaign:
     held = {n: value for n, value in defaults.items() if value is not None and n not in free}
     fixed = {**held, **options.fixed}
     for name in defaults:
-        if name not in free and name not in fixed:
+        if name not in {*free, *fixed}:
             raise ConfigurationError(
                 f"procedure plain: {name} is neither free nor fixed; "
                 f"add it to {{free}} or give {{fix}}.",
@@ -665,7 +634,8 @@ def _joint(given: ProcedureInput) -> Campaign:
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
     if isinstance(ended, Failure):
-        warnings = (*before.warnings, warning("joint-failed", _NOT_FITTED_JOINTLY.format(name)))
+        text = f"the joint fit met an error: these are the results of procedure {name}."
+        warnings = (*before.warnings, warning("joint-failed", text))
         return replace(before, procedure="joint", warnings=warnings, failure=ended)
     together, broken = ended
     failed = {one.setting: one for one in before.failures} | broken
@@ -673,7 +643,11 @@ def _joint(given: ProcedureInput) -> Campaign:
         warnings = before.warnings
         # The logs of one setting tell beta by themselves: nothing was to be shared.
         if before.is_complete and not (BETA.name in free and len(given.settings) == 1):
-            warnings = (*warnings, warning("not-joint", _NOT_JOINT.format(name)))
+            text = (
+                "the joint fit needs two settings at a sound minimum and a shared parameter: these "
+                f"are the results of procedure {name}."
+            )
+            warnings = (*warnings, warning("not-joint", text))
         return replace(
             before,
             procedure="joint",
@@ -690,11 +664,11 @@ def _joint(given: ProcedureInput) -> Campaign:
         warnings=before.warnings,
         known=failed,
     )
-    if not any(given.damper.quantity(one).is_friction for one in shared):
-        return campaign
-    spread, is_certain = before.sharing.spread, before.sharing.is_spread_certain
-    with_spread = replace(campaign.sharing, spread=spread, is_spread_certain=is_certain)
-    return replace(campaign, sharing=with_spread)
+    if any(given.damper.quantity(one).is_friction for one in shared):
+        spread, is_certain = before.sharing.spread, before.sharing.is_spread_certain
+        sharing = replace(campaign.sharing, spread=spread, is_spread_certain=is_certain)
+        return replace(campaign, sharing=sharing)
+    return campaign
 
 
 def _from_one_model(given: ProcedureInput, sharing: Sharing) -> Campaign:
@@ -771,17 +745,15 @@ def _with_first_beta(
     given: ProcedureInput, options: FitOptions, fit: Callable[[ProcedureInput], Campaign]
 ) -> FitOptions:
     """The options of a fit of single settings that hold beta at what some of them tell."""
-    beta = options.start.named.get(BETA.name, 0.0)
-    reach = {}
+    beta, reach = options.start.named.get(BETA.name, 0.0), {}
     for setting, traces in given.settings.items():
         known = [trace.temperature for trace in traces if trace.temperature is not None]
-        reach[setting] = max(known) - min(known) if known else 0.0
+        reach[setting] = np.ptp(known) if known else 0.0
     telling = [one for one in sorted(reach, key=lambda s: -reach[s]) if reach[one] >= _WIDE]
-    if telling:
-        asked = {setting: given.settings[setting] for setting in sorted(telling[:_ASKED])}
-        fits = fit(replace(given, settings=asked, options=options)).fits
-        betas = [one.parameters.beta for one in fits if one.outcome.is_minimum]
-        beta = float(np.median(betas)) if betas else beta
+    asked = {setting: given.settings[setting] for setting in sorted(telling[:_ASKED])}
+    fits = fit(replace(given, settings=asked, options=options)).fits if asked else ()
+    if betas := [one.parameters.beta for one in fits if one.outcome.is_minimum]:
+        beta = float(np.median(betas))
     left = tuple(name for name in options.free or () if name != BETA.name)
     return replace(options, free=left, fixed={**options.fixed, BETA.name: beta})
 
@@ -804,8 +776,7 @@ _AS_IF = {
 
 def _without_idle_parts(fit: Fit, block: Block) -> Fit:
     lost: dict[str, None] = {}
-    said: list[Problem] = []
-    first = fit.warnings
+    said = [*fit.warnings]
     while idle := [
         name
         for name, status in fit.status.items()
@@ -819,20 +790,18 @@ def _without_idle_parts(fit: Fit, block: Block) -> Fit:
         left = {n: Status.FIXED if has_edges[n] else Status.ABSENT for n in lost}
         result = minimised(rest, start, spent=fit.evaluations).with_status(left)
         fit = describe_fit(fit.setting, result, rest)
-    return replace(fit, warnings=(*first, *said)) if said else fit
+    return replace(fit, warnings=tuple(said)) if lost else fit
 
 
 def _part(fit: Fit, name: str) -> list[str]:
     """A quantity with those that mean nothing without it: a closed blow-off has no slope."""
-    one = fit.parameters.quantity(name)
+    one, part = fit.parameters.quantity(name), [name]
     edge = one.edge_at(getattr(fit.parameters, name))
-    if name in _AT_REST:
-        is_speed_alone = name == _AT_REST[1] and edge != "above"
-        return [name] if is_speed_alone else [two for two in _AT_REST if two in fit.status]
-    is_shut = one.group == "blow_off" and one.area_power > 0.0 and edge == "above"
-    if not is_shut or one.stroke == "return":
-        return [name]
-    return [two for two in map(one.beside, BLOW_OFF_PARTS) if two in fit.status]
+    if name in _AT_REST and (name != _AT_REST[1] or edge == "above"):
+        part = [*_AT_REST]
+    elif one.group == "blow_off" and one.area_power > 0.0 and edge == "above":
+        part = part if one.stroke == "return" else [*map(one.beside, BLOW_OFF_PARTS)]
+    return [two for two in part if two in fit.status]
 
 
 def _sentence(values: Values, name: str) -> str:
@@ -847,10 +816,11 @@ def _sentence(values: Values, name: str) -> str:
     if one.role in _AS_IF:
         return f"{what}: {_AS_IF[one.role]}."
     if name == _AT_REST[1] and value < high:
-        beyond = f"below {1e3 * low:g} mm/s"
-    else:
         return (
-            f"{what} does nothing here: it is at a bound of its range, and the law is fitted "
-            "without it."
+            f"{what}: the logs do not determine one below {1e3 * low:g} mm/s, at which it is held "
+            "here."
         )
-    return f"{what}: the logs do not determine one {beyond}, at which it is held here."
+    return (
+        f"{what} does nothing here: it is at a bound of its range, and the law is fitted without "
+        "it."
+    )

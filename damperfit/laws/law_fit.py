@@ -12,8 +12,8 @@ from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
 from damperfit.identification.fit_problem import Block, is_at_edge
+from damperfit.identification.fit_setting import COMPARING, best_of_starts
 from damperfit.identification.logs import FEWEST_SAMPLES
-from damperfit.identification.starts import COMPARING, best_of_starts
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:

@@ -43,10 +43,10 @@ from damperfit.errors import SimulationError
 from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import Block, is_at_edge
+from damperfit.identification.fit_setting import spread_starts
 from damperfit.identification.least_squares import Stopping
 from damperfit.identification.logs import effective_samples
 from damperfit.identification.sharing import unknown_at
-from damperfit.identification.starts import spread_starts
 from damperfit.laws.law_fit import (
     ENOUGH_PERCENT,
     GAIN,

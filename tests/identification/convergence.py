@@ -23,8 +23,7 @@ from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import DamperfitError
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.fit_problem import Block, kept_within
-from damperfit.identification.fit_setting import minimised
-from damperfit.identification.starts import fit_setting
+from damperfit.identification.fit_setting import fit_setting, minimised
 from damperfit.simulation import Motion, SolverOptions, simulate
 from tests.identification.rig import recorded
 

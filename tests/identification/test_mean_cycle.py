@@ -21,9 +21,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions
 from damperfit.identification.fit_problem import Block
-from damperfit.identification.fit_setting import minimised
+from damperfit.identification.fit_setting import best_of_starts, minimised
 from damperfit.identification.logs import settled
-from damperfit.identification.starts import best_of_starts
 from damperfit.recording import Trace
 from damperfit.simulation import Motion, SolverOptions, simulate
 from tests.identification.rig import TIGHT, recorded, recording, trace

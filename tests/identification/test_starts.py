@@ -18,12 +18,17 @@ from damperfit.identification import (
     Status,
     check_options,
     identify,
-    starts,
 )
+from damperfit.identification import fit_setting as starts
 from damperfit.identification.fit_problem import Block
-from damperfit.identification.fit_setting import FitResult
+from damperfit.identification.fit_setting import (
+    SPREAD,
+    FitResult,
+    describe_searches,
+    fit_from,
+    spread_starts,
+)
 from damperfit.identification.procedures import ProcedureInput
-from damperfit.identification.starts import SPREAD, describe_searches, fit_from, spread_starts
 from damperfit.tested.setting import Setting
 from tests.identification.rig import errors, trace, traces
 

@@ -12,8 +12,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
 from damperfit.identification import Fit, FitOptions, Outcome, fit_problem, identify, normalised_mse
 from damperfit.identification.fit_problem import Block
-from damperfit.identification.fit_setting import describe_fit
-from damperfit.identification.starts import fit_setting
+from damperfit.identification.fit_setting import describe_fit, fit_setting
 from damperfit.problem import Words
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.uncertainty import assess
