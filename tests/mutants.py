@@ -3,9 +3,10 @@
     python -m tests.mutants --seed 7 --count 150      # at night: an hour; ends with 1 above 8 %
 
 A mutant changes one comparison, operator, number, truth value or sign. It meets the numbers of
-`test_numbers.py` first, then the tests of its package and those that import its module, until one
-fails. One that survives is printed with its line: it is either equivalent, or a case of behaviour
-is missing.
+`test_numbers.py` first, those that have noticed most of its package before the others, and of those
+the quick ones; then the tests of its package and those that import its module, until one fails.
+One that survives is printed with its line: it is either equivalent, or a case of behaviour is
+missing. `--tell` prints what has noticed the others.
 """
 
 import argparse
@@ -14,6 +15,8 @@ import os
 import random
 import signal
 import sys
+import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
@@ -29,8 +32,8 @@ from tests import test_numbers
 
 ROOT = Path(__file__).parents[1]
 NUMERICS = (
-    *("adjustment", "checks.py", "conditioning", "damper", "identification", "laws", "simulation"),
-    "uncertainty",
+    *("adjustment", "checks.py", "conditioning", "damper", "identification", "laws"),
+    *("simulation.py", "uncertainty"),
 )
 PATIENCE = 300  # s a mutant; a loop without end is noticed
 
@@ -148,22 +151,27 @@ def tests_of(file: str, root: Path) -> list[str]:
     return [str(path.relative_to(root)) for path in (*own, *others) if path.exists()]
 
 
-def is_noticed(mutant: Mutant | None, work: Callable[[], int]) -> bool:
-    """Return whether some work fails, or does not end, in a copy of this process with a mutant."""
+def noticed_by(mutant: Mutant | None, work: Callable[[], str]) -> str:
+    """Return what some work notices in a copy of this process with a mutant; empty: nothing."""
+    reading, writing = os.pipe()
     copy = os.fork()
     if not copy:
         signal.alarm(PATIENCE)
         quiet = os.open(os.devnull, os.O_WRONLY)
         os.dup2(quiet, 1)
         os.dup2(quiet, 2)
-        code = 1
+        word = "an error"
         try:
             if mutant is not None:
                 install(mutant)
-            code = int(work())
+            word = work()
         finally:
-            os._exit(code)
-    return os.waitpid(copy, 0)[1] != 0
+            os.write(writing, word.encode())
+            os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading) as pipe:
+        word = pipe.read()
+    return ("its end" if os.waitpid(copy, 0)[1] else "") or word
 
 
 def install(mutant: Mutant) -> None:
@@ -226,13 +234,31 @@ def _set_everywhere(name: str, old: Any, new: Any) -> None:
             setattr(other, name, new)
 
 
-def numbers_moved(package: str) -> int:
-    """Fail where a number of the snapshot has moved; those most likely to come first."""
-    first = {"conditioning": "logs", "damper": "model"}.get(package, "paper")
-    names = [name for name in test_numbers.CASES if name != "searched"]
-    for name in sorted(names, key=lambda name: not name.startswith(first)):
-        test_numbers.check(name)
-    return 0
+def number_moved(names: list[str]) -> str:
+    """Return the first case of the snapshot of which a number has moved."""
+    for name in names:
+        try:
+            test_numbers.check(name)
+        except Exception:  # noqa: BLE001 - whatever it is, it is noticed
+            return f"numbers of {name}"
+    return ""
+
+
+class _Failed:
+    """The first test that fails."""
+
+    name = ""
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed and not self.name:
+            self.name = report.nodeid
+
+
+def test_failed(arguments: list[str]) -> str:
+    """Return the first test that fails."""
+    failed = _Failed()
+    code = pytest.main(arguments, plugins=[failed])
+    return failed.name or ("the collection of tests" if code else "")
 
 
 def main() -> int:
@@ -242,6 +268,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=150)
     parser.add_argument("--part", default="1/1", help="K/N: every N-th of them, from the K-th")
     parser.add_argument("--packages", default=",".join(NUMERICS))
+    parser.add_argument("--tell", action="store_true", help="print all, and what notices them")
     parser.add_argument("--without-numbers", action="store_true", help="leave test_numbers.py out")
     parser.add_argument("--at-most", type=float, default=8.0, help="per cent that may survive")
     options = parser.parse_args()
@@ -258,22 +285,28 @@ def main() -> int:
     for file in sorted((ROOT / "damperfit").rglob("*.py")):
         if file.name != "__main__.py" and "binaries" not in file.parts:
             import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
-    survivors, sound = 0, set[tuple[str, ...]]()
+    cases, survivors = [name for name in test_numbers.CASES if name != "searched"], 0
+    seconds, kills, sound = dict[str, float](), Counter[tuple[str, str]](), set[tuple[str, ...]]()
+    for name in () if options.without_numbers else cases:
+        begin = time.perf_counter()
+        assert not noticed_by(None, partial(number_moved, [name])), f"{name} without a mutant"
+        seconds[name] = time.perf_counter() - begin
     for number, mutant in enumerate(drawn, start=1):
+        package = Path(mutant.file).parts[1]
         quiet = ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # loaded already
         tests = ["-q", "-x", "-n0", *quiet, *tests_of(mutant.file, ROOT)]
-        numbers = partial(numbers_moved, Path(mutant.file).parts[1])
-        work = [numbers, partial(pytest.main, tests)][options.without_numbers :]
+        order = sorted(seconds, key=lambda name: (-kills[package, name], seconds[name]))
         if tuple(tests) not in sound:
             sound.add(tuple(tests))
-            for one in work:
-                assert not is_noticed(None, one), f"fails without a mutant: {one}"
-        is_dead = any(is_noticed(mutant, one) for one in work)
-        survivors += not is_dead
-        if not is_dead:
+            assert not noticed_by(None, partial(test_failed, tests)), f"without a mutant: {tests}"
+        killer = noticed_by(mutant, partial(number_moved, order))
+        kills[package, killer.removeprefix("numbers of ")] += 1
+        killer = killer or noticed_by(mutant, partial(test_failed, tests))
+        survivors += not killer
+        if not killer or options.tell:
             source = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()
-            line = source[mutant.line - 1].strip()
-            print(f"{mutant.file}:{mutant.line}: {line}  ->  {mutant.text}", flush=True)
+            line = f"{mutant.file}:{mutant.line}: {source[mutant.line - 1].strip()}"
+            print(f"{line}  ->  {mutant.text}", f"[{killer}]" * bool(killer), flush=True)
         print(f"{number}: {survivors} survive", file=sys.stderr, flush=True)
     share = 100.0 * survivors / max(len(drawn), 1)
     print(f"{survivors} of {len(drawn)} mutants survive: {share:.1f} %")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -12,13 +11,8 @@ from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError, ConfigurationError
-from damperfit.identification import FitOptions, compare, identify
-from damperfit.identification.logs import normalised_mse
-from damperfit.synthetic.steady import steady_cycle
-from tests.conditioning.logs import LAW, found, recording, sine_log, static_force
+from tests.conditioning.logs import LAW, sine_log, static_force
 
 RIG = butter(4, 30.0, fs=1000.0, output="sos")
 
@@ -86,34 +80,6 @@ def test_another_corner_and_order_in_the_rig():
     assert misfit(condition(log, ConditionOptions(rig_filter="causal"))) > 1e-3
 
 
-@cache
-def settled():
-    """Displacement and force of setting 10 by Radau, noise-free, three times as long as a log."""
-    cycle = steady_cycle(reference_parameters(10), PURDY_DAMPER, amplitude=0.032, frequency=1.5)
-    phase = 1.5 * np.arange(24_000) / 1000.0 + 0.17
-    return cycle.displacement(phase), cycle.force(phase)
-
-
-@pytest.mark.parametrize("case", FILTERS)
-def test_five_parameters_come_back_behind_every_filter(case):
-    filtered, options = FILTERS[case]
-    x, f = (filtered(channel)[8000:16000] for channel in settled())
-    trace = condition(recording(np.arange(8000) / 1000.0, x, f), options)
-    free = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
-    fit = identify([trace], PURDY_DAMPER, FitOptions(procedure="plain", free=free)).fits[0]
-    true = reference_parameters(10)
-    for name, tolerance in zip(free, (1e-6, 1e-6, 2e-6, 2e-6, 2e-6), strict=True):
-        assert getattr(fit.parameters, name) == pytest.approx(getattr(true, name), rel=tolerance)
-    if case == "none":
-        return
-    seen = compare(true, trace, PURDY_DAMPER)
-    measured = trace.force[trace.compared]
-    alike = normalised_mse(measured, seen.force[trace.compared])
-    assert alike < 1e-7
-    # Filtering one side only is not enough.
-    assert normalised_mse(measured, seen.response.force[trace.compared]) > 1e4 * alike
-
-
 @given(
     frequency=st.floats(0.5, 8.0),
     rate=st.sampled_from([250.0, 300.0, 500.0, 1000.0, 2000.0, 5000.0]),
@@ -139,25 +105,6 @@ def test_sines_of_any_phase_frequency_and_rate(frequency, rate, phase, cycles):
     )
     assert np.abs(x).max() < 1e-3 * 0.032
     assert (v > 0).all()
-
-
-@pytest.mark.parametrize(
-    ("frequency", "rate", "cycles", "expected"),
-    [
-        (0.05, 100.0, 4.5, 2),
-        (1.4, 500.0, 7.0, 4),
-        (20.0, 1000.0, 40.0, 28),
-        (20.0, 100.0, 60.0, 30),
-    ],
-)
-def test_slow_short_and_fast_tests(frequency, rate, cycles, expected):
-    trace = condition(sine_log(frequency=frequency, rate=rate, cycles=cycles, amplitude=0.002))
-    assert trace.n_cycles >= expected
-    assert trace.frequency == pytest.approx(frequency, rel=1e-5)
-    assert trace.n_cycles_found == int(cycles)
-    assert found(trace)["cycles"].value == trace.n_cycles
-    if (frequency, rate) == (20.0, 1000.0):
-        assert found(trace)["filter_loss"].value == pytest.approx(1.6, abs=0.1)
 
 
 @pytest.mark.parametrize("shift", [1.0, -17.3, 1e6])

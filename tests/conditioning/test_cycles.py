@@ -37,12 +37,6 @@ def test_a_change_of_amplitude_ends_the_run():
     assert cycles.n_found == 20
 
 
-@pytest.mark.parametrize("rest", [130, 200, 300])
-def test_rest_of_a_cycle_at_the_ends_is_no_cycle(rest):
-    motion = np.sin(2 * np.pi * np.arange(2001) / 200.0)
-    assert found(np.concatenate([np.zeros(rest), motion, np.zeros(rest)])).n_found in {9, 10}
-
-
 # What the compiled core reads off motions, beside its slow twins.
 
 RANDOM = np.random.default_rng(14)

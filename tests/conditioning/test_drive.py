@@ -25,18 +25,6 @@ def at_the_truth(trace, setting=10):
     return normalised_mse(trace.force[trace.compared], seen.force[trace.compared])
 
 
-@pytest.mark.parametrize("noise", [0.0, 3e-6, 10e-6, 60e-6])
-@pytest.mark.parametrize("rate", [300.0, 1000.0, 5000.0])
-def test_a_sine_drives_as_it_is_compared(noise, rate):
-    log = sine_log(rate=rate, cycles=8.0)
-    random = np.random.default_rng(1)
-    noisy = log.displacement + noise * random.standard_normal(len(log.time))
-    trace = condition(replace(log, displacement=noisy))
-    assert trace.drive.corner == 30.0
-    np.testing.assert_array_equal(trace.drive.displacement, trace.displacement)
-    np.testing.assert_array_equal(trace.drive.velocity, trace.velocity)
-
-
 def with_harmonic(share, *, order=42, rate=1000.0):
     """A sine with a wave of 63 Hz whose velocity is this share of the sine's."""
     time = np.arange(8000) / rate
@@ -74,19 +62,6 @@ def test_hum_is_no_motion(mains, frequency, cycles):
     noise = 1e-6 * np.random.default_rng(1).standard_normal(len(hum))
     trace = condition(replace(log, displacement=log.displacement + hum + noise))
     assert trace.drive.corner == 30.0
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ConditionOptions(filter="none"),
-        ConditionOptions(rig_filter="zero_phase"),
-        ConditionOptions(rig_filter="causal"),
-    ],
-)
-def test_what_is_not_ours_to_filter_drives_as_it_is(options):
-    trace = condition(with_harmonic(0.05), options)
-    np.testing.assert_array_equal(trace.drive.displacement, trace.displacement)
 
 
 def test_a_triangle_keeps_its_corners():
@@ -257,14 +232,6 @@ def test_a_corner_just_inside_a_part_has_its_line_from_beyond(corners, is_found)
     assert drive_of_lines(x, 1.0 / RATE, slice(0, 200)) is not None
 
 
-def test_corners_of_a_noisy_sensor_are_found():
-    """40 um: over 4 ms a turn by 0.16 m/s is six times that."""
-    corners = np.array([400.4, 1100.7, 1800.2])
-    x = zigzag(corners, np.array([0.08, -0.08, 0.08, -0.08]), n=2200, noise=4e-5)
-    found = drive_of_lines(x, 1.0 / RATE, EVERY)
-    np.testing.assert_allclose(found.jumps[:, 0], corners, atol=0.12)
-
-
 def test_a_short_dwell_is_at_rest():
     """3 um over 20 ms would be 0.1 mm/s, at which friction slides one way with all its force."""
     x = zigzag([200.0, 220.0, 500.0, 520.0], np.array([0.1, 0.0, -0.1, 0.0, 0.1]), n=800)
@@ -304,14 +271,6 @@ def test_a_trace_of_a_triangle_has_its_corners_and_bridges_samples_on_them():
     np.testing.assert_allclose(other.force, trace.force, rtol=1e-12)
     said = found(trace)["drive"]
     assert (said.severity, said.value) == ("note", len(jumps))
-
-
-@pytest.mark.parametrize("options", [ConditionOptions(filter="causal"), ConditionOptions()])
-def test_other_filters_and_sines_have_no_corners(options):
-    log = triangle_log() if options.filter == "causal" else sine_log()
-    trace = condition(log, options)
-    assert not len(trace.drive.jumps)
-    assert trace.model_filter.bridged == ()
 
 
 def test_a_bridged_sample_is_the_mean_of_its_neighbours():

@@ -231,35 +231,6 @@ def test_a_clean_log_gives_no_warning(rate, wave, noise, bits):
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("setting", range(1, 21))
-def test_clean_logs_of_every_setting_rate_and_seed(setting):
-    for seed, (rate, wave, noise, bits) in enumerate(CLEAN):
-        log = made(wave, setting=setting, rate=rate, noise=noise, bits=bits, seed=seed)
-        assert not warned(log, OPTIONS), (rate, wave, noise, bits)
-
-
-def test_notes_carry_the_numbers():
-    notes = found(made("crank"), OPTIONS)
-    for name, value in {
-        "harmonics": pytest.approx(3.0, abs=0.05),
-        "frequency": pytest.approx(1.5, rel=1e-4),
-        "amplitude": pytest.approx(32.0, abs=0.05),
-        "displacement_noise": pytest.approx(8.0, rel=0.1),
-        "sample_rate": pytest.approx(500.0),
-        "temperature": 26.0,
-    }.items():
-        assert notes[name].value == value, name
-    assert "as of a crank" in notes["harmonics"].sentence
-    assert notes["cycles"].value >= 12
-    assert 0.7 < notes["trimmed"].value < 3.0
-    assert notes["cycle_scatter"].value < 0.5
-    assert all(one.severity == "note" for one in notes.values())
-    triangle = found(made("triangle"))["harmonics"]
-    assert triangle.value == pytest.approx(11.1, abs=0.2)
-    assert "triangle" in triangle.sentence
-
-
 def test_stamps_that_are_right_are_a_note_however_uneven():
     t = LOG.time + np.random.default_rng(4).uniform(-0.3, 0.3, len(LOG.time)) * 0.002
     x, v = moved("sine", t)
@@ -301,17 +272,6 @@ def test_rest_at_the_end_of_the_stroke_is_no_clipping_and_no_stand():
     assert found(log, OPTIONS)["trimmed"].value > 4.0
     # Nor is it frozen.
     assert "frozen_rows" not in warned(moving(0.032 * np.sin(3 * np.pi * np.maximum(t - 1, 0))))
-
-
-def test_unsteady_cycles_are_told():
-    t = np.arange(15_000) / 500.0
-    size = np.where((t > 10) & (t < 21), 1.0, 1.0 + 0.3 * np.sin(2 * np.pi * 0.37 * t))
-    told = warned(recording(t, 0.03 * size * np.sin(3 * np.pi * t), np.cos(3 * np.pi * t)))
-    finding = told["unsteady_cycles"]
-    (steady, all_of_them) = map(int, re.findall(r"only (\d+) of (\d+) cycles", finding.sentence)[0])
-    assert all_of_them == 45
-    assert 15 <= steady <= 17  # 11 s at 1.5 Hz
-    assert finding.value == pytest.approx(100.0 * (1.0 - steady / all_of_them))
 
 
 @pytest.mark.parametrize("rate", [500.0, 1000.0])

@@ -20,7 +20,7 @@ from damperfit.uncertainty.grades import LIMITS, offset_mismatch
 from tests.conditioning.logs import RATE, found, logged, moving, recording, sine, sine_log
 from tests.fakes import trace as fake_trace
 from tests.identification.rig import recording as rig_log
-from tests.oracles.motions import road, sweep
+from tests.oracles.motions import road
 
 SLIM = Damper(
     rod_diameter=0.012,
@@ -179,13 +179,6 @@ def test_a_damper_without_such_valves_is_never_reversed(level) -> None:
         condition(replace(log, force=-log.force), PURDY)
 
 
-def test_a_loop_without_energy_is_doubted_not_judged() -> None:
-    log = sine_log(rate=500.0)
-    finding = found(replace(log, force=2e4 * (log.displacement - 0.0123)), PURDY)["force_polarity"]
-    assert finding.severity == "warning"
-    assert "hardly any energy" in finding.sentence
-
-
 @pytest.mark.parametrize("setting", [1, 10, 20])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_swapped_channels_are_named(setting, sign) -> None:
@@ -202,14 +195,6 @@ def test_crank_and_triangle_are_not_taken_for_swapped_channels() -> None:
     triangle = 0.032 * np.arcsin(np.sin(9.4 * t))
     for x in (crank, triangle):
         assert condition(recording(t, x, 2000.0 * np.gradient(x, t))).n_cycles > 5
-
-
-def test_a_declared_centre_is_as_the_log_counts() -> None:
-    trace = condition(mirrored(log_of(10), MIRRORS["both"]), replace(PURDY, centre=0.0407))
-    assert trace.centre == pytest.approx(0.0407)
-    middle = 0.5 * (trace.displacement.max() + trace.displacement.min())
-    assert middle == pytest.approx(-0.001, abs=5e-5)  # positive in rebound, the log in bump
-    assert found(trace)["mid_stroke"].value == pytest.approx(-0.001, abs=5e-5)
 
 
 def placed(drive, offset=0.0):
@@ -236,44 +221,6 @@ def test_a_road_counts_from_the_logs_own_zero_unless_that_is_far_off(offset, sev
     said = condition(log, ConditionOptions(centre=0.002))
     assert said.centre == 0.002
     assert found(said)["mid_stroke"].severity == "note"
-
-
-def test_a_sweep_has_a_middle_of_its_own() -> None:
-    trace = condition(placed(sweep(0.5, 4.0, duration=12.0), 0.002))
-    assert trace.stretches[0].kind == "moving"
-    assert trace.centre == pytest.approx(0.002, abs=1e-4)
-    finding = found(trace)["mid_stroke"]
-    assert finding.severity == "note"
-    assert finding.value == pytest.approx(0.002, abs=1e-4)
-
-
-def with_velocity(*, factor=1.0, late=0.0):
-    log, omega = log_of(5), 2.0 * np.pi * 1.5
-    waves = np.stack([np.cos(omega * log.time), np.sin(omega * log.time)], axis=-1)
-    a, b = np.linalg.lstsq(waves, log.displacement, rcond=None)[0]
-    angle = omega * (log.time - late)
-    return replace(log, velocity=factor * omega * (b * np.cos(angle) - a * np.sin(angle)))
-
-
-def test_a_logged_velocity_is_checked_and_not_used() -> None:
-    plain, late = condition(with_velocity(), PURDY), condition(with_velocity(late=0.0137), PURDY)
-    finding = found(late)["velocity_channel"]
-    assert finding.value == pytest.approx(0.0137, abs=2e-4)
-    assert finding.severity == "note"
-    assert np.array_equal(plain.velocity, late.velocity)
-    assert found(plain)["velocity_channel"].value == pytest.approx(0.0, abs=2e-4)
-
-
-def test_a_velocity_in_another_unit_or_of_another_sign_is_told() -> None:
-    unit = found(with_velocity(factor=1e-3), PURDY)["velocity_channel"]
-    assert (unit.severity, unit.value) == ("warning", pytest.approx(1e-3, rel=1e-2))
-    sign = found(with_velocity(factor=-1.0), PURDY)["velocity_channel"]
-    assert "opposite sign" in sign.sentence
-    log = with_velocity()
-    log = replace(log, displacement=-log.displacement, velocity=-log.velocity, force=-log.force)
-    assert "opposite" not in found(log, PURDY)["velocity_channel"].sentence
-    noise = replace(log, velocity=np.random.default_rng(1).normal(size=len(log.time)))
-    assert "does not follow" in found(noise, PURDY)["velocity_channel"].sentence
 
 
 STRANGE = {

@@ -198,8 +198,3 @@ def test_friction_must_stand_out_fifty_times_of_the_noise(friction, is_reported)
     # The squares that the jump explains go with its own: 43 and 69 times the noise's variance.
     finding = skew_of(late_log(10, 0.002, f_f=friction, noise=8.0))
     assert (finding.value is not None) is is_reported
-
-
-@pytest.mark.parametrize(("rate", "within"), [(1000.0, 3e-4), (5000.0, 1.2e-4)])
-def test_faster_logs_tell_it_better(rate, within) -> None:
-    assert skew_of(late_log(10, 0.002, rate=rate)).value == pytest.approx(0.002, abs=within)

@@ -1,21 +1,16 @@
 """How often logs of valves with unlike preloads are turned round: right ones, and reversed ones.
 
     python -m tests.conditioning.unlike_preloads              # 1500 dampers, a minute
-    python -m tests.conditioning.unlike_preloads --without
+    python -m tests.conditioning.unlike_preloads --without    # any doubt of such levels
     python -m tests.conditioning.unlike_preloads --tares --dampers 400
 
 Preloads of 10 to 1000 N in either stroke lift the force at the reversals, as a gas force that is
-counted the other way does. ``--without`` tells what would be without doubt of such levels: without
-`_OF_HIDDEN` and `_OF_PRELOADS` of `conditioning/polarity.py` and what it has as held.
-``--tares`` tells how often logs are said to be tared: right ones, and such without a gas force.
+counted the other way does. ``--tares`` tells how often logs are said to be tared: right ones, and
+such without a gas force.
 """
 
-from __future__ import annotations
-
 import argparse
-from contextlib import ExitStack
 from dataclasses import replace
-from unittest.mock import patch
 
 import numpy as np
 
@@ -46,26 +41,19 @@ def drawn(random: np.random.Generator, declared):
     return x, force - gas.rod_area * (squeezed - ATMOSPHERE), replace(declared, gas=gas)
 
 
-def is_turned(x, force, options) -> bool:
-    """Whether a log is put right; one that is refused is not."""
+def is_told(x, force, options, *, tare: bool) -> bool:
+    """Whether a log is put right, or said to lack its gas force; one that is refused is neither."""
     try:
         trace = condition(recording(np.arange(len(x)) / RATE, x, force), options)
     except ConditioningError:
         return False
+    if tare:
+        return any(one.name == "tare" and one.severity == "warning" for one in trace.findings)
     return any(one.is_correction for one in trace.findings)
 
 
-def warns_of_tare(x, force, options) -> bool:
-    """Whether a log is said to lack its gas force, or to have another."""
-    try:
-        trace = condition(recording(np.arange(len(x)) / RATE, x, force), options)
-    except ConditioningError:
-        return False
-    return any(one.name == "tare" and one.severity == "warning" for one in trace.findings)
-
-
 def main() -> None:
-    """Print how many of the right logs are turned round, and how many reversed ones put right."""
+    """Print how many of the right logs are told something, and how many of the others."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dampers", type=int, default=1500)
     parser.add_argument("--seed", type=int, default=3)
@@ -73,30 +61,24 @@ def main() -> None:
     parser.add_argument("--tares", action="store_true", help="count warnings of a tare instead")
     options = parser.parse_args()
     random, declared = np.random.default_rng(options.seed), load_configuration().conditioning
+    if options.without:
+        polarity._OF_HIDDEN = polarity._OF_PRELOADS = 0.0
+        polarity.held_share = lambda _: 0.0
     right = wrong = 0
-    with ExitStack() as doubts:
-        if options.without:
-            doubts.enter_context(patch.object(polarity, "_OF_HIDDEN", 0.0))
-            doubts.enter_context(patch.object(polarity, "held_share", lambda _: 0.0))
-            doubts.enter_context(patch.object(polarity, "_OF_PRELOADS", 0.0))
-        for _ in range(options.dampers):
-            x, force, known = drawn(random, declared)
-            x = x + random.normal(0.0, 4e-6, len(x))
-            force = force + random.normal(0.0, 3.0, len(x))
-            if options.tares:
-                gas = known.gas
-                right += warns_of_tare(x, force, known)
-                tared = force + gas.rod_area * (gas.pressure - ATMOSPHERE)
-                wrong += warns_of_tare(x, tared, known)
-                continue
-            right += is_turned(x, force, known)
-            wrong += is_turned(-x, -force, known)
-    if options.tares:
-        print(f"of {options.dampers} right logs {right} are told to be tared; of as many without "
-              f"their gas force {wrong}")  # fmt: skip
-        return
-    print(f"of {options.dampers} right logs {right} are turned round; of as many reversed ones "
-          f"{wrong} are put right")  # fmt: skip
+    for _ in range(options.dampers):
+        x, force, known = drawn(random, declared)
+        x = x + random.normal(0.0, 4e-6, len(x))
+        force = force + random.normal(0.0, 3.0, len(x))
+        gas = known.gas.rod_area * (known.gas.pressure - ATMOSPHERE)
+        other = (x, force + gas) if options.tares else (-x, -force)
+        right += is_told(x, force, known, tare=options.tares)
+        wrong += is_told(*other, known, tare=options.tares)
+    told, others = (
+        ("told to be tared", "without their gas force")
+        if options.tares
+        else ("turned round", "reversed ones that are put right")
+    )
+    print(f"of {options.dampers} right logs {right} are {told}; of as many {others} {wrong}")
 
 
 if __name__ == "__main__":
