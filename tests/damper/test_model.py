@@ -4,17 +4,16 @@ import copy
 import dataclasses
 import math
 import pickle
-import subprocess
-import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import Values, values_type
 from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.parameters import DAMPER_RANGES, PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.purdy.starting import (
     cavitation_limit,
@@ -23,10 +22,14 @@ from damperfit.damper.purdy.starting import (
     starting_values,
 )
 from damperfit.damper.quantity import Quantity
-from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
-from damperfit.errors import ConfigurationError
+from damperfit.damper.rivals import BoucWen, Linear
+from damperfit.damper.temperature_law import BETA, WithTemperature, at_temperature
+from damperfit.damper.valve_dampers import VALVE_RANGES, Monotube, ThroughFlow, TwinTube
+from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import DETECT, FitOptions, Status, identify
+from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion, triangle_motion
 from tests import fakes
+from tests.damper.test_valve_dampers import VALVES
 from tests.identification import adjusted
 from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, log
 
@@ -64,16 +67,6 @@ def test_values_of_a_model_take_the_defaults_and_miss_what_has_none() -> None:
     del known["k_e"]
     with pytest.raises(ConfigurationError, match="purdy needs a value of k_e"):
         PURDY_DAMPER.values(known)
-
-
-def test_one_model_loads_no_other() -> None:
-    script = "import sys, damperfit.damper.model as m; m.MODELS['purdy']; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    loaded = set(done.stdout.split())
-    assert "damperfit.damper.purdy.parameters" in loaded
-    assert loaded.isdisjoint({"damperfit.damper.rivals", "damperfit.damper.valve_dampers"})
 
 
 # Areas and volumes by hand, and which of them each stroke of a layout presses with.
@@ -179,3 +172,195 @@ def test_columns_that_are_one_another_are_shared_out_and_negative_ones_left() ->
     assert found[0] + found[1] == pytest.approx(3.0)
     assert found.min() >= 0.0
     assert nonnegative_least_squares(np.eye(3), -np.ones(3)).tolist() == [0.0, 0.0, 0.0]
+
+
+# What is no damper and no motion is refused in one sentence, from Python as from TOML.
+
+# The limits as numbers, so that a moved one fails.
+LIMITS = {
+    "rod_diameter": (1e-3, 0.5), "piston_diameter": (2e-3, 1.0), "gas_piston_diameter": (2e-3, 1.0),
+    "chamber_1_length": (2e-3, 5.0), "chamber_2_length": (2e-3, 5.0), "gas_length": (1e-3, 5.0),
+    "oil_density": (500.0, 2000.0), "gas_pressure": (1e4, 1e8), "gas_volume": (1e-8, 1.0),
+    "gas_exponent": (1.0, 1.67), "ambient_pressure": (0.0, 1e7),
+}  # fmt: skip
+# In between, so that rod and piston fit each other.
+APART = {"rod_diameter": {"piston_diameter": 0.9}, "piston_diameter": {"rod_diameter": 1.5e-3}}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_a_damper_has_limits_of_which_a_file_tells_where(tmp_path, name) -> None:
+    assert LIMITS.keys() == DAMPER_RANGES.keys() | VALVE_RANGES.keys()
+    (low, high), path = LIMITS[name], tmp_path / "mine.toml"
+    beyond = (low * (1 - 1e-9) - 1e-12, high * (1 + 1e-9), math.nan)
+    for damper, ranges in ((PURDY_DAMPER, DAMPER_RANGES), (Monotube(), VALVE_RANGES)):
+        if name not in ranges:
+            continue
+        around = replace(damper, **APART.get(name, {}))
+        for value in (low, high):
+            assert getattr(replace(around, **{name: value}), name) == value
+        for value in beyond:
+            with pytest.raises(ConfigurationError, match=rf"^{name}: expected .* found") as caught:
+                replace(around, **{name: value})
+            assert len(str(caught.value).splitlines()) == 1
+        others = [f"{key} = {value!r}" for key, value in APART.get(name, {}).items()]
+        others.insert(0, f'model = "{damper.name}"')
+        for value in beyond:
+            path.write_text("\n".join(["[damper]", *others, f"{name} = {value!r}", ""]))
+            with pytest.raises(ConfigurationError, match=rf"mine\.toml:\d: damper\.{name}: "):
+                load_configuration(path)
+        # A pressure near nothing must be declared to be absolute.
+        text = f'"{high!r}Paa"' if name == "gas_pressure" else repr(high)
+        path.write_text("\n".join(["[damper]", *others, f"{name} = {text}", ""]))
+        assert getattr(load_configuration(path).damper, name) == high
+
+
+def test_a_rod_as_wide_as_the_piston_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="less than piston_diameter"):
+        Monotube(rod_diameter=0.03)
+
+
+STILL = np.zeros(5)
+
+
+@pytest.mark.parametrize(
+    ("interval", "x", "v", "says"),
+    [
+        (1e-3, np.zeros(4), STILL, r"shape \(4,\) and velocity of shape \(5,\)"),
+        (1e-3, np.zeros((2, 2)), np.zeros((2, 2)), r"shape \(2, 2\)"),
+        (1e-3, np.zeros(0), np.zeros(0), "one sample or more"),
+        (1e-3, np.array([0.0, math.nan, 0.0, 0.0, 0.0]), STILL, "displacement .* sample 1"),
+        (1e-3, STILL, np.array([0.0, 0.0, 0.0, 0.0, -math.inf]), "velocity .* sample 4"),
+        *((one, STILL, STILL, "interval above 0") for one in (0.0, -1e-3, math.nan, math.inf)),
+    ],
+)
+def test_what_is_no_motion_is_refused(interval, x, v, says) -> None:
+    with pytest.raises(SimulationError, match=says) as caught:
+        Motion(interval, x, v)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+WAVE = {"amplitude": 0.032, "frequency": 1.5, "cycles": 2.0, "sample_rate": 1000.0}
+
+
+@pytest.mark.parametrize("wave", [sine_motion, triangle_motion])
+@pytest.mark.parametrize("name", WAVE)
+def test_a_wave_needs_numbers_above_zero(wave, name) -> None:
+    def made(**changed) -> Motion:
+        known = WAVE | changed
+        return wave(known.pop("amplitude"), known.pop("frequency"), **known)
+
+    for value in [math.nan, math.inf] if name == "amplitude" else [0.0, -1.0, math.nan, math.inf]:
+        with pytest.raises(ConfigurationError, match=f"^{name}: expected a finite .* found"):
+            made(**{name: value})
+    assert len(made().displacement) == 1334
+    least = 0.0 if name == "amplitude" else 1e-3 * WAVE[name]
+    assert len(made(**{name: least}).displacement) >= 1
+
+
+# A damper whose oil was not always equally warm: its law, its slopes, what it refuses.
+
+FINE = SolverOptions(tolerance=1e-4)
+# A quotient of two runs holds the noise of their steps: at 1e-4 N hundreds of times a slope's.
+OF_QUOTIENTS = SolverOptions(tolerance=1e-6)
+NUMBERS = {
+    "purdy": (PURDY_DAMPER, asdict(reference_parameters(5))),
+    "twin_tube": (TwinTube(), {**VALVES, "k_s": 4e5, "drag": 12.0}),
+    "linear": (Linear(), {"c": 2e3, "f_0": 12.0}),
+}
+EVERY = pytest.mark.parametrize("name", NUMBERS)
+
+
+def motion(temperature: float | None) -> Motion:
+    t = np.arange(600) / 500.0
+    angle = 2.0 * np.pi * 1.5 * t
+    v = 0.02 * 2.0 * np.pi * 1.5 * np.cos(angle)
+    return Motion(1.0 / 500.0, 0.02 * np.sin(angle), v, temperature=temperature)
+
+
+def temperature_law(name: str, beta: float = 0.012, reference: float = 26.0):
+    damper, numbers = NUMBERS[name]
+    own = {key: value for key, value in numbers.items() if key in damper.names}
+    model = WithTemperature(damper, reference)
+    return model, model.values({**own, "beta": beta})
+
+
+@EVERY
+@pytest.mark.parametrize("temperature", [26.0, None])
+def test_at_its_reference_it_is_the_damper_itself(name: str, temperature) -> None:
+    model, values = temperature_law(name)
+    own = model.damper.values_type(*values.numbers[:-1])
+    wanted = model.damper.names
+    seen = simulate(values, model, motion(temperature), sensitivities=wanted, options=FINE)
+    plain = simulate(own, model.damper, motion(None), sensitivities=wanted, options=FINE)
+    np.testing.assert_array_equal(seen.force, plain.force)
+    assert list(seen.sensitivities) == list(wanted)
+    for one in wanted:
+        np.testing.assert_array_equal(seen.sensitivities[one], plain.sensitivities[one])
+
+
+@EVERY
+def test_what_is_viscous_alone_falls_by_beta_and_kelvin(name: str) -> None:
+    model, values = temperature_law(name)
+    there = model.at_reference(values, 60.0)
+    assert model.viscous
+    for one in model.damper.quantities:
+        factor = math.exp(-0.012 * 34.0) if one.role == "viscous" else 1.0
+        assert getattr(there, one.name) == pytest.approx(factor * getattr(values, one.name))
+    seen = simulate(values, model, motion(60.0), options=FINE)
+    np.testing.assert_array_equal(
+        seen.force, simulate(there, model.damper, motion(None), options=FINE).force
+    )
+    assert simulate(values, model, motion(None), options=FINE).force.max() > seen.force.max()
+    warm = replace(model, temperature=60.0)  # where a motion does not tell
+    np.testing.assert_array_equal(
+        simulate(values, warm, motion(None), options=FINE).force, seen.force
+    )
+
+
+@EVERY
+def test_slopes_by_every_number_are_those_of_differences(name: str) -> None:
+    model, values = temperature_law(name)
+    moving = [*model.viscous, "beta"]
+    seen = simulate(values, model, motion(60.0), sensitivities=("beta", *moving[:-1]), options=FINE)
+    assert list(seen.sensitivities) == ["beta", *moving[:-1]]
+    for one in moving:
+        value = getattr(values, one)
+        if value == 0.0:
+            continue
+        step = 1e-4 * value
+        ends = [
+            simulate(
+                values.replace({one: value + k * step}), model, motion(60.0), options=OF_QUOTIENTS
+            )
+            for k in (-1, 1)
+        ]
+        slope = (ends[1].force - ends[0].force) / (2.0 * step)
+        np.testing.assert_allclose(
+            seen.sensitivities[one], slope, atol=5e-3 * np.max(np.abs(slope)) + 1e-9
+        )
+
+
+def test_it_has_what_its_damper_has_and_one_quantity_more() -> None:
+    model, values = temperature_law("twin_tube")
+    assert model.quantities == (*model.damper.quantities, BETA)
+    assert (model.name, model.kinks, model.rebound) == ("twin_tube", 2e-5, model.damper.rebound)
+    assert model.filled_to(9e5).gas_pressure == 9e5
+    assert model.plain is model.damper
+    assert model.sentence.endswith(
+        "rebound_slope and compression_slope and return_slope and drag are those at 26 degC"
+    )
+    assert "the mean of the logs" in replace(model, reference=math.nan).sentence
+    again, numbers = pickle.loads(pickle.dumps((model, values)))  # noqa: S301 - our own
+    assert again == model
+    assert numbers == values
+
+
+# What it says itself; all else that a model says of itself is its damper's.
+
+
+def test_what_temperature_does_nothing_to_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="nothing of the model 'bouc_wen' is a viscous"):
+        WithTemperature(BoucWen(), 26.0)
+    with pytest.raises(ConfigurationError, match="do not follow a temperature; fit logs of"):
+        at_temperature(PURDY_DAMPER, 40.0)
+    assert at_temperature(temperature_law("linear")[0], 40.0).oil_temperature == 40.0

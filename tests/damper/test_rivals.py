@@ -22,7 +22,7 @@ from damperfit.damper.rivals import (
     Rival,
     SuraceWordenTomlinson,
 )
-from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.errors import SimulationError
 from damperfit.simulation import Motion, simulate, sine_motion
 
 MOTION = sine_motion(0.032, 1.5, cycles=2, sample_rate=2000)
@@ -84,20 +84,6 @@ def test_slopes_by_every_number_are_those_of_differences(kind: type[Rival]) -> N
         off = np.abs(response.sensitivities[name] - differences)
         # A knee lies between two samples of the difference here and there, nowhere else.
         assert np.sum(off > 1e-5 * np.abs(differences).max()) <= 4, name
-
-
-@pytest.mark.parametrize("kind", RIVALS, ids=lambda one: one.name)
-def test_every_rival_says_where_it_comes_from_and_what_its_numbers_are(kind: type[Rival]) -> None:
-    model = kind()
-    assert model.title
-    assert model.source == "textbook" or "not at hand" in model.caveat
-    assert len(set(model.names)) == len(model.names) == len(values_of(model).numbers)
-    for one in model.quantities:
-        assert one.meaning
-        assert one.unit
-        assert one.plausible[0] < one.plausible[1]
-    with pytest.raises(ConfigurationError, match="no parameter 'r_m1'"):
-        simulate(values_of(model), model, MOTION, sensitivities=["r_m1"])
 
 
 def at(model: Rival, velocity: float, displacement: float = 0.0, **changes: float) -> float:
