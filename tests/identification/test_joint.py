@@ -3,56 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from damperfit.conditioning import condition
 from damperfit.damper.purdy.appendices import modulus_at_pressure
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, FitOptions, Outcome, compare, identify, joint
 from damperfit.identification.fit_problem import Block, Point
-from damperfit.identification.joint import rough_errors, working_pressure
+from damperfit.identification.joint import working_pressure
 from damperfit.identification.least_squares import Minimum
-from damperfit.identification.sharing import GasLaw, Unknown
-from damperfit.io import read_log
+from damperfit.identification.sharing import GasLaw
 from damperfit.uncertainty import assess, linearise_settings, uncertainties
 from damperfit.uncertainty.covariance import shared_covariance, shared_curvature
 from tests.identification.rig import trace, traces
 
-SAMPLES = Path(__file__).parents[2] / "sample_runs"
 OWN, SHARED = ("r_m1", "r_m2", "k_e"), ("r_m3", "f_f")
-
-
-@pytest.mark.parametrize(
-    ("settings", "share"),
-    [((1, 8, 20), 0.9), pytest.param(tuple(range(1, 21)), 0.6, marks=pytest.mark.slow)],
-)
-def test_the_sample_runs_give_what_is_shared_at_the_cost_of_a_few_steps(settings, share) -> None:
-    logs = [condition(read_log(SAMPLES / f"setting_{one:02d}.csv")) for one in settings]
-    together, paper = (
-        identify(logs, PURDY_DAMPER, FitOptions("joint")),
-        identify(logs, PURDY_DAMPER),
-    )
-    assert len(together.fits) == len(settings)
-    assert together.warnings == ()
-    first = together.fits[0].parameters
-    assert first.r_m3 == pytest.approx(2.597e6, rel=3e-3)
-    assert first.f_f == pytest.approx(50.0, rel=1e-2)
-    for fit in together.fits:
-        assert fit.outcome is Outcome.CONVERGED
-        assert (fit.parameters.r_m3, fit.parameters.f_f) == (first.r_m3, first.f_f)
-        assert fit.status["r_m3"] == fit.status["f_f"] == "shared"
-        truth = reference_parameters(fit.setting)
-        assert fit.parameters.r_m1 == pytest.approx(truth.r_m1, rel=1.5e-3)
-    spent = [sum(fit.evaluations for fit in one.fits) for one in (paper, together)]
-    assert spent[1] - spent[0] < 10 * len(settings)  # what the paper's needed alone, once
-    # One setting alone cannot know R_m3 as well as all of them together.
-    alone, all_ = (assess(one, PURDY_DAMPER).uncertainties[0] for one in (paper, together))
-    assert all_.intervals["r_m3"].error < share * alone.intervals["r_m3"].error
 
 
 def test_it_is_the_minimum_of_one_big_least_squares() -> None:
@@ -106,24 +74,6 @@ def test_what_is_not_shared_is_the_settings_own() -> None:
     for fit in identify(logs, PURDY_DAMPER, FitOptions("joint", share=("r_m3",))).fits:
         assert (fit.status["r_m3"], fit.status["f_f"]) == ("shared", "fitted")
         assert fit.parameters.f_f == pytest.approx(frictions[fit.setting], rel=0.02)
-
-
-def test_rough_errors_of_the_joint_fit_are_those_of_the_judging(monkeypatch) -> None:
-    """They say which shared parameter the logs do not tell; a third of them would tell all."""
-    found = []
-
-    def kept(*arguments):
-        found.append(rough_errors(*arguments))
-        return found[-1]
-
-    monkeypatch.setattr(joint, "rough_errors", kept)
-    campaign = identify(traces([1, 20], noise=4.0, duration=5.0), PURDY_DAMPER, FitOptions("joint"))
-    (rough,) = found
-    judged = assess(campaign, PURDY_DAMPER).uncertainties[0].intervals
-    for name in SHARED:
-        relative = judged[name].error / getattr(campaign.fits[0].parameters, name)
-        # By sign changes and by the autocorrelation: alike within a third.
-        assert rough[Unknown(name)] == pytest.approx(relative, rel=0.4)
 
 
 def test_a_setting_outside_of_the_joint_fit_lends_it_no_weight() -> None:
@@ -248,15 +198,6 @@ def test_errors_are_those_of_one_big_least_squares_with_the_law_inside(campaign)
         places = [PURDY_DAMPER.names.index(name) for name in known.names]
         expected = np.sqrt(np.diag(chain @ whole @ chain.T)[places])
         assert np.sqrt(np.diag(known.covariance)) == pytest.approx(expected, rel=1e-3)
-
-
-def test_an_erratic_bulk_modulus_is_said_not_to_follow() -> None:
-    # K_e of the reference set scatters by up to 15 % about a smooth curve.
-    found = identify(traces([2, 6, 11, 17], noise=4.0, duration=5.0), PURDY_DAMPER, GASSY)
-    (said,) = map(str, found.warnings)
-    assert said.startswith("K_e does not follow Appendix 1 with one gas content")
-    assert "of 4 settings, most at setting 11" in said
-    assert max(found.sharing.gas_rises.values()) > 100.0
 
 
 def test_the_law_is_eq_28_and_starts_from_a_line() -> None:
