@@ -782,7 +782,6 @@ def _rig_filter(seen: _Seen) -> Iterator[Finding]:
     if seen.options.rig_filter != "none":
         return
     longest = seen.longest(fewest=1)
-    # python -m tests.identification.scatter --in-the-rig causal
     text = (
         "both channels look as if the rig had filtered them: if so, set rig.filter = "
         "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"

@@ -153,7 +153,7 @@ def _folded(
 # ratio of its two levels, as medians over the lines of the spectrum, is 0.1 to 9 in logs that
 # nobody filtered, of real rigs too, where the lower band also has the motion's own unrest. A 30 or
 # 60 Hz filter makes it 80 to 25 000 in the force and 4 to 1700 in the displacement, by the last
-# digit of the log (`python -m tests.conditioning.limits --filters`); a running mean over 50 ms 50.
+# digit of the log; a running mean over 50 ms 50.
 #
 # Where nothing repeats, motion and force have content just above the motion. There the noise is
 # looked at by itself: two bands far above the motion, the upper one twice as high, of which a

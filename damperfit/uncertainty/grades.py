@@ -57,7 +57,7 @@ class GradeLimits(NamedTuple):
     # `laws.ENOUGH_PERCENT`, which takes too long to import here.
     nothing_percent: float = 0.02
     # Samples of a log at the end of a channel's range. With 4 % no number moves by half a per cent;
-    # with 19 % a slope is 16 % off, at an MSE of 0.05 % (`tests.uncertainty.clipped_logs`).
+    # with 19 % a slope is 16 % off, at an MSE of 0.05 %.
     clipped_percent: float = 4.0
     # MSE of a test that was not fitted, in all and over the one expected, both at once.
     predicted_percent: float = 0.5

@@ -19,6 +19,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -156,164 +157,108 @@ def smoothed(log: Log, rows: int) -> Frame:
 
 LATE, FILTER = "delay|late|early", "filter|smooth|delay|late"
 RUBS, GAS = "as from .*friction that", "as from .*(gas|offset)|tare"
-# The fault, and what a warning that names it holds.
-FAULTS: dict[str, tuple[Fault, str]] = {
-    "nothing": (frame, ""),
-    **{f"force {d:g} ms late": (forced(partial(late, delay=1e-3 * d)), LATE) for d in (1, 3, 8)},
-    "displacement 3 ms late": (
-        lambda log: frame(log, displacement=late(log.displacement, 3e-3)), LATE,
-    ),
-    **{
-        f"force behind {f} Hz": (forced(partial(low_pass, corner=f)), FILTER) for f in (20, 40, 80)
-    },
-    "both channels behind 20 Hz": (
-        lambda log: frame(log, low_pass(log.force, 20.0), low_pass(log.displacement, 20.0)), FILTER,
-    ),
-    **{
-        f"friction {100 * share:g} % more within {1e3 * speed:g} mm/s": (
-            added(
-                lambda log, share=share, speed=speed: (
-                    share * FRICTION * log.sign * np.exp(-np.abs(log.velocity) / speed)
-                )
-            ),
-            RUBS,
-        )
-        for share, speed in ((0.2, 0.05), (0.8, 0.012), (0.8, 0.05))
-    },
-    **{
-        f"piston seal pressed, {1e6 * area:g} mm2": (
-            added(lambda log, a=area: a * np.abs(log.pressures[0] - log.pressures[1]) * log.sign),
-            RUBS,
-        )
-        for area in (2e-5, 6e-5)
-    },
-    "rod seal pressed, 30 mm2": (added(lambda log: 3e-5 * log.pressures[0] * log.sign), RUBS),
-    **{
-        f"friction over {1e6 * d:g} um": (
-            added(partial(presliding, distance=d)), f"{RUBS}|cause was not found",
-        )
-        for d in (5e-5, 3e-4)
-    },
-    "side load, 30 N at the ends": (
-        added(lambda log: 30.0 * np.abs(log.displacement) / AMPLITUDE * log.sign), RUBS,
-    ),
-    **{f"gas pressure {t:g} times": (other(gas_pressure=t), GAS) for t in (0.8, 1.25)},
-    **{f"gas volume {t:g} times": (other(gas_length=t), GAS) for t in (0.8, 1.25)},
-    **{f"rod {t:g} times": (other(rod_diameter=t), GAS) for t in (0.95, 1.05)},
-    **{f"bore {t:g} times": (other(piston_diameter=t), "declare") for t in (0.95, 1.05)},
-    "isothermal gas": (other(gas_exponent=1.0 / PURDY_DAMPER.gas_exponent), GAS),
-    **{
-        f"{mass:g} kg below the cell": (
-            added(
-                lambda log, m=mass: -m * (2.0 * np.pi * FREQUENCY) ** 2 * log.displacement
-            ),
-            f"{GAS}|mass",
-        )
-        for mass in (1.5, 5.0)
-    },
-    "zero of 25 N": (forced(lambda force: force + 25.0), GAS),
-    "zero of 25 N in one": (in_one(forced(lambda force: force + 25.0)), GAS),
-    "zero drifts by 20 N": (added(lambda log: 20.0 * ramp(log)), "drift"),
-    "oil 6 % thinner at the end": (
-        added(lambda log: -0.06 * log.oil * ramp(log)), "a trend, not scatter",
-    ),
-    "one blow of 150 N": (
-        added(lambda log: 150.0 * ((log.time > 4.0) & (log.time < 4.05))), "scatter",
-    ),
-    "cell of 3 % third order": (
-        forced(lambda force: force + 0.03 * force * (force / 1500.0) ** 2), "declare|misfit",
-    ),
-    "clock 2 % off in one": (in_one(lambda log: frame(log, time=1.02 * log.time)), "its clock is"),
-    "stroke 3 % off in one": (
-        in_one(lambda log: frame(log, displacement=1.03 * log.displacement)),
-        "its displacement channel is",
-    ),
-    "force 4 % off in one": (in_one(forced(lambda force: 1.04 * force)), "gain"),
-    "hum of 30 N, 50 Hz": (
-        added(lambda log: 30.0 * np.sin(100.0 * np.pi * log.time)), "",
-    ),
-    "hum of 20 N, 9.1 Hz": (
-        added(lambda log: 20.0 * np.sin(18.2 * np.pi * log.time)), "",
-    ),
-    "mounting of 3 N/um": (
-        lambda log: frame(log, displacement=log.displacement + log.force / 3e6), f"mount|{LATE}",
-    ),
-    "play of 0.3 mm": (
-        lambda log: frame(log, displacement=log.displacement + 1.5e-4 * np.tanh(log.force / 20.0)),
-        "play|mount",
-    ),
-    "end stop of 50 N/mm, 2 mm": (
-        added(lambda log: 5e4 * np.maximum(log.displacement - 0.03, 0.0)), GAS,
-    ),
-    "converter at 50 Hz": (partial(held, rows=20), "converter"),
-    "converter at 200 Hz": (partial(held, rows=5), "converter"),
-    "running mean of 40 ms": (partial(smoothed, rows=40), "smooth"),
-}  # fmt: skip
 
 
-# What a fresh fault is: its name with its size, the sizes that it may have, and the fault.
-FRESH: list[tuple[str, tuple[float, float], Callable[[float], Fault], str]] = [
-    ("force {:.2g} s late", (5e-4, 1e-2), lambda a: forced(partial(late, delay=a)), LATE),
-    ("force behind {:.2g} Hz", (15, 100), lambda a: forced(partial(low_pass, corner=a)), FILTER),
-    *(
-        (f"friction {{:.2g}} times more within {1e3 * v:g} mm/s", (0.1, 1.0),
-         lambda a, v=v: added(
-             lambda log: a * FRICTION * log.sign * np.exp(-np.abs(log.velocity) / v)), RUBS)
-        for v in (0.006, 0.02, 0.07)
-    ),
-    ("piston seal pressed, {:.2g} m2", (1e-5, 8e-5),
-     lambda a: added(lambda log: a * np.abs(log.pressures[0] - log.pressures[1]) * log.sign), RUBS),
-    ("rod seal pressed, {:.2g} m2", (1e-5, 6e-5),
-     lambda a: added(lambda log: a * log.pressures[0] * log.sign), RUBS),
-    ("friction over {:.2g} m", (3e-5, 4e-4), lambda a: added(partial(presliding, distance=a)),
-     f"{RUBS}|cause was not found"),
-    ("side load, {:.2g} N at the ends", (10, 60),
-     lambda a: added(lambda log: a * np.abs(log.displacement) / AMPLITUDE * log.sign), RUBS),
-    ("gas pressure {:.2g} times", (0.7, 1.4), lambda a: other(gas_pressure=a), GAS),
-    ("gas volume {:.2g} times", (0.7, 1.4), lambda a: other(gas_length=a), GAS),
-    ("rod {:.3g} times", (0.93, 1.07), lambda a: other(rod_diameter=a), GAS),
-    ("bore {:.3g} times", (0.93, 0.97), lambda a: other(piston_diameter=a), "declare"),
-    ("{:.2g} kg below the cell", (0.5, 6.0),
-     lambda a: added(lambda log: -a * (2.0 * np.pi * FREQUENCY) ** 2 * log.displacement),
-     f"{GAS}|mass"),
-    ("zero of {:.2g} N", (5, 60), lambda a: forced(lambda force: force - a), GAS),
-    ("zero of {:.2g} N in one", (5, 60), lambda a: in_one(forced(lambda force: force - a)), GAS),
-    ("zero drifts by {:.2g} N", (5, 40), lambda a: added(lambda log: -a * ramp(log)), "drift"),
-    ("oil thinner by {:.2g} at the end", (0.02, 0.12),
-     lambda a: added(lambda log: -a * log.oil * ramp(log)), "a trend, not scatter"),
-    ("one blow of {:.2g} N", (50, 400),
-     lambda a: added(lambda log: a * ((log.time > 4.0) & (log.time < 4.05))), "scatter"),
-    ("cell of {:.2g} third order", (0.01, 0.06),
-     lambda a: forced(lambda force: force + a * force * (force / 1500.0) ** 2), "declare|misfit"),
-    ("clock {:.3g} times in one", (0.96, 0.99),
-     lambda a: in_one(lambda log: frame(log, time=a * log.time)), "its clock is"),
-    ("stroke {:.3g} times in one", (0.94, 0.98),
-     lambda a: in_one(lambda log: frame(log, displacement=a * log.displacement)),
-     "its displacement channel is"),
-    ("force {:.3g} times in one", (0.9, 0.98),
-     lambda a: in_one(forced(lambda force: a * force)), "gain"),
-    ("hum of {:.2g} N, 11.3 Hz", (5, 60),
-     lambda a: added(lambda log: a * np.sin(22.6 * np.pi * log.time)), "line at"),
-    ("mounting of {:.2g} N/m", (1.5e6, 1e7),
-     lambda a: lambda log: frame(log, displacement=log.displacement + log.force / a),
-     f"mount|{LATE}"),
-    ("play of {:.2g} m", (1e-4, 1e-3),
-     lambda a: lambda log: frame(
-         log, displacement=log.displacement + 0.5 * a * np.tanh(log.force / 20.0)), "play|mount"),
-    ("converter at 1 of {:.2g} rows", (3, 25), lambda a: partial(held, rows=round(a)), "converter"),
-    ("running mean of {:.2g} ms", (10, 60), lambda a: partial(smoothed, rows=round(a)), "smooth"),
+class Kind(NamedTuple):
+    """Faults of a size: the sizes of the table, the ends of fresh ones, what a warning names."""
+
+    name: str
+    sizes: tuple[float, ...]
+    ends: tuple[float, float]
+    fault: Callable[[float], Fault]
+    cause: str
+
+
+def seals(within: float) -> Callable[[float], Fault]:
+    """Friction that is larger at rest by a share."""
+    return lambda a: added(
+        lambda log: a * FRICTION * log.sign * np.exp(-np.abs(log.velocity) / within)
+    )
+
+
+KINDS = [
+    Kind("nothing", (0,), (), lambda _: frame, ""),
+    Kind("force {:.2g} s late", (1e-3, 3e-3, 8e-3), (5e-4, 1e-2),
+         lambda a: forced(partial(late, delay=a)), LATE),
+    Kind("displacement {:.2g} s late", (3e-3,), (),
+         lambda a: lambda log: frame(log, displacement=late(log.displacement, a)), LATE),
+    Kind("force behind {:.2g} Hz", (20, 40, 80), (15, 100),
+         lambda a: forced(partial(low_pass, corner=a)), FILTER),
+    Kind("both channels behind {:.2g} Hz", (20,), (),
+         lambda a: lambda log: frame(log, low_pass(log.force, a), low_pass(log.displacement, a)),
+         FILTER),
+    *(Kind(f"friction {{:.2g}} times more within {1e3 * v:g} mm/s", sizes, (0.1, 1.0), seals(v),
+           RUBS)
+      for v, sizes in ((0.006, ()), (0.012, (0.8,)), (0.02, ()), (0.05, (0.2, 0.8)), (0.07, ()))),
+    Kind("piston seal pressed, {:.2g} m2", (2e-5, 6e-5), (1e-5, 8e-5),
+         lambda a: added(lambda log: a * np.abs(log.pressures[0] - log.pressures[1]) * log.sign),
+         RUBS),
+    Kind("rod seal pressed, {:.2g} m2", (3e-5,), (1e-5, 6e-5),
+         lambda a: added(lambda log: a * log.pressures[0] * log.sign), RUBS),
+    Kind("friction over {:.2g} m", (5e-5, 3e-4), (3e-5, 4e-4),
+         lambda a: added(partial(presliding, distance=a)), f"{RUBS}|cause was not found"),
+    Kind("side load, {:.2g} N at the ends", (30,), (10, 60),
+         lambda a: added(lambda log: a * np.abs(log.displacement) / AMPLITUDE * log.sign), RUBS),
+    Kind("gas pressure {:.2g} times", (0.8, 1.25), (0.7, 1.4),
+         lambda a: other(gas_pressure=a), GAS),
+    Kind("gas volume {:.2g} times", (0.8, 1.25), (0.7, 1.4), lambda a: other(gas_length=a), GAS),
+    Kind("rod {:.3g} times", (0.95, 1.05), (0.93, 1.07), lambda a: other(rod_diameter=a), GAS),
+    Kind("bore {:.3g} times", (0.95, 1.05), (0.93, 0.97),
+         lambda a: other(piston_diameter=a), "declare"),
+    Kind("isothermal gas", (1.0 / PURDY_DAMPER.gas_exponent,), (),
+         lambda a: other(gas_exponent=a), GAS),
+    Kind("{:.2g} kg below the cell", (1.5, 5.0), (0.5, 6.0),
+         lambda a: added(lambda log: -a * (2.0 * np.pi * FREQUENCY) ** 2 * log.displacement),
+         f"{GAS}|mass"),
+    Kind("zero of {:.2g} N", (-25,), (5, 60), lambda a: forced(lambda y: y - a), GAS),
+    Kind("zero of {:.2g} N in one", (-25,), (5, 60),
+         lambda a: in_one(forced(lambda y: y - a)), GAS),
+    Kind("zero drifts by {:.2g} N", (-20,), (5, 40),
+         lambda a: added(lambda log: -a * ramp(log)), "drift"),
+    Kind("oil thinner by {:.2g} at the end", (0.06,), (0.02, 0.12),
+         lambda a: added(lambda log: -a * log.oil * ramp(log)), "a trend, not scatter"),
+    Kind("one blow of {:.2g} N", (150,), (50, 400),
+         lambda a: added(lambda log: a * ((log.time > 4.0) & (log.time < 4.05))), "scatter"),
+    Kind("cell of {:.2g} third order", (0.03,), (0.01, 0.06),
+         lambda a: forced(lambda y: y + a * y * (y / 1500.0) ** 2), "declare|misfit"),
+    Kind("clock {:.3g} times in one", (1.02,), (0.96, 0.99),
+         lambda a: in_one(lambda log: frame(log, time=a * log.time)), "its clock is"),
+    Kind("stroke {:.3g} times in one", (1.03,), (0.94, 0.98),
+         lambda a: in_one(lambda log: frame(log, displacement=a * log.displacement)),
+         "its displacement channel is"),
+    Kind("force {:.3g} times in one", (1.04,), (0.9, 0.98),
+         lambda a: in_one(forced(lambda y: a * y)), "gain"),
+    *(Kind(f"hum of {{:.2g}} N, {f:g} Hz", sizes, ends,
+           lambda a, f=f: added(lambda log: a * np.sin(2.0 * np.pi * f * log.time)), cause)
+      for f, sizes, ends, cause in ((50.0, (30,), (), ""), (9.1, (20,), (), "line at"),
+                                    (11.3, (), (5, 60), "line at"))),
+    Kind("mounting of {:.2g} N/m", (3e6,), (1.5e6, 1e7),
+         lambda a: lambda log: frame(log, displacement=log.displacement + log.force / a),
+         f"mount|{LATE}"),
+    Kind("play of {:.2g} m", (3e-4,), (1e-4, 1e-3),
+         lambda a: lambda log: frame(
+             log, displacement=log.displacement + 0.5 * a * np.tanh(log.force / 20.0)),
+         "play|mount"),
+    Kind("end stop of {:.2g} N/m, 2 mm", (5e4,), (),
+         lambda a: added(lambda log: a * np.maximum(log.displacement - 0.03, 0.0)), GAS),
+    Kind("converter at 1 of {:.2g} rows", (5, 20), (3, 25),
+         lambda a: partial(held, rows=round(a)), "converter"),
+    Kind("running mean of {:.2g} ms", (40,), (10, 60),
+         lambda a: partial(smoothed, rows=round(a)), "smooth"),
 ]  # fmt: skip
+FAULTS = {
+    one.name.format(size): (one.fault(size), one.cause) for one in KINDS for size in one.sizes
+}
 
 
 def drawn(count: int, seed: int) -> dict[str, tuple[Fault, str]]:
     """Return so many faults of sizes drawn evenly by their logarithm, every kind in turn."""
-    random = np.random.default_rng(seed)
+    random, kinds = np.random.default_rng(seed), [one for one in KINDS if one.ends]
     faults: dict[str, tuple[Fault, str]] = {}
     while len(faults) < count:
-        for k in random.permutation(len(FRESH)).tolist()[: count - len(faults)]:
-            name, (low, high), fault, cause = FRESH[k]
-            size = math.exp(random.uniform(math.log(low), math.log(high)))
-            faults[name.format(size)] = fault(size), cause
+        for k in random.permutation(len(kinds)).tolist()[: count - len(faults)]:
+            size = math.exp(random.uniform(*map(math.log, kinds[k].ends)))
+            faults[kinds[k].name.format(size)] = kinds[k].fault(size), kinds[k].cause
     return faults
 
 

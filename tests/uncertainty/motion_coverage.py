@@ -22,26 +22,20 @@ import numpy as np
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.identification import FitOptions, LogFit, Sharing, identify
-from damperfit.identification.fit_problem import Block, linearise
+from damperfit.identification import LogFit, Sharing
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
-from damperfit.uncertainty import assess, uncertainties
+from damperfit.uncertainty import uncertainties
 from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests import fakes
+from tests.identification.accuracy_of_motions import NAMES, step_from
 from tests.oracles.motions import MOTIONS, logged, road
+from tests.uncertainty import few_cycles
 
-NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 
-
-def deviations(motion, seed, *, setting=10):
+def deviations(motion, seed):
     """ln(found/true) of each parameter and its standard error, shape (2, 5)."""
-    trace = condition(logged(motion, setting, seed=seed), ConditionOptions(centre=0.0))
-    campaign = identify([trace], PURDY_DAMPER, FitOptions(procedure="plain"))
-    (known,) = assess(campaign, PURDY_DAMPER).uncertainties
-    found, truth = campaign.fits[0].parameters, reference_parameters(setting)
-    off = [np.log(getattr(found, name) / getattr(truth, name)) for name in NAMES]
-    return np.array([off, [known.intervals[n].error / getattr(found, n) for n in NAMES]])
+    return np.array(few_cycles.deviations(logged(motion, 10, seed=seed))[1:])
 
 
 def covered(motion, campaigns, *, jobs=1):
@@ -73,9 +67,7 @@ def quickly_covered(campaigns, *, setting=10, duration=6.0):
         seen = (x + 3e-6 * random.standard_normal(n), force + 4.0 * random.standard_normal(n))
         log = Recording("road.csv", "road.csv", "", setting, time, *seen)
         trace = condition(log, ConditionOptions(centre=0.0))
-        problem = Block(PURDY_DAMPER, (trace,), NAMES, SolverOptions(tolerance=1e-2))
-        residuals, slopes = linearise(problem, truth)
-        step = np.linalg.lstsq(slopes, -residuals, rcond=None)[0]
+        step = step_from(truth, trace, PURDY_DAMPER)
         found = {n: getattr(truth, n) * np.exp(d) for n, d in zip(NAMES, step, strict=True)}
         logs = (LogFit(trace, 0.001, 0.001),)
         fit = replace(plain, parameters=replace(truth, **found), logs=logs)

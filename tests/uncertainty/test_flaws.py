@@ -80,38 +80,6 @@ def test_a_flaw_is_named_with_its_size(flaw, settings) -> None:
             assert found.runs_ratio < 0.5
 
 
-@pytest.mark.slow
-def test_r_m3_that_cannot_be_seen_is_said_to_stand_for_nothing() -> None:
-    # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton. The paper's
-    # value used to stand in for it, and the residuals said that it should not.
-    logs = [
-        short_trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
-        for setting in SETTINGS
-    ]
-    campaign = identify(logs, PURDY_DAMPER, FitOptions())
-    found = assess(campaign, PURDY_DAMPER)
-    assert "assumed" in {one.code for one in campaign.warnings}
-    said = list(map(str, found.doubts(campaign)))
-    assert said[0].startswith("r_m3 at settings 1, 10, 20: these logs do not")
-    assert "is used for all settings, instead of 0: any value below" in " ".join(said)
-    assert not any(one.is_structured for one in found.diagnoses)
-    for one in judged(logs, FitOptions(fixed={"r_m3": 2.597e6})).diagnoses:
-        assert one.hints[0].name == "r_m3"
-        assert "held at a wrong value, too high" in one.sentence
-
-
-def test_a_flaw_of_one_setting_is_named_there() -> None:
-    log = recording(10, noise=4.0)
-    more = 60.0 * (np.minimum(speed(log), 0.0) / 0.3) ** 2
-    logs = [short_trace(1, noise=4.0), condition(replace(log, force=log.force + more))]
-    found = judged(logs, FitOptions(fixed=KNOWN))
-    sound, bent = found.diagnoses
-    assert not sound.is_structured
-    assert bent.hints[0].name == "valve_law_bump"
-    assert bent.hints[0].amount == pytest.approx(60.0, rel=0.1)
-    assert str(found.warnings[0]).startswith("setting 10: ")
-
-
 def test_a_weak_misfit_that_repeats_for_long_is_seen_below_white_noise() -> None:
     # The bar took its independent samples from the residual, and rose with the misfit in it.
     log = recording(10)
@@ -120,18 +88,6 @@ def test_a_weak_misfit_that_repeats_for_long_is_seen_below_white_noise() -> None
     for more, is_seen in ((noise, False), (noise + third, True)):
         seen = condition(replace(log, force=log.force + more), UNFILTERED)
         assert judged([seen], BARE).diagnoses[0].is_structured is is_seen
-
-
-def test_friction_that_rises_with_speed_is_less_at_low_speed() -> None:
-    logs = []
-    for setting in SETTINGS:
-        log = recording(setting, noise=2.0)
-        v = speed(log)
-        rising = 20.0 * np.sign(v) * np.sqrt(np.abs(v) / 0.3)
-        logs.append(condition(replace(log, force=log.force + rising)))
-    said = " ".join(map(str, judged(logs).warnings))
-    assert "friction that depends on velocity" in said
-    assert "N less at low speed" in said
 
 
 def test_a_tare_that_the_fit_has_no_room_for_is_not_confirmed() -> None:

@@ -10,8 +10,7 @@ import pytest
 from damperfit.conditioning import apply_filter, design_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
-from damperfit.tested.setting import Setting
-from damperfit.uncertainty import Uncertainty, assess, linearise_settings, uncertainties
+from damperfit.uncertainty import linearise_settings, uncertainties
 from damperfit.uncertainty.linearisation import (
     autocorrelation,
     correlation_length,
@@ -23,7 +22,7 @@ from damperfit.uncertainty.linearisation import (
     sums_by_cycle,
     widening,
 )
-from tests.identification.rig import short_trace, short_traces
+from tests.identification.rig import short_trace
 from tests.uncertainty.coverage import MadeUpCampaign, run, summary
 from tests.uncertainty.motion_coverage import NAMES, covered, quickly_covered
 
@@ -172,47 +171,6 @@ def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
     naive = float(np.std(linearised[0].logs[0].residuals)) / 4.0 * textbook
     for name, small in zip(FREE, naive, strict=True):
         assert found[name].error / getattr(campaign.fits[0].parameters, name) > 2.0 * small
-
-
-def test_what_has_no_variance_has_no_correlation_and_says_nothing_of_it() -> None:
-    seen = Uncertainty(Setting.of(1), {}, ("k_e", "f_f"), np.diag([4.0, 0.0]))
-    np.testing.assert_array_equal(seen.correlation, [[1.0, np.nan], [np.nan, np.nan]])
-
-
-def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
-    campaign = identify(short_traces([1, 10], noise=4.0), PURDY_DAMPER)
-    known = assess(campaign, PURDY_DAMPER).uncertainties
-    for fit, found in zip(campaign.fits, known, strict=True):
-        assert set(found.intervals) == {"r_m1", "r_m2", "k_e", "r_m3", "f_f"}
-        assert fit.status["r_m3"] == fit.status["f_f"] == "shared"
-        for name, interval in found.intervals.items():
-            value = getattr(fit.parameters, name)
-            assert 0.0 < interval.low < value < interval.high
-            assert interval.low * interval.high == pytest.approx(value**2, rel=1e-12)
-        assert np.diag(found.correlation) == pytest.approx(1.0)
-        assert np.linalg.eigvalsh(found.covariance).min() > -1e-18
-    first, second = (found.intervals for found in known)
-    assert first["r_m3"].error == second["r_m3"].error
-
-
-def test_one_setting_alone_has_the_errors_of_the_fit_with_everything_free() -> None:
-    log = short_trace(3, noise=4.0)
-    shared, plain = (
-        assess(identify([log], PURDY_DAMPER, FitOptions(how)), PURDY_DAMPER).uncertainties[0]
-        for how in ("paper", "plain")
-    )
-    for name, interval in plain.intervals.items():
-        assert shared.intervals[name].error == pytest.approx(interval.error, rel=0.02)
-
-
-def test_a_parameter_at_its_bound_has_no_interval_and_an_offset_may_be_negative() -> None:
-    log = short_trace(5, noise=4.0)
-    campaign = identify([log], PURDY_DAMPER, FitOptions("plain", (*FREE, "f_0"), KNOWN))
-    found = assess(campaign, PURDY_DAMPER).uncertainties[0].intervals
-    assert found["f_0"].low < 0.0 < found["f_0"].high
-    assert found["f_0"].error < 0.5
-    limited = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN, max_evaluations=2))
-    assert assess(limited, PURDY_DAMPER).uncertainties[0].intervals == {}
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,10 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.cli import main
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
 from damperfit.laws import law_fit
 from damperfit.laws.law_fit import PREDICTED_PERCENT
@@ -31,7 +28,6 @@ from damperfit.uncertainty.grades import LIMITS
 from damperfit.uncertainty.prediction import _is_same_motion, _prediction, _tested
 from tests import fakes
 from tests.identification.rig import recording
-from tests.laws.valve_logs import moved
 
 SETTINGS = (1, 10, 20)
 WRONG_GAS = replace(PURDY_DAMPER, gas_pressure=1.4 * PURDY_DAMPER.gas_pressure)
@@ -96,18 +92,6 @@ def test_the_true_law_at_a_small_stroke_is_predicted() -> None:
     assert not any(one.is_failed for one in found)
 
 
-def test_a_log_that_drifts_shows_in_its_last_cycles() -> None:
-    logs = []
-    for setting in SETTINGS:
-        steady = recording(setting, noise=4.0, duration=8.0)
-        late = np.clip((steady.time - 4.0) / 4.0, 0.0, None)  # the rig's tare creeps by 20 N
-        logs.append(condition(replace(steady, force=steady.force + 20.0 * late)))
-    parts = [split_cycles(trace, 4) for trace in logs]
-    found = predicted([rest for rest, _ in parts], [last for _, last in parts])
-    assert all(one.is_failed for one in found)
-    assert {one.cycles for one in found} == {"last 4"}
-
-
 @pytest.mark.parametrize(("cycles", "held"), [(1, 1), (3, 3), (0.3, 2), (0.01, 1), (0.5, 3)])
 def test_the_last_cycles_are_held_out_and_nothing_is_lost(cycles, held) -> None:
     trace = log(10)
@@ -120,15 +104,6 @@ def test_the_last_cycles_are_held_out_and_nothing_is_lost(cycles, held) -> None:
     together = np.concatenate([rest.cycle_starts, last.cycle_starts[1:]])
     assert together == pytest.approx(whole.cycle_starts)
     assert rest.stop == pytest.approx(rest.cycle_starts[-1], abs=0.5)
-
-
-def test_the_fit_does_not_see_what_is_held_out() -> None:
-    rest, last = split_cycles(log(10), 3)
-    spoilt = rest.force.copy()
-    spoilt[last.compared] += 500.0
-    for part in (rest, replace(rest, force=spoilt)):
-        found = identify([part], PURDY_DAMPER).fits[0].parameters
-        assert found.r_m1 == pytest.approx(reference_parameters(10).r_m1, rel=0.02)
 
 
 def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> None:
@@ -241,24 +216,3 @@ def test_friction_is_of_chance_within_three_deviations_of_the_velocity(times, is
     )  # fmt: skip
     assert _tested(trace).tolist() == [is_tested, True, True, is_tested]
     assert _tested(SimpleNamespace(**vars(trace) | {"findings": ()})).all()
-
-
-def test_a_run_withholds_the_grade_of_a_setting_whose_hold_out_is_missed(tmp_path) -> None:
-    """A straight line through 0.2 m/s fits that speed alone; friction has its share at another."""
-    for name, speed in (("fast", 0.2), ("slow", 0.03)):
-        motion = moved((speed,), amplitude=0.01, cycles=6)
-        x, v = motion.displacement, np.gradient(motion.displacement, motion.interval)
-        force = 900.0 * v + 12.0 * np.tanh(v / 0.02)
-        force += np.random.default_rng(5).normal(0.0, 0.5, len(x))
-        rows = np.c_[motion.interval * np.arange(len(x)), 1e3 * x, force]
-        head = "# setting: 1\ntime_s,displacement_mm,force_N"
-        np.savetxt(tmp_path / f"{name}.csv", rows, "%.5f", ",", header=head, comments="")
-    logs, out = [str(tmp_path / f"{name}.csv") for name in ("fast", "slow")], tmp_path / "results"
-    options = ["--hold-out", "slow.csv", "--model", "linear", "--out", str(out)]
-    assert main(["identify", *logs, *options]) == 0
-    record = json.loads((out / "run.json").read_text())
-    (held,), (withheld,) = record["held_out"], record["grades_withheld"]
-    assert held["mse_percent"] > 4.0 * held["expected_mse_percent"]
-    assert [one["kind"] for one in withheld["reasons"]] == ["prediction"]
-    assert "slow.csv, which was not fitted, is predicted with" in withheld["reasons"][0]["sentence"]
-    assert any("let the logs choose a model" in one for one in record["warnings"])

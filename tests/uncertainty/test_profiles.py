@@ -111,30 +111,6 @@ def test_an_offset_may_be_followed_through_zero() -> None:
     assert profile.high - profile.low == pytest.approx(high - low, rel=0.02)
 
 
-@pytest.mark.slow
-def test_little_rebound_resistance_is_flat_downward_with_an_upper_limit() -> None:
-    # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton of 300.
-    truths = {setting: replace(reference_parameters(setting), r_m3=2.6e3) for setting in (1, 10)}
-    logs = [short_trace(setting, truth, noise=4.0) for setting, truth in truths.items()]
-    campaign = identify(logs, PURDY_DAMPER)
-    judged = assess(campaign, PURDY_DAMPER)
-    profile = judged.profile(1, "r_m3")
-    assert profile.shape == "flat downward"
-    assert 2.6e3 < profile.high < 1e5
-    for fit in campaign.fits:
-        assert fit.status["r_m3"] == "not_identifiable"
-        assert judged.limits(fit.setting, "r_m3") == (None, profile.high)
-        said = judged.verdicts(campaign)[fit.setting]["r_m3"]
-        assert "flat downward, only an upper limit: 95 % below" in said
-        assert f"{fit.parameters.r_m3:.4g} N s/(m2 kg) is used for all settings" in said
-        # The others are told all the same, and their intervals know of the doubt.
-        for name in FREE:
-            low, high = judged.limits(fit.setting, name)
-            slack = 0.5 * (high - low)
-            assert low - slack < getattr(truths[fit.setting], name) < high + slack
-    assert any(str(one).startswith("r_m3 at settings 1, 10: ") for one in judged.doubts(campaign))
-
-
 def test_a_short_slow_stroke_leaves_the_bulk_modulus_flat_upward() -> None:
     # 2 mm at 1.5 Hz: the oil gives way by less than the noise, so that it may as well be rigid.
     log = short_trace(10, noise=4.0, amplitude=0.002)

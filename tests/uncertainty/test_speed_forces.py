@@ -206,34 +206,3 @@ def test_by_how_much_a_model_may_miss_the_measured_force(
     # What the damper may bend between measured speeds is no part of the difference, taken at them.
     bent = replace(seen, error=error + 100.0)
     assert replace(plain, measured=bent, half_range=1500.0).disagrees is disagrees
-
-
-def test_turning_one_adjuster_is_no_change_of_the_other_stroke() -> None:
-    """A turn of the compression adjuster was reported as rebound +179 %."""
-    model = replace(damper(), mounting=Mounting(FIT, "none", FIT))
-    numbers = {name: value for name, value in VALUES.items() if name != "play"} | RIG
-    clicks = {8: 2.9e4, 4: 7e4}
-    traces = []
-    for k, (rebound, compression) in enumerate((r, c) for r in clicks for c in clicks):
-        truth = model.values(
-            numbers, rebound_bleed=clicks[rebound], compression_bleed=clicks[compression]
-        )
-        trace = logged(model, truth, moved(SPEEDS[3:]), noise=1.0, stroke_noise=2e-6)
-        label = Setting((("rebound", rebound), ("compression", compression)))
-        traces.append(replace(trace, name=f"{k}.csv", setting=label))
-    free = ("rebound_bleed", "rebound_opening", "compression_bleed", "compression_opening", "f_f")
-    options = FitOptions(
-        "plain",
-        free=free,
-        fixed={name: getattr(truth, name) for name in truth.names if name not in free},
-        start=GivenStart({name: getattr(truth, name) for name in free}),
-    )
-    campaign = identify(traces, model, options)
-    shown = compare_settings(campaign, assess(campaign, model), model, speeds=SPEEDS[3:])
-    assert len(shown.clicks) == 2 * 2 * 2 * 3
-    for one in shown.clicks:
-        own = "rebound" if one.stroke == "rebound" else "compression"
-        if one.adjuster == own:
-            assert abs(one.percent) > 5.0
-        else:
-            assert abs(one.percent) < 0.2
