@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
+from damperfit.cli.main import main
 from tests.kept_fits import kept_fits
 
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
@@ -49,13 +51,28 @@ class Here:
     def __init__(self, _number: int = 1) -> None:
         self.n_begun = 0
 
+    def result(self, act, item):
+        try:
+            return act(item)
+        except Exception as error:  # noqa: BLE001 - as another process hands it over
+            return error
+
     def each(self, act, items, *, cancelled=lambda: False):
         for item in items:
             if cancelled():
                 return
             self.n_begun += 1
-            try:
-                found = act(item)
-            except Exception as error:  # noqa: BLE001 - as another process hands it over
-                found = error
-            yield item, found
+            yield item, self.result(act, item)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    monkeypatch.setattr("damperfit.workers.Processes", Here)
+
+
+def run(*arguments: object) -> int:
+    return main(["fleet", *map(str, arguments)])
+
+
+def table_of(folder: Path) -> pd.DataFrame:
+    return pd.read_parquet(folder / "_fleet" / "fleet.parquet")

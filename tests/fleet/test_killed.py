@@ -30,11 +30,9 @@ def command(logs: Path, out: Path, *more: str) -> list[str]:
     return [sys.executable, "-m", "damperfit", "fleet", str(logs), "--out", str(out), *more]
 
 
-def finished(logs: Path, out: Path, *more: str) -> tuple[bytes, bytes]:
+def finished(logs: Path, out: Path, *more: str) -> list[bytes]:
     subprocess.run(command(logs, out, "--collect", *more), check=True, capture_output=True)
-    return (out / "_fleet" / "fleet.parquet").read_bytes(), (
-        out / "_fleet" / "fleet.csv"
-    ).read_bytes()
+    return [(out / "_fleet" / f"fleet.{kind}").read_bytes() for kind in ("parquet", "csv")]
 
 
 def wait_for_part(out: Path, running: subprocess.Popen, number: int = 1) -> None:

@@ -11,7 +11,7 @@ import yaml
 
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
-from tests.fleet.test_fleet_command import Here
+from tests.fleet.conftest import Here
 from tests.manual.generated import COMMANDS, PAGES, PLACE, ROOT, options_of
 
 KINDS = {"sh", "python", "toml", "csv", "yaml", "text"}
