@@ -126,10 +126,7 @@ def test_a_table_is_read_back_from_its_file(fitted, target) -> None:
 
 @pytest.mark.parametrize(
     ("target", "old", "new"),
-    [
-        ("carsim", r"(?m)^(\S+), .*$", r"\1, 0"),
-        ("modelica", r"P_2\*A_2", "P_2*A_1"),
-    ],
+    [("carsim", r"(?m)^(\S+), .*$", r"\1, 0"), ("modelica", r"P_2\*A_2", "P_2*A_1")],
 )
 def test_what_stands_in_the_file_counts_not_what_was_meant(fitted, target, old, new) -> None:
     source = exported_run(fitted)
@@ -153,10 +150,9 @@ def test_a_file_without_its_table_and_a_run_without_signals_say_so(fitted, resul
 
 
 @runs_here
-def test_a_library_for_another_machine_alone_is_refused(handed, fitted) -> None:
+def test_a_library_for_another_machine_alone_is_refused(fitted) -> None:
     source = exported_run(fitted)
-    made = TARGETS["fmu2"].export(source)
-    bare = BytesIO()
+    made, bare = TARGETS["fmu2"].export(source), BytesIO()
     with (
         zipfile.ZipFile(BytesIO(made.files["damper.fmu"])) as old,
         zipfile.ZipFile(bare, "w") as new,

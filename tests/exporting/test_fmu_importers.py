@@ -67,25 +67,14 @@ def test_fmpy_runs_it_though_it_holds_inputs(files, name, version, motion, kind)
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", CASES)
-def test_casadi_takes_derivatives_and_integrates_it(files, name, version, tmp_path) -> None:
+def test_casadi_integrates_it(files, name, version, tmp_path) -> None:
     import casadi as ca
 
     dae = ca.DaeBuilder("damper", str(unzip(files[name, version].read_bytes(), tmp_path / "unit")))
     dae.set("setting", 2)
     n = len(STATES[name])
     assert dae.x() == STATES[name]
-    blocks = dae.create("slopes", ["t", "x", "u"], ["jac_ode_x", "jac_ode_u", "jac_y_x", "jac_y_u"])
     both = dae.create("both", ["t", "x", "u"], ["ode", "y"])
-    held = {"oil_1": 3e-4, "oil_2": 2e-5, "outside": 0.0, "grip": 0.3}
-    at, u = np.array([held[one] for one in STATES[name]]), np.array([0.004, 0.02])
-    exact = [np.array(one) for one in blocks(0.0, at, u)]
-    for k in range(n + 2):
-        step = np.eye(n + 2)[k] * (1e-9 if k < n and STATES[name][k].startswith("oil") else 1e-7)
-        ends = [both(0.0, at + s * step[:n], u + s * step[n:]) for s in (-1.0, 1.0)]
-        for row, pair in enumerate(zip(*ends, strict=True)):
-            low, high = (np.array(one).ravel() for one in pair)
-            mine = exact[2 * row + (k >= n)][:, k if k < n else k - n]
-            assert mine == pytest.approx((high - low) / (2.0 * step[k]), rel=1e-4, abs=1e-3)
     t, w, a = ca.MX.sym("t"), 2.0 * np.pi * 1.5, 0.032
     x = ca.MX.sym("x", n)
     ode, _ = both(t, x, ca.vertcat(a * ca.sin(w * t), a * w * ca.cos(w * t)))

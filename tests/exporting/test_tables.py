@@ -57,37 +57,25 @@ def test_every_target_holds_the_force_of_a_steady_solver_of_the_same_valves(
             assert np.interp(speed, v, force) == pytest.approx(truth, rel=0.01), speed
 
 
-def test_the_paper_s_damper_is_its_closed_form(handed) -> None:
-    gas = float(handed.damper.rest_force(0.0))
-    for setting, table in zip(handed.settings, force_tables(handed), strict=True):
-        for speed in (*SPEEDS, *(-one for one in SPEEDS)):
-            truth = purdy_force(setting.values, handed.damper, speed) - gas
-            found = np.interp(speed, table.speeds, table.forces)
-            assert found == pytest.approx(truth, rel=0.01), speed
-
-
-def test_points_lie_close_where_cars_are_tuned_and_at_knees(handed) -> None:
+def test_points_lie_close_where_cars_are_tuned_and_at_knees_and_straight_through_rest(handed):
     damper = DAMPERS[0]
     run = of_valves(handed, damper)
     gas = float(damper.rest_force(0.0))
     for setting, table in zip(run.settings, force_tables(run), strict=True):
         v = table.speeds
         assert sum((v >= 0.005) & (v <= 0.05)) >= 10
+        assert table.forces[v.tolist().index(0.0)] == 0.0
         middle = 0.5 * (v[1:] + v[:-1])
         middle = middle[np.abs(middle) > 0.005]
         known = {one: getattr(setting.values, one) for one in damper.names}
         truth = [steady_force(damper.network, known, damper, one) - gas for one in middle]
         line = np.interp(middle, v, table.forces)
         assert line == pytest.approx(np.array(truth), rel=0.006, abs=0.2)
-
-
-def test_a_table_goes_straight_through_rest_and_holds_no_gas(handed) -> None:
-    for table in force_tables(handed):
-        at = table.speeds.tolist().index(0.0)
-        assert table.forces[at] == 0.0
-        assert table.forces[at - 1] < -45.0 < 45.0 < table.forces[at + 1]
+    for setting, table in zip(handed.settings, force_tables(handed), strict=True):
         assert table.level == pytest.approx(-130.4, abs=0.1)
-        assert table.at_rest(np.array([0.0, 0.032]))[1] > table.level
+        for speed in (*SPEEDS, *(-one for one in SPEEDS)):  # the paper's closed form
+            truth = purdy_force(setting.values, handed.damper, speed) - table.level
+            assert np.interp(speed, table.speeds, table.forces) == pytest.approx(truth, rel=0.01)
 
 
 def test_each_quantity_s_error_and_their_correlation_are_in_the_interval(handed) -> None:
@@ -145,23 +133,16 @@ def test_the_speed_up_to_which_a_force_is_determined_is_told_and_rows_beyond_are
     assert b"$ NOT DETERMINED from here on" in content
 
 
-def test_a_setting_tested_more_slowly_ends_there(handed) -> None:
+def test_nothing_beyond_the_tested_speed_unless_asked_and_then_marked(handed) -> None:
     slow = replace(handed.settings[0], top_speed=0.1)
     run = replace(handed, settings=(slow, *handed.settings[1:]))
-    assert [one.end for one in force_tables(run)] == pytest.approx([0.1, 0.301, 0.301])
-    assert {one.end for one in force_tables(run, common=True)} == {0.1}
-    assert [one.end for one in force_tables(run, extend=0.2)] == pytest.approx([0.2, 0.301, 0.301])
-
-
-def test_nothing_beyond_the_tested_speed_unless_asked_and_then_marked(handed) -> None:
-    plain, more = force_tables(handed)[1], force_tables(handed, extend=0.45)[1]
-    assert not plain.is_extended
-    assert more.is_extended
-    assert more.end == 0.45
-    inside = np.abs(more.speeds) <= plain.end
-    assert np.interp(plain.speeds, more.speeds[inside], more.forces[inside]) == pytest.approx(
-        plain.forces, rel=0.005, abs=0.2
-    )
+    for how, ends in (
+        *(({}, [0.1, 0.301, 0.301]), ({"extend": 0.2}, [0.2, 0.301, 0.301])),
+        *(({"common": True}, [0.1] * 3), ({"extend": 0.45}, [0.45] * 3)),
+    ):
+        tables = force_tables(run, **how)
+        assert [one.end for one in tables] == pytest.approx(ends)
+        assert tables[0].is_extended == ("extend" in how)
     for name in TABLES:
         files = TARGETS[name].export(handed, ExportOptions(extend=0.45)).files
         text = b"".join(files.values()).replace(b"\x00", b"").decode("utf-8", "replace")
@@ -222,34 +203,28 @@ def heads_of(sheet, row=1):
     return [cell.value for cell in sheet[row]]
 
 
-def test_one_sheet_a_table_with_units_and_a_frozen_heading(handed) -> None:
-    book = workbook(with_friction_error(handed, 1e-4))
+@pytest.mark.parametrize(
+    ("text", "newtons", "metres"), [("", 1.0, 1.0), ("lbf,in/s", POUND, 0.0254)]
+)
+def test_one_sheet_a_table_with_units_and_a_frozen_heading(handed, text, newtons, metres) -> None:
+    run = with_friction_error(handed, 1e-4)
+    book = workbook(run, **({"units": parse_units(text)} if text else {}))
+    force, speed = text.split(",") if text else ("N", "m/s")
     assert book.sheetnames == ["about", "forces", "parameters"]
     forces = book["forces"]
-    assert forces.freeze_panes == "A3"
+    assert (forces.freeze_panes, forces["A1"].font.b) == ("A3", True)
     settings = [f"setting {n}" for n in (1, 10, 20)]
     halves = [f"± 95 % of {one}" for one in settings]
-    assert heads_of(forces) == ["speed_m_per_s", *settings, *halves]
-    assert heads_of(forces, 2) == ["m/s", *["N"] * 6]
+    assert heads_of(forces) == [f"speed_{speed.replace('/', '_per_')}", *settings, *halves]
+    assert heads_of(forces, 2) == [speed, *[force] * 6]
     table = force_tables(handed, common=True)[1]
-    rows = list(forces.iter_rows(min_row=3, values_only=True))
-    assert [row[2] for row in rows] == pytest.approx(table.forces.tolist())
-    assert rows[0][4] == pytest.approx(1.959964 * 0.01 * 50.0, rel=1e-4)
+    rows = np.array(list(forces.iter_rows(min_row=3, values_only=True)), dtype=float)
+    assert newtons * rows[:, 2] == pytest.approx(table.forces)
+    assert metres * rows[:, 0] == pytest.approx(table.speeds)
+    assert newtons * rows[0, 4] == pytest.approx(1.959964 * 0.01 * 50.0, rel=1e-4)
     heads, units = heads_of(book["parameters"]), heads_of(book["parameters"], 2)
-    assert units[heads.index("k_e")] == "Pa"
-    assert forces["A1"].font.b
+    assert (units[heads.index("k_e")], units[heads.index("f_f")]) == ("Pa", force)
     assert "rebound" in " ".join(str(row[0].value) for row in book["about"].rows)
-
-
-def test_units_are_converted_in_cells_headings_and_units(handed) -> None:
-    plain, pounds = workbook(handed), workbook(handed, units=parse_units("lbf,in/s"))
-    assert heads_of(pounds["forces"], 2) == ["in/s", "lbf", "lbf", "lbf"]
-    assert pounds["forces"]["A1"].value == "speed_in_per_s"
-    place = heads_of(pounds["parameters"]).index("f_f")
-    assert heads_of(pounds["parameters"], 2)[place] == "lbf"
-    for name, row, column in (("forces", 3, 2), ("forces", 40, 2), ("parameters", 3, place)):
-        shown, si = (book[name][row][column].value for book in (pounds, plain))
-        assert shown * POUND == pytest.approx(si)
 
 
 def test_text_cannot_become_a_formula_and_bytes_are_the_same_each_time(handed) -> None:
