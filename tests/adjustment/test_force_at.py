@@ -1,7 +1,5 @@
 """Force of a setting at a speed: the right error, shared errors that cancel, tares left out."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,15 +8,15 @@ import numpy as np
 import pytest
 
 import damperfit
-from damperfit.adjustment.clicks import Adjustment, clicks, which_setting
+from damperfit.adjustment.clicks import clicks, which_setting
 from damperfit.adjustment.force_at import (
+    Force,
     Sine,
     Stage,
     credible_forces,
     determined_speed,
     fastest_sine,
     force_at,
-    named_speeds,
     open_limits,
     stage_of,
 )
@@ -26,12 +24,13 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.rivals import Bilinear
+from damperfit.errors import ConfigurationError
 from damperfit.identification import Status
 from damperfit.queries.settings import Question, tabulate_forces
-from damperfit.results import Tested
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import SpeedForces, Uncertainty
 from tests import fakes
+from tests.adjustment import gap_coverage
 from tests.fakes import run_of
 from tests.laws.valve_logs import VALUES, damper
 
@@ -59,21 +58,6 @@ SINE = Sine(0.032, 1.5)
 
 def notes_of(stages, model, speed=0.1, sine=SINE):
     return tabulate_forces(run_of(tuple(stages), model, sine), Question(speed)).notes
-
-
-def test_forces_are_those_at_constant_speed_with_their_parts() -> None:
-    found = force_at([stage(10)], PURDY_DAMPER, (0.1, 0.26))
-    order = [(0.1, "rebound"), (0.1, "bump"), (0.26, "rebound"), (0.26, "bump")]
-    assert [(one.speed, one.stroke) for one in found] == order
-    curve = quasi_static(PURDY_DAMPER, reference_parameters(10), [0.1, -0.1, 0.26, -0.26])
-    assert [one.force for one in found] == pytest.approx(curve.forces)
-    for one in found:
-        assert np.isnan(one.error)
-        assert one.gas == pytest.approx(curve.rest)
-        assert abs(one.friction) == pytest.approx(50.0)
-        assert one.damping == pytest.approx(one.force - curve.rest)
-    assert named_speeds(0.302) == (0.05, 0.1, 0.13, 0.26, 0.3)
-    assert named_speeds(0.2555) == (0.05, 0.1, 0.13, 0.26)  # nominal 0.26 m/s
 
 
 @pytest.mark.parametrize("setting", [2, 18])
@@ -214,26 +198,6 @@ def test_a_blow_off_that_no_log_opens_is_in_the_interval_beyond_the_tested_speed
     assert math.isnan(determined_speed(replace(one, covariance=None), damper()))
 
 
-def test_a_speed_that_was_never_tested_is_answered_with_a_sentence() -> None:
-    several = [unopened(n) for n in (1, 2)]
-    notes = notes_of(several, damper(), 0.4, Sine(0.02, 0.4))
-    assert any("0.4 m/s was never tested at settings 1, 2 (tested: up to 0.05" in x for x in notes)
-    assert any("do not determine the force there at settings 1, 2" in x for x in notes)
-    tested = notes_of(several, damper(), 0.05, Sine(0.02, 0.4))
-    assert not any("never tested" in x or "determine" in x for x in tested)
-
-
-def test_what_was_never_tested_is_named() -> None:
-    tested = Tested(2, 0.032, 0.3, (1.5, 2.0))
-    assert list(tested.outside(amplitude=0.033, frequency=2.05, speed=0.31)) == []
-    assert list(tested.outside(amplitude=0.11, frequency=15.0, speed=0.63)) == [
-        "an amplitude of 110 mm (tested: up to 32 mm)",
-        "15 Hz (tested: 1.5 to 2 Hz)",
-        "0.63 m/s (tested: up to 0.3 m/s)",
-    ]
-    assert list(Tested().outside(amplitude=1.0, frequency=1.0, speed=1.0)) == []
-
-
 OF_SINE = 0.3 / (2.0 * np.pi * 0.032)  # Hz, with 0.3 m/s at 32 mm
 
 
@@ -350,22 +314,6 @@ def test_where_no_gas_is_known_the_offset_stays_in_the_force_and_out_of_the_clic
     assert any("the model knows no gas: its force offset (-120 N)" in one for one in notes)
 
 
-@pytest.mark.parametrize(
-    ("tares", "said"),
-    [
-        ((0.0, 0.0, 0.0), None),
-        ((12.0, 12.0, 12.0), "the force offset (12 N) is the rig's tare"),
-        (TARES, "the force offset (-3.4 to 36.6 N) is the rig's tare"),
-    ],
-)
-def test_one_line_says_that_a_tare_is_left_out(tares, said) -> None:
-    stages = tared(tares)
-    notes = [note for note in notes_of(stages, PURDY_DAMPER) if "offset" in note]
-    sentences = Adjustment(forces=forces(*stages)).sentences
-    assert [note.startswith(said or "") for note in notes] == [True] * (said is not None)
-    assert [said in one for one in sentences] == [True] * (said is not None)
-
-
 def test_forces_are_shown_at_the_speeds_that_are_asked_for(tmp_path) -> None:
     run = damperfit.identify(
         ["sample_runs/setting_10.csv"], velocity=["0.1m/s", "10mm/s"], out=tmp_path
@@ -376,3 +324,129 @@ def test_forces_are_shown_at_the_speeds_that_are_asked_for(tmp_path) -> None:
         assert rows["speed_m_per_s"].tolist() == [0.01, 0.01, 0.1, 0.1]
     loops = run.characteristics
     assert set(loops["speed_rebound_m_per_s"][loops["point"] == "speed"]) == {0.01, 0.1}
+
+
+# Which setting gives a force: between clicks, exactly, twice, never.
+
+
+def forces_by_click(forces, *, settings=None, error=0.5, stroke="rebound"):
+    settings = settings or range(1, len(forces) + 1)
+    return [
+        Force(setting, 0.2, stroke, float(force), error, error, np.zeros(0))
+        for setting, force in zip(settings, forces, strict=True)
+    ]
+
+
+def test_between_two_clicks_with_the_interval_of_the_force() -> None:
+    (answer,) = which_setting(forces_by_click([100, 200, 300, 400], error=2.0), 250.0).answers
+    assert answer.position == pytest.approx(2.5)
+    assert answer.high - 2.5 == pytest.approx(1.96 * 2.0 / 100.0, rel=1e-3)
+    assert 2.5 - answer.low == pytest.approx(1.96 * 2.0 / 100.0, rel=1e-3)
+    assert (answer.below, answer.above, answer.force_below, answer.force_above) == (2, 3, 200, 300)
+
+
+@pytest.mark.parametrize(
+    ("forces", "wanted", "positions", "words"),
+    [
+        ([100, 200, 300], 200.0, [2.0], "setting 2 (95 % within 0.01), which gives 200 N"),
+        ([100, 200, 300], 500.0, [], "more than the hardest, setting 3 with 300 N"),
+        ([100, 200, 300], 50.0, [], "less than the weakest"),
+        ([-100, -200, -300], -150.0, [1.5], ""),
+        ([-100, -200, -300], -400.0, [], "more than the hardest, setting 3"),
+        ([-100, -200, -300], -10.0, [], "less than the weakest, setting 1"),
+        ([400, 300, 200, 100], 250.0, [2.5], ""),
+        ([100, 300, 150, 400], 200.0, [1.5, 2.5, 3.5], "3 answers"),
+        ([100, 200, 300], 300.9, [3.0], ""),  # beyond the last, but within its interval
+    ],
+)
+def test_a_force_is_found_wherever_the_curve_passes_it_or_out_of_reach(
+    forces, wanted, positions, words
+) -> None:
+    stroke = "bump" if forces[0] < 0 else "rebound"
+    found = which_setting(forces_by_click(forces, stroke=stroke), wanted)
+    assert [one.position for one in found.answers] == pytest.approx(positions, abs=0.25)
+    assert words in found.sentence
+    for one in found.answers:
+        assert one.low <= one.position <= one.high
+        assert one.below <= one.position <= one.above
+
+
+def test_a_gap_widens_the_interval_and_is_named() -> None:
+    curved = [100.0, 110.0, 400.0]
+    near = which_setting(forces_by_click(curved, settings=(1, 2, 3)), 250.0).answers[0]
+    beside = which_setting(forces_by_click(curved, settings=(1, 2, 4)), 250.0).answers[0]
+    assert beside.high - beside.low > 3.0 * (near.high - near.low)  # one setting in between
+    far = which_setting(forces_by_click(curved, settings=(1, 2, 12)), 250.0)
+    assert far.answers[0].high - far.answers[0].low > 10.0 * (near.high - near.low)
+    assert "none tested between them" in far.sentence
+
+
+def test_two_settings_tell_no_curve_between_them() -> None:
+    """The interval was 0.01 clicks wide; 3 of 1000 such held the truth."""
+    wanted = which_setting(forces_by_click([100, 200], settings=(2, 10)), 150.0)
+    (answer,) = wanted.answers
+    assert (answer.low, answer.position, answer.high) == (2.0, pytest.approx(6.0), 10.0)
+    assert "setting 6.00 (anywhere from 2 to 10: two settings do not show how" in wanted.sentence
+    beside = which_setting(forces_by_click([100, 110], error=50.0), 105.0)
+    assert (beside.answers[0].low, beside.answers[0].high) == (1.0, 2.0)
+    assert "setting 1.50 (95 % from 1.00 to 2.00)" in beside.sentence  # no setting between them
+    (beside,) = which_setting(forces_by_click([100, 200], settings=(2, 3)), 150.0).answers
+    assert beside.high - beside.low < 0.03
+
+
+def test_intervals_over_gaps_hold_the_setting_that_was_left_out() -> None:
+    for count in (3, 5, 10):
+        held, asked = gap_coverage.covered(count, draws=8)
+        assert 0.93 <= held / asked <= 0.99, count
+
+
+def test_without_errors_there_is_no_interval() -> None:
+    wanted = which_setting(forces_by_click([100, 200], error=math.nan), 150.0)
+    assert math.isnan(wanted.answers[0].low)
+    assert "95 %" not in wanted.sentence
+
+
+@pytest.mark.parametrize("force", np.linspace(101.0, 399.0, 7))
+def test_the_curve_never_leaves_its_neighbours(force) -> None:
+    forces = [100.0, 101.0, 390.0, 400.0]
+    (answer,) = which_setting(forces_by_click(forces), force).answers
+    assert forces[answer.below.cell - 1] <= force <= forces[answer.above.cell - 1]
+
+
+def test_a_force_is_asked_of_two_settings_at_least() -> None:
+    model = Bilinear()
+    told = tuple(
+        Stage(Setting.of(n), model.values({"c_r": 1000.0 * n, "c_b": 1000.0, "f_0": 0.0}))
+        for n in (1, 2)
+    )
+    run = run_of(told, model, Sine(0.032, 1.5))
+    question = Question(0.1, force=150.0, stroke="rebound")
+    (wanted,) = tabulate_forces(run, question).wanted
+    assert [answer.position for answer in wanted.answers] == pytest.approx([1.5])
+    with pytest.raises(ConfigurationError, match="one setting is not enough"):
+        tabulate_forces(run_of(told[:1], model, Sine(0.032, 1.5)), question)
+
+
+def test_a_force_that_the_measured_ones_hold_is_answered_as_measured() -> None:
+    """ "No setting gives 2200 N" stood beside a measured 2212 N."""
+    model = Bilinear()
+    stages = tuple(
+        Stage(Setting.of(n), model.values({"c_r": 1000.0 * n, "c_b": 1000.0, "f_0": 0.0}))
+        for n in (1, 2)
+    )
+    # Some per cent off, which the errors of the cycles allow.
+    measured = tuple(
+        SpeedForces(
+            Setting.of(n), "rebound", 300.0, (0.05, 0.1), (0.0, 110.0 * n), (9.0, 9.0),
+            (0.0, 10.0 * n), (0.0, 0.0), kind="pvp", rounding=(0.0, 0.0),
+        )
+        for n in (1, 2)
+    )  # fmt: skip
+    run = run_of(stages, model, Sine(0.032, 1.5), measured)
+    question = Question(0.1, force=212.0, stroke="rebound")
+    (wanted,) = tabulate_forces(run, question).wanted
+    assert "in rebound at 0.1 m/s, as measured: setting 1.9" in wanted.sentence
+    (wanted,) = tabulate_forces(run, replace(question, force=180.0)).wanted
+    assert "as measured" not in wanted.sentence
+    (wanted,) = tabulate_forces(run, replace(question, force=500.0)).wanted
+    assert "no setting gives it" in wanted.sentence
