@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import damperfit
-from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import FLAWS_OF_OIL, MODELS, PRESSURES, Model, Values, model_named
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify
-from damperfit.recording import Recording, Trace
+from damperfit.recording import Trace
 from damperfit.reporting.sheet import escape
 from damperfit.results import Run
 from damperfit.run.identify import identified
@@ -27,6 +27,7 @@ from damperfit.uncertainty.linearisation import linearise_at_fit
 from damperfit.uncertainty.residuals import seek_flaws, signatures
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES
+from tests.identification.rig import recorded
 from tests.test_numbers import check
 
 EVERY = pytest.mark.parametrize("name", MODELS)
@@ -81,16 +82,8 @@ def log_of(model: Model, truth: Values) -> Trace:
     force = simulate(truth, model, Motion(1.0 / RATE, x, v), options=ROUGH).force
     noise = np.random.default_rng(7).normal(0.0, NOISE, len(t))
     part = t >= 0.0
-    recording = Recording(
-        name="run_5.csv",
-        path="",
-        sha256="",
-        setting=5,
-        time=t[part],
-        displacement=x[part],
-        force=(force + noise)[part],
-    )
-    return condition(recording, ConditionOptions())
+    name = "run_5.csv"
+    return condition(recorded(x[part], (force + noise)[part], RATE, setting=5, name=name))
 
 
 @cache

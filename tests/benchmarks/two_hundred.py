@@ -2,8 +2,6 @@
 
     python -m tests.benchmarks.two_hundred DIR                  # 200 logs of 10 s at 1 kHz
     python -m tests.benchmarks.two_hundred DIR --logs 20 --profile
-    python -m tests.benchmarks.two_hundred DIR --logs 40 --reading  # reading, conditioning alone
-    python -m tests.benchmarks.two_hundred DIR --judging            # judging, writing alone
 
 The logs are of as many settings, whose parameters lie evenly between those of the reference set, so
 that no two are the same test. They are made in DIR where it holds none. With ``--profile`` what the
@@ -49,21 +47,9 @@ def make_logs(folder: Path, n_logs: int) -> str:
         lines = [f"{k + 1}," + ",".join(f"{row[k]:.6g}" for row in rows) for k in range(n_logs)]
         table = folder / f"parameters_{n_logs}.csv"
         table.write_text("\n".join([",".join(("setting", *NAMES)), *lines]) + "\n")
-        _damperfit(
-            *("samples", str(logs), "--parameters", str(table), "--settings", f"1-{n_logs}"),
-            *("--sample-rate", "1000Hz", "--cycles", "15", "--quiet"),
-        )
+        made = f"--parameters {table} --settings 1-{n_logs} --sample-rate 1000Hz --cycles 15"
+        _seconds("-m", "damperfit", "samples", str(logs), *made.split(), "--quiet")
     return str(logs / "setting_*.csv")
-
-
-def _damperfit(*arguments: str) -> None:
-    _seconds("-m", "damperfit", *arguments)
-
-
-def _keep_bytecode(folder: Path) -> None:
-    """Let every Python from here on load what one before has compiled."""
-    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    os.environ["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")
 
 
 def _seconds(*arguments: str) -> tuple[float, float]:
@@ -104,73 +90,24 @@ def _profile(arguments: list[str]) -> None:
     told.sort_stats("cumtime").print_stats(120)
 
 
-def _tell_reading(pattern: str, rounds: int) -> None:
-    """Tell what reading and conditioning, findings included, take of a log once all is loaded."""
-    from damperfit.conditioning import condition
-    from damperfit.configuration.loading import load_configuration
-    from damperfit.io import read_log
-
-    configuration = load_configuration()
-    paths = sorted(Path(pattern).parent.glob(Path(pattern).name))
-    for _ in range(1 + rounds):  # the first warms up
-        spent = []
-        for path in paths:
-            begin = time.process_time()
-            log = read_log(path, configuration.reading)
-            between = time.process_time()
-            condition(log, configuration.conditioning)
-            spent.append((between - begin, time.process_time() - between))
-        read, conditioned = 1e3 * np.median(spent, axis=0)
-    print(f"ms of processor a log, medians: reading {read:.2f}, conditioning {conditioned:.2f}")
-
-
-def _tell_judging(pattern: str, results: Path, rounds: int) -> None:
-    """Tell what judging the fits and writing the results take of a log once all is loaded."""
-    from damperfit.configuration.loading import load_configuration
-    from damperfit.run import identify
-
-    configuration = load_configuration(overlay={"output": {"folder": str(results)}})
-    spent = []
-    for _ in range(1 + rounds):  # the first warms up; each anew, for logs and fits keep things
-        (found,) = identify.identified(configuration, [pattern], jobs=1)
-        begin = time.process_time()
-        found.run.save(found.folder)
-        laps = found.run.record["timings"]
-        written = time.process_time() - begin
-        times = (laps["judge_s"], laps["characteristics_s"], written)
-        spent.append([1e3 * one / len(found.run.settings) for one in times])
-        if found.failures:
-            raise SystemExit(f"a setting was not judged: {found.failures[0].message}")
-    judge_ms, read_ms, write_ms = np.median(spent[1:], axis=0)
-    print(
-        f"ms a log, medians of {rounds}: judging {judge_ms:.2f} and characteristics {read_ms:.2f} "
-        f"by the clock, writing {write_ms:.2f} of processor"
-    )
-
-
 def main() -> None:
     """Run from the command line."""
-    parser = argparse.ArgumentParser(description="Processor time of identify over many logs.")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--logs", type=int, default=200)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--profile", action="store_true")
-    parser.add_argument("--reading", action="store_true")
-    parser.add_argument("--judging", action="store_true")
     chosen = parser.parse_args()
-    _keep_bytecode(chosen.folder.resolve())
-    pattern = make_logs(chosen.folder.resolve(), chosen.logs)
-    if chosen.reading:
-        _tell_reading(pattern, chosen.rounds)
-        return
-    results = chosen.folder.resolve() / "results"
-    if chosen.judging:
-        _tell_judging(pattern, results, chosen.rounds)
-        return
+    folder = chosen.folder.resolve()
+    # Let every Python from here on load what one before has compiled.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")
+    pattern, results = make_logs(folder, chosen.logs), folder / "results"
     command = ["identify", pattern, "--out", str(results), "--quiet"]
     if chosen.profile:
         _profile(command)
-    for round_ in range(0 if chosen.profile else 1 + chosen.rounds):
+        return
+    for round_ in range(1 + chosen.rounds):
         bare, waited = _seconds("-c", IMPORTS)
         ours, clock = _seconds("-m", "damperfit", *command)
         if round_ == 0:  # everything is compiled now
@@ -183,9 +120,8 @@ def main() -> None:
             f"{1e3 * (clock - waited) / chosen.logs:.1f}: {laps}; "
             f"{len(record['failures'])} failures"
         )
-    if not chosen.profile:
-        folder = Path(pattern).parent
-        _tell_memory(sorted(map(str, folder.glob(Path(pattern).name))), results)
+    logs = Path(pattern)
+    _tell_memory(sorted(map(str, logs.parent.glob(logs.name))), results)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate, sine_motion
 from tests.conditioning.logs import found
 from tests.identification.convergence import made_up
-from tests.identification.rig import recording
+from tests.identification.rig import recorded, recording
 from tests.rig_like.accuracy import body_of
 from tests.rig_like.rig import Channels, logged, steps
 
@@ -32,15 +32,9 @@ def late_log(setting, delay, *, rate=500.0, f_f=50.0, noise=4.0):
     x, v = 0.032 * np.sin(angle - omega * delay), 0.032 * omega * np.cos(angle - omega * delay)
     truth = replace(reference_parameters(setting), f_f=f_f)
     force = simulate(truth, PURDY_DAMPER, Motion(1.0 / rate, x, v)).force[lead:]
-    return Recording(
-        name="log.csv",
-        path="",
-        sha256="",
-        setting=setting,
-        time=np.arange(n) / rate,
-        displacement=0.032 * np.sin(angle[lead:]) + 2e-6 * noise * random.standard_normal(n),
-        force=force + noise * random.standard_normal(n),
-    )
+    x = 0.032 * np.sin(angle[lead:])
+    noises = (2e-6 * noise, noise)
+    return recorded(x, force, rate, setting=setting, noises=noises, seed=random)
 
 
 def skew_of(log, **options):

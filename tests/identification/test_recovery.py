@@ -153,6 +153,19 @@ def test_wrong_lengths_and_gas_cost_what_the_manual_says() -> None:
         assert fit.mse_percent < 0.3
 
 
+def test_the_tolerance_of_the_fit_is_enough() -> None:
+    """It moves no parameter by a hundredth of its error."""
+    truth = reference_parameters(10)
+    log = short_trace(10, noise=4.0)
+    start = truth.replace({name: 1.2 * getattr(truth, name) for name in FREE})
+    loose, tight = (
+        minimised(Block(PURDY_DAMPER, (log,), FREE, solver), start).values
+        for solver in (FitOptions().solver, SolverOptions(1e-5))
+    )
+    for name, near in (("r_m1", 1e-5), ("r_m2", 5e-5), ("k_e", 2e-4)):
+        assert getattr(loose, name) == pytest.approx(getattr(tight, name), rel=near)
+
+
 def test_jobs_and_order_give_the_same_bits() -> None:
     logs = short_traces([1, 2, 5, 9], noise=4.0, duration=5.0)
     one = identify(logs, PURDY_DAMPER, jobs=1)

@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from damperfit.adjustment.force_at import force_at
 from damperfit.results import Run
@@ -34,6 +33,7 @@ from tests.bench_numbers import timed
 from tests.rig_like import rig
 from tests.rig_like.dampers import text_of
 from tests.rig_like.rig import AMBIENT, Body, Channels, Valve, crank, logged
+from tests.rig_like.speed_forces import steady
 
 __all__ = ["Campaign", "drawn", "identified", "logs_of", "steady_force", "told", "written"]
 
@@ -157,44 +157,9 @@ def drawn(place: int, seed: int) -> Campaign:
 
 
 def steady_force(body: Body, speed: float) -> float:
-    """What oil and seals take at a constant speed through the middle of the stroke, N.
-
-    By the passages of `rig.c`; the gas force is left out. Oil is taken as incompressible.
-    """
-    rod, bore = body.areas
-    ring, gas = bore - rod, body.gas_pressure
-    is_floating = body.layout == "monotube"
-
-    def flow(way: tuple[float, ...], drop: float) -> float:
-        two_way, opening, linear, root, cost, power = way[2:]
-        if drop < 0.0:
-            return -flow((*way[:2], 0.0, *way[3:]), -drop) if two_way else 0.0
-        over = max(drop - opening, 0.0)
-        over = over * over / math.sqrt(over * over + rig.ROUND**2) if over else 0.0
-        if not over:
-            return 0.0
-        if cost:
-            return (over / cost) ** (1.0 / power)
-        return 2.0 * over / (linear + math.sqrt(linear * linear + 4.0 * root * root * over))
-
-    def net(chamber: int, p: tuple[float, float, float]) -> float:
-        total = 0.0
-        for way in body.ways:
-            through = flow(way, p[int(way[0]) - 1] - p[int(way[1]) - 1])
-            total += through * ((int(way[1]) == chamber) - (int(way[0]) == chamber))
-        return total
-
-    def second(p1: float) -> float:
-        if is_floating:
-            return gas
-        wanted = body.density * bore * speed
-        return float(brentq(lambda p2: net(2, (p1, p2, gas)) - wanted, -1e8, 1e8, xtol=1e-3))
-
-    wanted = -body.density * ring * speed
-    p1 = float(brentq(lambda p: net(1, (p, second(p), gas)) - wanted, -1e8, 1e8, xtol=1e-3))
-    oil = p1 * ring - second(p1) * bore + rod * gas
-    slides = body.friction + body.breakaway * math.exp(-((speed / body.stribeck) ** 2))
-    return oil + math.copysign(slides, speed) + body.drag * speed
+    """What oil and seals take at a constant speed through the middle of the stroke, N."""
+    rod, _ = body.areas
+    return steady(body, speed) + rod * (body.gas_pressure - AMBIENT)
 
 
 def written(folder: Path, campaign: Campaign, seed: int) -> Path:

@@ -12,10 +12,11 @@ from damperfit.conditioning import condition
 from damperfit.damper.rivals import RIVALS, RestoringForceSurface, Rival
 from damperfit.laws.law_fit import SettingLogs, Tried, fit_law
 from damperfit.laws.rivals import rank_rivals
-from damperfit.recording import Recording, Trace
+from damperfit.recording import Trace
 from damperfit.simulation import Motion, simulate
 from damperfit.tested.setting import Setting
 from tests.damper.test_rivals import values_of
+from tests.identification.rig import recorded
 from tests.laws.valve_logs import VALUES, damper, moved
 
 SETTING = Setting.of(3)
@@ -24,19 +25,8 @@ FITTED, CHECK = moved((0.06, 0.24)), moved((0.17,), amplitude=0.012)
 
 def logged(motion: Motion, force: np.ndarray, seed: int) -> Trace:
     """A log with 1.5 N and 3 um of noise, conditioned."""
-    noise = np.random.default_rng(seed)
-    n = len(force)
-    return condition(
-        Recording(
-            name=f"{seed}.csv",
-            path=f"{seed}.csv",
-            sha256="",
-            setting=SETTING,
-            time=motion.interval * np.arange(n),
-            displacement=motion.displacement + noise.normal(0.0, 3e-6, n),
-            force=force + noise.normal(0.0, 1.5, n),
-        )
-    )
+    how = {"setting": SETTING, "noises": (3e-6, 1.5), "seed": seed, "name": f"{seed}.csv"}
+    return condition(recorded(motion.displacement, force, 1.0 / motion.interval, **how))
 
 
 @pytest.mark.parametrize("kind", RIVALS, ids=lambda one: one.name)

@@ -102,17 +102,6 @@ def test_valves_are_told_where_they_are_clearly_better(of_valves, is_taken, is_o
     assert ("as well as" in why) is (is_open and not is_taken)
 
 
-@pytest.mark.parametrize(("times", "said"), [
-    (1.9, "fits and predicts better"),
-    (2.1, "fits and predicts 2 times better"),
-    (990.0, "fits and predicts 990 times better"),
-    (1010.0, "fits and predicts far better"),
-])  # fmt: skip
-def test_how_much_better_is_told_from_twice_on(times, said, monkeypatch) -> None:
-    monkeypatch.setattr(yielding, "times_worse", lambda *_: times)
-    assert yielding._better(None, None) == said
-
-
 def test_what_is_left_open_is_said_and_names_no_physics() -> None:
     law = tried(ThroughFlow(), 0.1)
     search = LawSearch((), law, 20.0, held_share=0.6, also="Bouc-Wen")

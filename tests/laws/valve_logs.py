@@ -7,9 +7,10 @@ import numpy as np
 from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import ThroughFlow
-from damperfit.recording import Recording, Trace
+from damperfit.recording import Trace
 from damperfit.simulation import Motion, simulate
 from damperfit.tested.setting import Setting
+from tests.identification.rig import recorded
 
 __all__ = ["DAMPER_TOML", "VALUES", "damper", "log_text", "moved"]
 
@@ -71,12 +72,9 @@ def log_text(model, values, motion, *, setting, seed=0):
 def noisy_trace(model, numbers, motion, *, seed, force_noise, jitter) -> Trace:
     """A conditioned log of a model, with noise of the force (N) and of the displacement (m)."""
     force = simulate(model.values(numbers), model, motion).force
-    noise, n = np.random.default_rng(seed), len(force)
-    return condition(
-        Recording(
-            name="a.csv", path="", sha256="", setting=Setting.of(1),
-            time=motion.interval * np.arange(n),
-            displacement=motion.displacement + noise.normal(0.0, jitter, n),
-            force=force + noise.normal(0.0, force_noise, n),
-        )
+    noises = (jitter, force_noise)
+    log = recorded(
+        motion.displacement, force, 1.0 / motion.interval, setting=Setting.of(1), noises=noises,
+        seed=seed,
     )  # fmt: skip
+    return condition(log)

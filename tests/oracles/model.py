@@ -7,7 +7,7 @@ oil mass in chambers 1 and 2 (kg); chamber 3 holds the rest, because no oil is l
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ Function = Callable[[float], float]
 __all__ = [
     "Instant",
     "Oracle",
-    "central_sensitivity",
     "cycle_energy",
     "dissipation",
     "equal_pressure_start",
@@ -206,29 +205,6 @@ def solve(
         flows=np.array([[m.flow_1, m.flow_2, m.flow_3] for m in moments]).T,
         force=np.array([m.oil_force for m in moments]) + np.array(friction),
     )
-
-
-def central_sensitivity(
-    parameters: Parameters,
-    damper: Damper,
-    motion: tuple[Function, Function],
-    time: FloatArray,
-    *,
-    name: str,
-    step: float,
-    rtol: float = 1e-12,
-) -> FloatArray:
-    """Slope of the force by one parameter (or gas_pressure, gas_exponent), by two solutions."""
-    forces = []
-    for factor in (1 + step, 1 - step):
-        if hasattr(parameters, name):
-            y, device = replace(parameters, **{name: getattr(parameters, name) * factor}), damper
-            size = getattr(parameters, name)
-        else:
-            y, device = parameters, replace(damper, **{name: getattr(damper, name) * factor})
-            size = getattr(damper, name)
-        forces.append(solve(y, device, motion, time, rtol=rtol).force)
-    return (forces[0] - forces[1]) / (2 * step * size)
 
 
 def dissipation(

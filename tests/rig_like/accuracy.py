@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning import condition
 from damperfit.identification import FitOptions, compare, identify
-from damperfit.recording import Recording, Trace
+from damperfit.recording import Trace
 from damperfit.uncertainty import assess
 from tests.identification.convergence import AMPLITUDE, KINDS, SOLVER, SPEEDS, made_up
+from tests.identification.rig import recorded
 from tests.rig_like.rig import Body, Channels, Valve, logged, steps
 
 __all__ = ["BARS", "Accuracy", "measured"]
@@ -66,11 +67,7 @@ def traces_of(model, truth, seed: int) -> tuple[Trace, Trace]:
     found = []
     for channels in (Channels(offset=truth.f_0), Channels(offset=truth.f_0, noise=0.0, jitter=0.0)):
         log = logged(body, motion, channels, seed)
-        recording = Recording(
-            name=f"made_up_{seed}", path="", sha256="", setting=1, time=log.time,
-            displacement=log.displacement, force=log.force,
-        )  # fmt: skip
-        found.append(condition(recording, ConditionOptions()))
+        found.append(condition(recorded(log.displacement, log.force, channels.rate, setting=1)))
     return found[0], found[1]
 
 

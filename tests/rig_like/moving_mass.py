@@ -9,11 +9,12 @@ lag without the mass, with a mass that is fitted, and with one that was weighed.
 from collections.abc import Sequence
 from dataclasses import replace
 
-from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import FitOptions, identify
-from damperfit.recording import Recording, Trace
+from damperfit.recording import Trace
+from tests.identification.rig import recorded
 from tests.rig_like.rig import Body, Channels, Valve, crank, logged
 
 __all__ = ["LAG", "MODEL", "errors", "loaded_logs"]
@@ -47,11 +48,8 @@ def loaded_logs(
         channels = Channels(rate=1024.0, jitter=4e-6, offset=-12.0, lag=lag)
         cycles = max(4.3, min(12.3, 4.0 * frequency + 0.3))
         log = logged(replace(BODY, mass=mass), crank(frequency, amplitude, cycles), channels, place)
-        recording = Recording(
-            name=f"{frequency:g}Hz", path="", sha256=str(place), setting=1, time=log.time,
-            displacement=log.displacement, force=log.force,
-        )  # fmt: skip
-        found.append(condition(recording, ConditionOptions()))
+        name = f"{frequency:g}Hz"
+        found.append(condition(recorded(log.displacement, log.force, 1024.0, setting=1, name=name)))
     return found
 
 

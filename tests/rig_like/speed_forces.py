@@ -19,6 +19,7 @@ import math
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,16 +69,15 @@ def steady(body: Body, v: float) -> float:
     swept = {1: body.density * (bore - rod) * v, 2: -body.density * bore * v}
 
     def flow(drop: float, way: tuple[float, ...]) -> float:
-        _, _, is_two_way, opening, linear, root, cost, _ = way
+        is_two_way, opening, linear, root, cost, power = way[2:]
         if drop < 0.0 and is_two_way:
             return -flow(-drop, way)
         left = drop - opening
         if left <= 0.0:
             return 0.0
-        assert not cost
-        if not root:
-            return left / linear
-        return (math.sqrt(linear**2 + 4.0 * root**2 * left) - linear) / (2.0 * root**2)
+        if cost:
+            return (left / cost) ** (1.0 / power)
+        return 2.0 * left / (linear + math.sqrt(linear**2 + 4.0 * root**2 * left))
 
     def leaving(chamber: int, p: dict[int, float]) -> float:
         total = 0.0
@@ -87,22 +87,20 @@ def steady(body: Body, v: float) -> float:
                 total += own if way[0] == chamber else -own
         return total
 
+    def root_of(surplus: Callable[[float], float], most: float) -> float:
+        return 0.0 if surplus(0.0) >= 0.0 else brentq(surplus, 0.0, most, xtol=1e-3)
+
     gas = body.gas_pressure
-    top = 1e8
 
     def p1_of(p2: float) -> float:
-        def surplus(p: float) -> float:
-            return leaving(1, {1: p, 2: p2, 3: gas}) - swept[1]
-
-        return 0.0 if surplus(0.0) >= 0.0 else brentq(surplus, 0.0, 10.0 * top, xtol=1e-3)
+        return root_of(lambda p: leaving(1, {1: p, 2: p2, 3: gas}) - swept[1], 1e9)
 
     def surplus_2(p2: float) -> float:
         return leaving(2, {1: p1_of(p2), 2: p2, 3: gas}) - swept[2]
 
-    p2 = gas
-    if body.layout != "monotube":
-        p2 = 0.0 if surplus_2(0.0) >= 0.0 else brentq(surplus_2, 0.0, top, xtol=1e-3)
-    rub = math.copysign(body.friction, v) + body.drag * v
+    p2 = gas if body.layout == "monotube" else root_of(surplus_2, 1e8)
+    more = body.breakaway * math.exp(-((v / body.stribeck) ** 2)) if body.breakaway else 0.0
+    rub = math.copysign(body.friction + more, v) + body.drag * v
     return p1_of(p2) * (bore - rod) - p2 * bore + rod * AMBIENT + rub
 
 

@@ -6,8 +6,9 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import FitOptions, identify
-from damperfit.recording import Recording, Trace
+from damperfit.recording import Trace
 from damperfit.uncertainty import Diagnosis, assess
+from tests.identification.rig import recorded
 from tests.rig_like.dampers import magneto_rheological
 
 OF_VALVES = {
@@ -20,12 +21,7 @@ PAPER = FitOptions("plain", FREE, {"r_m3": 2.597e6})
 
 def conditioned(current: float) -> Trace:
     log = magneto_rheological(current, 1.0, 1)
-    return condition(
-        Recording(
-            name="mr.csv", path="", sha256="", setting=1, time=log.time,
-            displacement=log.displacement, force=log.force,
-        )
-    )  # fmt: skip
+    return condition(recorded(log.displacement, log.force, 500.0, setting=1))
 
 
 def diagnosed(current: float, damper: object, options: FitOptions) -> Diagnosis:

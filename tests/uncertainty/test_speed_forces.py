@@ -23,7 +23,7 @@ from damperfit.simulation import simulate, sine_motion
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess
 from damperfit.uncertainty.speed_forces import MeasuredForce
-from tests.identification.rig import TIGHT, recording
+from tests.identification.rig import TIGHT, recorded, recording
 from tests.laws.valve_logs import VALUES, damper, moved
 from tests.uncertainty.flaws import speed
 
@@ -96,13 +96,10 @@ def test_intervals_for_a_wrong_model_hold_what_another_stroke_finds(both, amplit
 
 def logged(model, values, motion, *, noise=0.0, stroke_noise=0.0):
     force = simulate(values, model, motion).force
-    n, random = len(force), np.random.default_rng(1)
     return condition(
-        Recording(
-            name="a.csv", path="", sha256="", setting=Setting.of(1),
-            time=motion.interval * np.arange(n),
-            displacement=motion.displacement + random.normal(0.0, stroke_noise, n),
-            force=force + random.normal(0.0, noise, n),
+        recorded(
+            motion.displacement, force, 1.0 / motion.interval, setting=Setting.of(1),
+            noises=(stroke_noise, noise),
         )
     )  # fmt: skip
 
