@@ -8,8 +8,6 @@ are held as their count, the mean of their sizes and a mean with uneven weights.
 numbers count (~), to their last digit, and not its words. A test that fails prints what has moved.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

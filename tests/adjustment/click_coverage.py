@@ -6,8 +6,6 @@ Every one is a campaign by the paper's procedure over three settings with 4 N of
 30 Hz filter; R_m3 comes from the first of them and the friction from all.
 """
 
-from __future__ import annotations
-
 import argparse
 
 import numpy as np

@@ -6,8 +6,6 @@ Of the shipped set so many settings are drawn; which setting gives the force of 
 drawn, between two that are more than a click apart? At three speeds, in both strokes.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from functools import cache

@@ -6,8 +6,6 @@ Prints one line a case: the force level against the gas force, and the skew esti
 true one. It takes about a minute.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from damperfit.conditioning import ConditionOptions, condition

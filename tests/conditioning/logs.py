@@ -1,7 +1,5 @@
 """Logs without integration: of f = a v|v| + b v + c sgn(v), and of Purdy's with stiff oil."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

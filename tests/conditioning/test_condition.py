@@ -1,7 +1,5 @@
 """Recordings to traces: filters on both sides, invariances, bad input."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

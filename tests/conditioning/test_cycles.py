@@ -1,7 +1,5 @@
 """Cycles, turns, passages and what the core reads off motions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What drives the model: noise off, corners and dwells kept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

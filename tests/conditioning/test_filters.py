@@ -1,7 +1,5 @@
 """Filters, slopes and values between samples; the corner that follows the motion."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

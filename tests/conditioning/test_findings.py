@@ -1,7 +1,5 @@
 """Findings: each fault at its limit, with number and place, and no alarm on what is sound."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The noise floor: unbiased for any number of cycles, filter and phase of sampling."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

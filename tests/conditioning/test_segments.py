@@ -1,7 +1,5 @@
 """A log is cut into what repeats and what moves; what leads over, rest, run-up and coast-down."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import asdict, replace

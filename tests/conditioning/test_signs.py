@@ -1,7 +1,5 @@
 """Signs, tare and middle of a log."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace

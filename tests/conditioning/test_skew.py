@@ -1,7 +1,5 @@
 """A force late against the displacement: estimated from friction, corrected when asked."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Stamps to uniform samples: rounding, jitter, missing samples, gaps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -10,8 +10,6 @@ filter, over the samples that are compared; the errors (rms, mean, two steps fro
 logs; all in per cent.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 

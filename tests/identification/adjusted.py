@@ -1,7 +1,5 @@
 """Logs of a valve damper with two adjusters, for the tests: each moves what it is told to move."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from functools import cache

@@ -8,8 +8,6 @@ from random starts (every number times exp(N(0, 1))). The best known minimum is 
 all; an end within 2 % of its MSE has reached it.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 

@@ -1,7 +1,5 @@
 """Traces of known dampers for the tests: simulated tightly, with noise, conditioned as logs are."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

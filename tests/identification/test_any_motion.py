@@ -1,7 +1,5 @@
 """Raw logs of any motion are fitted as well as a steady sine: 1 kHz, 4 N and 3 um of noise."""
 
-from __future__ import annotations
-
 from functools import cache, partial
 
 import numpy as np

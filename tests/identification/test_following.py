@@ -1,7 +1,5 @@
 """What follows which adjuster: found by the logs, or declared; settings that were not fitted."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """One fit over all settings: the minimum of one big least squares; K_e from one gas content."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

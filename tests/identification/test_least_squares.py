@@ -1,7 +1,5 @@
 """The loop of every fit: steps, endings and bounds, on small problems with known answers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

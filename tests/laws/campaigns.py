@@ -11,8 +11,6 @@ damper, which has nothing of the library's core; the forces of the truth are its
 constant speed. The slow log of the last valving is held out.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import hashlib

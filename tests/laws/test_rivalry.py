@@ -1,7 +1,5 @@
 """Models of the literature fitted to logs of their own, and ranked by what they predict."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The law that logs of a known damper tell: found, named, and no larger than it is."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Valves follow the letters of labels as the logs bear it out, and are delivered so."""
 
-from __future__ import annotations
-
 import csv
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """What yields before it slides is told as that, and no valve, mounting or delay in its place."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

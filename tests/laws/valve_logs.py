@@ -1,7 +1,5 @@
 """Made-up logs of dampers with real valves: the compiled network, noise, steps of the logger."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from damperfit.conditioning import condition

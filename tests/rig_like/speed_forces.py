@@ -11,8 +11,6 @@ segments it is a straight line. Both within 2 %; where gas and tare leave less o
 fifth of half the range, of that.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

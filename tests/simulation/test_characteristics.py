@@ -1,7 +1,5 @@
 """What is read off a loop, against numbers known without it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

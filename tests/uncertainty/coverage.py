@@ -6,8 +6,6 @@ Every one is a whole campaign by the paper's procedure, or another, over a soft,
 stiff setting, so that the errors of the shared R_m3 and f_f are in it.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor

@@ -8,8 +8,6 @@ hyperbolic tangent of the speed over 1 mm/s; the law has it turn at once, or in 
 misses.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 from functools import cache

@@ -10,8 +10,6 @@ that are off so far under a warning that does. A bore that is declared wrong by 
 among them: it leaves all forces as they are, and no log shows it.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import re

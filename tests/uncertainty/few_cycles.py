@@ -8,8 +8,6 @@ truth, the scatter found, over the error given, over that of 30 cycles times the
 cycles, and the mean error.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from functools import cache

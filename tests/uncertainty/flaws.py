@@ -7,8 +7,6 @@ and 8 um of noise at 1 kHz. A hit: the flaw is named for a setting, alone or amo
 logs cannot tell from it. A false alarm: a sound setting is said to lack something.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from dataclasses import dataclass, replace

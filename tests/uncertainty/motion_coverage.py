@@ -10,8 +10,6 @@ err together, so that the scatter of 300 campaigns may be 10 % off in all of the
 Gauss-Newton step from the truth.
 """
 
-from __future__ import annotations
-
 import argparse
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace

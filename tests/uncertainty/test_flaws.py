@@ -1,7 +1,5 @@
 """What a set lacks is called by name; what lacks nothing is left alone; nothing beyond reason."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A grade is withheld where a low MSE cannot excuse what was found; each limit from both sides."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

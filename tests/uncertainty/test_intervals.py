@@ -1,7 +1,5 @@
 """Intervals hold: exact where the answer is known, by Monte Carlo where it is not."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

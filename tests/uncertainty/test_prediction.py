@@ -1,7 +1,5 @@
 """What was not fitted tells a right model from one that was bent until it fitted."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Profiles: least at the fit, parabolas where the logs tell a parameter, open where they do not."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

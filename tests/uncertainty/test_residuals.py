@@ -1,7 +1,5 @@
 """What the residuals say, each limit with a case just inside and one just outside."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Measured forces beside the model's, and errors for a wrong model, apart from those of noise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a fit supposes and nobody has measured is in the intervals: defaults, forms of friction."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What is said of parameters, from known errors, profiles and statuses."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace
