@@ -17,22 +17,24 @@ PLAIN = load_configuration()
 
 def labels(paths, adjusters="", **rig):
     text = load_configuration(overlay={"rig": rig} if rig else {})
-    names = tuple(adjusters.split())
-    if names:
-        text = replace(text, reading=replace(text.reading, adjusters=names))
+    if adjusters:
+        reading = replace(text.reading, adjusters=tuple(adjusters.split()))
+        text = replace(text, reading=reading)
     return Labels(paths, text)
 
 
-def log(name, setting=None, notes=()):
-    return Recording(name, "", "", setting, np.arange(3.0), np.zeros(3), np.zeros(3), notes=notes)
+def labelled(path, paths, adjusters="", setting=None):
+    log = Recording(path.name, "", "", setting, np.arange(3.0), np.zeros(3), np.zeros(3))
+    return labels(paths, adjusters).labelled(log, path)[0].setting
 
 
 def test_equal_names_are_told_apart_by_their_folders_and_others_stay_short(tmp_path) -> None:
     paths = [tmp_path / place for place in ("x/a.csv", "y/a.csv", "y/b.csv")]
-    told = read_batch(paths, PLAIN, jobs=1)
-    assert [one.log for one in told.logs] == ["x/a.csv", "y/a.csv", "b.csv"]
-    told = read_batch([paths[0], paths[2]], PLAIN, jobs=1)
-    assert [one.log for one in told.logs] == ["a.csv", "b.csv"]
+    for given, names in (
+        (paths, ["x/a.csv", "y/a.csv", "b.csv"]),
+        ([paths[0], paths[2]], ["a.csv", "b.csv"]),
+    ):
+        assert [one.log for one in read_batch(given, PLAIN, jobs=1).logs] == names
 
 
 @pytest.mark.parametrize(
@@ -51,8 +53,7 @@ def test_of_tables_of_tests_the_nearest_row_speaks(tables, setting, tmp_path) ->
         (tmp_path / folder / "tests.csv").write_text(f"file,setting\n{rows}\n")
         others.append(tmp_path / folder / "z.csv")
     for paths in ([path, *others], [*reversed(others), path]):
-        found, _ = labels(paths).labelled(log("a.csv"), path)
-        assert found.setting == (None if setting is None else Setting.of(setting))
+        assert labelled(path, paths) == (None if setting is None else Setting.of(setting))
 
 
 @pytest.mark.parametrize(
@@ -64,33 +65,25 @@ def test_a_setting_of_the_log_does_not_stand_for_half_a_row_of_the_table(
     """The table says where one adjuster stands: the log's own number is no answer for both."""
     (tmp_path / "tests.csv").write_text("file,low\na.csv,6\n")
     path = tmp_path / "a.csv"
-    labelled, _ = labels([path], adjusters).labelled(log("a.csv", Setting.of(3)), path)
-    assert labelled.setting == setting
+    assert labelled(path, [path], adjusters, Setting.of(3)) == setting
 
 
 @pytest.mark.parametrize(
     ("settings", "is_said"),
     [
-        (["L6 H1", "L5 H1"], True),
-        (["L6 H1"], False),  # one setting does not show what differs
-        (["L6 H1", "soft"], False),
-        (["soft", "L6 H1"], False),
-        (["soft", "hard"], False),
-        (["L6 H1", "L6 R1"], False),
+        *(("L6 H1, L5 H1", True), ("L6 H1, soft", False), ("soft, L6 H1", False)),
+        # One setting does not show what differs.
+        *(("L6 H1", False), ("soft, hard", False), ("L6 H1, L6 R1", False)),
     ],
 )
 def test_labels_with_numbers_are_said_to_be_words(settings, is_said) -> None:
-    logs = [Log(one, one, "", {"setting": Setting.of(one)}) for one in settings]
+    logs = [Log(one, one, "", {"setting": Setting.of(one)}) for one in settings.split(", ")]
     assert [("taken as words" in str(one)) for one in labels([]).remarks(logs)] == [True] * is_said
 
 
 @pytest.mark.parametrize(
     ("adjusters", "rig", "is_said"),
-    [
-        ("", {}, True),
-        ("", {"setting_pattern": r"s(?P<setting>\d+)"}, False),
-        ("rebound bump", {}, False),
-    ],
+    [("", {}, True), ("", {"setting_pattern": r"s(?P<setting>\d+)"}, False), ("a b", {}, False)],
 )
 def test_a_number_of_several_is_named_where_it_was_guessed(adjusters, rig, is_said) -> None:
     facts = {"notes": ["setting: from the file name"]}
@@ -107,27 +100,30 @@ def test_a_log_whose_cycles_cannot_be_parted_hides_none_behind_it(monkeypatch) -
     monkeypatch.setattr(parting, "split_cycles", split)
     batch = LogBatch(traces=[trace(setting) for setting in (1, 2, 3)])
     parting.part(batch, replace(PLAIN.hold_out, patterns=(), cycles=1), {})
-    assert [one.setting for one in batch.traces] == [2, 3]
-    assert [one.setting for one in batch.held_out] == [2, 3]
-    assert [one.setting for one in batch.failures] == [1]
+    told = (
+        [one.setting for one in many] for many in (batch.traces, batch.held_out, batch.failures)
+    )
+    assert [*told] == [[2, 3], [2, 3], [1]]
 
 
+@pytest.mark.parametrize(
+    ("options", "held", "n_failures"),
+    [
+        ({"patterns": (), "cycles": 1}, [], 0),
+        # Setting 1 has no fit: that is said elsewhere. 2 cannot be simulated beside its cycles.
+        ({}, [1, 2], 0),
+        ({"patterns": ("transients",)}, [1, 2], 2),
+    ],
+)
 def test_transients_that_nobody_asked_for_are_of_logs_that_are_fitted_and_no_failure(
-    monkeypatch,
+    monkeypatch, options, held, n_failures
 ) -> None:
     monkeypatch.setattr(parting, "transients", lambda one: replace(one, start_time=9.0))
-
-    def held_out(**options) -> LogBatch:
-        batch = LogBatch(traces=[trace(1), trace(2)])
-        parting.hold_out_transients(batch, replace(PLAIN.hold_out, **options))
-        parting.note_unpredicted(batch, campaign(fit(2)), ())
-        return batch
-
-    assert held_out(patterns=(), cycles=1).held_out == []
-    # Setting 1 has no fit: that is said elsewhere. Setting 2 cannot be simulated beside its cycles.
-    batch = held_out()
-    assert [one.setting for one in batch.held_out] == [1, 2]
-    assert batch.failures == []
-    (said,) = map(str, batch.remarks)
-    assert "beside its steady cycles cannot be simulated" in said
-    assert len(held_out(patterns=("transients",)).failures) == 2
+    batch = LogBatch(traces=[trace(1), trace(2)])
+    parting.hold_out_transients(batch, replace(PLAIN.hold_out, **options))
+    parting.note_unpredicted(batch, campaign(fit(2)), ())
+    assert [one.setting for one in batch.held_out] == held
+    assert len(batch.failures) == n_failures
+    if not options:
+        (said,) = map(str, batch.remarks)
+        assert "beside its steady cycles cannot be simulated" in said
