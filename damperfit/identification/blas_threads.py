@@ -24,31 +24,27 @@ _found: dict[int, Any] = {}  # the libraries, while there are so many modules
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Keep BLAS at one thread; the last of those who overlap gives it its threads back."""
-    holder = object()
-    own: list[tuple[Any, int]] = []
+    holder, changed = object(), list[tuple[Any, int]]()
     with _lock:
         libraries = _libraries()
         _holders.append(holder)
         for library in libraries:
-            usual = library.get_num_threads()
+            usual = library, library.get_num_threads()
             if getattr(library, "threading_layer", "") == "openmp":  # each thread has its own
-                own.append((library, usual))
-            elif library.filepath in _usual:
-                continue
+                changed.append(usual)
             else:
-                _usual[library.filepath] = (library, usual)
+                _usual.setdefault(library.filepath, usual)
             _set(library, 1)
     try:
         yield
     finally:
         with _lock:
             _holders.remove(holder)
-            for library, threads in own:
-                _set(library, threads)
             if not _holders:
-                for library, threads in _usual.values():
-                    _set(library, threads)
+                changed += _usual.values()
                 _usual.clear()
+            for library, threads in changed:
+                _set(library, threads)
 
 
 def _libraries() -> Any:
@@ -64,13 +60,10 @@ def _libraries() -> Any:
 
 
 def _set(library: Any, threads: int) -> None:
-    """Set the number of a library's threads from whatever thread this is.
-
-    Newer threadpoolctl lets only the thread that was first to ask; the last to end may be another.
-    """
-    clear = getattr(library, "clear_controlling_thread", None)
-    if clear is not None:
-        clear(force=True)
+    """Set the number of a library's threads from whatever thread this is."""
+    # Newer threadpoolctl lets only the thread that was first to ask; the last to end may be
+    # another.
+    clear = getattr(library, "clear_controlling_thread", lambda **_: None)
+    clear(force=True)
     library.set_num_threads(threads)
-    if clear is not None:
-        clear(force=True)
+    clear(force=True)

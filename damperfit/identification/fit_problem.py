@@ -47,7 +47,7 @@ from damperfit.tested.setting import Setting
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -126,6 +126,13 @@ class Block:
     def stays_beyond(self) -> bool:
         """Whether what runs beyond its range stays there."""
         return self.is_candidate
+
+    @property
+    def offset(self) -> str | None:
+        """The force offset that each log of a candidate has for itself; None where none has."""
+        if not self.is_candidate or len(self.traces) < 2:
+            return None
+        return next((name for name in self.free if self.model.quantity(name).is_offset), None)
 
     @property
     def whole(self) -> Block:
@@ -216,9 +223,8 @@ class Block:
             raise FitCancelledError("stopped while a fit was running.", code="cancelled")
         offset = self.offset
         asked = names if offset is None or offset in names else (*names, offset)
-        of = self._of_logs if self.cycles is None else self._of_cycles
-        blocks, empty = zip(*of(values, asked), strict=True)
-        rows = blocks[0] if len(blocks) == 1 else np.hstack(blocks)
+        parts, empty = zip(*self._parts(values, asked), strict=True)
+        rows = parts[0] if len(parts) == 1 else np.hstack(parts)
         if not largest_of(rows) < _WILD:  # "not <" catches NaN too
             raise SimulationError(
                 "simulation failed: the force is beyond anything that could be fitted.",
@@ -226,58 +232,41 @@ class Block:
             )
         if offset is not None:
             along = rows[1 + list(asked).index(offset)].copy()
-            for first, last in pairwise(np.cumsum(self._lengths()).tolist()):
+            lengths = iter(part.shape[1] for part in parts)
+            n_parts = [1 if self.cycles is None else len(one.stretches) for one in self.traces]
+            ends = np.cumsum([sum(next(lengths) for _ in range(n)) for n in n_parts])
+            for first, last in pairwise(ends.tolist()):
                 part, unit = rows[:, first:last], along[first:last]
                 part -= np.outer(part @ unit / max(float(unit @ unit), 1e-300), unit)
         return rows[: 1 + len(names)], any(empty)
 
-    def _of_logs(self, values: Values, names: Sequence[str]) -> Iterable[tuple[FloatArray, bool]]:
-        for trace, weight in zip(self.traces, self.facts.weights, strict=True):
-            response = simulate(
-                values, self.model, motion_of(trace), sensitivities=names, options=self.solver
-            )
-            rows = np.stack([response.force, *response.sensitivities.values()])
-            rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
-            rows[0] -= trace.force[trace.compared]
-            empty = _is_empty(response, trace.compared, weight)
-            yield rows if weight is None else rows * weight, empty
-
-    def _of_cycles(self, values: Values, names: Sequence[str]) -> Iterable[tuple[FloatArray, bool]]:
-        """The mean cycles; what differs between cycles is the last residual."""
-        assert self.cycles is not None
+    def _parts(self, values: Values, names: Sequence[str]) -> Iterator[tuple[FloatArray, bool]]:
+        """The rows of each log, or of each mean cycle, and whether a chamber is empty there."""
+        law = values, self.model
+        if self.cycles is None:
+            for trace, weight in zip(self.traces, self.facts.weights, strict=True):
+                motion = motion_of(trace)
+                response = simulate(*law, motion, sensitivities=names, options=self.solver)
+                rows = np.stack([response.force, *response.sensitivities.values()])
+                rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
+                rows[0] -= trace.force[trace.compared]
+                empty = _is_empty(response, trace.compared, weight)
+                yield rows if weight is None else rows * weight, empty
+            return
         for one in self.cycles.cycles:
             options = one.solver(self.solver)
-            response = simulate(
-                values, self.model, one.motion, sensitivities=names, options=options
-            )
+            response = simulate(*law, one.motion, sensitivities=names, options=options)
             yield one.rows(response), _is_empty(response, slice(-len(one.force), None), one.factor)
         rest = np.zeros((1 + len(names), 1))
-        rest[0] = math.sqrt(self.cycles.scatter)
+        rest[0] = math.sqrt(self.cycles.scatter)  # what differs between cycles
         yield rest, False
-
-    @property
-    def offset(self) -> str | None:
-        """The force offset that each log of a candidate has for itself; None where none has."""
-        if not self.is_candidate or len(self.traces) < 2:
-            return None
-        return next((name for name in self.free if self.model.quantity(name).is_offset), None)
-
-    def _lengths(self) -> list[int]:
-        """How many residuals each log has."""
-        if self.cycles is None:
-            return [trace.n_samples for trace in self.traces]
-        lengths = iter(len(one.force) for one in self.cycles.cycles)
-        return [sum(next(lengths) for _ in trace.stretches) for trace in self.traces]
 
     def absent_beside(self, known: Collection[str]) -> dict[str, float]:
         """Values of what is free beside some quantities at which it does nothing to them."""
-        absent = {}
-        for name in (name for name in self.free if name not in known):
-            one = self.model.quantity(name)
-            # A bleed with its laminar share does without an orifice that is wide, not one closed.
-            is_beside = one.part == "bleed" and f"{one.stroke}_leak" in known
-            absent[name] = one.plausible[0] if is_beside else one.vanishes_at
-        return absent
+        # A bleed with its laminar share does without an orifice that is wide, not one closed.
+        absent = [self.model.quantity(name) for name in self.free if name not in known]
+        wide = {one.name for one in absent if one.part == "bleed" and one.beside("leak") in known}
+        return {q.name: q.plausible[0] if q.name in wide else q.vanishes_at for q in absent}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -363,21 +352,17 @@ class _Stacked:
         self.moving: dict[Setting, NDArray[np.intp]] = {}
         self.places: dict[Setting, NDArray[np.intp]] = {}
         for setting in settings:
-            mine = [
-                (k, places[one])
-                for k in np.flatnonzero(is_shared).tolist()
-                if (one := unknown_at(names[k], problem.follows, setting)) in places
-            ]
+            shared = {k: unknown_at(names[k], problem.follows, setting)
+                      for k in np.flatnonzero(is_shared).tolist()}  # fmt: skip
+            mine = [(k, places[one]) for k, one in shared.items() if one in places]
             columns = np.array(mine, dtype=np.intp).reshape(-1, 2)
             self.moving[setting], self.places[setting] = columns.T
         self.ranges = first.bounds
         numbers = {s: np.clip(values_of(problem.free, starts[s]), *self.ranges) for s in settings}
         self.packed = self._packed(numbers, problem.gas)
         self.start = self._stacked(self.packed)
-        low, high = (
-            self._stacked(self._packed(dict.fromkeys(numbers, edges), None))
-            for edges in self.ranges
-        )
+        edges = (self._packed(dict.fromkeys(numbers, edge), None) for edge in self.ranges)
+        low, high = map(self._stacked, edges)
         if problem.gas is not None:  # the law's own two, last, have none
             low[-len(GAS_NAMES) :], high[-len(GAS_NAMES) :] = -math.inf, math.inf
         self.bounds = None if self.stays_beyond else (low, high)
@@ -387,10 +372,9 @@ class _Stacked:
     ) -> dict[Setting, FloatArray]:
         """The variables of each setting."""
         law = {name: 0.0 if gas is None else math.log(getattr(gas, name)) for name in GAS_NAMES}
-        packed = {}
+        free, packed = self.problem.free, {}
         for setting, own in numbers.items():
-            u = self.transformation.pack(own)
-            known = law | dict(zip(self.problem.free, u, strict=True))
+            known = law | dict(zip(free, self.transformation.pack(own), strict=True))
             packed[setting] = np.array([known[name] for name in self.problem.variables])
         return packed
 
@@ -483,18 +467,11 @@ class _Stacked:
 
     def _by_law(self, values: Values, share: float) -> FloatArray:
         """Derivative of a setting's free parameters by its variables, logarithms both."""
-        of_law = dict(zip(GAS_NAMES, (-share, 1.0 - share), strict=True))
-        if not is_within(values, (GAS_FOLLOWER,)):  # beyond its range nothing changes any more
-            of_law = dict.fromkeys(GAS_NAMES, 0.0)
-        return np.array(
-            [
-                [
-                    of_law.get(by, 0.0) if name == GAS_FOLLOWER else float(name == by)
-                    for by in self.problem.variables
-                ]
-                for name in self.problem.free
-            ]
-        )
+        free, variables = self.problem.free, self.problem.variables
+        slopes = np.array([[float(name == by) for by in variables] for name in free])
+        if is_within(values, (GAS_FOLLOWER,)):  # beyond its range nothing changes any more
+            slopes[free.index(GAS_FOLLOWER), -len(GAS_NAMES) :] = (-share, 1.0 - share)
+        return slopes
 
 
 def _is_empty(
@@ -533,22 +510,21 @@ def n_independent(residuals: FloatArray) -> float:
 
 def is_within(values: Values, names: Iterable[str]) -> bool:
     """Whether the named quantities lie in their ranges, edges and rounding included."""
-    for name in names:
-        low, high = values.quantity(name).plausible
-        value = getattr(values, name)
-        if not low - _ROUNDED * abs(low) <= value <= high + _ROUNDED * abs(high):
-            return False
-    return True
+    ranges = ((getattr(values, name), *values.quantity(name).plausible) for name in names)
+    return all(
+        low - _ROUNDED * abs(low) <= value <= high + _ROUNDED * abs(high)
+        for value, low, high in ranges
+    )
 
 
 def kept_within(values: Values, names: Iterable[str]) -> Values:
     """Values with the named ones brought to the edge that they are beyond."""
-    brought = {}
-    for name in names:
-        low, high = values.quantity(name).plausible
-        value = getattr(values, name)
-        if not low <= value <= high:
-            brought[name] = low if value < low else high
+    ranges = ((name, getattr(values, name), values.quantity(name).plausible) for name in names)
+    brought = {
+        name: low if value < low else high
+        for name, value, (low, high) in ranges
+        if not low <= value <= high
+    }
     return values.replace(brought) if brought else values
 
 

@@ -276,17 +276,14 @@ class _Search:
         at: Mapping[Setting, Values],
         before: _Search | None,
     ) -> None:
-        self.settings = sorted(blocks)
-        self.at, self.blocks = at, blocks
+        self.settings, self.at, self.blocks = sorted(blocks), at, blocks
         self.names = blocks[self.settings[0]].free
-        self.mean_squares: dict[Setting, float] = {}
-        self.weights: dict[Setting, float] = {}
-        self.rows: dict[Setting, FloatArray] = {}
-        self.n_eff = 0.0
+        # Weights and effective samples are those of the search before.
+        self.mean_squares: dict[Setting, float] = before.mean_squares if before else {}
+        self.weights: dict[Setting, float] = before.weights if before else {}
+        self.rows: dict[Setting, FloatArray] = before.rows if before else {}
+        self.n_eff: float = before.n_eff if before else 0.0
         self._curvatures, self._slopes, self._costs, self._u = [], [], [], []
-        if before is not None:  # weights and effective samples are those of the search before
-            self.weights, self.rows, self.n_eff = before.weights, before.rows, before.n_eff
-            self.mean_squares = before.mean_squares
         for setting in self.settings:
             block = blocks[setting]
             residuals, jacobian = linearise(block.whole, at[setting])
@@ -304,13 +301,11 @@ class _Search:
         self._worths: dict[tuple[tuple[str, ...], ...], float] = {}
 
     def _weigh(self, setting: Setting, block: Block, residuals: FloatArray) -> None:
-        n_eff, first = 0.0, 0
-        forces, strokes = [], []
-        for trace in block.traces:
+        n_eff, forces, strokes = 0.0, [], []
+        ends = np.cumsum([trace.n_samples for trace in block.traces])
+        for trace, rest in zip(block.traces, np.split(residuals, ends[:-1]), strict=True):
             for stretch, place in zip(trace.stretches, trace.places, strict=True):
-                rest = residuals[first : first + trace.n_samples][place]
-                n_eff += effective_samples(rest, max(stretch.n_cycles, 1))
-            first += trace.n_samples
+                n_eff += effective_samples(rest[place], max(stretch.n_cycles, 1))
             at_rest = block.model.filled_to(trace.gas_pressure).rest_force(trace.displacement)
             force = trace.force if at_rest is None else trace.force - at_rest
             forces.append(force[trace.compared])
@@ -370,13 +365,10 @@ class _Search:
     def _places(self, follows: Mapping[str, tuple[str, ...]]) -> tuple[NDArray[np.intp], int]:
         """Which unknown each quantity of each setting is, and how many there are."""
         numbers: dict[Unknown, int] = {}
-        rows = [
-            [
+        for setting in self.settings:
+            for name in self.names:
                 numbers.setdefault(unknown_at(name, follows, setting), len(numbers))
-                for name in self.names
-            ]
-            for setting in self.settings
-        ]
+        rows = [[numbers[unknown_at(n, follows, s)] for n in self.names] for s in self.settings]
         return np.array(rows, dtype=np.intp), len(numbers)
 
     def _solved(self, follows: Mapping[str, tuple[str, ...]]) -> tuple[FloatArray, float, int]:

@@ -80,29 +80,25 @@ def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
     """
     counted = [_counted(trace) for trace in traces]
     stretches = [stretch for trace in traces for stretch in trace.stretches]
-    known = [stretch.noise for stretch in stretches if math.isfinite(stretch.noise)]
-    factors = np.ones(len(stretches))
+    noises, counts = ([getattr(one, n) for one in stretches] for n in ("noise", "n_samples"))
+    known, factors = [noise for noise in noises if math.isfinite(noise)], np.ones(len(stretches))
     if len(stretches) > 1 and known:
         force = np.concatenate([trace.force[trace.compared] for trace in traces])
         other = _OTHER_ERRORS * float(np.std(force))
         middle = math.hypot(median(known), other)
-        noises = (one.noise for one in stretches)
         sizes = [math.hypot(one, other) if math.isfinite(one) else middle for one in noises]
         if max(sizes) > _ALIKE * min(sizes):
             factors = np.clip(middle / np.array(sizes), 1.0 / _FARTHEST, _FARTHEST)
-            counts = np.array([one.n_samples for one in stretches])
-            factors /= math.sqrt(float(counts @ factors**2) / float(counts.sum()))
+            factors /= math.sqrt(float(counts @ factors**2) / sum(counts))
     if np.all(factors == 1.0) and all(one is None for one in counted):
         return (None,) * len(traces)
-    rows = iter(np.full(one.n_samples, k) for k, one in zip(factors, stretches, strict=True))
-    both = []
-    for trace, counts_here in zip(traces, counted, strict=True):
-        of_log = np.concatenate([next(rows) for _ in trace.stretches])
-        both.append(of_log if counts_here is None else of_log * counts_here)
+    ends = np.cumsum([trace.n_samples for trace in traces])[:-1]
+    rows = np.split(np.repeat(factors, counts), ends)
     if any(one is not None for one in counted):
-        power = sum(float(one @ one) for one in both) / sum(len(one) for one in both)
-        both = [one / math.sqrt(power) for one in both]
-    return tuple(both)
+        rows = [row if one is None else row * one for row, one in zip(rows, counted, strict=True)]
+        power = sum(float(one @ one) for one in rows) / sum(len(one) for one in rows)
+        rows = [one / math.sqrt(power) for one in rows]
+    return tuple(rows)
 
 
 def _counted(trace: Trace) -> NDArray[np.bool_] | None:
@@ -186,13 +182,13 @@ class LogFacts:
     def n_speeds(self) -> int | None:
         """How many speeds the stretches hold; None where one holds none."""
         speeds: list[float] = []
-        for trace in self.traces:
-            for stretch in trace.stretches:
-                held = _speed_held(np.abs(trace.drive.velocity[stretch.window]))
-                if held is None:
-                    return None
-                if all(abs(held / other - 1.0) > _NEAR for other in speeds):
-                    speeds.append(held)
+        places = ((log.drive.velocity, part) for log in self.traces for part in log.stretches)
+        for velocity, stretch in places:
+            held = _speed_held(np.abs(velocity[stretch.window]))
+            if held is None:
+                return None
+            if all(abs(held / other - 1.0) > _NEAR for other in speeds):
+                speeds.append(held)
         return len(speeds)
 
 
@@ -219,19 +215,16 @@ def said_of_speeds(
     if inseparable(facts, free, quantities):
         return (warning("one-speed", _ONE_SPEED),)
     # Stiffness, gas and mounting show in the corners and along the stroke.
-    unknown = [
-        one
+    n_unknown = sum(
+        (one.is_offset or one.scope != RIG) and one.role not in {STIFFNESS, GAS_AMOUNT}
         for one in quantities
         if one.name in free
-        and (one.is_offset or one.scope != RIG)
-        and one.role not in {STIFFNESS, GAS_AMOUNT}
-    ]
-    if len(unknown) <= 2 * _LEVELS:  # two speeds determine them, and one was asked for above
+    )
+    # Two speeds determine four, and one was asked for above.
+    n = facts.n_speeds if n_unknown > 2 * _LEVELS else None
+    if n is None or _LEVELS * n >= n_unknown:
         return ()
-    n = facts.n_speeds
-    if n is None or _LEVELS * n >= len(unknown):
-        return ()
-    return (warning("few-speeds", _FEW_SPEEDS.format(n, _LEVELS * n, len(unknown))),)
+    return (warning("few-speeds", _FEW_SPEEDS.format(n, _LEVELS * n, n_unknown)),)
 
 
 # The settled mean cycle of each steady stretch, in place of a whole log.
@@ -283,9 +276,8 @@ class SettledCycle:
 
     def solver(self, options: SolverOptions) -> SolverOptions:
         """How to integrate it: with the friction's dead band that its samples have."""
-        if options.dead_band >= self.dead_band:
-            return options
-        return replace(options, dead_band=self.dead_band)
+        is_wide = options.dead_band >= self.dead_band
+        return options if is_wide else replace(options, dead_band=self.dead_band)
 
     def rows(self, response: Response) -> FloatArray:
         """Residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
@@ -353,7 +345,11 @@ def _settled(
 ) -> tuple[SettledCycle, float]:
     """A stretch's settled cycle, and its scatter as a sum of weighed squares."""
     starts, n, period, is_aligned = _laid_out(trace, stretch, is_thinned=is_thinned)
-    (x, v, force), beside = _folded(trace, starts, n)
+    means, beside, room = np.empty((3, n)), np.empty(n), np.empty(len(starts) - 1)
+    channels = (trace.drive.displacement, trace.drive.velocity, trace.force, starts)
+    lines = (np.ascontiguousarray(one, dtype=np.float64) for one in channels)
+    compiled_core().fold(*lines, means, beside, room)
+    x, v, force = means
     power = np.full(n, stretch.n_samples / n)
     if weight is not None:
         positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n) / n)
@@ -371,35 +367,11 @@ def _settled(
         after = np.append(v[1:], v[0])
         at = np.flatnonzero(np.signbit(v) != np.signbit(after))
         dead_band = 0.5 * mean_of(np.abs(after[at] - v[at]))
-    cycle = SettledCycle(
-        Motion(
-            interval,
-            x[before],
-            v[before],
-            gas_pressure=trace.gas_pressure,
-            temperature=trace.temperature,
-        ),
-        force,
-        _gain(trace, period, n),
-        np.sqrt(power),
-        dead_band,
-        stretch.n_cycles,
-        starts,
-        turn,
-    )
-    return cycle, scatter
-
-
-def _folded(trace: Trace, starts: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
-    """Mean displacement, velocity and force of n samples (3, n); squares of the force beside it."""
-    channels = (trace.drive.displacement, trace.drive.velocity, trace.force)
-    means, beside, room = np.empty((3, n)), np.empty(n), np.empty(len(starts) - 1)
-    compiled_core().fold(
-        *(np.ascontiguousarray(one, dtype=np.float64) for one in channels),
-        np.ascontiguousarray(starts, dtype=np.float64),
-        *(means, beside, room),
-    )
-    return means, beside
+    filled = trace.gas_pressure, trace.temperature
+    motion = Motion(interval, x[before], v[before], 0.0, *filled)
+    gain, factor = _gain(trace, period, n), np.sqrt(power)
+    n_cycles = stretch.n_cycles
+    return SettledCycle(motion, force, gain, factor, dead_band, n_cycles, starts, turn), scatter
 
 
 def _laid_out(
@@ -409,22 +381,19 @@ def _laid_out(
     starts = stretch.cycle_starts
     counts = np.arange(len(starts)) - 0.5 * stretch.n_cycles
     period = float(counts @ starts) / float(counts @ counts)
-    line = mean_of(starts) + period * counts
-    own = round(period)
-    is_aligned = abs(period - own) * stretch.n_cycles < _IN_STEP
-    n = (
-        _samples(trace, period)
-        if is_thinned
-        else own
-        if is_aligned
-        else 2 * fast_length(math.ceil(period / 2))
-    )
+    line = np.asarray(mean_of(starts) + period * counts)
+    n = round(period)
+    is_aligned = abs(period - n) * stretch.n_cycles < _IN_STEP
+    if is_thinned:
+        n = _samples(trace, period)
+    elif not is_aligned:
+        n = 2 * fast_length(math.ceil(period / 2))
     if np.max(np.abs(starts - line)) > _IN_STEP:
-        return np.asarray(starts), n, period, False
-    if is_aligned and not is_thinned:
+        line, is_aligned = np.asarray(starts), False
+    elif is_aligned and not is_thinned:
         # To the last bit on the samples, and the last cycle as long as the others.
-        return np.asarray(stretch.first + period * np.arange(len(starts))), n, period, True
-    return np.asarray(line), n, period, is_aligned
+        line = np.asarray(stretch.first + period * np.arange(len(starts)))
+    return line, n, period, is_aligned
 
 
 def between_samples(channels: FloatArray, positions: FloatArray) -> FloatArray:
@@ -543,16 +512,10 @@ class SeenLog(NamedTuple):
     @property
     def comparison(self) -> SimulatedLog:
         """The comparison again; without masses, sensitivities and what is before the filter."""
-        motion = motion_of(self.trace)
-        n = len(self.force)
-        response = Response(
-            time=motion.start_time + motion.interval * np.arange(n, dtype=np.float64),
-            displacement=motion.displacement,
-            velocity=motion.velocity,
-            force=np.empty(0),
-            pressures=self.pressures.astype(np.float64),
-            masses=np.empty((2, 0)),
-        )
+        motion, n = motion_of(self.trace), len(self.force)
+        time = motion.start_time + motion.interval * np.arange(n, dtype=np.float64)
+        driven, pressures = (motion.displacement, motion.velocity), self.pressures.astype(float)
+        response = Response(time, *driven, np.empty(0), pressures, np.empty((2, 0)))
         return SimulatedLog(response, self.force, np.empty((0, n)))
 
 
@@ -570,14 +533,13 @@ class LogFit(NamedTuple):
     ) -> tuple[SettledCycle, ...]:
         """Return the mean cycles that the fit went down on; none where it ended at other values."""
         kept = self.seen
-        is_kept = kept is not None and kept.is_of(parameters, self.trace, damper, solver)
-        return kept.cycles if kept is not None and is_kept else ()
+        is_kept = kept and kept.is_of(parameters, self.trace, damper, solver)
+        return kept.cycles if kept and is_kept else ()
 
     def compared(self, parameters: Values, damper: Model, solver: SolverOptions) -> SimulatedLog:
         """Return the log beside the model, as the fit has left it or simulated anew."""
-        kept = self.seen
-        if kept is not None and kept.is_of(parameters, self.trace, damper, solver):
-            return kept.comparison
+        if self.seen and self.seen.is_of(parameters, self.trace, damper, solver):
+            return self.seen.comparison
         found = compare(parameters, self.trace, damper, solver=solver)
         # As one that was kept: whoever looks at it sees the same, whether or not it was.
         single = found.response.pressures.astype(np.float32).astype(np.float64)

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 
-# Where a user says that a fit starts: numbers by name, or the parameters of an earlier run.
-
 
 @dataclass(frozen=True, slots=True)
 class GivenStart:
@@ -115,43 +113,33 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
     options: FitOptions, damper: Model
 ) -> None:
     """Refuse options that cannot be for a model, before any log is read."""
+
+    def refuse(text: str, code: str, *keys: tuple[str, ...]) -> None:
+        raise ConfigurationError(text, where=Key(*keys), code=code)
+
     _check_name("procedure", options.procedure, PROCEDURE_NAMES)
     if options.procedure not in damper.procedures:
-        raise ConfigurationError(
-            f"procedure {options.procedure} cannot fit the model {damper.name!r}; expected one "
-            f"of {', '.join(damper.procedures)}.",
-            where=Key(("identification", "procedure")),
-            code="other-procedure",
-        )
-    share = shared_names(options, damper)
-    asked = {"free": options.free or (), "fix": options.fixed, "share": share}
-    asked["untie"] = options.untied
-    for key, names in asked.items():
-        for name in names:
-            with blamed_on(Key(("identification", key))):
-                damper.quantity(name)
-    for name in options.free or ():
+        text = f"procedure {options.procedure} cannot fit the model {damper.name!r}; expected one "
+        text += f"of {', '.join(damper.procedures)}."
+        refuse(text, "other-procedure", ("identification", "procedure"))
+    share, free = shared_names(options, damper), options.free or ()
+    asked = {"free": free, "fix": options.fixed, "share": share, "untie": options.untied}
+    for key, name in ((key, name) for key, names in asked.items() for name in names):
+        with blamed_on(Key(("identification", key))):
+            damper.quantity(name)
+    for name in free:
         if name in options.fixed:
-            raise ConfigurationError(
-                f"{name} is both free and fixed; choose one.",
-                where=Key(("identification", "free"), ("fix",)),
-                code="free-and-fixed",
-            )
+            text = f"{name} is both free and fixed; choose one."
+            refuse(text, "free-and-fixed", ("identification", "free"), ("fix",))
     for name in options.follows:
         damper.quantity(name)
         if name in options.fixed:
-            raise ConfigurationError(
-                f"{name} follows an adjuster and is fixed; choose one.",
-                where=Key(("identification", "fix")),
-                code="followed-and-fixed",
-            )
+            text = f"{name} follows an adjuster and is fixed; choose one."
+            refuse(text, "followed-and-fixed", ("identification", "fix"))
     for name in share if options.procedure == "joint" and not options.is_detecting else ():
-        if name in options.fixed or name in (options.free or ()):
-            raise ConfigurationError(
-                f"{name} is shared and also free or fixed; choose one.",
-                where=Key(("identification", "share"), ("free", "fix")),
-                code="shared-and-fixed",
-            )
+        if name in {*options.fixed, *free}:
+            text = f"{name} is shared and also free or fixed; choose one."
+            refuse(text, "shared-and-fixed", ("identification", "share"), ("free", "fix"))
     _check_name("bulk modulus", options.bulk_modulus, BULK_MODULUS_NAMES)
     text = ""
     if options.bulk_modulus == "free":
@@ -163,29 +151,21 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
             "one gas content for all settings needs one fit of all settings; expected procedure "
             f"joint, found {options.procedure}."
         )
-    elif GAS_FOLLOWER in {*options.fixed, *(options.free or ()), *share}:
+    elif GAS_FOLLOWER in {*options.fixed, *free, *share}:
         text = "K_e follows from the gas content; it cannot be free, fixed or shared too."
     if text:
-        text, where = f"{options.bulk_modulus}: {text}", Key(("bulk_modulus",))
-        raise ConfigurationError(text, where=where, code="no-gas-content")
-    moving = {*(options.free or ()), *share}
+        refuse(f"{options.bulk_modulus}: {text}", "no-gas-content", ("bulk_modulus",))
     for name, begin in options.start.named.items():
         started = damper.quantity(name)
-        is_held = started.default is not None and name not in moving
+        is_held = started.default is not None and name not in {*free, *share}
         with blamed_on(Key(("identification", "start_values"))):
             check_start(started, begin, is_fixed=name in options.fixed, is_held=is_held)
     for quantity in damper.quantities:
-        value = options.fixed.get(quantity.name)
-        if value is None or (quantity.may_vanish and value == 0.0):
+        value, (low, high) = options.fixed.get(quantity.name), quantity.plausible
+        if value is None or (quantity.may_vanish and value == 0.0) or low <= value <= high:
             continue
-        low, high = quantity.plausible
-        if not low <= value <= high:
-            raise ConfigurationError(
-                f"{quantity.name} = {value:g} is fixed, far from any damper's; expected {low:g} to "
-                f"{high:g} {quantity.unit}.",
-                where=Key(("identification", "fix")),
-                code="implausible",
-            )
+        text = f"{quantity.name} = {value:g} is fixed, far from any damper's; expected {low:g} to "
+        refuse(f"{text}{high:g} {quantity.unit}.", "implausible", ("identification", "fix"))
 
 
 def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -179,18 +180,17 @@ class Sharing:
         groups: dict[tuple[str, ...], list[str]] = {}
         for name in self.jointly:
             groups.setdefault(tuple(self.follows.get(name, ())), []).append(name)
-        own = [name for name in self.free if name not in self.jointly]
         rest = groups.pop((), [])
-        said = [
+        parts = [
             f"{_listed(names)} follow{'s' if len(names) == 1 else ''} {_listed(adjusters)}"
             for adjusters, names in groups.items()
         ]
-        if own:
-            said.append(f"{_listed(own)} {'is' if len(own) == 1 else 'are'} each setting's own")
+        if own := [name for name in self.free if name not in self.jointly]:
+            parts.append(f"{_listed(own)} {'is' if len(own) == 1 else 'are'} each setting's own")
         if rest:
-            what = "everything else" if said else "everything"
-            said.append(f"{what} is shared by all {len(self.settings)} settings")
-        return ("The logs show that " if self.is_detected else "As declared ") + "; ".join(said)
+            what = "everything else" if parts else "everything"
+            parts.append(f"{what} is shared by all {len(self.settings)} settings")
+        return ("The logs show that " if self.is_detected else "As declared ") + "; ".join(parts)
 
     def whose(self, name: str, setting: Setting) -> str:
         """By whom a shared parameter is shared, for people."""
@@ -210,12 +210,11 @@ def listed_settings(settings: Iterable[Setting | Place]) -> str:
     ('1, 2, 5-7', '3, soft')
     """
     known = sorted(map(Setting.of, settings))
-    numbers = [one.cell for one in known if isinstance(one.cell, int)]
-    if len(numbers) < len(known):
-        more = f" and {len(known) - _MANY} more" if len(known) > _MANY else ""
-        return ", ".join(map(str, known[:_MANY])) + more
     runs: list[tuple[int, int]] = []
-    for number in numbers:
+    for number in (one.cell for one in known):
+        if not isinstance(number, int):
+            more = f" and {len(known) - _MANY} more" if len(known) > _MANY else ""
+            return ", ".join(map(str, known[:_MANY])) + more
         first = runs.pop()[0] if runs and number == runs[-1][1] + 1 else number
         runs.append((first, number))
     return _listed_runs(runs)
@@ -274,18 +273,14 @@ def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Val
     first = next(iter(alike.values()))
     found: dict[str, float] = {}
     for quantity in first.quantities:
-        name = quantity.name
-        numbers = {one: float(getattr(at, name)) for one, at in alike.items()}
+        numbers = {one: float(getattr(at, quantity.name)) for one, at in alike.items()}
         if len(set(numbers.values())) == 1:
             continue
-        value = (
-            float(np.mean(list(numbers.values())))
-            if quantity.is_offset
-            else _by_clicks(numbers, setting)
-        )
+        mean = float(np.mean(list(numbers.values())))
+        value = mean if quantity.is_offset else _by_clicks(numbers, setting)
         if value is None:
             return None
-        found[name] = value
+        found[quantity.name] = value
     return first.replace(found)
 
 
@@ -305,16 +300,15 @@ def unlimited_in(
 
 def _by_clicks(numbers: Mapping[Setting, float], setting: Setting) -> float | None:
     """The number at a setting of what follows some of its adjusters; all that may be must agree."""
-    adjusters = setting.adjusters
-    for size in range(1, len(adjusters)):
-        possible = []
-        for some in combinations(adjusters, size):
+    for size in range(1, len(setting.adjusters)):
+        possible = set()
+        for some in combinations(setting.adjusters, size):
             groups: dict[tuple[object, ...], set[float]] = {}
             for one, number in numbers.items():
-                groups.setdefault(tuple(one.place(name) for name in some), set()).add(number)
+                groups.setdefault(tuple(map(one.place, some)), set()).add(number)
             if all(len(group) == 1 for group in groups.values()):
-                here = groups.get(tuple(setting.place(name) for name in some), set())
-                possible.append(next(iter(here), None))
+                possible.add(min(groups.get(tuple(map(setting.place, some)), {math.nan})))
         if possible:
-            return possible[0] if len(set(possible)) == 1 else None
+            (number, *others) = possible
+            return None if others or math.isnan(number) else number
     return None

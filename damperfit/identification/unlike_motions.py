@@ -47,20 +47,20 @@ def contradictory_motions(
 ) -> str | None:
     """A sentence on the first two logs of a setting that contradict each other; None: none do."""
     # Logs of one motion have been compared; these are neighbours by their fastest speed.
-    for first, second in itertools.pairwise(sorted(traces, key=_top_speed)):
+    for pair in itertools.pairwise(sorted(traces, key=_top_speed)):
         has_temperature_law = isinstance(damper, WithTemperature)
-        if share_a_motion(first, second) or (has_temperature_law and are_unlike(first, second)):
+        if share_a_motion(*pair) or (has_temperature_law and are_unlike(*pair)):
             continue
-        forces = _differing((first, second), [first.force, second.force])
-        if forces is not None and _is_left_by_fits((first, second), damper, options):
-            a, b = forces
-            speed = 0.5 * sum(_WINDOW) * _top_speed(first)
-            return (
-                f"{first.name} and {second.name} contradict each other: both reach "
-                f"{speed:.3g} m/s, where their damping forces are {a:.4g} N and {b:.4g} N, "
-                f"{200.0 * abs(a - b) / (abs(a) + abs(b)):.3g} % apart, which a fit of both "
-                "does not explain"
-            )
+        forces = _differing(pair, [log.force for log in pair])
+        if forces is None or not _is_left_by_fits(pair, damper, options):
+            continue
+        a, b = forces
+        return (
+            f"{pair[0].name} and {pair[1].name} contradict each other: both reach "
+            f"{0.5 * sum(_WINDOW) * _top_speed(pair[0]):.3g} m/s, where their damping forces are "
+            f"{a:.4g} N and {b:.4g} N, {200.0 * abs(a - b) / (abs(a) + abs(b)):.3g} % apart, which "
+            "a fit of both does not explain"
+        )
     return None
 
 
@@ -73,25 +73,22 @@ def _top_speed(trace: Trace) -> float:
 def _differing(pair: Pair, forces: Sequence[FloatArray]) -> tuple[float, float] | None:
     """What forces over two logs are where their speeds meet; None where noise may be all of it."""
     top = min(map(_top_speed, pair))
-    read = [_damping(log, force, top) for log, force in zip(pair, forces, strict=True)]
-    scales = [_damping(log, log.force, top) for log in pair]
-    if read[0] is None or read[1] is None or scales[0] is None or scales[1] is None:
-        return None
+    a, b = (_damping(log, force, top) for log, force in zip(pair, forces, strict=True))
+    scale = 0.5 * sum(abs(_damping(log, log.force, top)) for log in pair)
     noises = ([one.noise for one in log.stretches if math.isfinite(one.noise)] for log in pair)
     noise = math.hypot(*(max(few, default=0.0) for few in noises))
-    allowed = max(SCATTERS * noise, REPEATS * 0.5 * (abs(scales[0]) + abs(scales[1])))
-    return (read[0], read[1]) if abs(read[0] - read[1]) > allowed else None
+    return (a, b) if abs(a - b) > max(SCATTERS * noise, REPEATS * scale) else None  # NaN is not
 
 
-def _damping(trace: Trace, force: FloatArray, top: float) -> float | None:
-    """Half the difference of rebound and bump in the middle of the window, N."""
+def _damping(trace: Trace, force: FloatArray, top: float) -> float:
+    """Half the difference of rebound and bump in the middle of the window, N; NaN: too few."""
     v, f = trace.velocity[trace.compared], force[trace.compared]
     strokes = []
     for sign in (1.0, -1.0):
         speed = sign * v
         inside = (speed >= _WINDOW[0] * top) & (speed <= _WINDOW[1] * top)
         if np.count_nonzero(inside) < _FEWEST:
-            return None
+            return math.nan
         # Samples of a slow test lie nearer to its peak than those of a fast one.
         away = speed[inside] - 0.5 * sum(_WINDOW) * top
         line = np.stack([np.ones(len(away)), away], axis=1)
