@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import FitCancelledError, SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import is_nothing
@@ -79,7 +78,6 @@ _ENOUGH_LOGS, _APART, _FAR = 4, 5e-3, 10.0
 _UNLIKE, _SURELY, _TELLING, _MOST_OF_IT = 1.5, 3.0, 0.3, 0.5
 # Of a stroke's oil: a share below it is that of a passage which the logs do not show.
 _UNNOTICED = 0.01
-_FOUND = frozenset({Status.FITTED, Status.SHARED})
 
 
 def with_least_openings(
@@ -93,27 +91,25 @@ def with_least_openings(
     That of all settings that have the same number.
     """
     by_setting = {one.fit.setting: one for one in linearised}
-
-    def least(setting: Setting) -> dict[str, float]:
-        highest, mine = {}, by_setting[setting]
+    judged = []
+    for errors in known:
+        highest, mine = {}, by_setting[errors.setting]
         for name in mine.pressed:
             alike = [mine]
-            if name in sharing.found_at(setting):
-                own = unknown_at(name, sharing.follows, setting)
+            if name in sharing.found_at(errors.setting):
+                own = unknown_at(name, sharing.follows, errors.setting)
                 alike += [one for one in linearised if own.holds_at(one.fit.setting)]
             if all(one.pressed[name] < _passes_from(name, one, damper) for one in alike):
                 highest[name] = max(one.pressed[name] for one in alike)
-        return highest
-
-    return tuple(replace(one, unopened=least(one.setting)) for one in known)
+        judged.append(replace(errors, unopened=highest))
+    return tuple(judged)
 
 
 def _passes_from(name: str, one: Linearisation, damper: Model) -> float:
     """The pressure above which a blow-off passes oil that a fit could notice, Pa."""
     from damperfit.damper.valve_dampers import ValveDamper
 
-    opening: float = getattr(one.fit.parameters, name)
-    own = damper.damper if isinstance(damper, WithTemperature) else damper
+    opening, own = float(getattr(one.fit.parameters, name)), damper.plain
     stroke = name.removesuffix("_opening")
     # A slope that lets nothing through is one way in which a fit tells that it does not open.
     slope: float | None = getattr(one.fit.parameters, f"{stroke}_slope", None)
@@ -132,8 +128,10 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
     the printed error of noise. What ran to where its part does nothing, as a friction below the
     noise, is no bound that a fit strains against: the logs do not tell it from none.
     """
-    fits = tuple(_reconsidered(fit, campaign.sharing, assessment) for fit in campaign.fits)
-    return replace(campaign, fits=fits)
+    sharing = campaign.sharing
+    return replace(
+        campaign, fits=tuple(_reconsidered(fit, sharing, assessment) for fit in campaign.fits)
+    )
 
 
 def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
@@ -148,32 +146,30 @@ def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
         error = error if one.is_logarithmic else error / one.size
         return is_loose(one, getattr(values, name), error, share)
 
-    lost = set()
-    for name, status in fit.status.items():
-        if status not in _FOUND:
-            continue
+    def is_unlimited(name: str) -> bool:
+        """Whether it has no limit, or an interval as wide as of what no log tells."""
         if name in profiles:
-            is_lost = profiles[name].is_flat
-        else:  # an interval as wide as of what no log tells
-            low, high = assessment.limits(fit.setting, name)
-            one, is_lost = values.quantity(name), False
-            if low and high and one.is_logarithmic:
-                error = math.log(high / low) / (2.0 * NORMAL_95)
-                is_lost = is_loose(one, 1.0, error, NOT_FOUND)
-        is_shared = name in sharing.found and status == Status.SHARED
-        if is_lost or (is_shared and is_unfit(name, NOT_FIT_TO_SHARE)):
-            lost.add(name)
+            return profiles[name].is_flat
+        (low, high), one = assessment.limits(fit.setting, name), values.quantity(name)
+        if not (low and high and one.is_logarithmic):
+            return False
+        return is_loose(one, 1.0, math.log(high / low) / (2.0 * NORMAL_95), NOT_FOUND)
+
+    def named(*statuses: Status) -> list[str]:
+        return [name for name, status in fit.status.items() if status in statuses]
+
+    lost = {name for name in named(Status.FITTED, Status.SHARED) if is_unlimited(name)}
+    shared = (name for name in named(Status.SHARED) if name in sharing.found)
+    lost |= {name for name in shared if is_unfit(name, NOT_FIT_TO_SHARE)}
     # What a setting finds only beside a shared slope of either sign that the logs do not tell.
     slopes = {n for n in sharing.found if n in lost or fit.status[n] == Status.NOT_IDENTIFIABLE}
     if not all(values.quantity(name).is_logarithmic for name in slopes):
-        fitted = (name for name, status in fit.status.items() if status == Status.FITTED)
-        lost |= {name for name in fitted if is_unfit(name, NOT_FOUND)}
-    at_bound = {name for name, status in fit.status.items() if status == Status.AT_BOUND}
+        lost |= {name for name in named(Status.FITTED) if is_unfit(name, NOT_FOUND)}
+    at_bound = {*named(Status.AT_BOUND)}
     none = {name for name in at_bound if is_nothing(values, name)}
-    own = none | {name for name in lost if fit.status[name] == Status.FITTED}
-    is_strained = fit.outcome is Outcome.AT_BOUND and not none >= at_bound
-    outcome = fit.outcome
-    if own and outcome in {Outcome.CONVERGED, Outcome.AT_BOUND} and not is_strained:
+    is_own = bool(none or lost.intersection(named(Status.FITTED)))
+    outcome, is_strained = fit.outcome, fit.outcome is Outcome.AT_BOUND and not none >= at_bound
+    if is_own and outcome in {Outcome.CONVERGED, Outcome.AT_BOUND} and not is_strained:
         outcome = Outcome.NOT_IDENTIFIABLE
     changed = dict.fromkeys(lost | none, Status.NOT_IDENTIFIABLE)
     return replace(fit, status={**fit.status, **changed}, outcome=outcome)
@@ -191,10 +187,11 @@ def motions_apart(campaign: Campaign) -> Iterator[Problem]:
     if len(motions) < _ENOUGH_LOGS:
         return
     names, *columns = zip(*motions, strict=True)
-    for code, unit, scale, what, values in (
-        ("clock-apart", "Hz", 1.0, "clock", columns[0]),
-        ("stroke-apart", "mm", 1e3, "displacement channel", columns[1]),
-    ):
+    kinds = (
+        ("clock-apart", "Hz", 1.0, "clock"),
+        ("stroke-apart", "mm", 1e3, "displacement channel"),
+    )
+    for (code, unit, scale, what), values in zip(kinds, columns, strict=True):
         middle = float(np.median(values))
         off = np.abs(np.array(values) / middle - 1.0)
         *_, second, most = np.sort(off).tolist()
@@ -216,11 +213,9 @@ def motions_apart(campaign: Campaign) -> Iterator[Problem]:
 
 def shared_apart(linearised: Sequence[Linearisation], sharing: Sharing) -> Iterator[Problem]:
     """Yield what the logs of two settings, each alone, would have otherwise than all together."""
-    for name in sharing.common if sharing.jointly else ():
-        alone, mine = [], [one for one in linearised if one.fit.setting in sharing.settings]
-        if len(mine) < 2:
-            continue
-        quantity = mine[0].fit.parameters.quantity(name)
+    mine = [one for one in linearised if one.fit.setting in sharing.settings]
+    for name in sharing.common if sharing.jointly and len(mine) > 1 else ():
+        quantity, alone = mine[0].fit.parameters.quantity(name), []
         for one in mine:
             row = solved(one, (*own_names(one.fit, sharing), name))[-1]
             step, error = float(row @ one.gradient), math.sqrt(abs(float(row @ one.scores @ row)))
@@ -228,15 +223,16 @@ def shared_apart(linearised: Sequence[Linearisation], sharing: Sharing) -> Itera
                 n = sum(log.trace.n_samples for log in one.fit.logs)
                 fall = step**2 / float(row[one.places([name])[0]]) * one.precision / n
                 alone.append((step, error, fall, one.fit))
-        low, high = (end(alone, key=itemgetter(0), default=None) for end in (min, max))
-        if low is None or high is None:
+        if not alone:
             continue
+        low, high = (end(alone, key=itemgetter(0)) for end in (min, max))
         apart, fall = high[0] - low[0], 0.5 * (low[2] + high[2])
         is_sure = apart > _SURELY * math.hypot(low[1], high[1]) and fall > _MOST_OF_IT
         if is_sure and apart > math.log(_UNLIKE):
-            scale, unit = 10.0**quantity.power, quantity.shown_unit or quantity.unit
-            known = [getattr(fit.parameters, name) / scale * math.exp(min(step, 5.0))
-                     for step, *_, fit in (low, high)]  # fmt: skip
+            first, second = (
+                getattr(fit.parameters, name) / 10.0**quantity.power * math.exp(min(step, 5.0))
+                for step, *_, fit in (low, high)
+            )
             yield warning(
                 "shared-apart",
                 "{label}: the logs of setting {first} by themselves ask for about {low}, those of "
@@ -245,9 +241,9 @@ def shared_apart(linearised: Sequence[Linearisation], sharing: Sharing) -> Itera
                 label=quantity.label,
                 first=low[-1].setting,
                 second=high[-1].setting,
-                low=f"{known[0]:.2g}",
-                high=f"{known[1]:.2g}",
-                unit=unit,
+                low=f"{first:.2g}",
+                high=f"{second:.2g}",
+                unit=quantity.shown_unit or quantity.unit,
                 untie=Option("untie", name, is_aside=True),
             )
 
@@ -318,20 +314,19 @@ def _unopened(name: str, fit: Fit, known: Uncertainty) -> str:
             f"these logs do not open it: it opens above {least:.4g} {unit}, the highest pressure "
             f"on it in them, and any higher value fits as well; {value:.4g} {unit} is used{used}"
         )
-    if quantity.group == "blow_off" and quantity.beside("opening") in known.unopened:
-        return "these logs do not determine it: they do not open the blow-off"
-    return ""
+    is_beside = quantity.group == "blow_off" and quantity.beside("opening") in known.unopened
+    return "these logs do not determine it: they do not open the blow-off" * is_beside
 
 
 def _span(low: float, high: float, quantity: Quantity) -> str:
     """Its 95 %; an end beyond the plausible range is no limit."""
-    least, most = quantity.plausible
-    if low >= least and high <= most:
-        return f"95 % from {low:.4g} to {high:.4g} {quantity.unit}"
+    (least, most), unit = quantity.plausible, quantity.unit
     if low >= least:
-        return f"95 % above {low:.4g} {quantity.unit}"
+        return (
+            f"95 % {f'from {low:.4g} to {high:.4g}' if high <= most else f'above {low:.4g}'} {unit}"
+        )
     if high <= most:
-        return f"95 % below {high:.4g} {quantity.unit}"
+        return f"95 % below {high:.4g} {unit}"
     return "no value of its plausible range is excluded"
 
 
@@ -426,8 +421,8 @@ class Assessment:
             low = None if low is None or low < least else low
             high = None if high is None or high > most else high
             errors = self.uncertainty(fit.setting)
-            above = math.inf if errors is None else errors.unopened.get(name, math.inf)
-            low = above if low is None and above < getattr(fit.parameters, name) else low
+            above = errors.unopened.get(name) if errors and low is None else None
+            low = above if above and above < getattr(fit.parameters, name) else low
         return low, high
 
     def unlimited(self, fit: Fit) -> frozenset[str]:
@@ -486,14 +481,11 @@ class Assessment:
     def undetermined(self, campaign: Campaign) -> tuple[Problem, ...]:
         """Return each way in which parameters are at a bound or not determined, and where."""
         where: dict[tuple[str, Status, str], list[Setting]] = defaultdict(list)
-        for fit in campaign.fits:
-            if (known := self.uncertainty(fit.setting)) is None:
-                continue
-            profiles = self.telling(fit.setting)
-            for name, status in fit.status.items():
-                if status.has_failed:
-                    words = _verdict(name, fit, known, profiles.get(name), campaign.sharing, "")
-                    where[name, status, words].append(fit.setting)
+        for fit in (fit for fit in campaign.fits if fit.setting in self._known):
+            known, profiles = self._known[fit.setting], self.telling(fit.setting)
+            for name, status in ((name, one) for name, one in fit.status.items() if one.has_failed):
+                words = _verdict(name, fit, known, profiles.get(name), campaign.sharing, "")
+                where[name, status, words].append(fit.setting)
         return tuple(
             warning(
                 "at-bound" if status == Status.AT_BOUND else "not-determined",
@@ -529,30 +521,28 @@ class Assessment:
         if not ratios:
             return ""
         low, middle, high = percentiles(ratios, 5.0, 50.0, 95.0)
-        said = (
-            "Check of these errors: a jackknife over whole cycles gives "
-            f"{middle:.2g} times as much (median; 9 of 10 from {low:.2g} to {high:.2g})"
+        blind = (
+            "; it cannot see a misfit that repeats in every cycle, and the larger errors are given"
         )
-        return said + (
-            "; it cannot see a misfit that repeats in every cycle, and the larger errors are given."
-            if low < _BLIND
-            else "."
+        return (
+            f"Check of these errors: a jackknife over whole cycles gives {middle:.2g} times as "
+            f"much (median; 9 of 10 from {low:.2g} to {high:.2g}){blind if low < _BLIND else ''}."
         )
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """Noise and lack of fit: one for each structured setting, one for all the others."""
-        said = [f"setting {d.setting}: {d.sentence}" for d in self.diagnoses if d.is_structured]
         single = [d for d in self.diagnoses if math.isnan(d.noise_percent)]
         quiet = [d for d in self.diagnoses if not d.is_structured and d not in single]
+        told = [d for d in self.diagnoses if d.is_structured]
+        sentences = [f"setting {one.setting}: {one.sentence}" for one in (*told, *single)]
         if quiet:
             least = min(100.0 * d.noise_percent / max(d.mse_percent, 1e-300) for d in quiet)
-            said.append(
-                f"{of_settings(d.setting for d in quiet)}: no misfit repeats from cycle to "
-                f"cycle; noise makes up {least:.0f} % of the MSE or more"
+            text = (
+                f"{of_settings(d.setting for d in quiet)}: no misfit repeats from cycle to cycle; "
             )
-        said.extend(f"setting {d.setting}: {d.sentence}" for d in single)
-        return tuple(said)
+            sentences.insert(len(told), f"{text}noise makes up {least:.0f} % of the MSE or more")
+        return tuple(sentences)
 
 
 class _Alone(NamedTuple):
@@ -568,27 +558,24 @@ def _with_hidden_friction(
     found: Sequence[_Alone],
 ) -> tuple[list[Linearisation], tuple[Problem, ...]]:
     """The settings with a friction by speed that they show together, no other misfit beside it."""
-    linearised = [one.linearised for one in found]
-    name = "friction_with_speed"
-    is_named = [name in one.flawed for one in linearised]
+    linearised, name = [one.linearised for one in found], "friction_with_speed"
     is_other = any(
-        one.diagnosis.is_structured and not named
-        for one, named in zip(found, is_named, strict=True)
+        one.diagnosis.is_structured and name not in one.linearised.flawed for one in found
     )
     known = [one.friction for one in found if one.friction is not None]
     place, amount = hidden_friction(known)
     if is_other or len(known) < len(found) or not amount:
         return linearised, ()
-    linearised = [
+    with_friction = [
         replace(one, flawed={name: amount * friction.pulls[place], **one.flawed})
         for one, friction in zip(linearised, known, strict=True)
     ]
-    if any(is_named):
-        return linearised, ()
+    if any(name in one.flawed for one in linearised):
+        return with_friction, ()
     text = "{settings}: a small misfit is as from {words}; the intervals allow for it."
     where = of_settings(one.diagnosis.setting for one in found)
     told = warning("misfit-of-all", text, settings=where, words=words_of(name, amount), flaw=name)
-    return linearised, (told,)
+    return with_friction, (told,)
 
 
 def assess(

@@ -74,22 +74,15 @@ def _rounded(amount: float) -> str:
 
 _FLAWS: Mapping[str, _Flaw] = {
     "delay": _Flaw(
-        "reversals",
-        1e3,
-        "a channel delay (the force is {size} ms {way} against the displacement)",
-        ("late", "early"),
-        largest=25.0,  # ms; force channels are 8 to 14 ms late at worst
+        "reversals", 1e3, "a channel delay (the force is {size} ms {way} against the displacement)",
+        ("late", "early"), largest=25.0,  # ms; force channels are 8 to 14 ms late at worst
     ),
     "gas_pressure": _Flaw(
-        "position",
-        100.0,
-        "a wrong gas pressure ({size} % {way} than configured)",
+        "position", 100.0, "a wrong gas pressure ({size} % {way} than configured)",
         largest=100.0,  # %; at -100 % there is no gas
     ),
     "gas_exponent": _Flaw(
-        "position",
-        100.0,
-        "a wrong gas exponent (by {size} %)",
+        "position", 100.0, "a wrong gas exponent (by {size} %)",
         largest=50.0,  # %; from 1.0 to 1.67 is all there is
     ),
     "gas_volume": _Flaw("position", 1.0, "a wrong gas or rod volume ({size} N at full stroke)"),
@@ -101,27 +94,22 @@ _FLAWS: Mapping[str, _Flaw] = {
         "the sign of v", 1.0, "friction that changes along the stroke ({size} N {way} at its ends)"
     ),
     "friction_with_pressure": _Flaw(
-        "the sign of v",
-        1.0,
-        "friction that {way} with the pressure ({size} N at the peak force)",
+        "the sign of v", 1.0, "friction that {way} with the pressure ({size} N at the peak force)",
         ("grows", "falls"),
     ),
     "compressibility": _Flaw(
-        "reversals",
-        100.0,
+        "reversals", 100.0,
         "a bulk modulus that changes with pressure (by {size} % at the peak force)",
         largest=300.0,  # %; oil with gas in it stiffens by its pressure
     ),
     "force_gain": _Flaw(
-        "the force",
-        100.0,
+        "the force", 100.0,
         "a force channel whose gain is {size} % too {way} in this log beside the others",
-        ("high", "low"),
-        largest=50.0,  # %
+        ("high", "low"), largest=50.0,  # %
     ),
     "valve_law_rebound": _Flaw("v squared", 1.0, "the rebound valve ({size} N at peak)"),
     "valve_law_bump": _Flaw("v squared", 1.0, "the compression valve ({size} N at peak)"),
-}
+}  # fmt: skip
 # A gas spring of another stiffness is so many times as stiff as declared; beyond it is none.
 _STIFFEST, _SOFTEST = 5.0, 0.2
 _LARGEST_OF_HELD = 1000.0  # %; ten times what it is held at
@@ -216,7 +204,7 @@ def seek_flaws(
     parameters of which one value for all settings is known not to hold; where a damper yields
     before it slides nothing of valves, oil or gas is named.
     """
-    fit = linearised.fit
+    fit, quantities = linearised.fit, linearised.fit.parameters.quantities
     # Beside a jump of the speed nothing counts.
     counts, residuals, force = linearised.counts, linearised.residuals, linearised.force
     doubted = tuple(name for name in doubted if fit.status[name] == Status.SHARED)
@@ -230,22 +218,22 @@ def seek_flaws(
         columns["force_gain"] = [force]
     # Parameters that nothing in the logs has set may be held at a wrong value, but for an offset,
     # which is among the flaws already. Of a law that does not fit none can be said to be the cause.
-    held = [
-        one.name
-        for one in fit.parameters.quantities
-        if fit.status[one.name] == Status.FIXED
-        and not one.is_offset
-        and fit.mse_percent < EXCELLENT
-    ]
+    fixed = [q for q in quantities if fit.status[q.name] == Status.FIXED and not q.is_offset]
+    held = [one.name for one in fixed if fit.mse_percent < EXCELLENT]
     for name in (*held, *doubted):
         columns[name] = [linearised.jacobian[:, linearised.names.index(name)]]
-    found, pulls = [], {}
+    found = []
     for name, candidates in columns.items():
         basis = own if name in {*doubted, "force_gain"} else absorbed
         gains = [gain(column * counts, basis, residuals) for column in candidates]
         best = max(range(len(gains)), key=gains.__getitem__)
         share, amount = gains[best]
-        flaw = _FLAWS.get(name) or _held_flaw(name, is_shared=name in doubted)
+        flaw = _FLAWS.get(name)
+        if flaw is None:
+            is_shared = name in doubted
+            how = "is shared by all settings and here" if is_shared else "held at a wrong value,"
+            family = "a shared parameter" if is_shared else "a held parameter"
+            flaw = _Flaw(family, 100.0, f"{name} {how} too {{way}}", ("low", "high"))
         size = amount * flaw.unit
         explained = min(share / (repeats * len(counts)), 1.0)
         hint = Hint(name, flaw.family, explained, size, flaw.words(size))
@@ -262,39 +250,37 @@ def seek_flaws(
     unlikely = _OF_VALVES if has_yielded else frozenset()
     # What stands far behind a best one that is beyond reason leaves most of the misfit unexplained.
     bar = max(_TIE * found[0][0].share, _NAMED)
-    hints = []
-    for hint, column in found:
-        is_likely = hint.share >= bar and hint.name not in unlikely
-        if is_likely and _is_reasonable(hint, half_range, friction):
-            if hint.name == "friction_with_speed" and hint.amount < -friction:
-                # Less than none: the friction at speed is larger than the fitted one.
-                words = "friction that depends on velocity (less at low speed)"
-                hint = replace(hint, words=words)  # noqa: PLW2901
-            hints.append(hint)
-            if column is not None:
-                pulls[hint.name] = linearised.pull(column)
-    return tuple(hints), pulls
-
-
-def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:
-    how = "is shared by all settings and here too" if is_shared else "held at a wrong value, too"
-    family = "a shared parameter" if is_shared else "a held parameter"
-    return _Flaw(family, 100.0, f"{name} {how} {{way}}", ("low", "high"))
+    likely = {
+        hint: column
+        for hint, column in found
+        if hint.share >= bar
+        and hint.name not in unlikely
+        and _is_reasonable(hint, half_range, friction)
+    }
+    # Less than none: the friction at speed is larger than the fitted one.
+    words = "friction that depends on velocity (less at low speed)"
+    hints = tuple(
+        replace(hint, words=words)
+        if hint.name == "friction_with_speed" and hint.amount < -friction
+        else hint
+        for hint in likely
+    )
+    pulls = {hint.name: linearised.pull(x) for hint, x in likely.items() if x is not None}
+    return hints, pulls
 
 
 def _columns(linearised: Linearisation) -> dict[str, list[FloatArray]]:
     """Force that one unit of each flaw adds, behind the filter, over the samples of all logs."""
     quantities, tables = linearised.fit.parameters.quantities, []
     for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
-        stiff = [seen.jacobian[:, k] for k, one in enumerate(quantities) if one.is_open]
-        friction = sum(
-            seen.jacobian[:, k] for k, one in enumerate(quantities) if one.is_friction
-        )  # in ln y the derivative is the force itself
+        slopes = list(zip(quantities, seen.jacobian.T, strict=True))
+        stiff = [column for one, column in slopes if one.is_open]
+        # In ln y the derivative is the force itself.
+        friction = sum(column for one, column in slopes if one.is_friction)
         found = signatures(log.trace, seen.force, stiff, friction)
         table = {name: rows for name, rows in found.items() if name in linearised.flaws}
-        tables.append(
-            table | {name: [seen.gas[:, k]] for k, name in enumerate(linearised.conditions)}
-        )
+        conditions = zip(linearised.conditions, seen.gas.T, strict=True)
+        tables.append(table | {name: [column] for name, column in conditions})
     return {
         name: [np.concatenate(parts) for parts in zip(*(of[name] for of in tables), strict=True)]
         for name in tables[0]
@@ -325,22 +311,17 @@ def _as_stiffness(hint: Hint) -> Hint:
     is_stiffness = not _is_reasonable(hint, math.inf) and _SOFTEST <= times <= _STIFFEST
     if hint.name != "gas_exponent" or not is_stiffness:
         return hint
-    words = (
-        f"a gas spring about {_rounded(times)} times as stiff as declared (gas volume, gas "
-        "pressure, rod diameter)"
-    )
-    return replace(hint, name="gas_stiffness", words=words)
+    words = f"a gas spring about {_rounded(times)} times as stiff as declared (gas volume, gas "
+    return replace(hint, name="gas_stiffness", words=f"{words}pressure, rod diameter)")
 
 
 def _is_reasonable(hint: Hint, half_range: float, friction: float = math.inf) -> bool:
     """Whether a rig or damper can be wrong by so much; half the force's range and friction in N."""
     if hint.name in {"friction_with_position", "friction_with_pressure"}:
         return -friction < hint.amount <= half_range
-    if hint.name == "gas_stiffness":
-        return True
     flaw = _FLAWS.get(hint.name)
     largest = _LARGEST_OF_HELD if flaw is None else flaw.largest or half_range
-    return abs(hint.amount) <= largest
+    return hint.name == "gas_stiffness" or abs(hint.amount) <= largest
 
 
 # Friction that is larger at low speed is one for all settings, and shows in all of them before it
@@ -379,13 +360,12 @@ def friction_by_speed(linearised: Linearisation) -> BySpeed | None:
     if not np.all(power > 1e-9 * np.sum(columns * columns, axis=1)):
         return None
     edges, first = [], 0
-    for log in fit.logs:
-        for place, stretch in zip(log.trace.places, log.trace.stretches, strict=True):
-            ends = np.linspace(0.0, stretch.n_samples, _BLOCKS + 1)[:-1]
-            if stretch.n_cycles > 2:
-                ends = stretch.cycle_starts[:-1] - stretch.first
-            edges.append(first + place.start + np.maximum(np.rint(ends), 0.0).astype(np.int64))
-        first += log.trace.n_samples
+    for stretch in (one for log in fit.logs for one in log.trace.stretches):
+        ends = np.linspace(0.0, stretch.n_samples, _BLOCKS + 1)[:-1]
+        if stretch.n_cycles > 2:
+            ends = stretch.cycle_starts[:-1] - stretch.first
+        edges.append(first + np.maximum(np.rint(ends), 0.0).astype(np.int64))
+        first += stretch.n_samples
     scores = np.add.reduceat(left * residuals, np.concatenate(edges), axis=1)
     noise = max(float(residuals @ residuals) / float(counts.sum()), 1e-300)
     n = scores.shape[1]
@@ -513,22 +493,22 @@ def diagnose(
     pulls: dict[str, FloatArray] = {}
     if is_structured:
         hints, pulls = seek_flaws(linearised, repeats, doubted=doubted, has_yielded=share >= YIELDS)
-    # No delay that the logs' own skew contradicts.
+    findings = [one for log in fit.logs for one in log.trace.findings]
     skews = [
         0.0 if one.is_correction else 1e3 * one.value
-        for log in fit.logs
-        for one in log.trace.findings
+        for one in findings
         if one.name == "skew" and one.value is not None
     ]
-    hints = tuple(
-        one
-        for one in hints
-        if one.name != "delay"
-        or all(abs(one.amount - s) <= max(_SKEW_AGREES, 0.5 * abs(one.amount)) for s in skews)
+
+    def is_contradicted(hint: Hint) -> bool:
+        """Whether it is a delay that the logs' own skew contradicts."""
+        allowed = max(_SKEW_AGREES, 0.5 * abs(hint.amount))
+        return hint.name == "delay" and any(abs(hint.amount - skew) > allowed for skew in skews)
+
+    hints = tuple(hint for hint in hints if not is_contradicted(hint))
+    runs, of_noise = (
+        sum(_sign_changes(getattr(part, rows)) for part in parts) for rows in ("folded", "about")
     )
-    folded = [part for part in parts if part.folded.size]
-    runs = sum(_sign_changes(part.folded) for part in folded)
-    of_noise = sum(_sign_changes(part.about) for part in folded)
     found = Diagnosis(
         setting=fit.setting,
         mse_percent=fit.mse_percent,
@@ -560,16 +540,14 @@ class StretchResiduals(NamedTuple):
 
 def residuals_by_stretch(linearised: Linearisation) -> list[StretchResiduals]:
     """Return the residuals of each stretch."""
-    found = []
+    parts = []
     for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
         for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
             residuals = np.where(seen.weights[place] > 0.0, seen.residuals[place], 0.0)
-            part = StretchResiduals(stretch, log.trace.interval, residuals)
-            if stretch.n_cycles > 1:
-                folded = _fold(residuals, stretch)
-                part = part._replace(folded=folded, about=folded - folded.mean(axis=0))
-            found.append(part)
-    return found
+            folded = _fold(residuals, stretch) if stretch.n_cycles > 1 else np.empty((0, 0))
+            about = folded - folded.mean(axis=0) if folded.size else folded
+            parts.append(StretchResiduals(stretch, log.trace.interval, residuals, folded, about))
+    return parts
 
 
 def split_power(parts: Sequence[StretchResiduals]) -> tuple[float, float, Callable[[], bool]]:
@@ -591,19 +569,14 @@ def split_power(parts: Sequence[StretchResiduals]) -> tuple[float, float, Callab
         repeats += size * (float(np.mean(part.folded.mean(axis=0) ** 2)) - scatter / n_cycles)
         expected += size * scatter / n_cycles
         noise += size * scatter
-    ratio = 1.0 + repeats / max(expected, 1e-300)
-    return repeats / n, noise / n, lambda: is_beyond_chance(parts, ratio)
 
+    def is_beyond_chance() -> bool:
+        worth = [independent_phases(part.about) for part in cycles]
+        others = sum(n * (len(part.about) - 1) for n, part in zip(worth, cycles, strict=True))
+        ratio = 1.0 + repeats / max(expected, 1e-300)
+        return fisher_chance(sum(worth), others, ratio) < _CHANCE_RESIDUALS
 
-def is_beyond_chance(parts: Sequence[StretchResiduals], ratio: float) -> bool:
-    """Whether the power of the mean cycles over what noise has is beyond chance."""
-    phases, others = 0.0, 0.0
-    for part in parts:
-        if part.about.size:
-            worth = independent_phases(part.about)
-            phases += worth
-            others += worth * (part.stretch.n_cycles - 1)
-    return fisher_chance(phases, others, ratio) < _CHANCE_RESIDUALS
+    return repeats / n, noise / n, is_beyond_chance
 
 
 def independent_phases(scatter: FloatArray) -> float:
@@ -662,23 +635,18 @@ def reconciled(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
     opposite of what most want, theirs is none, and where opinions are divided, nobody's is.
     """
     found = list(diagnoses)
-
-    def keep(name: str, *, sign: bool | None) -> None:
-        for place, one in enumerate(found):
-            hints = tuple(h for h in one.hints if h.name != name or (h.amount > 0.0) is sign)
+    for name in (*_IN_COMMON, "force_gain"):
+        signs = [h.amount > 0.0 for one in found for h in one.hints if h.name == name]
+        n_up = sum(signs)
+        few, many = sorted((n_up, len(signs) - n_up))
+        kept = None if many < _MOST_RESIDUALS * few else n_up > few
+        if name == "force_gain":  # half of the logs have none beside the others
+            few, kept = int(2 * len(signs) >= len(found)), None
+        for place, one in enumerate(found) if few else ():
+            hints = tuple(h for h in one.hints if h.name != name or (h.amount > 0.0) is kept)
             pointer = one.sentence[len(_sentence(one)) :]
             left = replace(one, hints=hints)
             found[place] = replace(left, sentence=_sentence(left) + pointer)
-
-    for name in _IN_COMMON:
-        signs = [h.amount > 0.0 for one in found for h in one.hints if h.name == name]
-        few, many = sorted((signs.count(True), signs.count(False)))
-        if few:
-            kept = None if many < _MOST_RESIDUALS * few else signs.count(True) > signs.count(False)
-            keep(name, sign=kept)
-    # Half of the logs have no gain beside the others.
-    if 2 * sum(h.name == "force_gain" for one in found for h in one.hints) >= len(found):
-        keep("force_gain", sign=None)
     return tuple(found)
 
 
@@ -692,53 +660,53 @@ def _warned(linearised: Linearisation, diagnosis: Diagnosis) -> str:
         "displacement_noise": diagnosis.noise_percent >= _NOISE_COUNTS * diagnosis.mse_percent,
         "direction": not is_known or any(h.family == "position" for h in diagnosis.hints),
     }
-    found = [
-        f"{one.name} of {log.trace.name}"
-        for fault in _FAULTS_OF_LOGS
-        if may_be.get(fault, True)
+    warnings = [
+        (one.name, log.trace.name)
         for log in linearised.fit.logs
         for one in log.trace.findings
-        if one.severity == "warning" and one.name.endswith(fault)
+        if one.severity == "warning"
+    ]
+    found = [
+        f"{name} of {log}"
+        for fault in _FAULTS_OF_LOGS
+        for name, log in warnings
+        if name.endswith(fault) and may_be.get(fault, True)
     ]
     more = f" and {len(found) - 1} more" if len(found) > 1 else ""
     return f"; see the warning {found[0]}{more}" if found else ""
 
 
 def _sentence(one: Diagnosis) -> str:
+    text = f"MSE {one.mse_percent:.2g} %"
     if math.isnan(one.noise_percent):
-        return f"MSE {one.mse_percent:.2g} %; a single cycle cannot separate noise from lack of fit"
-    text = f"MSE {one.mse_percent:.2g} %, of which {one.noise_percent:.2g} % is noise"
+        return f"{text}; a single cycle cannot separate noise from lack of fit"
+    text += f", of which {one.noise_percent:.2g} % is noise"
     if not one.is_structured:
         return f"{text}: no misfit repeats"
     # A damper that yields, as the model does where it meets the logs.
-    yields, share = "", 100.0 * one.held_share
-    if one.has_yielded:
-        yields = f"the damper holds {share:.0f} % of its force down to a tenth of its speed"
-        yields += (
-            ", as a preloaded valve, dry friction or a magneto-rheological fluid does, and so does "
-            "the model; a misfit repeats, and its cause was not found"
-            if one.is_met and one.modelled_share >= min(YIELDS, 0.9 * one.held_share)
-            else ": it yields before it slides, like a preloaded valve, dry friction or a "
-            "magneto-rheological fluid, and the model misses that"
-        )
+    unexplained = "a misfit repeats, and its cause was not found"
+    yields = f"the damper holds {100.0 * one.held_share:.0f} % of its force down to a tenth of its "
+    if one.is_met and one.modelled_share >= min(YIELDS, 0.9 * one.held_share):
+        yields += "speed, as a preloaded valve, dry friction or a magneto-rheological fluid does, "
+        yields += f"and so does the model; {unexplained}"
+    else:
+        yields += "speed: it yields before it slides, like a preloaded valve, dry friction or a "
+        yields += "magneto-rheological fluid, and the model misses that"
     if not one.hints:
-        return f"{text}: {yields or 'a misfit repeats, and its cause was not found'}"
+        return f"{text}: {yields if one.has_yielded else unexplained}"
     named = " or ".join(hint.words for hint in one.hints)
     text = f"{text}: a misfit repeats, {100.0 * one.hints[0].share:.0f} % of it as from {named}"
-    return f"{text}; {yields}" if yields and not one.is_met else text
+    return f"{text}; {yields}" if one.has_yielded and not one.is_met else text
 
 
 def group_warning(group: Sequence[Diagnosis]) -> Problem:
     """Return what is said of the setting with the largest misfit, for all settings of its kind."""
     worst = max(group, key=lambda one: one.mse_percent)
-    text, where = "setting {setting}: {words}.", ""
-    if len(group) > 1:
-        text = "settings {settings}, most at {setting}: {words}."
-        where = listed_settings(one.setting for one in group)
+    is_alone = len(group) == 1
     return warning(
         "misfit",
-        text,
-        settings=where or str(worst.setting),
+        f"setting{'' if is_alone else 's {settings}, most at'} {{setting}}: {{words}}.",
+        settings=listed_settings(one.setting for one in group),
         setting=worst.setting,
         words=worst.sentence,
         mse_percent=worst.mse_percent,

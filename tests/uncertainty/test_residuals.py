@@ -16,7 +16,6 @@ from damperfit.uncertainty.residuals import (
     StretchResiduals,
     diagnose,
     independent_phases,
-    is_beyond_chance,
     residual_scatter,
     seek_flaws,
     split_power,
@@ -166,12 +165,13 @@ def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(monkeypatch
 
 def test_what_noise_has_once_in_a_million_repeats() -> None:
     noise = np.random.default_rng(4).standard_normal((15, 100))
-    stretch = SimpleNamespace(n_cycles=15)
-    part = StretchResiduals(stretch, 1e-3, noise.ravel(), noise, noise - noise.mean(axis=0))
-    phases = independent_phases(part.about)
-    bar = fisher.ppf(1.0 - 1e-6, phases, 14.0 * phases)
-    assert is_beyond_chance([part], 1.002 * bar)
-    assert not is_beyond_chance([part], 0.998 * bar)
+    about = noise - noise.mean(axis=0)
+    phases = independent_phases(about)
+    bar = fisher.ppf(1.0 - 1e-6, phases, 14.0 * phases) * np.sum(about**2) / (14.0 * noise.size)
+    for factor, is_more in ((1.002, True), (0.998, False)):
+        folded = about + math.sqrt(factor * bar)
+        part = StretchResiduals(SimpleNamespace(n_cycles=15), 1e-3, folded.ravel(), folded, about)
+        assert bool(split_power([part])[2]()) is is_more
 
 
 @pytest.mark.parametrize(("power", "is_more"), [(3.9, False), (4.1, True)])
