@@ -23,7 +23,7 @@ from damperfit.run.identify import identified
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, assess
-from damperfit.uncertainty.linearisation import linearise_at_fit
+from damperfit.uncertainty.covariance import linearise_at_fit
 from damperfit.uncertainty.residuals import seek_flaws, signatures
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES

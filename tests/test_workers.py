@@ -317,7 +317,7 @@ def results_of(short_logs: Path, folder: Path, jobs: int, *more: str) -> dict[st
     [
         ((), ""),
         (QUICK, "damperfit.run.logs.condition"),
-        (QUICK, "damperfit.uncertainty.linearisation.linearise_at_fit"),
+        (QUICK, "damperfit.uncertainty.covariance.linearise_at_fit"),
         *(
             pytest.param(QUICK, name, marks=pytest.mark.slow)
             for name in (

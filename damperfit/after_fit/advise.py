@@ -45,7 +45,7 @@ from damperfit.reporting.sheet import Column, Sheet, laid_out
 from damperfit.results import entries_in
 from damperfit.simulation import sine_motion
 from damperfit.statistics import NORMAL_95
-from damperfit.uncertainty.linearisation import (
+from damperfit.uncertainty.covariance import (
     correlation_length,
     independent_samples,
     larger,

@@ -12,21 +12,17 @@ if TYPE_CHECKING:
     from damperfit.uncertainty.assessment import *  # noqa: F403
     from damperfit.uncertainty.covariance import *  # noqa: F403
     from damperfit.uncertainty.grades import *  # noqa: F403
-    from damperfit.uncertainty.linearisation import *  # noqa: F403
     from damperfit.uncertainty.options import *  # noqa: F403
-    from damperfit.uncertainty.prediction import *  # noqa: F403
     from damperfit.uncertainty.profiles import *  # noqa: F403
     from damperfit.uncertainty.residuals import *  # noqa: F403
     from damperfit.uncertainty.speed_forces import *  # noqa: F403
 
 _NAMES = {
     "assessment": "METHOD Assessment assess profile_campaign reconsider",
-    "covariance": "GasContent Interval Uncertainty uncertainties",
-    "grades": "Objection objections",
-    "linearisation": "linearise_settings",
+    "covariance": "GasContent Interval Uncertainty linearise_settings uncertainties",
+    "grades": "Objection Prediction SegmentRange missed_predictions objections predict "
+    "prediction_warnings split_cycles",
     "options": "HoldOutOptions check_profile_names",
-    "prediction": "Prediction SegmentRange missed_predictions predict prediction_warnings "
-    "split_cycles",
     "profiles": "Bench MisfitProfile",
     "residuals": "Diagnosis",
     "speed_forces": "SpeedForces",

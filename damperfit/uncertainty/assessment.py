@@ -26,11 +26,11 @@ from damperfit.uncertainty.covariance import (
     GasContent,
     Uncertainty,
     gas_content,
+    linearise_settings,
     own_names,
     solved,
     uncertainties,
 )
-from damperfit.uncertainty.linearisation import linearise_settings
 from damperfit.uncertainty.options import check_profile_names
 from damperfit.uncertainty.profiles import (
     Bench,
@@ -63,8 +63,8 @@ if TYPE_CHECKING:
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit, Sharing
     from damperfit.tested.setting import Setting
+    from damperfit.uncertainty.covariance import Linearisation
     from damperfit.uncertainty.grades import Objection
-    from damperfit.uncertainty.linearisation import Linearisation
 
 
 # What is said of each parameter: its status once errors and profiles are known, and a verdict.

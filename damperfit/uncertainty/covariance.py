@@ -1,8 +1,15 @@
 r"""Standard errors and 95 % intervals of a campaign's parameters: one covariance of all of them.
 
-At its minimum the whole problem is an arrow of blocks: each setting has its own free parameters f,
-all have some unknowns theta in common. With g the summed scores of a setting and A = du/dtheta, its
-errors are linear::
+Each setting's fit is made linear at its end by one more simulation with every sensitivity; of its
+mean cycles alone, where it was fitted on them. In u (ln y; an offset in N), with the residual
+r = f - f_hat in N and its Jacobian J = d f_hat/du, both behind the filter, and the weights w of the
+stretches (1 where their noise is alike)::
+
+    information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t
+
+A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f. At its
+minimum the whole problem is an arrow of blocks: each setting has its own free parameters f, all
+have some unknowns theta in common. With g the summed scores of a setting and A = du/dtheta::
 
     D = H_ff^-1 on f, 0 elsewhere       B = (1 - D H) A
     du = D g + B dtheta                 dtheta = sum over settings of T g
@@ -13,10 +20,21 @@ each setting with the weight of its own residual. Procedure `paper`: f_f is the 
 of fits with everything free; R_m3 comes from the lowest setting with that mean held.
 
 The covariance is one sandwich, (D + B T) M (D + B T)^T of a setting's own scores and B T M T^T B^T
-of every other one's, and M has four terms (`linearisation`): noise, lack of fit that repeats, what
-was held at a default that nobody has measured, and a flaw that explains what repeats (`flaws`).
-The last two are one mistake, the same at every setting: their shifts are summed over the settings
-before they are squared.
+of every other one's, and M has four terms: noise (`Linearisation.scores`), lack of fit that repeats
+(`misfit`), what was held at a default that nobody has measured (`supposed`), and flaws that explain
+what repeats (`flawed`). The last two are one mistake, the same at every setting: their shifts are
+summed over the settings before they are squared.
+
+Noise differs from cycle to cycle; what repeats does so in every one, and no number of cycles makes
+it less. Had the test been another (other speeds, another stroke), it would weigh otherwise. How
+much otherwise is seen inside the cycle: its blocks of phase pull the parameters to and fro, and
+their pulls, which cancel at the minimum, are taken for independent::
+
+    M = B/(B - k) sum over blocks of s_b s_b'        s_b = sum over the block of w^2 J r_repeating
+
+A law that is not the damper's misses every log alike. Their pulls in the same block of phase are
+therefore summed, over the logs and over the settings, before they are squared, too; the larger of
+the two errors is given.
 
 What follows an adjuster is an unknown for each of its clicks, and theta holds them all: A picks
 those that a setting has. Where K_e follows from a gas content, theta holds V_r and K_B/C in its
@@ -28,27 +46,39 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from damperfit.errors import sparing
+from damperfit.conditioning import apply_filter
+from damperfit.damper.mounting import other_turns, with_pressed_seal
+from damperfit.damper.temperature_law import WithTemperature
+from damperfit.errors import SimulationError, sparing
+from damperfit.identification.logs import compare, fast_length, weights
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import GAS_FOLLOWER, GAS_NAMES
-from damperfit.statistics import NORMAL_95
+from damperfit.recording import FilterDesign
+from damperfit.simulation import SolverOptions, simulate
+from damperfit.statistics import NORMAL_95, student_quantile
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from damperfit.damper.model import Model, Values
     from damperfit.errors import OnError
-    from damperfit.identification import Fit, Sharing
+    from damperfit.identification import Campaign, Fit, LogFit, Sharing, SimulatedLog
+    from damperfit.identification.logs import SettledCycle
+    from damperfit.recording import Stretch, Trace
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.linearisation import Linearisation
 
     FloatArray = NDArray[np.float64]
+
 
 # Of the largest eigenvalue, of matrices with a diagonal of ones: what is less is rounding.
 _ROUNDED_OFF = 1e-14
@@ -368,3 +398,604 @@ def gas_content(linearised: Sequence[Linearisation], sharing: Sharing) -> GasCon
         pressures=dict(law.pressures),
         rises=dict(sharing.gas_rises),
     )
+
+
+# A fit made linear at its end: what the logs of one setting say there about all parameters.
+#
+# One more simulation of the setting, with every sensitivity; of its mean cycles alone, where it
+# was fitted on them. In u (ln y; an offset in N), with the residual r = f - f_hat in N and its
+# Jacobian J = d f_hat/du, both behind the filter, and the weights w of the stretches (1 where
+# their noise is alike)::
+#
+#     information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t
+#
+# A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f. The
+# covariance of sum g has four terms, which `damperfit.uncertainty.covariance` carries to the
+# parameters of all settings: noise (`Linearisation.scores`), lack of fit that repeats (`misfit`),
+# what is held at a default that nobody has measured (`supposed`), and flaws that explain what
+# repeats (`flawed`).
+#
+# Noise differs from cycle to cycle; what repeats does so in every one, and no number of cycles
+# makes it less. Had the test been another (other speeds, another stroke), it would weigh
+# otherwise. How much otherwise is seen inside the cycle: its blocks of phase pull the parameters
+# to and fro, and their pulls, which cancel at the minimum, are taken for independent::
+#
+#     M = B/(B - k) sum over blocks of s_b s_b'        s_b = sum over the block of w^2 J r_repeating
+#
+# A law that is not the damper's misses every log alike. Their pulls in the same block of phase
+# are therefore summed, over the logs and over the settings, before they are squared, too; the
+# larger of the two errors is given.
+
+# How residuals are correlated, and the variance of sums of correlated numbers.
+#
+# The error of a fit is linear in its scores g_t = J_t r_t (one row of the Jacobian times its
+# residual), so that its covariance needs the variance of their sum::
+#
+#     M = sum over lags l of  w(l) sum_t g_t g_{t+l}^T,     w(l) = 1 up to m, falling to 0 at 2 m
+#
+# The flat-topped window w leaves no bias where correlation ends before lag m; m is read from the
+# residual's own autocorrelation (Politis, "Adaptive bandwidth choice", J. Nonparametric
+# Statistics, 2003, with Bartlett's variance of a sample autocorrelation in place of that of white
+# noise, because a filtered residual is far from white). No form of the correlation is assumed,
+# and residuals that are larger in part of the cycle than elsewhere are allowed for.
+#
+# Where few samples hold most of what the log says of a parameter (a chamber that empties and
+# fills again), M rests on the few residuals there, which the fit has made small besides. The
+# residuals' autocovariance c over the whole stretch knows better how strong the noise is::
+#
+#     M' = sum over lags l of  w(l) c(l) sum_t J_t J_{t+l}^T
+#
+# It takes the noise to be alike everywhere; `larger` of both, direction by direction, errs least.
+#
+# Numbers with the autocorrelation rho are worth n / (2 sum of rho^2 - 1) independent ones. Lags
+# and lengths are in samples, matrices (k, k) and positive semi-definite.
+
+# A sample autocorrelation within this many of its standard errors counts as none.
+_NO_CORRELATION = 2.5
+# Directions of less variance than this share of the largest are nothing but rounding.
+_NOTHING = 1e-14
+# Independent samples a parameter; with more, errors are hardly short.
+_ENOUGH = 50.0
+# Samples to which lengths are rounded up: what a filter keeps of an impulse ends long before.
+_LIKE_LONG = 1024
+
+
+def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
+    """Return the sample autocorrelation at lags 0 to ``n_lags``; 1, 0, 0, ... for zeros."""
+    length = fast_length(len(residuals) + n_lags + 1)
+    spectrum = np.fft.rfft(residuals, length)
+    sums = np.fft.irfft(spectrum.real**2 + spectrum.imag**2, length)[: n_lags + 1]
+    if not sums[0] > 0.0:
+        return np.asarray(np.eye(1, n_lags + 1)[0])
+    return np.asarray(sums / sums[0])
+
+
+def independent(rho: FloatArray, n: float) -> float:
+    """Return how many independent numbers n with an autocorrelation from lag 0 on are worth."""
+    return n / (2.0 * float(rho @ rho) - 1.0)
+
+
+def independent_samples(design: FilterDesign, n: int) -> float:
+    """Return how many independent samples n of white noise behind a filter are worth."""
+    sections = np.ascontiguousarray(design.sections, dtype=np.float64)
+    longer = -(-n // _LIKE_LONG) * _LIKE_LONG
+    return independent(_behind(sections.tobytes(), longer, design.is_zero_phase)[:n], n)
+
+
+@lru_cache(maxsize=16)  # logs of one rig have one filter, and are as long to a few cycles
+def _behind(sections: bytes, n: int, is_zero_phase: bool) -> FloatArray:  # noqa: FBT001
+    """Autocorrelation of white noise behind a filter, (n,)."""
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
+    impulse = np.zeros(2 * n + 1)
+    impulse[n] = 1.0
+    rho = autocorrelation(apply_filter(design, impulse), n - 1)
+    rho.flags.writeable = False
+    return rho
+
+
+def correlation_length(residuals: FloatArray, *, longest: int) -> int:
+    """Return the lag beyond which residuals are not correlated, at most the longest."""
+    n = len(residuals)
+    longest = max(1, min(longest, n // 4))
+    rho = autocorrelation(residuals, longest)
+    # Bartlett: var(rho at a lag beyond m) is (1 + 2 sum of rho^2 up to m)/n.
+    bars = _NO_CORRELATION * np.sqrt((2.0 * np.cumsum(rho * rho) - 1.0) / n)
+    loud = np.flatnonzero(~(np.abs(rho[1:]) < bars[:-1])) + 1
+    begins, ends = np.concatenate([[0], loud]), np.concatenate([loud, [longest + 1]])
+    # Quiet for as long as the correlation itself lasted, and for five lags at least.
+    is_quiet = ends - begins > np.maximum(begins, 5)
+    return int(begins[np.argmax(is_quiet)]) if is_quiet.any() else longest
+
+
+def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
+    """Return M of the scores of one stretch, (n, k), that are correlated up to a lag."""
+    n = len(scores)
+
+    def windowed(window: FloatArray) -> FloatArray:
+        length = fast_length(n + len(window))
+        rows = np.fft.rfft(np.ascontiguousarray(scores.T), length, axis=1).view(np.float64)
+        total = (rows * _frequency_weights(window.tobytes(), length)) @ rows.T / length
+        # The fit takes this share of the variance by making the sum of the scores zero.
+        lost = min((2.0 * float(np.sum(window)) - 1.0) / n, 0.5)
+        return np.asarray(0.5 * (total + total.T) / (1.0 - lost))
+
+    window = _flat_topped(lag, n)
+    total = windowed(window)
+    if lag and not _is_positive(total):
+        # A misfit that repeats with the cycle can do that; a triangle never gives a negative sum.
+        total = windowed(1.0 - np.arange(len(window)) / (2.0 * lag + 1.0))
+    return total
+
+
+def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int) -> FloatArray:
+    """Return M' of one stretch: slopes (n, k) and residuals (n,) that are alike everywhere."""
+    n = len(residuals)
+    window = _flat_topped(lag, n)
+    covariance = autocorrelation(residuals, len(window) - 1) * window
+    covariance *= float(residuals @ residuals) / n
+    length = fast_length(2 * n)
+    # No frequency has less noise than none; the window alone would let some.
+    gain = np.maximum(_gain(covariance, length), 0.0)
+    seen = np.fft.rfft(jacobian, length, axis=0) * gain[:, None]
+    total = jacobian.T @ np.fft.irfft(seen, length, axis=0)[:n]
+    return np.asarray(0.5 * (total + total.T))
+
+
+def _flat_topped(lag: int, n: int) -> FloatArray:
+    """The window of lags from 0 on, at most n: 1 up to a lag, falling to 0 at its double."""
+    lags = np.arange(min(2 * lag + 1, n))
+    return np.asarray(np.clip(2.0 - lags / max(lag, 1), 0.0, 1.0) if lag else np.ones(1))
+
+
+def _gain(kernel: FloatArray, length: int) -> FloatArray:
+    """What a symmetric kernel, given from lag 0, makes of each frequency."""
+    reach = len(kernel)
+    whole = np.zeros(length)
+    whole[:reach] = kernel
+    whole[length - reach + 1 :] = kernel[:0:-1]
+    return np.asarray(np.fft.rfft(whole).real)
+
+
+@lru_cache(maxsize=16)  # logs alike have a few lengths of correlation
+def _frequency_weights(taps: bytes, length: int) -> FloatArray:
+    """What real and imaginary parts count in sums over frequencies, both ways."""
+    weight = 2.0 * _gain(np.frombuffer(taps), length)
+    weight[0] *= 0.5
+    if length % 2 == 0:
+        weight[-1] *= 0.5
+    return np.repeat(weight, 2)
+
+
+def _is_positive(matrix: FloatArray) -> bool:
+    variances = matrix.diagonal()
+    if not all(variance > 0.0 for variance in variances.tolist()):  # NaN is not
+        return False
+    scale = np.sqrt(variances)
+    return bool(np.linalg.eigvalsh(matrix / (scale[:, None] * scale))[0] > 0.0)
+
+
+def larger(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the larger of two covariances in each direction in which both are independent."""
+    scale = np.sqrt(np.maximum(np.diag(one), np.diag(other)))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(other / unit)
+    is_known = values > _NOTHING * max(float(values[-1]), 1e-300)
+    if not is_known.any():
+        return one
+    root = vectors[:, is_known] * np.sqrt(values[is_known])
+    inverse = vectors[:, is_known] / np.sqrt(values[is_known])
+    ratios, turned = np.linalg.eigh(inverse.T @ (one / unit) @ inverse)
+    axes = root @ turned
+    # What `one` has beyond the other is added to it, so that nothing of it is lost.
+    more = (axes * np.maximum(1.0 - ratios, 0.0)) @ axes.T
+    return np.asarray(one + unit * more)
+
+
+def cycle_covariance(sums: Sequence[FloatArray]) -> FloatArray:
+    """Return M from sums of the scores over whole cycles, (cycles, k) a stretch: a jackknife."""
+    table = np.concatenate(sums)
+    n = len(table)
+    if n < 2:  # nothing is known of one cycle
+        return np.full((table.shape[1],) * 2, math.nan)
+    table -= table.mean(axis=0)
+    return np.asarray(table.T @ table * (n / (n - 1.0)))
+
+
+def sums_by_cycle(scores: FloatArray, edges: FloatArray) -> FloatArray:
+    """Return the sums of scores (n, k) between edges of cycles, in samples: (cycles, k)."""
+    if len(edges) < 2:
+        return np.empty((0, scores.shape[1]))
+    n = len(scores)
+    before = np.vstack([np.zeros(scores.shape[1]), np.cumsum(scores, axis=0)])
+    at = np.clip(edges, 0.0, n)
+    whole = np.minimum(at.astype(np.int64), n - 1)
+    inside = (at - whole)[:, None] * (before[whole + 1] - before[whole])
+    return np.asarray(np.diff(before[whole] + inside, axis=0))
+
+
+def widening(stretches: Sequence[tuple[int, float, int]], n_fitted: int) -> float:
+    """Return the factor, 1 or more, on the covariance of the scores of a short log.
+
+    Of each stretch samples, independent ones among them and correlation length.
+    """
+    n_independent = sum(worth for _, worth, _ in stretches)
+    if not n_fitted or n_independent > _ENOUGH * n_fitted:
+        return 1.0
+    # A variance that a window w sums over n samples has only n / sum w^2 degrees of freedom: the
+    # factor makes 1.96 errors hold 95 % of Student's t (`python -m tests.uncertainty.few_cycles`).
+    sizes, spread = 0, 0.0
+    for n, _, lag in stretches:
+        window = _flat_topped(lag, n)
+        sizes += n
+        spread += n * (2.0 * float(window @ window) - 1.0)
+    student = student_quantile(max(sizes * sizes / spread, 1.0), 0.975) / NORMAL_95
+    # A fit takes out of the residuals what its parameters follow: k/N of N independent samples.
+    return student**2 * n_independent / max(n_independent - n_fitted, 0.5 * n_independent)
+
+
+# Blocks of a cycle whose pulls are taken for independent. Misfits behind a 30 Hz filter at 1.5 Hz
+# have some 20 independent values.
+_BLOCKS = 16
+# Residuals still correlated after this share of a cycle repeat with the cycle: a misfit, no noise.
+_LONGEST_CORRELATION = 0.25
+# s; where nothing repeats, a chamber that cavitates remembers noise for as long as it is empty.
+_LONGEST_MOVING = 1.0
+# Samples in which a chamber that was empty is full again.
+_REFILLING = 2
+# Of that, the share of the information that counts: with all or half of it too few intervals of
+# R_m3 hold on a road that cavitates, with none too many
+# (`python -m tests.uncertainty.motion_coverage --motions "rough road"`).
+_SEEN = 0.25
+# Cycles, to tell a drift from scatter.
+_SEEN_TO_DRIFT = 4
+_SURE = 4.0  # standard errors
+_FOUND = frozenset({Status.FITTED, Status.NOT_IDENTIFIABLE})
+
+
+class LogLinearisation(NamedTuple):
+    """One log at the fitted point, over its compared samples, n of them; SI."""
+
+    residuals: FloatArray  # (n,), measured minus modelled force
+    weights: FloatArray  # (n,), what the fit multiplied them by
+    jacobian: FloatArray  # (n, k), of the modelled force by u, in the order of the model
+    gas: FloatArray  # (n, c), by the logarithms of the model's conditions, such as gas pressure
+    force: FloatArray  # (n,), modelled, behind the filter
+    # Of each stretch velocity, and what the filter takes off the model's force there; of what
+    # repeats in one cycle.
+    rounding: tuple[tuple[FloatArray, ...], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)  # no slots: what is asked for again is kept
+class Linearisation:
+    """The fit of one setting, made linear at its end; matrices are (k, k) in the model's order."""
+
+    fit: Fit
+    information: FloatArray  # H, N^2
+    scores: FloatArray  # covariance of the summed scores, correlation allowed for, N^4
+    cycle_scores: FloatArray  # the same from the scatter of whole cycles; NaN for a single one
+    gradient: FloatArray  # (k,), sum of the scores
+    logs: tuple[LogLinearisation, ...]
+    conditions: tuple[str, ...] = ()  # of the columns of each log's `gas`
+    # In place of `scores` what a misfit that repeats does; None where nothing repeats.
+    misfit: FloatArray | None = None
+    # What pulls in each block of phase, (B, k), all stretches summed; None likewise.
+    repeating: FloatArray | None = None
+    # Summed scores by what is held at a default that nobody has measured, each column for one
+    # standard error of that, and by other forms of the friction; None where there is none.
+    supposed: FloatArray | None = None
+    flaws: tuple[str, ...] = ()  # which its residuals may be said to show
+    precision: float = math.nan  # one over the mean square of the weighed residuals, 1/N^2
+    # Highest pressure across each blow-off in the compared samples, Pa, by its opening's name.
+    pressed: Mapping[str, float] = field(default_factory=dict)
+    # Summed scores, (k,), by the flaws that its residuals do show, by name; of several that cannot
+    # be told apart each by the root of its share in the doubt.
+    flawed: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the rows and columns: the model's quantities, in its order."""
+        return self.fit.parameters.names
+
+    @cached_property
+    def counts(self) -> FloatArray:
+        """Of the samples of all logs, (n,): 1, or 0 beside a jump of the speed."""
+        return np.concatenate([(seen.weights > 0.0).astype(np.float64) for seen in self.logs])
+
+    @cached_property
+    def residuals(self) -> FloatArray:
+        """Of all logs, (n,), 0 where none counts."""
+        return np.asarray(self.counts * np.concatenate([seen.residuals for seen in self.logs]))
+
+    @cached_property
+    def force(self) -> FloatArray:
+        """Modelled, of all logs, (n,)."""
+        return np.concatenate([seen.force for seen in self.logs])
+
+    @cached_property
+    def jacobian(self) -> FloatArray:
+        """Of all logs, (n, k)."""
+        return np.vstack([seen.jacobian for seen in self.logs])
+
+    def pull(self, column: FloatArray) -> FloatArray:
+        """What a force over all logs, (n,) or (n, m), adds to the summed scores: (k,) or (k, m)."""
+        squares = np.concatenate([seen.weights for seen in self.logs]) ** 2
+        return np.asarray((self.jacobian * squares[:, None]).T @ column)
+
+    def places(self, names: Sequence[str]) -> NDArray[np.intp]:
+        """Return the rows of some quantities."""
+        return np.array([self.names.index(name) for name in names], dtype=np.intp)
+
+    def stretches(self) -> Iterator[tuple[Stretch, FloatArray, FloatArray, FloatArray]]:
+        """Yield each stretch with its residuals, squared weights and Jacobian."""
+        for log, seen in zip(self.fit.logs, self.logs, strict=True):
+            for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+                squares = seen.weights[place] ** 2
+                yield stretch, seen.residuals[place], squares, seen.jacobian[place]
+
+    def summed(
+        self, *, is_structured: bool, pulls: Mapping[str, FloatArray] = MappingProxyType({})
+    ) -> Linearisation:
+        """Return the same with what its misfit does, without curves, which fill the memory.
+
+        `pulls`, (k,) each, are those of the flaws that explain it.
+        """
+        flawed = {name: np.asarray(pull / math.sqrt(len(pulls))) for name, pull in pulls.items()}
+        flawed["drift"] = _drift_pull(self)
+        misfit, repeating = _misfit_scores(self) if is_structured else (None, None)
+        return replace(self, logs=(), misfit=misfit, repeating=repeating, flawed=flawed)
+
+
+def linearise_settings(
+    campaign: Campaign,
+    damper: Model,
+    *,
+    solver: SolverOptions = SolverOptions(tolerance=1e-2),
+    on_error: OnError | None = None,
+) -> tuple[Linearisation, ...]:
+    """Return the linearised fits, by rising setting; one simulation for each log.
+
+    One that cannot be simulated is left out, another error is told to `on_error`, or raised.
+    """
+    found = []
+    for fit in campaign.fits:
+        with sparing(fit.setting, on_error), suppress(SimulationError):
+            found.append(linearise_at_fit(fit, damper, solver=solver))
+    return tuple(found)
+
+
+def linearise_at_fit(
+    fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()
+) -> Linearisation:
+    """Take the derivative of a fit's logs by every parameter, on mean cycles where they repeat."""
+    values = fit.parameters
+    own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
+    scales = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
+    n, errors = len(own), _ignorance(fit)
+    information, covariance, gradient = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    supposed: FloatArray | None = None
+    cycles: list[FloatArray] = []
+    counted: list[tuple[int, float, int]] = []
+    logs: list[LogLinearisation] = []
+    pressed: dict[str, float] = {}
+    squares = 0.0
+    for log, weight in zip(fit.logs, weights([log.trace for log in fit.logs]), strict=True):
+        trace, part = log.trace, log.trace.compared
+        seen, names = log.cycles_of(values, damper, solver), (*damper.names, *damper.conditions)
+        force, pressures, rows, rounding = _responses(log, seen, values, damper, solver, names)
+        others = _other_frictions(log, seen, values, damper, solver, rows)
+        for name, here in _pressed_on(damper, pressures[:, part]).items():
+            pressed[name] = max(here, pressed.get(name, here))
+        own_weights = np.ones(trace.n_samples) if weight is None else weight
+        residuals = trace.force[part] - force[part]
+        squares += float(np.sum((own_weights * residuals) ** 2))
+        by = [np.ascontiguousarray((slopes[1:] * scales[:, None]).T) for slopes in rows]
+        for k, (stretch, place) in enumerate(zip(trace.stretches, trace.places, strict=True)):
+            jacobian, rest = by[k][:, :n], residuals[place]
+            unknown = errors[:, None] * rows[k][1 : n + 1] if np.any(errors) or others else None
+            if others is not None and unknown is not None:
+                unknown = np.vstack([unknown, others[k]])
+            if weight is not None:
+                jacobian, rest = jacobian * weight[place, None], rest * weight[place]
+                unknown = None if unknown is None else unknown * weight[place]
+            if unknown is not None:
+                pull = jacobian.T @ unknown.T
+                supposed = pull if supposed is None else supposed + pull
+            is_cyclic = bool(stretch.n_cycles)
+            longest = _LONGEST_CORRELATION / stretch.frequency if is_cyclic else _LONGEST_MOVING
+            lag = correlation_length(rest, longest=round(longest / trace.interval))
+            scores = jacobian * rest[:, None]
+            noise = score_covariance(scores, lag)
+            if not is_cyclic:
+                # Cycles repeat what a few samples tell; elsewhere those few may be all there is.
+                noise = larger(noise, stationary_covariance(jacobian, rest, lag))
+            information += jacobian.T @ jacobian
+            covariance += noise
+            gradient += scores.sum(axis=0)
+            cycles.append(sums_by_cycle(scores, stretch.cycle_starts - stretch.first))
+            counted.append((len(rest), independent_samples(trace.model_filter, len(rest)), lag))
+        whole = np.vstack(by)
+        logs.append(
+            LogLinearisation(
+                residuals=residuals,
+                weights=own_weights,
+                jacobian=whole[:, :n],
+                gas=whole[:, n:],
+                force=force[part],
+                rounding=tuple(rounding),
+            )
+        )
+    wider = widening(counted, sum(status in _FOUND for status in fit.status.values()))
+    return Linearisation(
+        fit=fit,
+        information=information,
+        scores=wider * covariance,
+        cycle_scores=wider * cycle_covariance(cycles),
+        gradient=gradient,
+        logs=tuple(logs),
+        conditions=damper.conditions,
+        supposed=supposed,
+        flaws=damper.flaws,
+        precision=sum(size for size, *_ in counted) / max(squares, 1e-300),
+        pressed=pressed,
+    )
+
+
+def _responses(
+    log: LogFit,
+    cycles: Sequence[SettledCycle],
+    values: Values,
+    damper: Model,
+    solver: SolverOptions,
+    names: Sequence[str] = (),
+) -> tuple[FloatArray, NDArray[np.floating[Any]], list[FloatArray], list[tuple[FloatArray, ...]]]:
+    """Force and pressures of a log, of each stretch force and sensitivities, and the `rounding`.
+
+    Of the mean cycles that the fit went down on, where it did: their sensitivities, (k, n), differ
+    from those of the log by what noise of the displacement does, and cost far less.
+    """
+    trace, kept = log.trace, log.seen
+    rows: list[FloatArray] = []
+    rounding: list[tuple[FloatArray, ...]] = []
+    if kept is not None and cycles:
+        for cycle, stretch in zip(cycles, trace.stretches, strict=True):
+            options = cycle.solver(solver)
+            response = simulate(values, damper, cycle.motion, sensitivities=names, options=options)
+            signals = [response.force, *response.sensitivities.values()]
+            rows.append(cycle.over(stretch, signals))
+            taken = cycle.taken_by_filter(response.force)
+            rounding.append((cycle.motion.velocity[-len(taken) :], taken))
+        return kept.force, kept.pressures, rows, rounding
+    seen = compare(values, trace, damper, sensitivities=names, solver=solver)
+    whole, taken = np.vstack([seen.force, _slopes(trace, seen)]), seen.response.force - seen.force
+    for stretch in trace.stretches:
+        rows.append(whole[:, stretch.window])
+        rounding.append((trace.velocity[stretch.window], taken[stretch.window]))
+    return seen.force, seen.response.pressures, rows, rounding
+
+
+def _slopes(trace: Trace, seen: SimulatedLog) -> FloatArray:
+    """The sensitivities behind the filter, with part of what a sample sees of a refilling.
+
+    A chamber that has been empty fills within a millisecond. Whether a sample falls into that, and
+    then shows the moment to some microseconds, changes with the parameters by less than their
+    errors: the slope of that one point promises too much, and without it too little is promised.
+    """
+    empty = seen.response.pressures[:2] <= 0.0
+    filled = np.flatnonzero((empty[:, :-1] & ~empty[:, 1:]).any(axis=0)) + 1
+    slopes = seen.response.sensitivities
+    if not (slopes and len(filled)) or all(stretch.n_cycles for stretch in trace.stretches):
+        return seen.sensitivities  # cycles meet a refilling at other moments of it
+    rows = np.stack(list(slopes.values()))
+    luck = np.unique(np.add.outer(filled, np.arange(_REFILLING)))
+    luck = luck[luck < rows.shape[1] - 1]
+    known = np.setdiff1d(np.arange(rows.shape[1]), luck)
+    for row in rows:
+        beside = np.interp(luck, known, row[known])
+        row[luck] = beside + math.sqrt(_SEEN) * (row[luck] - beside)
+    return apply_filter(trace.model_filter, rows)
+
+
+def _pressed_on(damper: Model, pressures: NDArray[np.floating[Any]]) -> dict[str, float]:
+    """The highest pressure across each passage that opens at once, Pa, by its opening's name."""
+    own = damper.damper if isinstance(damper, WithTemperature) else damper
+    network = getattr(own, "network", None)
+    most: dict[str, float] = {}
+    for one in () if network is None else network.passages:
+        if one.opening and not one.width:  # one that lifts gradually lets oil through below it
+            here = float((pressures[one.start - 1] - pressures[one.end - 1]).max())
+            most[one.opening] = max(here, most.get(one.opening, 0.0))
+    return most
+
+
+# What a fit supposes and nobody has measured: defaults of the model, each by one standard error;
+# the form in which friction turns; what the pressure on the seal adds to it.
+
+
+def _ignorance(fit: Fit) -> FloatArray:
+    """Return one standard error of what stands at a default that nobody has measured, (k,)."""
+    values = fit.parameters
+    errors = np.zeros(len(values.names))
+    for place, one in enumerate(values.quantities):
+        value = getattr(values, one.name)
+        if fit.status[one.name] is Status.FIXED and value == one.default:
+            errors[place] = one.ignorance * (1.0 if one.may_vanish else value)
+    return errors
+
+
+def _other_frictions(
+    log: LogFit,
+    cycles: Sequence[SettledCycle],
+    values: Values,
+    damper: Model,
+    solver: SolverOptions,
+    here: Sequence[FloatArray],
+) -> list[FloatArray] | None:
+    """What the force would be more than `here` with a friction of another form, (2, n) a stretch.
+
+    One that turns otherwise; one that the pressure on the seal adds to, as large as the fitted one
+    at the pressure of the gas at rest. None for a damper of which no other form is doubted.
+    """
+    turns, pressed = other_turns(damper, values), with_pressed_seal(damper, values)
+    if not turns and pressed is None:
+        return None
+    more = [np.zeros((2, rows.shape[1])) for rows in here]
+    for share, law, at in turns:
+        for into, there in zip(more, _responses(log, cycles, at, law, solver)[2], strict=True):
+            into[0] += share * there[0]
+    if turns:
+        for into, now in zip(more, here, strict=True):
+            into[0] -= now[0]
+    if pressed is not None:
+        own = next(place for place, one in enumerate(values.quantities) if one.is_friction)
+        at_rest = pressed[1].seal_area * values.gas_pressure
+        seen = _responses(log, cycles, pressed[1], pressed[0], solver)[2]
+        for into, there, now in zip(more, seen, here, strict=True):
+            into[1] = there[0] - now[0] - at_rest * now[1 + own]
+    return more
+
+
+def _misfit_scores(linearised: Linearisation) -> tuple[FloatArray, FloatArray]:
+    """The matrix M of a setting's repeating misfit, and its pulls; see the module's docstring."""
+    pulls: list[FloatArray] = []
+    for stretch, residuals, squares, jacobian in linearised.stretches():
+        block, repeating = _blocks(stretch, residuals)
+        scores = jacobian * (squares * repeating)[:, None]
+        pulls.extend(scores[block == k].sum(axis=0) for k in range(_BLOCKS))
+    table = np.array(pulls)
+    few = len(table) / max(len(table) - len(linearised.names), 1)
+    by_phase = table.reshape(-1, _BLOCKS, table.shape[1]).sum(axis=0)
+    return np.asarray(few * table.T @ table), np.asarray(math.sqrt(few) * by_phase)
+
+
+def _blocks(stretch: Stretch, residuals: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the block of each sample, and the residual without what differs between cycles."""
+    n = len(residuals)
+    if stretch.n_cycles < 2:
+        return np.arange(n) * _BLOCKS // n, residuals
+    starts = stretch.cycle_starts - stretch.first
+    phase = np.interp(np.arange(n), starts, np.arange(len(starts))) % 1.0
+    n_bins = max(_BLOCKS, round(float(np.mean(np.diff(starts)))))
+    bins = np.minimum((phase * n_bins).astype(np.int64), n_bins - 1)
+    counts = np.maximum(np.bincount(bins, minlength=n_bins), 1)
+    mean = np.bincount(bins, weights=residuals, minlength=n_bins) / counts
+    return bins * _BLOCKS // n_bins, mean[bins]
+
+
+def _drift_pull(linearised: Linearisation) -> FloatArray:
+    """Summed scores by a zero that moves: as much as a log drifts by may be in its mean force."""
+    pull = np.zeros(len(linearised.names))
+    for stretch, residuals, squares, jacobian in linearised.stretches():
+        if stretch.n_cycles < _SEEN_TO_DRIFT:
+            continue
+        starts = np.rint(stretch.cycle_starts - stretch.first).astype(np.intp)
+        starts = np.clip(starts, 0, len(residuals))
+        sums = np.add.reduceat(residuals[: starts[-1]], starts[:-1])
+        phase = np.linspace(-0.5, 0.5, len(sums))
+        means = sums / np.diff(starts)
+        drift = float(phase @ means / (phase @ phase))
+        rest = means - means.mean() - drift * phase
+        error = math.sqrt(float(rest @ rest / (phase @ phase)) / (len(means) - 2))
+        if abs(drift) > _SURE * error:
+            pull += drift * (jacobian.T @ squares)
+    return pull

@@ -58,8 +58,7 @@ if TYPE_CHECKING:
     from damperfit.identification.least_squares import LinearSystem, Minimum, Step
     from damperfit.identification.sharing import Unknown
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.covariance import Uncertainty
-    from damperfit.uncertainty.linearisation import Linearisation
+    from damperfit.uncertainty.covariance import Linearisation, Uncertainty
 
     FloatArray = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings
 from damperfit.problem import Problem, warning
 from damperfit.statistics import fisher_chance, mean_of, median, student_quantile, variance_of
-from damperfit.uncertainty.linearisation import autocorrelation, independent
+from damperfit.uncertainty.covariance import autocorrelation, independent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from damperfit.recording import Stretch, Trace
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.linearisation import Linearisation
+    from damperfit.uncertainty.covariance import Linearisation
 
     FloatArray = NDArray[np.float64]
 
@@ -279,7 +279,7 @@ def _columns(linearised: Linearisation) -> dict[str, list[FloatArray]]:
         friction = sum(column for one, column in slopes if one.is_friction)
         found = signatures(log.trace, seen.force, stiff, friction)
         table = {name: rows for name, rows in found.items() if name in linearised.flaws}
-        conditions = zip(linearised.conditions, seen.gas.T, strict=True)
+        conditions = zip(linearised.conditions, seen.gas.T, strict=False)
         tables.append(table | {name: [column] for name, column in conditions})
     return {
         name: [np.concatenate(parts) for parts in zip(*(of[name] for of in tables), strict=True)]

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from damperfit.recording import Stretch
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.linearisation import Linearisation
+    from damperfit.uncertainty.covariance import Linearisation
 
     FloatArray = NDArray[np.float64]
 

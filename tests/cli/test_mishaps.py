@@ -90,7 +90,7 @@ FAULTS = {
     **{
         name: (is_two, "judging setting 2", "", 2, [1, 2, 3], ())
         for name in (
-            "uncertainty.linearisation.linearise_at_fit",
+            "uncertainty.covariance.linearise_at_fit",
             "uncertainty.assessment.diagnose",
             "uncertainty.covariance._of_setting",
             "uncertainty.assessment.doubtful_profiles",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from damperfit.damper.purdy.appendices import modulus_at_pressure
+from damperfit.damper.purdy.closed_forms import modulus_at_pressure
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, FitOptions, Outcome, compare, identify, joint

@@ -24,7 +24,7 @@ from damperfit.identification import LogFit, Sharing
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.uncertainty import uncertainties
-from damperfit.uncertainty.linearisation import linearise_at_fit
+from damperfit.uncertainty.covariance import linearise_at_fit
 from tests import fakes
 from tests.identification.accuracy_of_motions import NAMES, step_from
 from tests.oracles.motions import MOTIONS, logged, road

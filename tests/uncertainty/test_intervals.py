@@ -9,7 +9,7 @@ from damperfit.conditioning import apply_filter, design_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
 from damperfit.uncertainty import linearise_settings, uncertainties
-from damperfit.uncertainty.linearisation import (
+from damperfit.uncertainty.covariance import (
     autocorrelation,
     correlation_length,
     cycle_covariance,

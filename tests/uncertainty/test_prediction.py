@@ -22,8 +22,7 @@ from damperfit.uncertainty import (
     prediction_warnings,
     split_cycles,
 )
-from damperfit.uncertainty.grades import LIMITS
-from damperfit.uncertainty.prediction import _is_same_motion, _prediction, _tested
+from damperfit.uncertainty.grades import LIMITS, _is_same_motion, _prediction, _tested
 from tests import fakes
 from tests.identification.rig import recording
 

@@ -11,7 +11,7 @@ from scipy.stats import f as fisher
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Sharing
 from damperfit.uncertainty import assessment
-from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
+from damperfit.uncertainty.covariance import Linearisation, LogLinearisation
 from damperfit.uncertainty.residuals import (
     StretchResiduals,
     diagnose,

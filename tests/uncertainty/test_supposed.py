@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.friction import _SPREAD, with_pressed_seal
-from damperfit.damper.mounting import Friction
+from damperfit.damper.mounting import _SPREAD, Friction, with_pressed_seal
 from damperfit.identification import FitOptions, identify
 from damperfit.uncertainty import assess
-from damperfit.uncertainty.linearisation import linearise_at_fit
+from damperfit.uncertainty.covariance import linearise_at_fit
 from tests.identification import adjusted
 from tests.uncertainty.drag_coverage import NAMES, SHARP, TURNING, Seals, errors_of
 
@@ -68,9 +67,9 @@ def test_the_truth_lies_within(alone) -> None:
 def test_what_somebody_has_given_leaves_no_doubt_but_of_the_form_of_friction(log, monkeypatch):
     campaign = fitted(log, drag=1.5 * DRAG)
     assert all(one.misfit > 0.0 for one in intervals(campaign).values())
-    monkeypatch.setattr("damperfit.uncertainty.linearisation.other_turns", lambda *_: ())
+    monkeypatch.setattr("damperfit.uncertainty.covariance.other_turns", lambda *_: ())
     assert all(one.misfit > 0.0 for one in intervals(campaign).values())
-    monkeypatch.setattr("damperfit.uncertainty.linearisation.with_pressed_seal", lambda *_: None)
+    monkeypatch.setattr("damperfit.uncertainty.covariance.with_pressed_seal", lambda *_: None)
     assert {one.misfit for one in intervals(campaign).values()} == {0.0}
 
 
