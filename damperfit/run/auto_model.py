@@ -456,7 +456,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         adjusted=ties_of(configuration, adjusters, is_adjusted=True),
         solver=solver,
         on_law=on_law,
-        n_starts=configuration.identification.fit_setting,
+        n_starts=configuration.identification.starts,
         jobs=workers,
         is_tying=_is_tying(configuration),
         held_share=_held_share(ends),
