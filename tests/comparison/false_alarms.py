@@ -84,16 +84,9 @@ def fitted_run(traces: list[Trace], *, name: str) -> Run:
 def _tests(trace: Trace) -> tuple:
     n = len(trace.force)
     nothing = np.full(n, np.nan)
-    signals = LogSignals(
-        trace.setting,
-        trace.name,
-        trace.start_time + trace.interval * np.arange(n),
-        trace.displacement,
-        trace.velocity,
-        trace.force,
-        nothing,
-        np.stack([nothing] * 3),
-    )
+    time = trace.start_time + trace.interval * np.arange(n)
+    channels = (time, trace.displacement, trace.velocity, trace.force, nothing)
+    signals = LogSignals(trace.setting, trace.name, *channels, np.stack([nothing] * 3))
     return measured_tests(signals, [one.describe(trace) for one in trace.stretches])
 
 
@@ -123,16 +116,9 @@ def shares(comparisons: list) -> dict[str, tuple[float, float, float]]:
 
 def found(comparisons: list, name: str = "r_m1") -> float:
     """Return the share of settings and pairs in which a parameter is called different."""
-    return float(
-        np.mean(
-            [
-                line.verdict is Sameness.DIFFERENT
-                for one in comparisons
-                for line in one.of("parameter")
-                if line.subject.name == name
-            ]
-        )
-    )
+    lines = [line for one in comparisons for line in one.of("parameter")]
+    own = [line.verdict is Sameness.DIFFERENT for line in lines if line.subject.name == name]
+    return float(np.mean(own))
 
 
 def main() -> int:

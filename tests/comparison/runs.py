@@ -19,16 +19,9 @@ STIFFNESS = 300.0  # N/m: opening and closing differ
 
 
 def signals(
-    setting: int = 1,
-    *,
-    factor: float = 1.0,
-    noise: float = 0.0,
-    cycles: int = 10,
-    seed: int = 0,
-    frequency: float = FREQUENCY,
-    log: str = "a.csv",
-    tare: float = 0.0,
-) -> tuple[LogSignals, list[dict]]:
+    setting: int = 1, *, factor=1.0, noise=0.0, cycles=10, seed=0, frequency=FREQUENCY,
+    log="a.csv", tare=0.0,
+) -> tuple[LogSignals, list[dict]]:  # fmt: skip
     """Return whole cycles of F = factor c v + k x + gas, and what run.json says of them."""
     rate = 600.0
     n = round(cycles / frequency * rate)
@@ -39,20 +32,10 @@ def signals(
     force = factor * DAMPING * v + STIFFNESS * x + GAS + tare
     force = force + noise * np.random.default_rng([seed, setting]).standard_normal(n)
     nothing = np.full(n, np.nan)
-    told = [
-        {
-            "kind": "steady",
-            "start_s": 5.0,
-            "stop_s": 5.0 + n / rate,
-            "frequency_Hz": frequency,
-            "amplitude_m": AMPLITUDE,
-            "cycles": cycles,
-        }
-    ]
-    found = LogSignals(
-        Setting.of(setting), log, time, x, v, force, nothing, np.stack([nothing] * 3)
-    )
-    return found, told
+    told = {"kind": "steady", "start_s": 5.0, "stop_s": 5.0 + n / rate, "cycles": cycles}
+    told |= {"frequency_Hz": frequency, "amplitude_m": AMPLITUDE}
+    channels = (time, x, v, force, nothing, np.stack([nothing] * 3))
+    return LogSignals(Setting.of(setting), log, *channels), [told]
 
 
 def measured(setting: int = 1, **how: object) -> MeasuredTest:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment.force_at import Sine, Stage
-from damperfit.comparison import ComparisonOptions, Sameness, compare_runs
+from damperfit.comparison import ComparisonOptions, compare_runs
 from damperfit.comparison.comparing import (
     circumstances,
     comparable_quantities,
@@ -21,21 +21,11 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals import Bilinear
 from damperfit.tested.setting import Setting
-from tests.comparison.false_alarms import (
-    CHANGE,
-    compared_pairs,
-    found,
-    rig,
-    shares,
-)
+from tests.comparison.false_alarms import CHANGE, compared_pairs, found, rig, shares
 from tests.comparison.runs import fitted, measured
 
 SETTINGS = (Setting.of(1), Setting.of(2))
 FREE = ("r_m1", "f_0")
-_SAME_LOGS = (
-    "both are based on the same logs (x.csv): what differs there is how they were evaluated, and "
-    "the errors, which are those of two tests, are too large"
-)
 
 
 def _row(n_cycles: int, n_logs: int, **more: object) -> dict:
@@ -44,9 +34,6 @@ def _row(n_cycles: int, n_logs: int, **more: object) -> dict:
         status = "shared" if one.name in {"r_m3", "f_f"} else "fitted"
         row |= {one.name: 5.0, f"{one.name}_se": 0.1, f"{one.name}_status": status}
     return row | {"f_0_status": "fixed"} | more
-
-
-ROWS = (_row(13, 1), _row(12, 2))
 
 
 def run(name, tare, *, is_free=True, factor=1.0, **more):
@@ -64,29 +51,41 @@ def run(name, tare, *, is_free=True, factor=1.0, **more):
     return fitted(name=name, stages=stages, rows=(row, row), **more)
 
 
-def test_cycles_less_one_a_log_are_the_degrees_of_freedom() -> None:
-    assert [freedom_of(fitted(rows=ROWS), one) for one in SETTINGS] == [12.0, 10.0]
-    assert freedom_of(fitted(rows=({}, {})), SETTINGS[0]) == math.inf
+# Parameters and figures
+
+
+def parameters(*rows) -> dict:
+    (table,) = parameter_readings([fitted(rows=rows)], SETTINGS)
+    return {(topic.name, topic.setting): one for topic, one in table.items()}
 
 
 def test_what_all_share_stands_once_with_the_cycles_of_all() -> None:
-    (table,) = parameter_readings([fitted(rows=ROWS)], SETTINGS)
-    told = {(topic.name, topic.setting): one.freedom for topic, one in table.items()}
-    assert told["r_m3", None] == 22.0
-    assert told["r_m1", SETTINGS[1]] == 10.0
+    rows = (_row(13, 1), _row(12, 2))
+    # Cycles less one a log are the degrees of freedom.
+    assert [freedom_of(fitted(rows=rows), one) for one in SETTINGS] == [12.0, 10.0]
+    assert freedom_of(fitted(rows=({}, {})), SETTINGS[0]) == math.inf
+    told = parameters(*rows)
+    assert (told["r_m3", None].freedom, told["r_m1", SETTINGS[1]].freedom) == (22.0, 10.0)
     assert ("f_0", SETTINGS[0]) not in told
-    apart = fitted(rows=(_row(13, 1), _row(12, 2, r_m3=6.0)))
-    (table,) = parameter_readings([apart], SETTINGS)
-    assert {topic.setting for topic in table if topic.name == "r_m3"} == set(SETTINGS)
+    apart = parameters(rows[0], _row(12, 2, r_m3=6.0))
+    assert {setting for name, setting in apart if name == "r_m3"} == set(SETTINGS)
+    for status in ("at_bound", "not_identifiable"):  # what the logs do not tell is not compared
+        told = parameters(_row(13, 1, r_m1_status=status), rows[1])
+        assert [bool(told["r_m1", one].objection) for one in SETTINGS] == [True, False]
 
 
-@pytest.mark.parametrize("status", ["at_bound", "not_identifiable"])
-def test_what_the_logs_do_not_tell_is_not_compared(status) -> None:
-    rows = (_row(13, 1, r_m1_status=status), _row(12, 2))
-    (table,) = parameter_readings([fitted(rows=rows)], SETTINGS)
-    told = {(topic.name, topic.setting): one.objection for topic, one in table.items()}
-    assert told["r_m1", SETTINGS[0]]
-    assert not told["r_m1", SETTINGS[1]]
+def test_misfits_and_margins_are_told_in_per_cent() -> None:
+    """A misfit is stored in per cent, a margin as a share."""
+    rows = (
+        {"mse_percent": 0.5, "grade": "excellent", "r_m3_cavitation_margin": 0.25},
+        {"mse_percent": 0.8, "grade": "good", "r_m3_cavitation_margin": None},
+    )
+    first, second = (SimpleNamespace(row=lambda _, row=row: row) for row in rows)
+    misfit, margin = figure_lines(first, second, [Setting.of(1)])  # type: ignore[arg-type]
+    assert (misfit.first.value, misfit.second.value) == (0.5, 0.8)
+    assert (misfit.words, misfit.difference) == ("excellent, now good", pytest.approx(0.3))
+    assert (margin.first.value, margin.words) == (25.0, "both full")
+    assert math.isnan(margin.second.value)
 
 
 @pytest.mark.parametrize(
@@ -103,87 +102,64 @@ def test_speeds_are_those_that_all_tests_have_reached(how, speeds) -> None:
     assert {line.subject.speed for line in forces} == speeds
 
 
-def test_misfits_and_margins_are_told_in_per_cent() -> None:
-    """A misfit is stored in per cent, a margin as a share."""
-    rows = (
-        {"mse_percent": 0.5, "grade": "excellent", "r_m3_cavitation_margin": 0.25},
-        {"mse_percent": 0.8, "grade": "good", "r_m3_cavitation_margin": None},
-    )
-    first, second = (SimpleNamespace(row=lambda _, row=row: row) for row in rows)
-    misfit, margin = figure_lines(first, second, [Setting.of(1)])  # type: ignore[arg-type]
-    assert (misfit.first.value, misfit.second.value, misfit.words) == (
-        0.5, 0.8, "excellent, now good",
-    )  # fmt: skip
-    assert misfit.difference == pytest.approx(0.3)
-    assert (margin.first.value, margin.words) == (25.0, "both full")
-    assert math.isnan(margin.second.value)
+# Tares
 
 
-def readings(*runs):
-    return force_readings(runs, SETTINGS, speeds=(0.1,))
+def readings(*runs) -> list[np.ndarray]:
+    tables = force_readings(runs, SETTINGS, speeds=(0.1,))
+    return [np.array([one.value for one in table.values()]) for table in tables]
 
 
 def compared(*runs):
-    found = compare_runs(*runs, ComparisonOptions(speeds=(0.1, 0.2)))
-    return found.of("force"), found.notes
+    return compare_runs(*runs, ComparisonOptions(speeds=(0.1, 0.2)))
 
 
-def test_a_tare_is_no_difference_of_forces() -> None:
-    forces, notes = compared(run("a", 11.6), run("b", 36.6))
-    assert len(forces) == 8
-    assert all(abs(line.difference) < 1e-9 for line in forces)
-    assert {line.verdict for line in forces} == {Sameness.SAME}
+def test_a_tare_is_no_difference_of_forces_and_a_changed_valve_is() -> None:
+    done = compared(run("a", 11.6), run("b", 36.6))
+    forces = done.of("force")
+    assert [line.difference for line in forces] == pytest.approx([0.0] * 8, abs=1e-9)
+    assert {line.verdict.value for line in forces} == {"same"}
     said = "the rigs' force offsets, their tares, are left out of the forces (a: 11.6 N; b: 36.6 N)"
-    assert said in notes
-
-
-def test_a_changed_valve_is_told_whatever_the_tare() -> None:
-    alike, _ = compared(run("a", 0.0), run("b", 0.0, factor=1.2))
-    forces, _ = compared(run("a", 11.6), run("b", 36.6, factor=1.2))
-    assert [line.percent for line in forces] == pytest.approx([line.percent for line in alike])
-    assert any(line.is_sure for line in forces)
-
-
-def test_where_one_run_tells_no_tare_the_other_keeps_its_own() -> None:
-    forces, notes = compared(run("a", 0.0, is_free=False), run("b", 25.0))
-    assert all(line.difference == pytest.approx(25.0) for line in forces)
-    assert any(
-        note.startswith("b: its force offset (25 N), the rig's tare, is in its forces")
-        for note in notes
+    assert said in done.notes
+    alike, tared = (
+        compared(run("a", a), run("b", b, factor=1.2)).of("force")
+        for a, b in ((0.0, 0.0), (11.6, 36.6))
     )
+    assert [one.percent for one in tared] == pytest.approx([one.percent for one in alike])
+    assert any(line.is_sure for line in tared)
 
 
-def test_a_held_tare_is_known() -> None:
-    a, b = readings(run("a", 130.0, is_free=False), run("b", 25.0))
-    for topic, one in a.items():
-        assert one.value == pytest.approx(b[topic].value)
-
-
-def test_a_single_run_is_held_against_nominal_forces_as_its_rig_gave_them() -> None:
+def test_a_tare_that_one_run_cannot_tell_stays_in_the_other() -> None:
+    done = compared(run("a", 0.0, is_free=False), run("b", 25.0))
+    assert [line.difference for line in done.of("force")] == pytest.approx([25.0] * 8)
+    begin = "b: its force offset (25 N), the rig's tare, is in its forces"
+    assert any(note.startswith(begin) for note in done.notes)
+    held, free = readings(run("a", 130.0, is_free=False), run("b", 25.0))  # a held one is known
+    assert held == pytest.approx(free)
+    # A single run is held against nominal forces as its rig gave them.
     (bare,), (whole,) = readings(run("a", 0.0)), readings(run("a", 25.0))
-    for topic, one in whole.items():
-        assert one.value - bare[topic].value == pytest.approx(25.0)
-
-
-def test_beside_a_model_that_knows_no_gas_the_offsets_stay() -> None:
+    assert whole - bare == pytest.approx(25.0)
+    # Beside a model that knows no gas the offsets stay.
     model = Bilinear()
     values = model.values({"c_r": 2e3, "c_b": 1e3, "f_0": -120.0})
     stages = tuple(Stage(one, values) for one in SETTINGS)
-    a, b = run("a", 25.0), fitted(name="b", damper=model, stages=stages)
-    paired, _ = force_readings((a, b), SETTINGS, speeds=(0.1,))
-    (alone,) = readings(a)
-    for topic, one in paired.items():
-        assert one.value == alone[topic].value
+    paired, _ = readings(run("a", 25.0), fitted(name="b", damper=model, stages=stages))
+    assert paired == pytest.approx(whole)
 
 
-def _said(first, second):
-    return [one.sentence for one in circumstances(first, second)]
+# What else differs
+
+SAME_LOGS = (
+    "both are based on the same logs (x.csv): what differs there is how they were evaluated, and "
+    "the errors, which are those of two tests, are too large"
+)
+X = {"log": "x.csv", "sha256": "ab", "setting": 1}
 
 
-def test_alike_runs_differ_in_nothing() -> None:
-    record = {"version": "1", "configuration": {"rig": {"filter": "none"}}, "test": {"serial": "7"}}
-    tests = (replace(measured(1), temperature=25.0),)
-    assert _said(fitted(1, tests=tests, **record), fitted(1, name="b", tests=tests, **record)) == []
+def _said(first, second, **more):
+    """What is told of two runs: their records, and what the second has."""
+    pair = fitted(1, **first), fitted(1, name="b", **(second | more))
+    return [one.sentence for one in circumstances(*pair)]
 
 
 @pytest.mark.parametrize(
@@ -201,77 +177,64 @@ def test_alike_runs_differ_in_nothing() -> None:
             "held parameters: none, then f_f = 50N",
         ),
         ({"version": "1.0"}, {"version": "1.1"}, "damperfit: 1.0, then 1.1"),
-        (
-            {"inputs": [{"log": "x.csv", "sha256": "ab", "setting": 1}]},
-            {"inputs": [{"log": "y.csv", "sha256": "ab", "setting": 1}]},
-            _SAME_LOGS,
-        ),
+        ({"inputs": [X]}, {"inputs": [X | {"log": "y.csv"}]}, SAME_LOGS),
     ],
 )
 def test_a_record_that_differs_is_named(a, b, said) -> None:
-    assert _said(fitted(1, **a), fitted(1, name="b", **b)) == [said]
-    assert _said(fitted(1, **a), fitted(1, name="b", **a))[1:] == []
-
-
-def _log(*channels, name="x.csv", sha256="ab"):
-    return {"log": name, "sha256": sha256, "setting": 1, "reversed": list(channels)}
+    assert _said(a, b) == [said]
+    assert _said(a, a)[1:] == []
 
 
 @pytest.mark.parametrize(
     ("before", "after", "said"),
     [
         (
-            (),
-            ("displacement", "force"),
+            *([], ["displacement", "force"]),
             "nothing in a, displacement and force in b (x.csv): what is rebound in one is bump in",
         ),
-        (
-            ("force",),
-            (),
-            "force in a, nothing in b (x.csv): what is positive in one is negative in",
-        ),
+        (["force"], [], "force in a, nothing in b (x.csv): what is positive in one is negative in"),
     ],
 )
 def test_the_same_logs_read_with_other_signs(before, after, said) -> None:
-    a, b = fitted(1, inputs=[_log(*before)]), fitted(1, name="b", inputs=[_log(*after)])
+    first, second = ({"inputs": [X | {"reversed": channels}]} for channels in (before, after))
     said = f"reversed, as positive in compression: {said} the other; declare "
-    assert _said(a, b) == [_SAME_LOGS, f"{said}rig.reverse_displacement and rig.reverse_force"]
-    assert _said(a, fitted(1, name="b", inputs=[_log(*before)])) == [_SAME_LOGS]
+    said = f"{said}rig.reverse_displacement and rig.reverse_force"
+    assert _said(first, second) == [SAME_LOGS, said]
+    assert _said(first, first) == [SAME_LOGS]
     # Another log may be of a rig that counts the other way; an older run does not tell its signs.
-    assert _said(a, fitted(1, name="b", inputs=[_log(*after, sha256="cd")])) == []
-    unsaid = {key: one for key, one in _log().items() if key != "reversed"}
-    assert _said(a, fitted(1, name="b", inputs=[unsaid])) == [_SAME_LOGS]
+    assert _said(first, {"inputs": [X | {"sha256": "cd", "reversed": after}]}) == []
+    assert _said(first, {"inputs": [X]}) == [SAME_LOGS]
 
 
-def test_the_gas_and_what_it_does_to_every_force() -> None:
-    other = replace(PURDY_DAMPER, gas_pressure=5.6e5)
-    first, second = _said(fitted(1), fitted(1, name="b", damper=other))
+@pytest.mark.parametrize(
+    ("changed", "begins"),
+    [
+        ({}, []),
+        ({"frequency": 1.049 * 1.5}, []),
+        ({"frequency": 1.051 * 1.5}, ["motion: 32 mm at 1.5 Hz, then 32 mm at 1.57"]),
+        ({"temperature": 26.9}, []),
+        ({"temperature": 27.1}, ["temperature"]),
+    ],
+)
+def test_another_motion_or_temperature_is_named_beyond_a_limit(changed, begins) -> None:
+    how = {"frequency": 1.5, "temperature": 25.0} | changed
+    first = replace(measured(1), temperature=25.0)
+    second = replace(measured(1, frequency=how["frequency"]), temperature=how["temperature"])
+    told = _said({"tests": (first,)}, {"tests": (second,)})
+    assert len(told) == len(begins)
+    assert all(begin in one for one, begin in zip(told, begins, strict=True))
+
+
+def test_the_gas_and_units_are_named() -> None:
+    first, second = _said({}, {"damper": replace(PURDY_DAMPER, gas_pressure=5.6e5)})
     assert first == "damper.gas_pressure: 460000 Pa, then 560000 Pa"
     assert second.startswith("gas force at mid-stroke: -130.4 N, then -158.8 N: -28.4 N of every")
-
-
-@pytest.mark.parametrize(("ratio", "n"), [(1.049, 0), (1.051, 1)])
-def test_another_motion_is_more_than_a_twentieth_off(ratio, n) -> None:
-    a, b = measured(1), measured(1, frequency=ratio * 1.5)
-    found = _said(fitted(1, tests=(a,)), fitted(1, name="b", tests=(b,)))
-    assert len(found) == n
-    assert all(one.startswith("motion: 32 mm at 1.5 Hz, then 32 mm at 1.57") for one in found)
-
-
-@pytest.mark.parametrize(("warmer", "n"), [(1.9, 0), (2.1, 1)])
-def test_another_temperature_is_two_degrees_off(warmer, n) -> None:
-    a, b = (replace(measured(1), temperature=25.0 + t) for t in (0.0, warmer))
-    assert len(_said(fitted(1, tests=(a,)), fitted(1, name="b", tests=(b,)))) == n
-
-
-def test_a_quantity_in_another_unit_is_named_and_not_compared() -> None:
-    first, *rest = PURDY_DAMPER.quantities
-    other = fitted(1, name="b", quantities=(replace(first, unit="furlong"), *rest))
-    assert _said(fitted(1), other) == [
-        "unit of r_m1: s sqrt(N)/(m kg), then furlong: it is not compared"
-    ]
-    found = comparable_quantities([fitted(1), other])
-    assert [one.name for one in found] == [one.name for one in rest]
+    own, *rest = PURDY_DAMPER.quantities
+    other = {"quantities": (replace(own, unit="furlong"), *rest)}
+    told = "unit of r_m1: s sqrt(N)/(m kg), then furlong: it is not compared"
+    assert _said({}, other) == [told]
+    both = [fitted(1), fitted(1, **other)]
+    assert [one.name for one in comparable_quantities(both)] == [one.name for one in rest]
 
 
 # A few of the pairs that `python -m tests.comparison.false_alarms` counts by hundreds.
@@ -284,8 +247,7 @@ def reference():
 
 @pytest.mark.slow
 def test_noise_alone_is_not_called_a_difference(reference) -> None:
-    told = shares(compared_pairs(reference, reference, 3))
-    for share, _, surely in told.values():
+    for share, _, surely in shares(compared_pairs(reference, reference, 3)).values():
         assert share <= 0.1
         assert surely == 0.0
 
@@ -296,5 +258,4 @@ def test_one_per_cent_of_a_valve_is_found_and_a_tenth_of_it_is_not_made_up(refer
     for line in changed[0].of("parameter"):
         if line.subject.name == "r_m1":
             assert line.percent_low <= 100.0 * CHANGE <= line.percent_high
-    forces = changed[0].of("force")
-    assert any(line.is_sure for line in forces)
+    assert any(line.is_sure for line in changed[0].of("force"))

@@ -52,57 +52,47 @@ def test_what_does_not_repeat_is_no_test(change) -> None:
     assert measured_tests(found, [told[0] | change]) == ()
 
 
-@pytest.mark.parametrize(("ratio", "is_one"), [(1.049, True), (1.051, False)])
-def test_one_motion_is_within_a_twentieth(ratio, is_one) -> None:
-    runs = run(measured()), run(measured(frequency=ratio * FREQUENCY))
-    assert bool(common_tests(runs, Setting.of(1))) == is_one
-
-
-def test_the_fastest_motion_that_all_ran_is_compared() -> None:
+def test_one_motion_is_within_a_twentieth_and_the_fastest_that_all_ran_is_compared() -> None:
+    for ratio, is_one in ((1.049, True), (1.051, False)):
+        runs = run(measured()), run(measured(frequency=ratio * FREQUENCY))
+        assert bool(common_tests(runs, Setting.of(1))) == is_one
     slow, fast, faster = (measured(frequency=f) for f in (1.0, 1.5, 3.0))
     groups = common_tests([run(slow, fast), run(faster, fast, slow)], Setting.of(1))
     assert groups == ((fast,), (fast,))
 
 
-def test_noise_alone_is_no_scatter_of_tests() -> None:
-    found = [
-        repeat_scatter(run(*(measured(noise=4.0, seed=10 * k + j) for j in range(3))))[0]
-        for k in range(12)
-    ]
-    assert sum(share > 0.0 for share in found) <= 1
+def campaign(rng, n: int = 8, **how):
+    """Dampers whose tests, three a setting, repeat within 2 %."""
+    return run(
+        *(
+            measured(k, factor=1.0 + 0.02 * rng.standard_normal(), seed=j, **how)
+            for k in range(1, n + 1)
+            for j in range(3)
+        )
+    )
 
 
 def test_tests_that_do_not_repeat_are_found_with_their_size() -> None:
-    rng = np.random.default_rng(3)
-    tests = [
-        measured(setting, factor=1.0 + 0.02 * rng.standard_normal(), noise=2.0, seed=k)
-        for setting in range(1, 9)
-        for k in range(3)
-    ]
-    share, freedom = repeat_scatter(run(*tests))
-    assert freedom == 16.0
-    assert share == pytest.approx(0.02, rel=0.4)
+    share, freedom = repeat_scatter(campaign(np.random.default_rng(3), noise=2.0))
+    assert (freedom, share) == (16.0, pytest.approx(0.02, rel=0.4))
+    quiet = (run(*(measured(noise=4.0, seed=10 * k + j) for j in range(3))) for k in range(12))
+    assert sum(repeat_scatter(one)[0] > 0.0 for one in quiet) <= 1
+    factors = (0.95, 1.05, 0.97, 1.03)
+    one = run(*(measured(1, factor=f, noise=1.0, seed=k) for k, f in enumerate(factors)))
+    share, _ = repeat_scatter(one)
+    # The mean of several has their scatter by the root of their number.
+    (table,) = measured_readings((one,), one.settings, speeds=(0.2,))
+    for reading in table.values():
+        assert reading.repeat == pytest.approx(share * DAMPING * 0.2 / 2.0, rel=0.01)
 
 
 @pytest.mark.parametrize("pairs", [2, pytest.param(6, marks=pytest.mark.slow)])
 def test_dampers_that_are_mounted_anew_are_seldom_called_different(pairs: int) -> None:
-    rng = np.random.default_rng(5)
-
-    def campaign() -> object:
-        return run(
-            *(
-                measured(k, factor=1.0 + 0.02 * rng.standard_normal(), cycles=4)
-                for k in range(1, 5)
-                for _ in range(3)
-            )
-        )
-
-    options = ComparisonOptions(speeds=(0.26,), is_measured=True)
-    lines = [
-        one for _ in range(pairs) for one in compare_runs(campaign(), campaign(), options).lines
-    ]
-    forces = [one.verdict is Sameness.DIFFERENT for one in lines if one.subject.kind == "force"]
-    assert np.mean(forces) < 0.13  # eight a pair, in four settings of their own
+    rng, options = np.random.default_rng(5), ComparisonOptions(speeds=(0.26,), is_measured=True)
+    both = ((campaign(rng, 4, cycles=4), campaign(rng, 4, cycles=4)) for _ in range(pairs))
+    lines = [one for pair in both for one in compare_runs(*pair, options).of("force")]
+    # Eight a pair, in four settings of their own.
+    assert np.mean([one.verdict is Sameness.DIFFERENT for one in lines]) < 0.13
 
 
 @pytest.mark.parametrize(
@@ -178,23 +168,13 @@ def test_a_force_near_nothing_has_newtons_and_no_per_cent() -> None:
     assert math.isfinite(above.percent)
 
 
-def test_no_setting_in_common_is_said() -> None:
-    with pytest.raises(ConfigurationError, match="no setting is common to all: a has setting 1"):
-        compare_runs(run(measured(1)), run(measured(2), name="b"), MEASURED)
-
-
-def test_no_motion_in_common_is_said() -> None:
-    with pytest.raises(ConfigurationError, match="no motion is common"):
-        compare_runs(run(measured()), run(measured(frequency=3.0), name="b"), MEASURED)
-
-
-def test_the_mean_of_several_tests_has_their_scatter_by_the_root_of_their_number() -> None:
-    factors = (0.95, 1.05, 0.97, 1.03)
-    one = run(*(measured(1, factor=f, noise=1.0, seed=k) for k, f in enumerate(factors)))
-    share, _ = repeat_scatter(one)
-    (table,) = measured_readings((one,), one.settings, speeds=(0.2,))
-    for reading in table.values():
-        assert reading.repeat == pytest.approx(share * DAMPING * 0.2 / 2.0, rel=0.01)
+def test_no_setting_or_motion_in_common_is_said() -> None:
+    for other, says in (
+        (measured(2), "no setting is common to all: a has setting 1"),
+        (measured(frequency=3.0), "no motion is common"),
+    ):
+        with pytest.raises(ConfigurationError, match=says):
+            compare_runs(run(measured()), run(other, name="b"), MEASURED)
 
 
 def test_a_log_of_an_older_run_is_one_motion_from_its_first_sample_to_its_last() -> None:

@@ -8,12 +8,13 @@ import pytest
 
 import damperfit
 from damperfit.adjustment.force_at import Stage
+from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.rivals import Linear
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
-from damperfit.identification import Campaign, Status
+from damperfit.identification import Status
 from damperfit.queries.settings import notes_on_settings, notes_on_simulation
 from damperfit.queries.simulations import (
     ChosenParameters,
@@ -21,104 +22,83 @@ from damperfit.queries.simulations import (
     parse_variation,
     run_sweep,
 )
-from damperfit.reporting.simulated import (
-    sweep_pressure_plot,
-    sweep_sentence,
-)
+from damperfit.reporting.simulated import sweep_pressure_plot, sweep_sentence
 from damperfit.results import Tested
 from damperfit.tables.files import write_table
 from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
 from tests import fakes
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
+from tests.test_every_model import TRUTH
 
 BLEED, OPENING = {6: 2e4, 14: 1e4}, {1: 3e6, 3: 4e6}
 
 
-def campaign() -> Campaign:
-    """Three of four settings, with a value for each click."""
-    fits = []
-    for one in SETTINGS[:3]:
-        fit = fakes.fit(1)
-        values = fit.parameters.replace(r_m1=BLEED[one.place(LOW)], r_m2=OPENING[one.place(HIGH)])
-        fits.append(replace(fit, setting=one, parameters=values))
-    return replace(fakes.campaign(*fits), fits=tuple(fits))
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_a_setting_that_was_not_tested_is_put_together(suffix: str, tmp_path: Path) -> None:
+    """Three of four settings; in the second a blow-off that no log limits."""
+    fits = []
+    for one in SETTINGS[:3]:
+        known = {"r_m1": BLEED[one.place(LOW)], "r_m2": OPENING[one.place(HIGH)]}
+        fit = fakes.fit(1, status={"r_m2": Status.NOT_IDENTIFIABLE} if len(fits) == 1 else {})
+        fits.append(replace(fit, setting=one, parameters=fit.parameters.replace(known)))
     path = tmp_path / f"parameters{suffix}"
-    write_table(path, make_tables(campaign())["parameters"], suffix=suffix)
+    write_table(path, make_tables(fakes.campaign(*fits))["parameters"], suffix=suffix)
+
+    def chosen(label: str, **replaced: str) -> ChosenParameters:
+        return choose_parameters(setting=label, table=path, replaced=replaced)
+
     for label in ("low_speed=14, high_speed=3", "LS14 HS3"):
-        found = choose_parameters(setting=label, table=path, replaced={})
+        found = chosen(label)
         assert (found.parameters.r_m1, found.parameters.r_m2) == (1e4, 4e6)
         assert "put together from the clicks of the settings of" in found.source
     assert found.setting == at(14, 3)
     with pytest.raises(ConfigurationError, match="no parameters of setting LS20 HS3; there are"):
-        choose_parameters(setting="LS20 HS3", table=path, replaced={})
-
-
-def undetermined_campaign() -> Campaign:
-    """As `campaign`, with a blow-off that opens in no log of the third click."""
-    one = campaign()
-    status = {**one.fits[1].status, "r_m2": Status.NOT_IDENTIFIABLE}
-    return replace(one, fits=(one.fits[0], replace(one.fits[1], status=status), one.fits[2]))
-
-
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_a_value_that_no_log_limits_is_named_where_it_acts(suffix: str, tmp_path: Path) -> None:
-    path = tmp_path / f"parameters{suffix}"
-    write_table(path, make_tables(undetermined_campaign())["parameters"], suffix=suffix)
-    unseen = choose_parameters(setting="LS14 HS3", table=path, replaced={})
-    (said,) = unseen.warnings(0.1)
+        chosen("LS20 HS3")
+    # A value that no log limits is named where it acts.
+    (said,) = found.warnings(0.1)
     assert said == (
         "r_m2 at setting LS14 HS3: the logs of the settings that it is put together from set no "
         "upper limit, so these forces may be far off; fit a log of this setting, or replace the "
         "value"
     )
-    given = choose_parameters(setting="LS14 HS3", table=path, replaced={"r_m2": "3e6"})
-    assert given.warnings(0.1) == ()
-    own = choose_parameters(setting="LS6 HS3", table=path, replaced={})
-    assert own.warnings(9.0) == ()  # nobody knows what was tested
+    own = chosen("LS6 HS3")
     faster = replace(own, tested=Tested(1, 0.03, 0.1, (0.5, 0.5)))
-    assert faster.warnings(0.1) == ()
     assert "r_m2: the logs of setting LS6 HS3 set no upper limit" in faster.warnings(0.2)[1]
-    assert choose_parameters(setting="LS6 HS1", table=path, replaced={}).warnings(0.1) == ()
+    for quiet in (
+        *(chosen("LS14 HS3", r_m2="3e6").warnings(0.1), chosen("LS6 HS1").warnings(0.1)),
+        *(own.warnings(9.0), faster.warnings(0.1)),  # nobody knows what was tested
+    ):
+        assert quiet == ()
 
 
-@pytest.mark.parametrize(("speed", "n"), [(0.209, 0), (0.211, 1)])
-def test_a_speed_beyond_the_tests_is_extrapolated(speed: float, n: int) -> None:
-    tested = Tested(1, 0.03, 0.2, (1.0, 1.5))
+EXTRAPOLATED = "the tests were at 20 to 55 degC; beyond that the viscosity is extrapolated"
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        ((0.209,), ""),
+        ((0.211,), "never tested: 0.211 m/s (tested: up to 0.2 m/s); there the force is extrapola"),
+        *(((0.1, warmth), "") for warmth in (19.05, 55.95, None)),
+        *(((0.1, warmth), f"{warmth:.3g} degC: {EXTRAPOLATED}") for warmth in (18.95, 56.05)),
+        ((0.1, None, 0.031, 1.55), ""),
+        ((0.1, None, 0.11, 15.0), "110 mm (tested: up to 30 mm), 15 Hz (tested: 1 to 1.5 Hz)"),
+    ],
+)
+def test_what_lies_beyond_the_tests_is_extrapolated(asked, says) -> None:
+    tested = Tested(1, 0.03, 0.2, (1.0, 1.5), temperatures=(20.0, 55.0))
     one = ChosenParameters(fakes.fit(1).parameters, None, "", tested=tested)
-    assert len(one.warnings(speed)) == n
-    if n:
-        assert one.warnings(speed) == (
-            "never tested: 0.211 m/s (tested: up to 0.2 m/s); there the force is extrapolated",
-        )
-    assert one.warnings(0.1, amplitude=0.031, frequency=1.55) == ()
-    (said,) = one.warnings(0.1, amplitude=0.11, frequency=15.0)
-    assert "110 mm (tested: up to 30 mm), 15 Hz (tested: 1 to 1.5 Hz)" in said
-
-
-@pytest.mark.parametrize(("warmth", "n"), [
-    (19.05, 0), (18.95, 1), (55.95, 0), (56.05, 1), (None, 0),
-])  # fmt: skip
-def test_a_temperature_beyond_the_tests_is_extrapolated(warmth: float | None, n: int) -> None:
-    one = ChosenParameters(
-        fakes.fit(1).parameters, None, "", tested=Tested(temperatures=(20.0, 55.0))
-    )
-    said = one.warnings(0.1, warmth)
-    assert len(said) == n
-    if n:
-        ends = "the tests were at 20 to 55 degC; beyond that the viscosity is extrapolated"
-        assert said == (f"{warmth:.3g} degC: {ends}",)
-    assert replace(one, tested=Tested()).warnings(0.1, warmth) == ()
+    speed, warmth, *motion = (*asked, None)[: max(len(asked), 2)]
+    how = dict(zip(("amplitude", "frequency"), motion, strict=False))
+    assert [says in line for line in one.warnings(speed, warmth, **how)] == [True] * bool(says)
+    assert replace(one, tested=Tested()).warnings(speed, warmth) == ()
 
 
 def test_the_run_tells_at_which_temperatures_it_was(tmp_path: Path) -> None:
     path = tmp_path / "parameters.csv"
     path.write_text("setting,r_m1,r_m2,r_m3,k_e,f_f\n1,1e4,2e6,3e6,9e8,20\n")
-    logs = [{"temperature_degC": 21.5}, {"temperature_degC": None}, {"temperature_degC": 48.0}]
+    logs = [{"temperature_degC": warmth} for warmth in (21.5, None, 48.0)]
     record = {"configuration": {"damper": {}}, "inputs": logs}
     (tmp_path / "run.json").write_text(json.dumps(record))
     assert choose_parameters(setting=1, table=path, replaced={}).tested.temperatures == (21.5, 48.0)
@@ -133,7 +113,7 @@ ALONE = (
 
 
 def mounted(offset=0.0, **parts):
-    damper = ThroughFlow(mounting=Mounting(**parts))
+    damper = ThroughFlow(mounting=Mounting(**({"series_stiffness": "none"} | parts)))
     numbers = {one.name: one.plausible[0] for one in damper.quantities}
     return damper, damper.values(numbers | {"f_0": offset})
 
@@ -142,20 +122,19 @@ def mounted(offset=0.0, **parts):
     ("parts", "offset", "said"),
     [
         ({}, 0.0, None),
-        ({"lag": FIT}, 0.0, "the rig's lag of the force is"),
-        ({"lag": 0.008}, 0.0, "the rig's lag of the force is"),
-        ({"series_stiffness": FIT, "play": FIT}, 0.0, "the rig's series stiffness and play are"),
-        ({}, 12.0, "the rig's force offset of 12 N is"),
+        *(({"lag": lag}, 0.0, "lag of the force is") for lag in (FIT, 0.008)),
+        ({"series_stiffness": FIT, "play": FIT}, 0.0, "series stiffness and play are"),
+        ({}, 12.0, "force offset of 12 N is"),
         (
             {"series_stiffness": FIT, "lag": FIT},
             -3.4,
-            "the rig's series stiffness, lag of the force and force offset of -3.4 N are",
+            "series stiffness, lag of the force and force offset of -3.4 N are",
         ),
     ],
 )
 def test_a_simulated_force_names_what_the_rig_adds(parts, offset, said) -> None:
-    found = list(notes_on_simulation(*mounted(offset, **({"series_stiffness": "none"} | parts))))
-    assert found == ([] if said is None else [f"{said} {ALONE}"])
+    found = list(notes_on_simulation(*mounted(offset, **parts)))
+    assert found == ([] if said is None else [f"the rig's {said} {ALONE}"])
 
 
 def test_forces_by_setting_name_the_mounting_and_that_the_tare_is_left_out() -> None:
@@ -163,40 +142,23 @@ def test_forces_by_setting_name_the_mounting_and_that_the_tare_is_left_out() -> 
     tare, rig = notes_on_settings(damper, [Stage(Setting.of(1), values)])
     assert tare.startswith("the force offset (12 N) is the rig's tare")
     assert rig == "the rig's series stiffness is in measured forces, not in the model's"
-
-
-def test_an_offset_that_holds_the_gas_force_is_not_the_rigs_alone() -> None:
-    model = Linear()
+    model = Linear()  # its offset holds the gas force: it is not the rig's alone
     assert list(notes_on_simulation(model, model.values({"c": 1e3, "f_0": -130.0}))) == []
 
 
 # One parameter varied: the paper's sensitivities at setting 10 (Figs 4 to 9).
 
 
-@pytest.fixture(scope="module")
-def settings():
-    return load_configuration()
-
-
-@pytest.fixture(scope="module")
-def choice():
-    return choose_parameters(10, table=None, replaced={})
-
-
-@pytest.fixture
-def family(choice, settings):
-    def make(text):
-        variation = parse_variation(text)
-        return run_sweep(choice.parameters, settings, variation=variation)
-
-    return make
+def family(text):
+    choice = choose_parameters(10, table=None, replaced={})
+    return run_sweep(choice.parameters, load_configuration(), variation=parse_variation(text))
 
 
 def peaks(kin):
     return kin.figures.peak_force_rebound, -kin.figures.peak_force_bump
 
 
-def test_valve_3_moves_rebound_only_and_cavitates_chamber_2(family):
+def test_valve_3_moves_rebound_only_and_cavitates_chamber_2():
     low, base, high = family("r_m3=0.5,1,1.5")
     assert peaks(low)[1] == pytest.approx(peaks(high)[1], rel=1e-3)
     assert peaks(low)[0] < peaks(base)[0] < peaks(high)[0]
@@ -205,67 +167,56 @@ def test_valve_3_moves_rebound_only_and_cavitates_chamber_2(family):
     sentence = sweep_sentence("r_m3", [high, low, base])
     assert sentence.startswith("r_m3 x0.5 to x1.5: peak rebound ")
     assert "cavitation: chamber 2 for " in sentence
-    assert sweep_pressure_plot(high, file_name="a", title="a").panels[0].bands
-    assert not sweep_pressure_plot(base, file_name="a", title="a").panels[0].bands
+    bands = [
+        sweep_pressure_plot(one, file_name="a", title="a").panels[0].bands for one in (base, high)
+    ]
+    assert [bool(one) for one in bands] == [False, True]
 
 
 @pytest.mark.parametrize("name", ["p_0", "gamma", "amplitude", "frequency"])
-def test_rig_and_gas_are_varied_too(family, name):
+def test_rig_and_gas_are_varied_too(name):
     factor = 0.75 if name == "gamma" else 0.5  # 1.4 to 1.05: below 1 is no gas
     low, high = family(f"{name}={factor},1")
     assert high.value == pytest.approx(low.value / factor)
     assert abs(peaks(high)[0] - peaks(low)[0]) > 0.1
-    if name == "frequency":
-        assert high.frequency == 2.0 * low.frequency
-    if name in {"amplitude", "frequency"}:
-        assert high.figures.peak_speed_rebound == pytest.approx(
-            2.0 * low.figures.peak_speed_rebound, rel=1e-3
-        )
+    assert high.frequency == low.frequency / (factor if name == "frequency" else 1.0)
+    speeds = [one.figures.peak_speed_rebound for one in (low, high)]
+    ratio = 2.0 if name in {"amplitude", "frequency"} else 1.0
+    assert speeds[1] == pytest.approx(ratio * speeds[0], rel=1e-3)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("r_m9=1,2", "Did you mean"),
-        ("r_m1", "expected NAME=F1,F2"),
-        ("r_m1=a", "'a' is not a number"),
-        ("r_m1=nan", "0 or more"),
-        ("r_m1=-1", "0 or more"),
-        ("r_m1=0,1", "not a damper"),
-        ("r_m1=1,1", "given twice"),
+        *(("r_m9=1,2", "Did you mean"), ("r_m1", "expected NAME=F1,F2")),
+        *(("r_m1=a", "'a' is not a number"), ("r_m1=nan", "0 or more"), ("r_m1=-1", "0 or more")),
+        *(("r_m1=0,1", "not a damper"), ("r_m1=1,1", "given twice")),
+        ("gamma=1,0.5", r"^--vary gamma=0\.5: gas_exponent: expected 1 to"),  # as it was typed
     ],
 )
 def test_what_cannot_be_varied_is_refused(text, words):
     with pytest.raises(ConfigurationError, match=words):
-        parse_variation(text)
+        family(text)
 
 
-def test_a_factor_that_leaves_no_damper_is_named_as_it_was_typed(family):
-    with pytest.raises(
-        ConfigurationError, match=r"^--vary gamma=0\.5: gas_exponent: expected 1 to"
-    ):
-        family("gamma=1,0.5")
-
-
-@pytest.mark.parametrize(("model", "vary", "peak"), [
-    ("twin_tube", "rebound_opening=0.5,1,2", "rebound"),
-    ("monotube", "gas_pressure=1,1.5", "bump"),
-    ("bilinear", "amplitude=0.5,1", "rebound"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("model", "vary", "peak"),
+    [
+        ("twin_tube", "rebound_opening=0.5,1,2", "rebound"),
+        ("monotube", "gas_pressure=1,1.5", "bump"),
+        ("bilinear", "amplitude=0.5,1", "rebound"),
+    ],
+)
 def test_every_model_can_be_swept(tmp_path, capsys, model: str, vary: str, peak: str) -> None:
-    from damperfit.cli import main
-    from tests.test_every_model import TRUTH
-
     (tmp_path / "damper.toml").write_text(f'[damper]\nmodel = "{model}"\n')
     values = [part for k, v in TRUTH[model].items() for part in ("--set", f"{k}={v}")]
-    code = main(["sweep", *values, "--vary", vary, "--config", str(tmp_path / "damper.toml"),
-                 "--out", str(tmp_path / "out"), "--quiet", "--json"])  # fmt: skip
+    how = ("--config", str(tmp_path / "damper.toml"), "--out", str(tmp_path / "out"))
+    code = main(["sweep", *values, "--vary", vary, *how, "--quiet", "--json"])
     captured = capsys.readouterr()
     assert code == 0, captured.err
     rows = json.loads(captured.out)["rows"]
     forces = [abs(row[f"peak_force_{peak}_N"]) for row in rows]
-    assert forces == sorted(forces)
-    assert forces[-1] > forces[0]
+    assert forces[0] < forces[-1] == max(forces)
 
 
 def test_the_interval_of_a_simulated_force_is_that_of_settings(sample_results) -> None:
