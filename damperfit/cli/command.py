@@ -7,6 +7,7 @@ panels, by what the options are for.
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from inspect import Parameter, Signature, cleandoc, signature, unwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -18,7 +19,7 @@ from damperfit import __version__
 from damperfit.cli.completion import completion_of
 from damperfit.cli.console import say, set_colour, show_steps
 from damperfit.errors import ConfigurationError
-from damperfit.keywords import PANELS, keyword_of, option_of
+from damperfit.keywords import PANELS, Keyword, keyword_of, option_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -89,7 +90,8 @@ def command(
         ]
         parameters += [of_presentation(one) for one in (*shown, *_OF_ALL)]
         if takes_context:
-            parameters.insert(0, _typed("context", typer.Context, None, Parameter.empty))
+            of_typer = Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context)
+            parameters.insert(0, of_typer)
         return with_options(typed, parameters)
 
     return decorated
@@ -99,15 +101,13 @@ def _own_configuration(*, is_quiet: bool) -> str | None:
     """Return the configuration of $DAMPERFIT_CONFIG, else damperfit.toml here or above."""
     found = os.environ.get("DAMPERFIT_CONFIG") or None
     if found is None:
-        try:
+        with suppress(OSError):  # the working folder is gone
             here = Path.cwd()
-        except OSError:  # it is gone
-            return None
-        places = (folder / "damperfit.toml" for folder in (here, *here.parents))
-        path = next((one for one in places if one.is_file()), None)
-        if path is None:
-            return None
-        found = path.name if path.parent == here else str(path)
+            places = (folder / "damperfit.toml" for folder in (here, *here.parents))
+            path = next((one for one in places if one.is_file()), None)
+            found = path and (path.name if path.parent == here else str(path))
+    if found is None:
+        return None
     if not is_quiet:
         say(f"note: configuration of {found}")
     return found
@@ -125,14 +125,15 @@ def _parameter(called: str, one: Parameter) -> Parameter:
         if one.default is Parameter.empty:
             return _typed(one.name, kind, info, Parameter.empty)
         default = None if known.kind == "arguments" else default
-        return _typed(one.name, kind if default is not None else kind | None, info, default)
+    else:
+        info = _option(one.name, known)
     if known.kind == "flag":
         kind = bool
     elif default is None:
         kind = kind | None
-    elif kind is str:
+    elif kind is str and known.kind != "argument":
         default = str(default)
-    return _typed(one.name, kind, _option(one.name, known), default)
+    return _typed(one.name, kind, info, default)
 
 
 def of_presentation(name: str) -> Parameter:
@@ -140,21 +141,19 @@ def of_presentation(name: str) -> Parameter:
     known = keyword_of("", name)
     assert known is not None, name
     how = {"callback": _print_version, "is_eager": True} if name == "version" else {}
-    is_flag = known.kind == "flag"
-    kind, default = (bool, False) if is_flag else (str | None, None)
+    kind, default = (bool, False) if known.kind == "flag" else (str | None, None)
     return _typed(name, kind, _option(name, known, **how), default)
 
 
-def _option(name: str, known: Any, **how: Any) -> Any:
+def _option(name: str, known: Keyword, **how: Any) -> Any:
     return typer.Option(
         option_of(name), *known.names, metavar=known.metavar or None, help=known.help,
-        rich_help_panel=known.panel,
-        autocompletion=None if known.kind == "flag" else completion_of(name, known.key), **how,
+        rich_help_panel=known.panel, autocompletion=completion_of(name, known.key), **how,
     )  # fmt: skip
 
 
 def _typed(name: str, kind: Any, info: Any, default: Any) -> Parameter:
-    annotation = kind if info is None else Annotated[kind, info]
+    annotation = Annotated[kind, info]
     return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
@@ -198,11 +197,9 @@ class PanelledCommand(TyperCommand):
                 hint += f"; for setting {words} give --setting {words}"
             if "--parameters" in known and Path(words).exists():
                 hint += f"; for the results there give --parameters {words}"
+            text = f"unexpected argument{'s' * (len(rest) > 1)} {words}{hint}; see damperfit "
             raise ConfigurationError(
-                f"unexpected argument{'s' * (len(rest) > 1)} {words}{hint}; see damperfit "
-                f"{ctx.info_name} --help",
-                code="unexpected-argument",
-                subject=ctx.info_name,
+                f"{text}{ctx.info_name} --help", code="unexpected-argument", subject=ctx.info_name
             )
         return rest
 

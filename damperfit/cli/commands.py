@@ -5,10 +5,10 @@ from __future__ import annotations
 import itertools
 import json
 import logging
-import math
 import re
 import sys
 import time
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from itertools import chain
@@ -41,7 +41,7 @@ from damperfit.cli.watching import looking_on, stop_on_signal
 from damperfit.errors import DamperfitError, SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.answers import FleetDone
     from damperfit.configuration.options import Configuration
@@ -65,6 +65,26 @@ def _tell(
     for before, lines in (("damperfit", done), ("note", notes), ("warning", warnings)):
         for line in () if how.quiet else lines:
             say(f"{before}: {line}")
+
+
+def _show(
+    how: Shown,
+    document: Callable[[], Any],
+    blocks: Iterable[Any],
+    colours: Mapping[str, int] | None = None,
+) -> None:
+    """Print the JSON document, or texts, lines and tables for people."""
+    if how.json:
+        print_json(document())
+    else:
+        print_blocks(blocks, colours)
+
+
+def _warn(place: object, remarks: Sequence[object]) -> int:
+    """Say what was missing or damaged in results; return the exit code that this gives."""
+    for remark in remarks:
+        say(f"damperfit: {place}: {remark}")
+    return int(bool(remarks))
 
 
 def _counting(how: Shown) -> Callable[[str], None]:
@@ -144,11 +164,8 @@ def _tell_of_run(damper: Identified, how: Shown) -> None:
         return
     corrected = (sentences_in(record, about) for about in ("tables_of_tests", "corrections"))
     grades = (f"grade withheld: {sentence}" for sentence in short_listing(withheld(damper.run)))
-    _tell(
-        how,
-        notes=chain(configuration.notes, *corrected),
-        warnings=(*listing(damper.run.warned), *grades),
-    )
+    warned = (*listing(damper.run.warned), *grades)
+    _tell(how, notes=chain(configuration.notes, *corrected), warnings=warned)
     alike: dict[tuple[str, str], list[str]] = {}  # but for their numbers
     for sentence in sentences_in(record, "undetermined"):
         quantity, _, rest = sentence.partition(" at ")  # r_m1 and r_m2 are two
@@ -163,14 +180,15 @@ def _tell_of_run(damper: Identified, how: Shown) -> None:
     done = f"{_plural(n_fits, 'setting')} fitted"
     done += f", {n_failed} failed" if n_failed else ""
     done += f", {n_all - n_failed} left out" if n_all > n_failed else ""
-    seconds = f" in {record['timings']['total_s']:.1f} s"
     if damper.is_interrupted and not n_fits:
         done = "interrupted before a setting was finished; nothing was written"
     elif damper.keeps_earlier:
         done += f"; nothing was written: the earlier results in {damper.folder} stay"
     else:
-        stop = "interrupted; " * damper.is_interrupted
-        done = f"{stop}{done}{seconds}; results in {damper.folder}"
+        seconds = f" in {record['timings']['total_s']:.1f} s"
+        done = (
+            f"{'interrupted; ' * damper.is_interrupted}{done}{seconds}; results in {damper.folder}"
+        )
     say(f"damperfit: {done}{', the profiles in profiles.csv' if configuration.profile else ''}")
 
 
@@ -212,13 +230,9 @@ def inspect(how: Shown, **given: Any) -> int:
     batch, facts = answer.batch, answer.facts
     say_failures(batch.failures, is_debug=how.debug)
     _tell(how, notes=batch.notes, warnings=(*batch.skipped_files, *batch.remarks))
-    if how.json:
-        print_json(batch.document())
-    elif facts:
-        columns = min(screen_columns(), 80)  # longer lines are hard to read
-        lines = finding_lines(facts, has_notes=not how.quiet, columns=columns)
-        blocks: list[Any] = [*answer.all_sheets(), [one_line(line) for line in lines]]
-        print_blocks(blocks, _VERDICTS)
+    columns = min(screen_columns(), 80)  # longer lines are hard to read
+    lines = finding_lines(facts, has_notes=not how.quiet, columns=columns)
+    _show(how, batch.document, [*answer.all_sheets(), list(map(one_line, lines))], _VERDICTS)
     return int(batch.ending.value)
 
 
@@ -230,21 +244,18 @@ def models(how: Shown, **given: Any) -> int:
     choice = api.models(**given, on_law=_counting(how))
     _tell(how, notes=(*choice.assumed, *choice.remarks))
     say_failures(choice.failures, is_debug=how.debug)
-    if how.json:
-        print_json(choice.document())
-    else:
-        tried, chosen, rivals = choice.sheets()
-        lost = f"The chosen law cannot be simulated at {of_settings(choice.lost)}."
-        undecided = wrapped(*choice.undecided)
-        print_blocks([
-            tried,
-            wrapped(*(f"{law.tried.title}: {law.reason}" for law in choice.search.laws)),
-            choice.sentence,
-            chosen,
-            ["What these logs leave open:", *undecided] if undecided else "",
-            rivals,
-            lost if choice.lost else "",
-        ])  # fmt: skip
+    tried, chosen, rivals = choice.sheets()
+    lost = f"The chosen law cannot be simulated at {of_settings(choice.lost)}."
+    undecided = wrapped(*choice.undecided)
+    _show(how, choice.document, [
+        tried,
+        wrapped(*(f"{law.tried.title}: {law.reason}" for law in choice.search.laws)),
+        choice.sentence,
+        chosen,
+        ["What these logs leave open:", *undecided] if undecided else "",
+        rivals,
+        lost if choice.lost else "",
+    ])  # fmt: skip
     return int(bool(choice.failures or choice.lost))
 
 
@@ -262,10 +273,7 @@ def fleet(how: Shown, **given: Any) -> int:
     _tell_of_fleet(ended, how)
     if fault is not None:
         raise fault
-    if how.json:
-        print_json(ended.document())
-    else:
-        print_lines(_fleet_lines(ended, has_logs=bool(given["logs"])))
+    _show(how, ended.document, [_fleet_lines(ended, has_logs=bool(given["logs"]))])
     return ended.exit_code
 
 
@@ -278,8 +286,7 @@ def _tell_of_fleet(ended: FleetDone, how: Shown) -> None:
     gates = [f"{one.owner or 'logs'}: {gate}" for one in done for gate in one.gates]
     for line in (*lines, *gates):
         say(f"damperfit: {line}")
-    n_now = sum(len(one.failures) for one in done)
-    if n_before := sum(one.n_failures for one in done) - n_now:
+    if n_before := sum(one.n_failures - len(one.failures) for one in done):
         verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
         count = _plural(n_before, "failure")
         _tell(how, f"{count} of an earlier run {verb} too; the parts hold {them}")
@@ -289,8 +296,7 @@ def _tell_of_fleet(ended: FleetDone, how: Shown) -> None:
     elif n_tasks:
         _tell(how, f"parts in {out}")
     if ended.n_rows is not None:
-        table = out / "_fleet" / "fleet.parquet"
-        _tell(how, f"{ended.n_rows} rows of the fleet in {table} and .csv")
+        _tell(how, f"{ended.n_rows} rows of the fleet in {out}/_fleet/fleet.parquet and .csv")
     if ended.page is not None:
         _tell(how, f"{ended.page} written, with tables of dampers and outliers")
 
@@ -335,12 +341,11 @@ def simulate(how: Shown, **given: Any) -> int:
     done = api.simulate(**given)
     notes = (*done.configured_notes, *done.notes)
     _tell(how, done.damper, done.choice.source, notes=notes, warnings=done.warnings)
-    if how.json:
-        print_json(done.document())
-    elif not how.quiet or given["out"] is None:
-        size: Any = {"columns": screen_columns(), "levels": spark_levels()}
-        cycle = cycle_sparklines(done.response, done.frequency, **size)
-        print_blocks([done.title, *done.sheets(), ["last cycle", *cycle]])
+    size: Any = {"columns": screen_columns(), "levels": spark_levels()}
+    cycle = cycle_sparklines(done.response, done.frequency, **size)
+    is_shown = not how.quiet or given["out"] is None
+    blocks = [done.sentence, *done.sheets(), ["last cycle", *cycle]] if is_shown else []
+    _show(how, done.document, blocks)
     return 0
 
 
@@ -350,11 +355,7 @@ def sweep(how: Shown, **given: Any) -> int:
     out = given["out"] or Path("sweep")
     done = api.sweep(**{**given, "out": out})
     _tell(how, done.damper, done.source, notes=done.notes, warnings=done.warnings)
-    if how.json:
-        print_json(done.document())
-    else:
-        pairs = zip(done.sheets(), done.sentences, strict=True)
-        print_blocks([block for pair in pairs for block in pair])
+    _show(how, done.document, chain(*zip(done.sheets(), done.sentences, strict=True)))
     _tell(how, f"sweep.csv and {_plural(len(done.plots), 'figure')} written to {out}")
     return 0
 
@@ -363,21 +364,16 @@ def sweep(how: Shown, **given: Any) -> int:
 def settings(how: Shown, **given: Any) -> int:
     """Show force by setting and what a click changes; find the setting for a force."""
     done: Any = api.settings(**{**given, "results": given["results"] or []})
-    for remark in done.remarks:
-        say(f"damperfit: {done.run.shown_as}: {remark}")
+    code = _warn(done.run.shown_as, done.remarks) if done.remarks else 0  # curves are of no run
     for trace in getattr(done, "traces", ()) if how.debug else ():
         say_lines(trace)
     if hasattr(done, "run") or not how.quiet:
         for note in done.notes:
             say(f"note: {note}")
     answers = [line for line in getattr(done, "answers", (done.sentence,)) if line]
-    if how.json:
-        print_json(done.document())
-    elif answers and how.quiet:
-        print_lines(answers)
-    else:
-        print_blocks([wrapped(*answers), getattr(done, "heading", ""), *done.sheets()])
-    return int(bool(done.remarks))
+    everything = [wrapped(*answers), getattr(done, "heading", ""), *done.sheets()]
+    _show(how, done.document, [answers] if answers and how.quiet else everything)
+    return code
 
 
 @command(api.compare, shown=("github_summary", *COMMON), example="compare before after")
@@ -425,13 +421,10 @@ def compare(how: Shown, runs: list[str], **given: Any) -> int:
 def _answer(function: Any, how: Shown, **given: Any) -> int:
     """Print the sentence, the tables and the remarks of an answer."""
     answer = function(**given)
-    if how.json:
-        print_json(answer.document())
-    else:
-        tables = [] if how.quiet and answer.sentence else answer.sheets()
-        print_blocks([answer.sentence, *tables])
-        for remark in answer.remarks:
-            say(f"note: {remark}")
+    tables = [] if how.quiet and answer.sentence else answer.sheets()
+    _show(how, answer.document, [answer.sentence, *tables])
+    for remark in () if how.json else answer.remarks:
+        say(f"note: {remark}")
     return 0
 
 
@@ -480,49 +473,47 @@ def report(how: Shown, **given: Any) -> int:
     Damper and rig are those of the run; a --config is only checked.
     """
     files = api.report(**given)
-    for remark in files.remarks:
-        say(f"damperfit: {given['results']}: {remark}")
+    code = _warn(given["results"], files.remarks)
     if how.json:
-        print_json({"files": [str(path) for path in files], "remarks": list(files.remarks)})
+        print_json({"files": list(map(str, files)), "remarks": list(files.remarks)})
     else:
         more = f" and {len(files) - 1} figures" if len(files) > 1 else ""
         _tell(how, f"{files[0]} written{more}")
-    return 1 if files.remarks else 0
+    return code
 
 
 @command(api.export, shown=("list", *COMMON), example="export results --to csv")
 def export(how: Shown, **given: Any) -> int:
     """Hand an identified damper over to a simulator or a spreadsheet."""
     from damperfit.exporting import find_target
+    from damperfit.tables.files import json_values
     from damperfit.units.shown_units import SI, parse_units
 
     if how.list:
-        _show_targets(is_json=how.json)
+        _show_targets(how)
         return 0
     files = api.export(**given)
     target, made = find_target(given["to"]), files.made
     assert made is not None
-    for remark in files.remarks:
-        say(f"damperfit: {given['results']}: {remark}")
+    code = _warn(given["results"], files.remarks)
     if how.json:
         document: dict[str, object] = {
             "target": target.name,
             "units": target.units,
             "sign": target.sign,
-            "files": [str(path) for path in files],
+            "files": list(map(str, files)),
             "remarks": list(files.remarks),
             "notes": list(files.notes),
         }
         document |= {"lost_in_a_table": made.lost} if made.lost else {}
-        tops = [(one.setting.cell, one.determined) for one in made.tables]
         document["determined"] = [
-            {"setting": setting, "speed_m_per_s": None if math.isnan(top) else top}
-            for setting, top in tops
+            {"setting": one.setting.cell, "speed_m_per_s": json_values(one.determined)}
+            for one in made.tables
         ]
         if given["check"]:
             document["check"] = [{**asdict(c), "setting": c.setting.cell} for c in files.checked]
         print_json(document)
-        return 1 if files.remarks else 0
+        return code
     shown = SI if given["units"] is None else parse_units(given["units"])
     more = f" and {len(files) - 1} more" if len(files) > 1 else ""
     used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
@@ -532,33 +523,22 @@ def export(how: Shown, **given: Any) -> int:
         notes.append(f"beyond {tested:.4g} m/s the tables are untested")
     notes += [*files.notes, made.determined]
     _tell(how, f"{files[0]} written{more}; {used}; {target.sign}", notes=notes)
-    if files.checked:
-        print_lines([f"check, {one}" for one in files.checked])
-    return 1 if files.remarks else 0
+    print_blocks([[f"check, {one}" for one in files.checked]])
+    return code
 
 
-def _show_targets(*, is_json: bool) -> None:
+def _show_targets(how: Shown) -> None:
     from damperfit.exporting import TARGETS
 
-    rows = [
-        {
-            "target": one.name,
-            "title": one.title,
-            "file": one.file.format(stem="damper", setting="N"),
-            "units": one.units,
-            "sign": one.sign,
-            "place": one.place,
-        }
-        for one in TARGETS.values()
-    ]
-    if is_json:
-        print_json({"targets": rows})
-        return
-    for row in rows:
-        print_lines(wrapped(f"{row['target']}: {row['title']}", indent="  "))
-        goes = {**row, "goes": f"to {row['place']}"}
-        for word in ("file", "units", "sign", "goes"):
-            print_lines(wrapped(f"  {word:<7}{goes[word]}", indent=" " * 9))
+    rows, lines = [], []
+    for one in TARGETS.values():
+        file = one.file.format(stem="damper", setting="N")
+        facts = {"file": file, "units": one.units, "sign": one.sign}
+        rows.append({"target": one.name, "title": one.title, **facts, "place": one.place})
+        lines += wrapped(f"{one.name}: {one.title}", indent="  ")
+        for word, text in (*facts.items(), ("goes", f"to {one.place}")):
+            lines += wrapped(f"  {word:<7}{text}", indent=" " * 9)
+    _show(how, lambda: {"targets": rows}, [lines])
 
 
 @command(api.samples, example="samples my_runs --settings 1-5")
@@ -567,10 +547,8 @@ def samples(how: Shown, **given: Any) -> int:
     files = api.samples(**given, watch=looking_on(is_quiet=how.quiet or how.no_progress))
     written = [str(path) for path in files]
     _tell(how, files.notes[0])
-    if how.json:
-        print_json({"logs": written[:-2], "files": written})
-    elif not how.quiet:
-        print_lines(written)
+    document = {"logs": written[:-2], "files": written}
+    _show(how, lambda: document, [[] if how.quiet else written])
     return 0
 
 
@@ -588,10 +566,8 @@ def config(how: Shown, config: str | None = None, *, schema: bool = False) -> in
         print_json(configuration_schema())
         return 0
     made = loading.load_configuration(config)
-    if how.json:
-        print_json(json_values(made.document))
-    else:
-        print_lines(loading.configuration_toml(made).splitlines())
+    lines = loading.configuration_toml(made).splitlines()
+    _show(how, lambda: json_values(made.document), [lines])
     return 0
 
 
@@ -608,11 +584,10 @@ def show_help(how: Shown, context: typer.Context, topic: str | None = None) -> i
         titles = {one: read_page(one).title for one in TOPICS}
         lines = [f"{name:{max(map(len, titles))}}  {title}" for name, title in titles.items()]
         last = "damperfit help TOPIC shows one of them, or what a command takes."
-        print_json({"topics": titles}) if how.json else print_lines([*lines, "", last])
+        _show(how, lambda: {"topics": titles}, [[*lines, "", last]])
     elif topic in commands and topic not in TOPICS:
         text = commands[topic].get_help(typer.Context(commands[topic], context.parent, topic))
-        document = {"command": topic, "text": text}
-        print_json(document) if how.json else print_lines(text.splitlines())
+        _show(how, lambda: {"command": topic, "text": text}, [text.splitlines()])
     else:
         page = read_page(topic, commands)
         page = page._replace(source=filled(page.source))
@@ -647,25 +622,26 @@ def doctor(how: Shown) -> int:
         except Exception as error:  # noqa: BLE001 - whatever it is, it is what the user wants to know
             advice = "to mend it: pip install --force-reinstall damperfit"
             checks[name] = {"works": False, "said": f"{type(error).__name__}: {error}; {advice}"}
-    extras = dict.fromkeys((extra for extra, _, _ in _EXTRAS), "")
+    extras = {}
     for extra, distribution, _ in _EXTRAS:
-        try:
+        extras[extra] = ""
+        with suppress(metadata.PackageNotFoundError):
             extras[extra] = metadata.version(distribution)
-        except metadata.PackageNotFoundError:
-            continue
     python = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
     facts = {"damperfit": __version__, "python": python, "executable": sys.executable}
-    if how.json:
-        print_json({**facts, "checks": checks, "extras": extras})
-    else:
-        lines = list(facts.items())
-        for name, ended in checks.items():
-            lines.append((name, f"{'works' if ended['works'] else 'FAILS'}: {ended['said']}"))
-        for extra, name, purpose in _EXTRAS:
-            missing = f"not there: pip install 'damperfit[{extra}]'"
-            there = f"{name} {extras[extra]}" if extras[extra] else missing
-            lines.append((extra, f"{purpose}: {there}"))
-        print_lines([f"{name:<10} {text}" for name, text in lines])
+    lines = list(facts.items())
+    lines += [
+        (n, f"{'works' if one['works'] else 'FAILS'}: {one['said']}") for n, one in checks.items()
+    ]
+    for extra, name, purpose in _EXTRAS:
+        there = (
+            f"{name} {extras[extra]}"
+            if extras[extra]
+            else f"not there: pip install 'damperfit[{extra}]'"
+        )
+        lines.append((extra, f"{purpose}: {there}"))
+    document = {**facts, "checks": checks, "extras": extras}
+    _show(how, lambda: document, [[f"{name:<10} {text}" for name, text in lines]])
     return 0 if all(ended["works"] for ended in checks.values()) else 1
 
 

@@ -16,30 +16,19 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 
-_WORDS = {
-    "model": ("auto",),
-    "stroke": ("rebound", "compression"),
-    "figures": ("png", "svg", "pdf"),
-    "color": ("auto", "always", "never"),
-    "covariate": ("temperature",),
-    "skew": ("auto",),
-    "bulk_modulus": ("free", "appendix1"),
-}
+def _listed(*places: str) -> Callable[[Any], Iterable[str]]:
+    """Return what gives the names of tables in modules."""
 
+    def names(_: Any) -> list[str]:
+        parts = [place.rpartition(".") for place in places]
+        return [name for module, _, own in parts for name in getattr(import_module(module), own)]
 
-# Names that stand in modules, by keyword.
-_NAMES = {
-    "model": ("damperfit.damper.model.MODELS",),
-    "to": ("damperfit.exporting.targets.TARGETS",),
-    "check": ("damperfit.checks.CHECK_LISTS", "damperfit.checks.CHECKS"),
-    "layout": ("damperfit.laws.structures.LAYOUTS",),
-}
+    return names
 
 
 def _topics(context: typer.Context) -> Iterable[str]:
-    from damperfit.manual import TOPICS
-
-    return (*TOPICS, *getattr(getattr(context.parent, "command", None), "commands", ()))
+    commands = getattr(getattr(context.parent, "command", None), "commands", ())
+    return (*_listed("damperfit.manual.TOPICS")(context), *commands)
 
 
 def _procedures(_: typer.Context) -> Iterable[str]:
@@ -66,15 +55,22 @@ def _settings(context: typer.Context) -> Iterable[str]:
         return [row["setting"] for row in csv.DictReader(file)]
 
 
-_LOOKED_UP: dict[str, Callable[[typer.Context], Iterable[str]]] = {
+# Words, or what finds them, by keyword.
+_WORDS: dict[str, tuple[str, ...] | Callable[[Any], Iterable[str]]] = {
+    "stroke": ("rebound", "compression"),
+    "figures": ("png", "svg", "pdf"),
+    "color": ("auto", "always", "never"),
+    "covariate": ("temperature",),
+    "skew": ("auto",),
+    "bulk_modulus": ("free", "appendix1"),
+    "model": lambda context: ("auto", *_listed("damperfit.damper.model.MODELS")(context)),
+    "to": _listed("damperfit.exporting.targets.TARGETS"),
+    "check": _listed("damperfit.checks.CHECK_LISTS", "damperfit.checks.CHECKS"),
+    "layout": _listed("damperfit.laws.structures.LAYOUTS"),
     "topic": _topics,
     "procedure": _procedures,
-    "free": _quantities,
-    "share": _quantities,
-    "untie": _quantities,
-    "profile": _quantities,
-    "for_": _quantities,
     "setting": _settings,
+    **dict.fromkeys(("free", "share", "untie", "profile", "for_"), _quantities),
 }
 
 
@@ -82,22 +78,16 @@ def completion_of(name: str, key: str) -> Callable[..., list[str]] | None:
     """Return what completes the values of a keyword; None where they are anything."""
     section, _, own = key.partition(".")
     entry = SECTIONS[section].entries().get(own) if section in SECTIONS else None
-    words = (entry.words if entry is not None else ()) or _WORDS.get(name, ())
-    find = _LOOKED_UP.get(name)
-    if not words and find is None and name not in _NAMES:
+    known = (entry.words if entry is not None else ()) or _WORDS.get(name)
+    if known is None:
         return None
 
     def complete(ctx: typer.Context, incomplete: str) -> list[str]:
         """Return what may be typed on; after a comma, what follows it."""
         first, comma, last = incomplete.rpartition(",")
-        known: list[Any] = list(words)
-        for place in _NAMES.get(name, ()):
-            module, _, listed = place.rpartition(".")
-            known += getattr(import_module(module), listed)
-        if find is not None:
-            known = []
-            with suppress(Exception):  # results that cannot be read complete nothing
-                known = list(find(ctx))
-        return [f"{first}{comma}{word}" for word in known if word.startswith(last)]
+        words: Iterable[str] = ()
+        with suppress(Exception):  # results that cannot be read complete nothing
+            words = known if isinstance(known, tuple) else known(ctx)
+        return [f"{first}{comma}{word}" for word in words if word.startswith(last)]
 
     return complete

@@ -15,6 +15,8 @@ import stat
 import sys
 import time
 from contextlib import suppress
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,10 +62,7 @@ def say_failures(failures: Sequence[Failure], *, is_debug: bool) -> None:
     for line in failure_lines(failures):
         say(f"damperfit: {line}", logging.ERROR)
     for failure in failures:
-        if is_debug:
-            say_lines(failure.trace)
-        else:
-            record(logging.DEBUG, failure.trace)
+        (say_lines if is_debug else partial(record, logging.DEBUG))(failure.trace)
 
 
 def say_lines(text: str) -> None:
@@ -95,11 +94,10 @@ def print_blocks(
         if isinstance(block, str | list):
             print_lines(wrapped(block) if isinstance(block, str) else block)
             continue
-        text = text_table(block, screen_columns())
-        record(logging.INFO, text)
-        if _is_coloured():
-            text = text_table(block, screen_columns(), colours=colours or {})
-        _print(text)
+        plain = text_table(block, screen_columns())
+        record(logging.INFO, plain)
+        is_coloured = _is_coloured()
+        _print(text_table(block, screen_columns(), colours=colours or {}) if is_coloured else plain)
 
 
 def print_lines(lines: Iterable[str]) -> None:
@@ -122,37 +120,26 @@ def wrapped(*texts: str, indent: str = "") -> list[str]:
 
 
 def print_renderable(renderable: RenderableType) -> None:
-    """Write a text of rich to stdout: coloured on a terminal, plain in a pipe."""
+    """Write a text of rich to stdout: coloured where `print_lines` would be, else plain."""
     from io import StringIO
 
     from rich.console import Console
 
-    def rendered(**how: Any) -> None:
-        Console(highlight=False, markup=False, emoji=False, **how).print(renderable)
+    def rendered(**how: Any) -> str:
+        text, more = StringIO(), {"highlight": False, "markup": False, "emoji": False}
+        Console(file=text, width=screen_columns(), **more, **how).print(renderable)
+        return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
-    text = StringIO()  # plain also where FORCE_COLOR is set
-    rendered(file=text, width=screen_columns(), color_system=None)
-    plain = [line.rstrip() for line in text.getvalue().splitlines()]
-    is_coloured = _is_coloured()
-    if not (sys.stdout.isatty() or is_coloured):
-        print_lines(plain)
-        return
-    try:
-        rendered(file=sys.stdout, force_terminal=is_coloured, no_color=not is_coloured)
-    except OSError as error:
-        _refused.append(error)
-        _to_nowhere(sys.stdout)
-    record(logging.INFO, "\n".join(plain))
+    plain = rendered(color_system=None)  # also where FORCE_COLOR is set
+    record(logging.INFO, plain)
+    _print(rendered(force_terminal=True) if _is_coloured() else plain)
 
 
 def set_colour(when: str | None) -> None:
     """Say when stdout is coloured: auto (None), always or never."""
     if when is not None and when not in _COLOURS:
-        raise ConfigurationError(
-            f"expected one of {', '.join(_COLOURS)}",
-            where=Option("color", when),
-            code="unknown-colour",
-        )
+        text = f"expected one of {', '.join(_COLOURS)}"
+        raise ConfigurationError(text, where=Option("color", when), code="unknown-colour")
     _colour["is"] = when or "auto"
 
 
@@ -166,9 +153,8 @@ def _is_coloured() -> bool:
 
 def screen_columns() -> int:
     """Return $COLUMNS, else the width of the terminal; 120 in a pipe or a file."""
-    if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal():
-        return shutil.get_terminal_size().columns
-    return _PIPE_WIDTH
+    is_known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal()
+    return shutil.get_terminal_size().columns if is_known else _PIPE_WIDTH
 
 
 def spark_levels() -> str:
@@ -177,11 +163,10 @@ def spark_levels() -> str:
 
     # A pipe is given UTF-8 by `shield_streams`, so what was asked for is looked at first.
     asked = os.environ.get("PYTHONIOENCODING", "").partition(":")[0]
-    try:
+    with suppress(LookupError, UnicodeEncodeError):
         BLOCK_LEVELS.encode(asked or sys.stdout.encoding or "ascii")
-    except (LookupError, UnicodeEncodeError):
-        return ASCII_LEVELS
-    return BLOCK_LEVELS
+        return BLOCK_LEVELS
+    return ASCII_LEVELS
 
 
 def shield_streams() -> None:
@@ -248,7 +233,7 @@ _LOGGER.addHandler(logging.NullHandler())
 _kept: list[logging.Handler] = []
 # Streams that this process was given; the shell's >(gzip) is one of them.
 _STREAM = re.compile(r"/dev/(stdout|stderr|fd/\d+)")
-_FORMAT = "%(asctime)s.%(msecs)03d%(zone)s %(levelname)-7s damperfit[%(process)d] %(message)s"
+_FORMAT = "%(asctime)s %(levelname)-7s damperfit[%(process)d] %(message)s"
 
 
 def record(level: int, text: str) -> None:
@@ -280,19 +265,13 @@ class LogFile:
             _refuse_others(name, place)
             handler = _Appended(name, encoding="utf-8", errors="backslashreplace")
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise ConfigurationError(
-                f"cannot be written: {reason}", where=place, code="cannot-write"
-            ) from error
-        handler.setFormatter(_Line(_FORMAT, datefmt="%Y-%m-%dT%H:%M:%S"))
-        _LOGGER.addHandler(handler)
-        _LOGGER.setLevel(logging.DEBUG)
-        _LOGGER.propagate = False
-        _kept.append(handler)
-        try:
+            text = f"cannot be written: {getattr(error, 'strerror', None) or error}"
+            raise ConfigurationError(text, where=place, code="cannot-write") from error
+        handler.setFormatter(_Line(_FORMAT))
+        _keep(handler)
+        folder = "a folder that is gone"
+        with suppress(OSError):
             folder = str(Path.cwd())
-        except OSError:
-            folder = "a folder that is gone"
         record(logging.INFO, f"$ damperfit {shlex.join(arguments)}")
         python = f"Python {sys.version.split()[0]} on {sys.platform}"
         record(logging.DEBUG, f"damperfit {__version__}, {python}, in {folder}")
@@ -305,8 +284,20 @@ class LogFile:
             handler = _kept.pop()
             _LOGGER.removeHandler(handler)
             handler.close()
-            _LOGGER.setLevel(logging.NOTSET)
-            _LOGGER.propagate = True
+        _LOGGER.setLevel(logging.NOTSET)
+        _LOGGER.propagate = True
+
+
+def show_steps() -> None:
+    """Show each step on stderr until the log file is closed."""
+    _keep(_Steps())
+
+
+def _keep(handler: logging.Handler) -> None:
+    _LOGGER.addHandler(handler)
+    _LOGGER.setLevel(logging.DEBUG)
+    _LOGGER.propagate = False
+    _kept.append(handler)
 
 
 class _Appended(logging.FileHandler):
@@ -321,13 +312,25 @@ class _Appended(logging.FileHandler):
             super().close()
 
 
+class _Steps(logging.Handler):
+    """Shows on stderr what is otherwise for the log file alone: logs read, fits, times, files."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a step; lines for people are there already."""
+        if record.levelno == logging.DEBUG:
+            with suppress(OSError):
+                _write(sys.stderr, one_line(record.getMessage()) + "\n")
+
+
 class _Line(logging.Formatter):
     """A record on one line, its time with the zone."""
 
     def format(self, record: logging.LogRecord) -> str:
-        offset = time.strftime("%z", time.localtime(record.created))
-        record.zone = f"{offset[:3]}:{offset[3:]}"
         return one_line(super().format(record))
+
+    def formatTime(self, record: logging.LogRecord, datefmt: Any = None) -> str:  # noqa: ARG002, N802
+        at = datetime.fromtimestamp(record.created).astimezone()
+        return at.isoformat(timespec="milliseconds")
 
 
 def _refuse_others(name: str, place: Option) -> None:
@@ -348,12 +351,11 @@ def _refuse_others(name: str, place: Option) -> None:
         from damperfit.run.log_files import is_own_log_file
 
         if not is_own_log_file(Path(name)):
-            raise ConfigurationError(
+            text = (
                 "is there already and does not begin as a log file of damperfit; nothing was "
-                "written to it, name another file",
-                where=place,
-                code="not-a-log-file",
+                "written to it, name another file"
             )
+            raise ConfigurationError(text, where=place, code="not-a-log-file")
 
 
 # The summary page of a job on GitHub Actions
@@ -363,14 +365,10 @@ _MOST_BYTES = 1_000_000  # Actions refuses a step's summary above 1 MiB as a who
 
 def summary_file() -> Path:
     """Return where GitHub Actions collects the summary of a job."""
-    name = os.environ.get("GITHUB_STEP_SUMMARY", "")
-    if not name:
-        raise ConfigurationError(
-            "GITHUB_STEP_SUMMARY is not set; it is only inside GitHub Actions",
-            where=Option("github_summary"),
-            code="no-job",
-        )
-    return Path(name)
+    if name := os.environ.get("GITHUB_STEP_SUMMARY", ""):
+        return Path(name)
+    text = "GITHUB_STEP_SUMMARY is not set; it is only inside GitHub Actions"
+    raise ConfigurationError(text, where=Option("github_summary"), code="no-job")
 
 
 def append_summary(path: Path, report: str, *, instead: str) -> None:
@@ -380,26 +378,5 @@ def append_summary(path: Path, report: str, *, instead: str) -> None:
         with path.open("ab") as file:
             file.write(text if len(text) < _MOST_BYTES else f"{instead}\n".encode())
     except OSError as error:
-        raise OutputError(
-            f"cannot write {path}: {error.strerror}",
-            where=Option("github_summary"),
-            code="cannot-write",
-        ) from error
-
-
-class _Steps(logging.Handler):
-    """Shows on stderr what is otherwise for the log file alone: logs read, fits, times, files."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Write a step; lines for people are there already."""
-        if record.levelno == logging.DEBUG:
-            with suppress(OSError):
-                _write(sys.stderr, one_line(record.getMessage()) + "\n")
-
-
-def show_steps() -> None:
-    """Show each step on stderr until the log file is closed."""
-    _LOGGER.addHandler(handler := _Steps())
-    _LOGGER.setLevel(logging.DEBUG)
-    _LOGGER.propagate = False
-    _kept.append(handler)
+        text, place = f"cannot write {path}: {error.strerror}", Option("github_summary")
+        raise OutputError(text, where=place, code="cannot-write") from error

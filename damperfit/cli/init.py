@@ -38,19 +38,18 @@ def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
     path = None if str(out) == "-" else out  # which is stdout
     keys = assignments(given["set"] or [], Option("set"), "rod_diameter=12mm")
     asked = {**given, "out": path, "set": keys}
-    is_refused = path is not None and path.exists() and not given["overwrite"]
-    if _is_terminal() and not how.quiet and not is_refused:
+    is_asking = _is_terminal() and not how.quiet
+    if is_asking and not (path is not None and path.exists() and not given["overwrite"]):
         asked["model"] = given["model"] or _asked_model()
         asked["set"] = _asked_keys(asked["model"], asked["set"])
     made = api.init(logs, **asked)
     if path is None:
         print_lines(made.text.splitlines())
         return 0
+    for before, sentences in (("note", made.why), ("warning", made.open)):
+        for sentence in () if how.quiet else sentences:
+            say(f"{before}: {sentence}")
     if not how.quiet:
-        for sentence in made.why:
-            say(f"note: {sentence}")
-        for sentence in made.open:
-            say(f"warning: {sentence}")
         say(f"damperfit: {out} written; measure the keys that begin with #, and remove the #")
     code, config = 0, shlex.quote(str(out))
     if logs:
@@ -90,11 +89,10 @@ def _asked_keys(model: str, given: dict[str, str]) -> dict[str, str]:
     from damperfit.queries.first_configuration import check_damper, damper_keys, fault_of
 
     defaults = {key: text for key, text in damper_keys(model).items() if key not in given}
-    if defaults:
-        say(
-            "Now its lengths and pressures, as in 12mm or 8bara. Enter keeps the value in brackets."
-        )
-    for line in DRAWINGS.get(model, "").splitlines():
+    lengths = (
+        "Now its lengths and pressures, as in 12mm or 8bara. Enter keeps the value in brackets."
+    )
+    for line in (*[lengths] * bool(defaults), *DRAWINGS.get(model, "").splitlines()):
         say(line)
     answers = dict(given)
     while True:

@@ -39,12 +39,12 @@ class _App(typer.Typer):
     def __call__(self, argv: Sequence[str], **how: Any) -> Any:
         typed = argv[0] if argv else ""
         is_alone = typed in _names and typed != "help"  # which tells of all
-        return typer.Typer.__call__(_alone(self, typed) if is_alone else self, argv, **how)
+        return typer.Typer.__call__(_alone(typed) if is_alone else self, argv, **how)
 
 
 @cache
-def _alone(program: typer.Typer, typed: str) -> typer.Typer:
-    alone = copy(program)
+def _alone(typed: str) -> typer.Typer:
+    alone = copy(app)
     alone.registered_commands = [_names[typed]]
     return alone
 
@@ -132,10 +132,9 @@ def _ended_with(argv: list[str]) -> int:
     has_files = any(word.partition("=")[0] == "--out" for word in argv) or _WRITERS & {*argv}
     if not reason and "stdout" in CLOSED_STREAMS and (asked or not has_files):
         reason = "it is closed"
-    if not reason:
-        return code
-    say(f"damperfit: cannot write to stdout: {reason}; any files are written", logging.ERROR)
-    return code or 1
+    if reason:
+        say(f"damperfit: cannot write to stdout: {reason}; any files are written", logging.ERROR)
+    return code or int(bool(reason))
 
 
 def _explain(error: Exception) -> tuple[str, int]:  # noqa: PLR0911 - one a kind of error
@@ -150,18 +149,18 @@ def _explain(error: Exception) -> tuple[str, int]:  # noqa: PLR0911 - one a kind
         return f"{place}{message}; see damperfit {f'{command} '.lstrip()}--help", 2
     if isinstance(error, typer.Abort):
         return "interrupted", _INTERRUPTED
+    if isinstance(error, MemoryError):
+        return "out of memory; give fewer or shorter logs at a time", 1
     code = error.errno if isinstance(error, OSError) else None
     if code == errno.ENOSPC:
         return f"cannot write the output: {getattr(error, 'strerror', '')}", 1
     if code == errno.ENAMETOOLONG:
         name = str(getattr(error, "filename", ""))
         return f"{name[:40]}...: a file's name cannot be that long; give a shorter one", 2
-    if isinstance(error, MemoryError):
-        return "out of memory; give fewer or shorter logs at a time", 1
-    if code == errno.ENOENT:
-        try:
-            os.getcwd()  # noqa: PTH109
-        except OSError:
+    try:
+        os.getcwd()  # noqa: PTH109
+    except OSError:
+        if code == errno.ENOENT:
             return "the folder that this was started in is gone; go to one that is there (cd)", 2
     name = type(error).__name__
     return f"internal error, {name}: {error}; this is a bug, --debug shows where", _BUG

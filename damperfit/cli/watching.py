@@ -45,11 +45,11 @@ def stop_on_signal(
     hung_up = getattr(signal, "SIGHUP", None)  # not on Windows
     if hung_up is not None and signal.getsignal(hung_up) is not signal.SIG_IGN:  # as by nohup
         watched.append(hung_up)
-    before = [signal.signal(number, handle) for number in watched]
+    before = {number: signal.signal(number, handle) for number in watched}
     try:
         yield stop.is_set
     finally:
-        for number, handler in zip(watched, before, strict=True):
+        for number, handler in before.items():
             signal.signal(number, handler)
 
 
@@ -60,57 +60,52 @@ def looking_on(*, is_quiet: bool, of_fleet: bool = False, **more: Any) -> Watch:
     """
     from damperfit.run.identify import Watch
 
-    is_shown = not is_quiet and sys.stderr.isatty()
-    here: dict[str, Any] = {"cancelled": lambda: False, "drawn": 0.0}
-    promise = ("dampers that are done are kept",) if of_fleet else ()
+    first, words = ("dampers", "dampers") if of_fleet else ("reading logs", "fitting settings")
+    stop = threading.Event()
+    bars: list[Any] = []
+    drawn = 0.0
 
     @contextmanager
     def working() -> Iterator[None]:
-        with stop_on_signal(*promise) as cancelled, ExitStack() as stack:
-            here["cancelled"] = cancelled
-            if is_shown:
-                here["bar"] = stack.enter_context(_bar(of_fleet=of_fleet))
-                first = "dampers" if of_fleet else "reading logs"
-                here["task"] = here["bar"].add_task(first, total=None)
+        promise = ("dampers that are done are kept",) if of_fleet else ()
+        with stop_on_signal(*promise, stop=stop), ExitStack() as stack:
+            if not is_quiet and sys.stderr.isatty():
+                bars.append(stack.enter_context(_bar(of_fleet=of_fleet)))
+                bars[0].add_task(first, total=None)
             yield
 
     def draw(how: str, **what: Any) -> None:
-        if "bar" in here:
-            getattr(here["bar"], how)(here["task"], **what)
-            if time.monotonic() >= here["drawn"]:
-                here["bar"].refresh()
-                here["drawn"] = time.monotonic() + _APART
+        nonlocal drawn
+        for bar in bars:
+            getattr(bar, how)(bar.task_ids[0], **what)
+            if time.monotonic() >= drawn:
+                bar.refresh()
+                drawn = time.monotonic() + _APART
 
-    words = "dampers" if of_fleet else "fitting settings"
     return Watch(
         on_start=lambda number: draw("update", total=number, description=words),
         on_fit=lambda _: draw("advance"),
-        cancelled=lambda: bool(here["cancelled"]()),
+        cancelled=stop.is_set,
         during_work=working,
         **more,
     )
 
 
 def _bar(*, of_fleet: bool) -> Any:
+    from rich import progress
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
     from rich.text import Text
 
-    class Rate(ProgressColumn):
+    class Rate(progress.ProgressColumn):
         """Dampers a minute."""
 
         def render(self, task: Any) -> Text:
             speed = task.finished_speed or task.speed
             return Text("" if speed is None else f"{60.0 * speed:.0f} a minute")
 
-    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
-    columns += [Rate(), TimeRemainingColumn()] if of_fleet else []
+    columns: list[Any] = [progress.TextColumn("{task.description}"), progress.BarColumn()]
+    columns += [progress.MofNCompleteColumn()]
+    columns += [Rate(), progress.TimeRemainingColumn()] if of_fleet else []
     # Drawn by whoever counts: beside a thread that draws no copy of this process can be made.
-    return Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=of_fleet)
+    console = Console(stderr=True)
+    return progress.Progress(*columns, console=console, transient=True, auto_refresh=of_fleet)
