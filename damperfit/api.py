@@ -8,7 +8,7 @@ told where to, but for `export` and `report`, whose job it is.
 from __future__ import annotations
 
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -241,17 +241,10 @@ def identify_each(
         if not traces or unread:
             paths = stack.enter_context(as_files(unread, call="damperfit.identify"))
         if given.get("model") == _AUTO:
-            from damperfit.run.auto_model import choose_law, with_chosen_law
+            from damperfit.run.auto_model import with_chosen_law
 
-            choice = choose_law(
-                configuration,
-                paths,
-                jobs=jobs,
-                setting=declared,
-                start=_start_of_laws(configuration, given.get("start")),
-                on_law=lambda law: watch.on_law(law.tried.title),
-                on_rival=(lambda law: watch.on_law(law.title)) if given.get("rivals") else None,
-            )
+            on_law = watch.on_law
+            choice = _chosen(configuration, paths, given, on_law, jobs=jobs, setting=declared)
             made = with_chosen_law(configuration, choice)
             watch.on_choice(choice, configuration, made)
             configuration = made
@@ -304,38 +297,48 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
             raise _usage(f"{text} too: {{free}}", "no-effect", untie, free=Option("free"))
     alone = [key for key in ("share", "untie") if given.get(key) is not None]
     if alone and fit.procedure != "joint" and not (is_open and alone == ["untie"]):
-        raise _usage(
+        text = (
             "{where} has no effect: only procedure joint fits shared parameters, found procedure "
-            f"{fit.procedure}; add {{joint}}",
-            "no-effect",
-            Option(alone[0], ",".join(given[alone[0]])),
-            joint=Option("procedure", "joint"),
+            f"{fit.procedure}; add {{joint}}"
         )
+        where, joint = Option(alone[0], ",".join(given[alone[0]])), Option("procedure", "joint")
+        raise _usage(text, "no-effect", where, joint=joint)
     if is_open and fit.free:
-        raise _usage(
+        text = (
             "{free} has no effect: with {model} the logs choose what is fitted; hold a "
-            "parameter with {fix}, or name the model",
-            "no-effect",
-            free=Option("free"),
-            model=auto,
-            fix=Option("fix"),
+            "parameter with {fix}, or name the model"
         )
+        named = {"free": Option("free"), "model": auto, "fix": Option("fix")}
+        raise _usage(text, "no-effect", **named)
     if given.get("rivals") and not is_open:
-        raise _usage(
+        text = (
             "models are ranked where the logs choose the law; add {model}, or ask damperfit "
-            "models LOGS {rivals}",
-            "not-together",
-            Option("rivals"),
-            model=auto,
-            rivals=Option("rivals"),
+            "models LOGS {rivals}"
         )
+        rivals = Option("rivals")
+        raise _usage(text, "not-together", rivals, model=auto, rivals=rivals)
     return configuration
 
 
-def _start_of_laws(configuration: Configuration, start: Any) -> Any:
+def _chosen(
+    configuration: Configuration,
+    paths: Sequence[str],
+    given: Mapping[str, Any],
+    on_law: Callable[[str], None],
+    **how: Any,
+) -> LawChoice:
+    """The law that the logs support, as `models` and `identify` ask for it."""
+    from damperfit.run.auto_model import choose_law
     from damperfit.run.given_starts import start_of_laws
 
-    return start_of_laws(configuration, starts_of(start)[1])
+    return choose_law(
+        configuration,
+        paths,
+        start=start_of_laws(configuration, starts_of(given.get("start"))[1]),
+        on_law=lambda law: on_law(law.tried.title),
+        on_rival=(lambda law: on_law(law.title)) if given.get("rivals") else None,
+        **how,
+    )
 
 
 def _check_kind(kind: str | None) -> None:
@@ -369,7 +372,6 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     from damperfit.laws.structures import LAYOUTS
-    from damperfit.run.auto_model import choose_law
     from damperfit.run.log_files import as_files
 
     if layout is not None and layout not in LAYOUTS:
@@ -378,17 +380,10 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
         raise _usage(text, "unknown-layout", Option("layout"))
     file = ("start", "identification.start", starts_of(start)[0])
     configuration = configured("models", given, file, is_law_open=True)
+    how: dict[str, Any] = {"layout": layout, "jobs": workers(jobs)}
+    how["setting"] = declared_setting(setting, configuration)
     with as_files(logs, call="damperfit.models") as paths:
-        return choose_law(
-            configuration,
-            paths,
-            layout=layout,
-            jobs=workers(jobs),
-            setting=declared_setting(setting, configuration),
-            start=_start_of_laws(configuration, start),
-            on_law=lambda law: on_law(law.tried.title),
-            on_rival=(lambda law: on_law(law.title)) if rivals else None,
-        )
+        return _chosen(configuration, paths, given, on_law, **how)
 
 
 @public
@@ -425,28 +420,22 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     logs = [logs] if isinstance(logs, str) else logs
     asked = [name for name in ("collect", "report", "tolerance") if given[name]]
     if not logs and not asked:
-        raise _usage(
-            "fleet: expected LOGS, or {collect} or {report} for the parts that are there",
-            "nothing-to-do",
-            collect=Option("collect"),
-            report=Option("report"),
-        )
+        text = "fleet: expected LOGS, or {collect} or {report} for the parts that are there"
+        named = {name: Option(name) for name in ("collect", "report")}
+        raise _usage(text, "nothing-to-do", **named)
     if scheduler is not None and jobs is not None:
-        raise _usage(
+        text = (
             "{jobs} cannot be combined with {scheduler}: the cluster has its own workers; leave "
-            "one out",
-            "not-together",
-            jobs=Option("jobs"),
-            scheduler=Option("scheduler"),
+            "one out"
         )
+        named = {name: Option(name) for name in ("jobs", "scheduler")}
+        raise _usage(text, "not-together", **named)
     if part is not None and asked:
-        raise _usage(
+        text = (
             "{where} cannot be combined with {part}: other parts may not be done yet; collect with "
-            f"damperfit fleet --out {out} --{asked[0]} when all are",
-            "not-together",
-            Option(asked[0]),
-            part=Option("part"),
+            f"damperfit fleet --out {out} --{asked[0]} when all are"
         )
+        raise _usage(text, "not-together", Option(asked[0]), part=Option("part"))
     bands = parse_bands(given["tolerance"])
     table: Any = tests
     configuration = configured(
@@ -461,17 +450,14 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         tasks = planned(configuration, logs, folder, share)
         done.n_tasks = len(tasks)
         with ExitStack() as stack:
-            engine: Any = None
             if scheduler is None:
-                engine = Processes(min(workers(jobs), max(1, len(tasks))))
+                engine: Any = Processes(min(workers(jobs), max(1, len(tasks))))
             else:
-                engine = Cluster(scheduler)
-                stack.callback(engine.close)
+                engine = stack.enter_context(closing(Cluster(scheduler)))
             stack.enter_context(watch.during_work())
             watch.on_start(done.n_tasks)
-            for one in run_fleet(
-                configuration, tasks, folder.resolve(), engine, cancelled=watch.cancelled
-            ):
+            how: dict[str, Any] = {"cancelled": watch.cancelled}
+            for one in run_fleet(configuration, tasks, folder.resolve(), engine, **how):
                 done.done.append(one)
                 watch.on_fit(one)
             done.is_stopped = watch.cancelled()
@@ -501,11 +487,11 @@ def load(folder: str | Path) -> Run:
 
     place = path_of(folder, "damperfit.load", "the path of a results folder")
     if is_part(place):
-        raise _usage(
+        text = (
             f"damperfit.load: {place} is a part of a fleet, which keeps no more than a table; "
-            "expected a folder that damperfit identify wrote; pandas reads parts",
-            "part-of-a-fleet",
+            "expected a folder that damperfit identify wrote; pandas reads parts"
         )
+        raise _usage(text, "part-of-a-fleet")
     return Run.load(place, parts=("parameters", "mse"))
 
 
@@ -567,11 +553,11 @@ def _parameters(
 
     call = f"damperfit.{command}"
     if isinstance(given["setting"], Run):
-        raise _usage(
+        text = (
             f"{call}: found a result in place of a setting; give {call}(10, parameters=result), or "
-            "result.setting(10).simulate()",
-            "not-a-setting",
+            "result.setting(10).simulate()"
         )
+        raise _usage(text, "not-a-setting")
     choice = choose_parameters(
         known_as_setting(given["setting"]),
         table=given["parameters"],
@@ -976,7 +962,13 @@ def init(
     out: str | Path | None = None,
     overwrite: bool = False,
 ) -> FirstConfiguration:
-    """Make a commented configuration for a damper of your own, with what its logs tell."""
+    """Make a commented configuration for a damper of your own, with what its logs tell.
+
+    Parameters
+    ----------
+    out : path, optional
+        The file to write; by default nothing is written.
+    """
     from damperfit.answers import FirstConfiguration
     from damperfit.queries.first_configuration import (
         Guessed,

@@ -8,6 +8,7 @@ entry ``command.keyword`` goes before that of the keyword alone.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from inspect import signature
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,35 +19,18 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+_OPTION = re.compile(r"--([a-z][a-z-]*)")
 # Options that say how a command talks, and keywords that take objects of Python.
 PRESENTATION = (
     *("json", "quiet", "debug", "version", "log_file", "github_summary", "list"),
     *("color", "no_progress", "verbose"),
 )
 _OF_PYTHON = {
-    "damper": (
-        "Model or mapping",
-        "The damper, or keys of [damper]; the paper's where neither it nor `config` says it.",
-    ),
-    "watch": ("Watch", "Who looks on: progress, and the wish to stop."),
-    "stop": ("threading.Event", "Ends it when it is set; Ctrl-C does so too."),
-    "on_law": ("callable", "Called with the name of each law that was tried."),
-    "inspect.units": ("mapping of str to str", "Units of columns that do not say theirs."),
-}
-# What a call takes beside, or in place of, what its option does.
-_LOGS = "path, pattern, list of such, or mapping of labels to data frames"
-_IN_PYTHON = {
-    "inspect.logs": (_LOGS, "As of `identify`."),
-    "models.logs": (_LOGS, "As of `identify`."),
-    "models.start": ("path or mapping", "As of `identify`."),
-    "fleet.logs": ("paths, patterns or addresses", "Of all dampers; None: the parts there are."),
-    "settings.results": ("Run, path or list of paths", "What `identify` found, or curves' files."),
-    "settings.force": ("number or text", "Which setting gives it? As in 900N; minus: compression."),
-    "settings.velocity": ("number or text", "At this speed, as in 0.2m/s; minus: compression."),
-    "compare.runs": ("Run or path", "The first is the reference."),
-    "samples.folder": ("path", "Folder for the logs."),
-    "samples.settings": ("text or sequence of int", "Settings to make, as in 1,5,10-12."),
-    "init.out": ("path", "The file to write; None: nothing is written."),
+    "damper": "The damper, or keys of [damper]; the paper's where neither it nor `config` says it.",
+    "watch": "Who looks on: progress, and the wish to stop.",
+    "stop": "Ends it when it is set; Ctrl-C does so too.",
+    "on_law": "Called with the name of each law that was tried.",
+    "inspect.units": "Units of columns that do not say theirs.",
 }
 # In the order of the help; what stands in none stands last, under "Options".
 PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "Output", "Options")
@@ -227,25 +211,7 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
     },
 }
 # fmt: on
-# What a keyword takes in Python.
-_TYPES = {
-    "argument": "Run or path",
-    "arguments": "path, pattern or list of such",
-    "text": "str",
-    "texts": "list of str",
-    "names": "list of str",
-    "quantities": "list of str",
-    "values": "mapping",
-    "pairs": "mapping",
-    "number": "float",
-    "count": "int",
-    "workers": "int",
-    "path": "path",
-    "table": "path or mapping",
-    "results": "Run or path",
-    "paths": "list of path",
-    "flag": "bool",
-}  # fmt: skip
+# Of a key of the configuration, by its default.
 _KINDS = {bool: "flag", int: "count", float: "number", list: "texts", dict: "values"}
 
 
@@ -294,7 +260,7 @@ def option_of(name: str) -> str:
 
 def with_keywords(function: Callable[..., Any]) -> str:
     """Return the docstring of a function with the keywords that it does not tell itself."""
-    text = function.__doc__ or ""
+    text, command = function.__doc__ or "", function.__name__
     told = {
         name.strip().lstrip("*")
         for line in text.splitlines()
@@ -302,14 +268,15 @@ def with_keywords(function: Callable[..., Any]) -> str:
         for name in line.partition(" : ")[0].split(",")
     }
     lines = []
-    for name in signature(function).parameters:
-        keyword = keyword_of(function.__name__, name)
-        known = _OF_PYTHON.get(name) or _OF_PYTHON.get(f"{function.__name__}.{name}")
+    for name, parameter in signature(function).parameters.items():
+        keyword = keyword_of(command, name)
+        about = _OF_PYTHON.get(name) or _OF_PYTHON.get(f"{command}.{name}")
         if keyword is not None:
-            known = _IN_PYTHON.get(f"{function.__name__}.{name}")
-            known = known or (_TYPES[keyword.kind], keyword.help)
-        if known is not None and name not in told:
-            lines += [f"    {name} : {known[0]}", f"        {known[1]}"]
+            about = _OPTION.sub(lambda option: option[1].replace("-", "_") + "=", keyword.help)
+        if about is not None and name not in told:
+            kind = str(parameter.annotation).removesuffix(" | None")
+            kind = kind if kind != "object" else "path, pattern, list of such, or labelled frames"
+            lines += [f"    {name} : {kind}", f"        {about}"]
     title = "Other Parameters" if "    Parameters\n" in text else "Parameters"
     heading = ["", f"    {title}", f"    {'-' * len(title)}"]
     return "\n".join([text.rstrip(), *heading, *lines, ""]) if lines else text

@@ -194,13 +194,12 @@ class SettingResult(Stage):
 
     def simulate(self, wave: str | None = None, **motion: Any) -> Any:
         """Simulate this setting; keywords as of `damperfit.simulate`."""
-        for name in ("setting", "parameters"):
-            if name in motion:
-                raise ConfigurationError(
-                    f"setting.simulate: found {name}=...; the parameters are those of setting "
-                    f"{self.label}; leave it out, or call damperfit.simulate",
-                    code="wrong-call",
-                )
+        if idle := [name for name in ("setting", "parameters") if name in motion]:
+            text = (
+                f"setting.simulate: found {idle[0]}=...; the parameters are those of setting "
+                f"{self.label}; leave it out, or call damperfit.simulate"
+            )
+            raise ConfigurationError(text, code="wrong-call")
         return _door("simulate")(self.label, parameters=self.run, wave=wave, **motion)
 
     def stepped(self, x: float = 0.0, *, with_rig: bool = False) -> SteppedDamper:
@@ -335,34 +334,26 @@ class Run:
         if is_part(place):
             record, quantities, rows = read_part(place)
             return cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
+        remarks: list[str] = []
         if place.is_file() or place.suffix in {".csv", ".parquet"}:
             record, quantities, rows, source = read_table(place)
-            edited: list[str] = []
-            check_files(
-                place.parent, read_record(place.parent / "run.json", []), edited, [place.stem]
-            )
-            more["remarks"] = edited
-            run = cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
+            beside = read_record(place.parent / "run.json", [])
+            check_files(place.parent, beside, remarks, [place.stem])
+            more |= {"quantities": quantities, "place": place, "remarks": remarks}
+            run = cls(record, {"parameters": rows}, **more)
             run._source = source
             return run
         if not place.is_dir():
-            raise ConfigurationError(
-                "no such folder; expected the results of damperfit identify",
-                subject=place,
-                code="no-folder",
-            )
+            text = "no such folder; expected the results of damperfit identify"
+            raise ConfigurationError(text, subject=place, code="no-folder")
         settle(place)
-        remarks: list[str] = []
         record = read_record(place / "run.json", remarks)
         remarks.extend(filter(None, [unknown_schema(record)]))
         check_files(place, record, remarks, parts)
         known = table_quantities(place / "parameters.parquet", record)
         run = cls(record, quantities=known, place=place, remarks=remarks, **more)
         for name in parts:
-            if name == "responses":
-                run.signals  # noqa: B018 - read
-            else:
-                run.rows(name)
+            _ = run.signals if name == "responses" else run.rows(name)
         if not run._rows.get("parameters") and not run._signals:
             raise ConfigurationError(
                 f"nothing to show, {'; '.join(run._remarks) or 'its tables are empty'}; "
@@ -455,12 +446,13 @@ class Run:
         fitted = {row["setting"] for row in parameters if row["mse_percent"] is not None}
         known = {row["setting"] for row in parameters}
         drawn = {log.setting for log in self.signals} if self._signals is not None else set()
-        if fitted and drawn and fitted - drawn:
-            names = ", ".join(map(str, sorted(fitted - drawn)))
-            self._remarks.append(f"setting {names}: parameters but no signals, so no loops")
-        if known and drawn - known:
-            names = ", ".join(map(str, sorted(drawn - known)))
-            self._remarks.append(f"setting {names}: signals but no parameters")
+        mute, strange = fitted - drawn if drawn else set(), drawn - known if known else set()
+        for lone, what in (
+            (mute, "parameters but no signals, so no loops"),
+            (strange, "signals but no parameters"),
+        ):
+            if lone:
+                self._remarks.append(f"setting {', '.join(map(str, sorted(lone)))}: {what}")
 
     def row(self, setting: Setting) -> dict[str, Any]:
         """Return the row of a setting in the table of parameters; it must have one."""
@@ -500,20 +492,11 @@ class Run:
             own, shared, covariance = _errors(values, row, entries.get(setting.cell, {}))
             lost = [n for n in values.names if row.get(f"{n}_status") == Status.NOT_IDENTIFIABLE]
             ends = {name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high")) for name in lost}
-            settings.append(
-                SettingResult(
-                    setting,
-                    values,
-                    own,
-                    shared,
-                    covariance,
-                    top_speed=tops.get(setting.cell, math.inf),
-                    open_limits=open_limits(values, ends),
-                    misfits={n: float(row.get(f"{n}_misfit_se") or 0.0) for n in values.names},
-                    row=row,
-                    run=self,
-                )
-            )
+            misfits = {n: float(row.get(f"{n}_misfit_se") or 0.0) for n in values.names}
+            known: dict[str, Any] = {"open_limits": open_limits(values, ends), "misfits": misfits}
+            known["top_speed"] = tops.get(setting.cell, math.inf)
+            told = (setting, values, own, shared, covariance)
+            settings.append(SettingResult(*told, row=row, run=self, **known))
         return tuple(settings)
 
     @property
@@ -577,20 +560,14 @@ class Run:
         for row in self.rows("characteristics"):
             if row["point"] == "peak":
                 segments.setdefault((row["setting"], row["log"]), []).append(row)
-        found = [
-            LogResult(
-                row["setting"],
-                row["log"],
-                row["role"] or "fitted",
-                row["mse_percent"],
-                row["noise_floor_percent"],
-                facts.get(row["log"], {}),
-                tuple(segments.get((row["setting"], row["log"]), ())),
-                self,
-            )
-            for row in self.rows("mse")
-            if row["log"]
-        ]
+        found = []
+        for row in self.rows("mse"):
+            if not (name := row["log"]):
+                continue
+            parts = tuple(segments.get((row["setting"], name), ()))
+            numbers = (row["mse_percent"], row["noise_floor_percent"])
+            role, of_log = row["role"] or "fitted", facts.get(name, {})
+            found.append(LogResult(row["setting"], name, role, *numbers, of_log, parts, self))
         return tuple(sorted(found, key=lambda one: (one.setting, natural_order(one.name))))
 
     # The damper and its tests
@@ -671,8 +648,8 @@ class Run:
                 code="damaged",
             ) from error
         self._refuse_other_damper(given, own, config)
-        known = {f"damper.{key}" for key in self.declared_damper}
-        meant = replace(given.with_damper(own), declared=given.declared | known)
+        told = {f"damper.{key}" for key in self.declared_damper}
+        meant = replace(given.with_damper(own), declared=given.declared | told)
         if not takes_motion:
             return meant
         motion = self.motion_of_tests
@@ -682,42 +659,35 @@ class Run:
             motion = Sine(size, parse_quantity(rig["frequency"], "frequency"))
         if motion is None:
             return meant
-        taken = {
-            name: getattr(motion, name)
-            for name in ("amplitude", "frequency")
-            if f"rig.{name}" not in given.declared
-        }
-        return replace(
-            meant,
-            rig=meant.rig.but(**taken),
-            document={**meant.document, "rig": {**meant.document["rig"], **taken}},
-        )
+        known = {"amplitude": motion.amplitude, "frequency": motion.frequency}
+        taken = {key: value for key, value in known.items() if f"rig.{key}" not in given.declared}
+        document = meant.document | {"rig": meant.document["rig"] | taken}
+        return replace(meant, rig=meant.rig.but(**taken), document=document)
 
     def _refuse_other_damper(self, given: Configuration, own: Model, config: Path | None) -> None:
         if given.damper.name != own.name:
             if "damper.model" not in given.declared:
                 return
             option = "model" if config is None else "config"
-            raise ConfigurationError(
-                f"damper.model is {given.damper.name}, but the parameters of {self.source} "
-                f"are of {own.name}; leave {{option}} out, or run identify again with it",
-                option=Option(option),
-                where=Option(option, config or ""),
-                code="other-model",
+            text = (
+                f"damper.model is {given.damper.name}, but the parameters of {self.source} are of "
+                f"{own.name}; leave {{option}} out, or run identify again with it"
             )
+            where, code = Option(option, config or ""), "other-model"
+            raise ConfigurationError(text, option=Option(option), where=where, code=code)
         for name, (_, _, unit) in own.ranges.items():
             found, fitted = getattr(given.damper, name), getattr(own, name)
             is_declared = f"damper.{name}" in given.declared
             if is_declared and not math.isclose(found, fitted, rel_tol=_SAME):
                 declared, known = (f"{value:g} {unit}".rstrip() for value in (found, fitted))
-                raise ConfigurationError(
-                    f"damper.{name} is {declared}, but the "
-                    f"parameters of {self.source} were fitted with {known} and "
-                    "hold for that damper alone; leave {config} out, or run identify again with it",
-                    config=Option("config"),
-                    where=Option("config", config),
-                    code="other-damper",
+                text = (
+                    f"damper.{name} is {declared}, but the parameters of {self.source} were "
+                    f"fitted with {known} and hold for that damper alone; leave {{config}} out, or "
+                    "run identify again with it"
                 )
+                where = Option("config", config)
+                code = "other-damper"
+                raise ConfigurationError(text, config=Option("config"), where=where, code=code)
 
     @property
     def _fitted_inputs(self) -> list[dict[str, Any]]:
@@ -771,12 +741,11 @@ class Run:
 
         read = (read_back(SpeedForces, entry) for entry in entries_in(self.record, "speed_forces"))
         names = ("measured", "measured_se", "difference", "misfit")
-        return tuple(
-            one
-            for one in read
-            if one is not None
-            and {len(one.speeds)}.issuperset(len(getattr(one, name)) for name in names)
-        )
+
+        def is_whole(one: SpeedForces) -> bool:
+            return {len(one.speeds)} >= {len(getattr(one, name)) for name in names}
+
+        return tuple(one for one in read if one is not None and is_whole(one))
 
     @property
     def digest(self) -> str:
@@ -1057,11 +1026,8 @@ class Run:
             self._write(where)
             return where
         if where.resolve() == self.place.resolve():
-            raise OutputError(
-                "these results are there already; give another folder",
-                subject=where,
-                code="is-there",
-            )
+            text = "these results are there already; give another folder"
+            raise OutputError(text, subject=where, code="is-there")
         paths = [self.folder] if self.folder.is_file() else sorted(self.folder.iterdir())
         with file_set(where) as files:
             for path in paths:
@@ -1191,13 +1157,11 @@ def spare_others(folder: Path) -> None:
         return
     for path in sorted(folder.iterdir()):
         if _WRITTEN.fullmatch(path.name):
-            raise ConfigurationError(
+            text = (
                 "is there already, without a run.json that tells of a run of damperfit; nothing "
-                "was written. Move it away, or give another {out}",
-                code="not-ours",
-                subject=path,
-                out=Option("out"),
+                "was written. Move it away, or give another {out}"
             )
+            raise ConfigurationError(text, code="not-ours", subject=path, out=Option("out"))
 
 
 def forget_others(folder: Path, written: Sequence[str]) -> None:

@@ -105,7 +105,7 @@ def _own_configuration(*, is_quiet: bool) -> str | None:
             here = Path.cwd()
             places = (folder / "damperfit.toml" for folder in (here, *here.parents))
             path = next((one for one in places if one.is_file()), None)
-            found = path and (path.name if path.parent == here else str(path))
+            found = None if path is None else path.name if path.parent == here else str(path)
     if found is None:
         return None
     if not is_quiet:

@@ -126,8 +126,8 @@ def print_renderable(renderable: RenderableType) -> None:
     from rich.console import Console
 
     def rendered(**how: Any) -> str:
-        text, more = StringIO(), {"highlight": False, "markup": False, "emoji": False}
-        Console(file=text, width=screen_columns(), **more, **how).print(renderable)
+        how |= {"width": screen_columns(), "highlight": False, "markup": False, "emoji": False}
+        Console(file=(text := StringIO()), **how).print(renderable)
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
     plain = rendered(color_system=None)  # also where FORCE_COLOR is set
@@ -378,5 +378,5 @@ def append_summary(path: Path, report: str, *, instead: str) -> None:
         with path.open("ab") as file:
             file.write(text if len(text) < _MOST_BYTES else f"{instead}\n".encode())
     except OSError as error:
-        text, place = f"cannot write {path}: {error.strerror}", Option("github_summary")
-        raise OutputError(text, where=place, code="cannot-write") from error
+        said, place = f"cannot write {path}: {error.strerror}", Option("github_summary")
+        raise OutputError(said, where=place, code="cannot-write") from error

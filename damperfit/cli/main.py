@@ -39,12 +39,12 @@ class _App(typer.Typer):
     def __call__(self, argv: Sequence[str], **how: Any) -> Any:
         typed = argv[0] if argv else ""
         is_alone = typed in _names and typed != "help"  # which tells of all
-        return typer.Typer.__call__(_alone(typed) if is_alone else self, argv, **how)
+        return typer.Typer.__call__(_alone(self, typed) if is_alone else self, argv, **how)
 
 
 @cache
-def _alone(typed: str) -> typer.Typer:
-    alone = copy(app)
+def _alone(program: typer.Typer, typed: str) -> typer.Typer:
+    alone = copy(program)
     alone.registered_commands = [_names[typed]]
     return alone
 

@@ -67,8 +67,8 @@ def looking_on(*, is_quiet: bool, of_fleet: bool = False, **more: Any) -> Watch:
 
     @contextmanager
     def working() -> Iterator[None]:
-        promise = ("dampers that are done are kept",) if of_fleet else ()
-        with stop_on_signal(*promise, stop=stop), ExitStack() as stack:
+        how: Any = {"promise": "dampers that are done are kept"} if of_fleet else {}
+        with stop_on_signal(**how, stop=stop), ExitStack() as stack:
             if not is_quiet and sys.stderr.isatty():
                 bars.append(stack.enter_context(_bar(of_fleet=of_fleet)))
                 bars[0].add_task(first, total=None)
