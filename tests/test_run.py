@@ -47,10 +47,8 @@ def test_the_covariance_is_that_of_the_standard_errors(run) -> None:
 def test_a_setting_has_its_values_by_name_and_attribute(run) -> None:
     two = run.setting(2)
     assert dict(two.values)["r_m1"] == two.values.r_m1 == run.parameters["r_m1"][1]
-    assert set(two.own) == {"r_m1", "r_m2", "k_e"}
-    assert set(two.shared) == {"r_m3", "f_f"}
-    assert two.status["f_0"] == "fixed"
-    assert two.covariance.shape == (5, 5)
+    assert ({*two.own}, {*two.shared}) == ({"r_m1", "r_m2", "k_e"}, {"r_m3", "f_f"})
+    assert (two.status["f_0"], two.covariance.shape) == ("fixed", (5, 5))
     with pytest.raises(KeyError):
         two.values["nothing"]
 
@@ -68,8 +66,7 @@ def test_logs_have_segments_and_signals(run) -> None:
 
 
 def test_frames_of_forces_profiles_and_problems(run) -> None:
-    assert set(run.clicks["setting"]) == {2, 3}
-    assert set(run.profile("r_m2")["setting"]) == {1, 2, 3}
+    assert (set(run.clicks["setting"]), set(run.profile("r_m2")["setting"])) == ({2, 3}, {1, 2, 3})
     with pytest.raises(ConfigurationError, match="no profile of 'k_e'; there are r_m2"):
         run.profile("k_e")
     assert all(one.code and one.sentence() for one in run.problems)
@@ -130,14 +127,9 @@ def test_a_table_alone_is_a_run(folder: Path, tmp_path: Path) -> None:
     assert alone.declared_damper is None
 
 
-def test_a_log_is_predicted_as_it_was_fitted(run) -> None:
-    table = run.predict(ROOT / LOGS[1])
+def test_a_log_is_predicted_as_it_was_fitted_and_a_force_found(run) -> None:
     (entry,) = (one for one in run.logs if one.setting == 2)
-    assert table.attrs["mse_percent"] == pytest.approx(entry.mse_percent, rel=0.02)
-    other = run.predict(ROOT / LOGS[1], setting=3)
+    own, other = (run.predict(ROOT / LOGS[1], **how) for how in ({}, {"setting": 3}))
+    assert own.attrs["mse_percent"] == pytest.approx(entry.mse_percent, rel=0.02)
     assert other.attrs["mse_percent"] > 10.0 * entry.mse_percent
-
-
-def test_which_setting_gives_a_force(run) -> None:
-    found = run.which_setting(600, "0.26m/s")
-    assert "600" in found.sentence
+    assert "600" in run.which_setting(600, "0.26m/s").sentence

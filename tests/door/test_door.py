@@ -49,18 +49,17 @@ def copy_of(run):
 
 
 def test_every_name_is_there_and_importing_it_imports_nothing_of_weight():
-    assert set(dir(damperfit)) >= NAMES
-    assert all(getattr(damperfit, name).__doc__ for name in NAMES)
+    assert all(getattr(damperfit, name).__doc__ for name in NAMES & {*dir(damperfit)})
     heavy = ("numpy", "pandas", "pyarrow", "scipy", "matplotlib")
     code = f"import sys, damperfit\nprint([name for name in {heavy} if name in sys.modules])"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert said.stdout.strip() == "[]"
+    assert (said.stdout.strip(), NAMES - {*dir(damperfit)}) == ("[]", set())
     with pytest.raises(AttributeError, match=r"no 'identifi'\. Did you mean 'identify'"):
         _ = damperfit.identifi
     assert not hasattr(damperfit, "anything_else")
 
 
-def test_a_result_has_values_intervals_and_verdicts_without_a_second_call(result):
+def test_a_result_has_values_intervals_and_verdicts_and_prints_itself(result):
     table = result.parameters
     assert table["setting"].tolist() == [1, 10]
     assert table["r_m1"].tolist() == pytest.approx([14012.0, 23952.0], rel=1e-3)
@@ -68,25 +67,18 @@ def test_a_result_has_values_intervals_and_verdicts_without_a_second_call(result
     assert (table["r_m1"] < table["r_m1_ci_high"]).all()
     ten = result.setting(10)
     assert (ten.label, ten.grade) == ("10", "excellent")
-    assert ten.values["r_m1"] == table["r_m1"][1]
+    assert (ten.values["r_m1"], ten.mse_percent) == (table["r_m1"][1], table["mse_percent"][1])
     assert ten.intervals["k_e"] == (table["k_e_ci_low"][1], table["k_e_ci_high"][1])
-    assert ten.mse_percent == table["mse_percent"][1]
     for same in (10.0, np.int64(10), np.float32(10.0), Fraction(10), Setting.of(10), " 10"):
         assert result.setting(same).label == "10"
-    assert result.failures == ()
-    assert "name" in result.checks
-
-
-def test_a_result_prints_itself(result):
-    headline, *table = repr(result).splitlines()
+    assert (result.failures, "name" in result.checks) == ((), True)
+    headline, heads, _, first, *_ = repr(result).splitlines()
     assert headline == "Run: 2 settings, MSE 0.00043 to 0.0012 %"
     assert repr(result.setting("1")) == "<setting 1: MSE 0.00121 %, excellent>"
-    assert table[0].split()[:3] == ["set", "R_m1", "R_m2"]
-    assert table[2].split()[:3] == ["1", "14.01", "±"]
+    assert (heads.split()[:3], first.split()[:3]) == (["set", "R_m1", "R_m2"], ["1", "14.01", "±"])
     page = result._repr_html_()
     assert page.startswith("<table><caption>Run: 2 settings")
-    assert page.count("<tr>") == 4
-    assert "14.01 ± 0.03" in page
+    assert (page.count("<tr>"), "14.01 ± 0.03" in page) == (4, True)
 
 
 def test_a_setting_simulates_itself(result):
@@ -137,15 +129,12 @@ def test_a_saved_result_is_what_the_command_line_writes(result, tmp_path):
     again = damperfit.load(where)
     for name in ("parameters", "mse", "characteristics", "adjustment", "responses"):
         assert again.frame(name).equals(result.frame(name))
-    assert {**again.record, "files": 0, "timings": 0} == {
-        **written.record, "files": 0, "timings": 0,
-        "configuration": again.record["configuration"],
-    }  # fmt: skip
+    other = {"files": 0, "timings": 0, "configuration": 0}
+    assert {**again.record, **other} == {**written.record, **other}
     with pytest.raises(DamperfitError, match="there already"):
         again.save(where)
     assert damperfit.load(again.save(tmp_path / "moved")).parameters.equals(result.parameters)
-    page = again.report(tmp_path / "page.html")
-    assert page.read_text().startswith("<!DOCTYPE html>")
+    assert again.report(tmp_path / "page.html").read_text().startswith("<!DOCTYPE html>")
 
 
 def test_a_pickle_holds_the_whole_result_whether_or_not_it_was_saved(result, tmp_path):
@@ -199,7 +188,6 @@ def test_results_are_compared_by_their_place_in_the_call_where_they_are_unsaved(
     assert (both.first.name, both.second.name) == ("result 1", "result 2")
     saved = damperfit.compare(result.save(tmp_path / "kept"), copy)
     table = saved.to_frame()
-    assert len(table) > 20
     assert (set(table["first"]), set(table["second"])) == ({"kept"}, {"result 2"})
     assert str(copy.folder) not in saved._repr_html_() + str(saved)
 
@@ -208,12 +196,11 @@ def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(resu
     import damperfit.exporting
 
     (one,) = damperfit.export(result, to="fmu2", out=tmp_path / "mine.fmu")
-    assert one == tmp_path / "mine.fmu"  # a file, as on the command line
-    assert one.is_file()
+    assert (one, one.is_file()) == (tmp_path / "mine.fmu", True)  # a file, as on the command line
     files = damperfit.export(result, to="csv", out=tmp_path / "out")
-    tables = [path for path in files if path.suffix == ".csv"]
-    assert "damper.csv" in {path.name for path in tables}
-    assert all(path.read_text().startswith("setting") for path in tables)
+    tables = {path.name: path.read_text() for path in files if path.suffix == ".csv"}
+    assert "damper.csv" in tables
+    assert all(text.startswith("setting") for text in tables.values())
 
 
 # What is given
@@ -263,39 +250,29 @@ def test_a_damper_is_declared_as_an_object_or_as_keys():
 # A wrong call, and what its sentence says: that, on one line, without an option's dashes
 _WRONG = """
 identify() -> damperfit.identify: missing a required argument: 'logs'
-identify(LOG, LOG) -> too many arguments; give those after the first by name: logs, free
 identify(None) -> found NoneType; expected paths
 identify(['a.csv', '']) -> damperfit.identify: found ''; expected paths
 identify('nowhere.csv') -> nowhere.csv: no such file
-identify([]) -> found no log
 identify([frame]) -> found DataFrame in a list
 identify(frame) -> without a label; give {'10': frame}
-identify({'10': 3}) -> '10' is of type int
 identify({'10': {'time_s': [0.0, 1.0], 'force_N': [1.0]}}) -> give columns of one length
 identify({'10': frame.drop(columns='time_s')}) -> rig.columns.time = 'NAME'
 identify({'10': frame.rename(columns={'force_N': 'force'})}) -> units={'force': 'N'}
 identify(result) -> found Run; expected paths
 identify(LOG, free=['r_m9']) -> (free=...): no parameter 'r_m9'
 identify(LOG, fix='f_f=50N') -> expected a mapping of names
-identify(LOG, fix={'f_f': 'x'}) -> (fix=...): f_f = x: expected
 identify(LOG, fixed={'k_e': 1e9}) -> no keyword 'fixed'
 identify(LOG, share=['r_m3']) -> (share='r_m3') has no effect: only procedure joint
 identify(LOG, hold_out='no.csv') -> as in hold_out='*_16mm.csv'
-identify(LOG, rig='strict') -> (rig=...): found 'strict'
-identify(LOG, units='kN,stone') -> stone
 identify(LOG, damper=3) -> (damper=...): found int
 identify(LOG, damper={'bore': '32mm'}) -> damperfit.identify: unknown key 'bore' in [damper]
 identify(LOG, damper=damperfit.Damper) -> found the class Damper; expected a damper
-identify(LOG, config=3) -> (config=...): found int; expected the path of a TOML file
 identify(LOG, out='') -> (out=...): found ''; expected the path of a folder, '.' for this
 identify(LOG, jobs=0) -> (jobs=0): expected 1 or more
-identify(LOG, setting=3j) -> (setting=...): found complex; expected a setting
 inspect(LOG, setting=9) -> (setting=9): setting_10.csv says setting 10; leave the option out
 read([LOG, LOG]) -> found several logs
 simulate() -> give setting=N or set= them all
 simulate(result) -> damperfit.simulate(10, parameters=result)
-simulate(setting='x') -> (setting='x'): not in the reference set; expected a whole number
-simulate(10, parameters=3) -> (parameters=...): found int; expected a result
 simulate(10, wave='square') -> expected 'sine' or 'triangle', found 'square'
 simulate(10, damper={'model': 'auto'}) -> let the logs choose
 compare() -> found no result
@@ -304,30 +281,23 @@ compare(result, result, tolerance='x') -> (tolerance='x'): expected per cent, ne
 compare(result, result, tolerance=5) -> found 5; expected '5%', '20N' or the path of a table
 compare(result, result, tolerance=Path('no.csv')) -> (tolerance='no.csv'): cannot be read
 settings(result, force=True, velocity=0.2) -> 'True' cannot be read as force
-settings(result, temperature=[1, 2]) -> '[1, 2]' cannot be read as temperature
 compare(result, result, measured='x') -> (measured=...): found 'x'; expected True
 compare(result, result, amplitude='5mm') -> amplitude= and frequency= make the sine
 export(result) -> export: no target: give to=
 export(result, 'csv') -> give out=FOLDER
-export(result, to='fmu9') -> (to='fmu9'): expected one of csv, xlsx
 export(result, to='fmu22', out='x') -> Did you mean 'fmu2'
-export(result, 'csv', 'x', extend=[]) -> or a text such as '1.5m/s' for a velocity, found []
 export(result, 'fmu2', 'x.csv') -> (out='x.csv'): fmu2 writes .fmu files
 report(result) -> give out=FOLDER
-load('') -> damperfit.load: found ''; expected the path of a results folder
 Run.load(3) -> damperfit.load: found int; expected the path of a results folder
 Damper(bore='32') -> damperfit.Damper: no keyword 'bore'; there are rod_diameter,
 Damper(rod_diameter='19mm') -> rod_diameter: expected a number in m, found '19mm'
 Motion([1, 2], [3]) -> damperfit.Motion: missing a required argument: 'velocity'
-Motion(0.001, [1, 2], [3, 4], gas_pressure='x') -> number for gas_pressure, found 'x'
 Motion(0.001, ['a', 'b'], [3, 4]) -> expected an array of numbers for displacement
 result.setting(7) -> no setting 7; there are 1, 10
-result.setting(frame) -> run.setting: found DataFrame; expected a setting
 result.setting(True) -> run.setting: found bool; expected a setting
 result.setting(10).simulate(setting=3) -> the parameters are those of setting 10
 result.plot('fann') -> Did you mean 'fan'?
 result.frame('params') -> Did you mean 'parameters'?
-result.report(3) -> run.report: found int; expected the path of a page
 """
 
 
@@ -349,8 +319,8 @@ def test_logs_are_inspected():
     seen = damperfit.inspect(LOGS)
     assert seen.to_frame()["setting"].tolist() == ["1", "10"]
     assert repr(seen).startswith("2 logs, 0 cannot be used")
-    assert "setting_10.csv" in str(seen)
     assert "<td>setting_10.csv</td>" in seen._repr_html_()
+    assert "setting_10.csv" in str(seen)
 
 
 def test_a_type_error_that_is_no_wrong_call_stays_what_it_is():
@@ -360,10 +330,12 @@ def test_a_type_error_that_is_no_wrong_call_stays_what_it_is():
 
     with pytest.raises(TypeError, match="unsupported operand"):
         door(3)
-    with pytest.raises(ConfigurationError, match="door: missing a required argument: 'number'"):
-        door()
-    with pytest.raises(ConfigurationError, match="door: multiple values for argument 'number'"):
-        door(3, number=4)
+    for given, named, says in (
+        ((), {}, "missing a required argument: 'number'"),
+        ((3,), {"number": 4}, "multiple values for argument 'number'"),
+    ):
+        with pytest.raises(ConfigurationError, match=f"door: {says}"):
+            door(*given, **named)
 
 
 # Every option of a command is a keyword of the function of the same name, and vice versa.
@@ -377,20 +349,14 @@ BOTH = sorted(set(COMMANDS) - OF_MACHINE)
 def test_options_are_keywords_and_keywords_are_options(name) -> None:
     options = {param.name for param in COMMANDS[name].params} - {*PRESENTATION}
     taken = set(signature(unwrap(getattr(damperfit, name))).parameters)
-    taken = {one for one in taken if keyword_of(name, one) is not None}
-    assert options == taken
+    assert options == {one for one in taken if keyword_of(name, one) is not None}
+    for param in COMMANDS[name].params:
+        if param.param_type_name == "option" and param.name != "help":
+            assert param.help == keyword_of(name, param.name).help
 
 
 def test_what_sets_a_key_sets_one_that_is_there() -> None:
     document = load_configuration().document
     for name, one in keywords._keywords().items():
-        if one.key:
-            section, _, key = one.key.partition(".")
-            assert key in document[section], name
-
-
-@pytest.mark.parametrize("name", BOTH)
-def test_an_option_shows_what_its_keyword_is(name) -> None:
-    for param in COMMANDS[name].params:
-        if param.param_type_name == "option" and param.name != "help":
-            assert param.help == keyword_of(name, param.name).help
+        section, _, key = (one.key or "").partition(".")
+        assert not key or key in document[section], name

@@ -65,9 +65,8 @@ def seeds() -> dict[str, tuple[str, bytes]]:
 
 
 def memory() -> int:
-    """Return the most memory this process has had, in bytes."""
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    """Return the most memory this process has had, in bytes; Linux."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def busy() -> float:
@@ -103,9 +102,11 @@ def attempt(data: bytes, path: Path, tally: Tally) -> None:
     options = OPTIONS[zlib.crc32(data) % len(OPTIONS)]
     begin = busy()
     try:
-        is_curve = path.name.startswith("curves")
-        recordings = () if is_curve else read_logs(path, options)
-        curves = read_curves(path, options) if is_curve else ()
+        if path.name.startswith("curves"):
+            found = [(one.velocity, one.force) for one in read_curves(path, options)]
+        else:
+            logs = read_logs(path, options)
+            found = [(one.time, one.displacement, one.force) for one in logs]
     except LogError as error:
         tally.refused += 1
         message = str(error)
@@ -115,15 +116,13 @@ def attempt(data: bytes, path: Path, tally: Tally) -> None:
         raise PromiseBroken(f"{type(error).__name__}: {error}") from error
     else:
         tally.read += 1
-        for recording in recordings:
-            for values in (recording.time, recording.displacement, recording.force):
-                if not np.isfinite(values).all() or len(values) != len(recording.time):
-                    raise PromiseBroken("a channel that is not finite, or of another length")
-            if not np.all(np.diff(recording.time) > 0.0):
+        for first, *others in found:
+            if not all(
+                np.isfinite(one).all() and len(one) == len(first) for one in (first, *others)
+            ):
+                raise PromiseBroken("a channel that is not finite, or of another length")
+            if len(others) > 1 and not np.all(np.diff(first) > 0.0):
                 raise PromiseBroken("time that does not increase")
-        for curve in curves:
-            if not np.isfinite([curve.velocity, curve.force]).all():
-                raise PromiseBroken("a curve that is not finite, or of other lengths")
     took = busy() - begin
     tally.slowest = max(tally.slowest, took)
     if took > MAX_SECONDS:

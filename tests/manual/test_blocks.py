@@ -3,8 +3,8 @@
 import re
 import shlex
 import shutil
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 import yaml
@@ -18,18 +18,12 @@ KINDS = {"sh", "python", "toml", "csv", "yaml", "text"}
 _BLOCK = re.compile(r"(?:^<!-- (.+?) -->\n)?^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """A block, and the mark before it."""
 
     mark: str
     kind: str
     text: str
-
-    @property
-    def code(self) -> int:
-        """What its commands end with."""
-        return int(self.mark.removeprefix("ends with ")) if self.mark.startswith("ends") else 0
 
 
 def blocks(page: Path) -> list[Block]:
@@ -78,31 +72,28 @@ def _run(line: str, capsys, *, code: int = 0) -> None:
         Path(file).write_text(seen.out, encoding="utf-8")
 
 
-def _configure(block: Block, capsys) -> None:
-    Path("shown.toml").write_text(block.text, encoding="utf-8")
-    load_configuration(Path("shown.toml"))
-
-
 def _steps(block: Block, capsys) -> None:
     """The commands of a workflow; what makes the runner ready is not ours."""
     (job,) = yaml.safe_load(block.text)["jobs"].values()
-    lines = [step["run"] for step in job["steps"] if "run" in step]
-    assert lines[0] == "pip install ."
-    for line in lines[1:]:
+    first, *lines = [step["run"] for step in job["steps"] if "run" in step]
+    assert first == "pip install ."
+    for line in lines:
         _run(line, capsys)
 
 
 def _try(block: Block, names: dict, capsys) -> None:
-    if block.mark.startswith("file: "):
-        Path(block.mark.removeprefix("file: ")).write_text(block.text, encoding="utf-8")
+    ends, file = (re.match(f"{word} (.*)", block.mark) for word in ("ends with", "file:"))
+    if file:
+        Path(file[1]).write_text(block.text, encoding="utf-8")
     elif block.kind == "sh":
         for line in _lines(block.text):
             if line != "damperfit identify sample_runs/*.csv":  # `here` is what it left
-                _run(line, capsys, code=block.code)
+                _run(line, capsys, code=int(ends[1]) if ends else 0)
     elif block.kind == "python":
         exec(compile(block.text, "manual", "exec"), names)  # noqa: S102 - it is our own
     elif block.kind == "toml":
-        _configure(block, capsys)
+        Path("shown.toml").write_text(block.text, encoding="utf-8")
+        load_configuration(Path("shown.toml"))
 
 
 def _try_page(found: list[Block], capsys, monkeypatch) -> None:
