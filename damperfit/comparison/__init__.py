@@ -1,15 +1,17 @@
 """Runs beside each other: what differs, and whether it is more than chance."""
 
-from damperfit.comparison.comparing import ComparisonOptions, RunComparison, compare_runs
-from damperfit.comparison.measured import MeasuredTest, common_tests, measured_tests
-from damperfit.comparison.tolerance import (
+from damperfit.comparison.comparing import (
+    ComparisonOptions,
     Point,
+    RunComparison,
     Tolerance,
     bands_met,
+    compare_runs,
     parse_bands,
     parse_tolerance,
     tolerated,
 )
+from damperfit.comparison.measured import MeasuredTest, common_tests, measured_tests
 from damperfit.comparison.verdict import Difference, Sameness, verdict_of
 
 __all__ = [

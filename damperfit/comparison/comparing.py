@@ -9,8 +9,13 @@ may be the reason.
 
 from __future__ import annotations
 
+import csv
 import math
+import re
 from dataclasses import dataclass, field, replace
+from io import StringIO
+from itertools import product
+from pathlib import Path
 from statistics import fmean, median, stdev
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -34,14 +39,15 @@ from damperfit.comparison.verdict import (
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings, of_settings
+from damperfit.io.files import read_text
 from damperfit.problem import Option
 from damperfit.statistics import NORMAL_95
 from damperfit.tables.columns import SCHEMA_VERSION
+from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from damperfit.adjustment.force_at import Sine
     from damperfit.damper.quantity import Quantity
@@ -151,7 +157,7 @@ class RunComparison:
         return (*alike, *self.notes)
 
 
-def compare_runs(  # noqa: C901, PLR0915 - one step after the other
+def compare_runs(  # noqa: C901, PLR0912, PLR0915 - one step after the other
     first: Run,
     second: Run,
     options: ComparisonOptions = ComparisonOptions(),
@@ -168,10 +174,8 @@ def compare_runs(  # noqa: C901, PLR0915 - one step after the other
     known = [settings_of(run, is_bare=is_bare) for run in runs]
     settings = tuple(setting for setting in known[0] if all(setting in own for own in known))
     if not settings:
-        listed = "; ".join(
-            f"{run.shown_as} has {of_settings(own) if own else 'none'}"
-            for run, own in list(zip(runs, known, strict=True))[:3]
-        )
+        pairs = list(zip(runs, known, strict=True))[:3]
+        listed = "; ".join(f"{r.shown_as} has {of_settings(s) if s else 'none'}" for r, s in pairs)
         raise ConfigurationError(f"no setting is common to all: {listed}", code="nothing-in-common")
     failure_log: list[Failure] = []
 
@@ -182,40 +186,45 @@ def compare_runs(  # noqa: C901, PLR0915 - one step after the other
     is_other_gas = not is_bare and len(set(map(_gas_force, runs))) > 1
     shifts = [(0.0, 0.0) if is_other_gas else zero_shift(first, run, settings) for run in runs]
     forces: tuple[Readings, ...] = tuple({} for _ in runs)
-    parameters, bare = forces, set()
+    parameters, bare, is_same_motion = forces, set(), True
     if is_bare:
         measured = measured_readings(runs, settings, speeds=options.speeds)
     else:
         measured = measured_readings(runs, settings, kind="measured")
-        speeds = options.speeds
-        if not speeds:  # the named ones that the sine or all tests have reached
-            top = min(run.motion.peak_speed for run in runs)
-            top = top if options.sine is None else options.sine.peak_speed
-            if not (speeds := named_speeds(top)):
-                raise ConfigurationError(
-                    f"none is reached by {top:.3g} m/s; give {{velocity}}",
-                    velocity=Option("velocity"),
-                    subject="the named test speeds",
-                    code="no-speed",
-                )
+        top = min(run.motion.peak_speed for run in runs)
+        top = top if options.sine is None else options.sine.peak_speed
+        # The named ones that the sine or all tests have reached.
+        speeds = options.speeds or named_speeds(top)
+        if not speeds:
+            raise ConfigurationError(
+                f"none is reached by {top:.3g} m/s; give {{velocity}}",
+                velocity=Option("velocity"),
+                subject="the named test speeds",
+                code="no-speed",
+            )
         forces = force_readings(runs, settings, speeds=speeds, on_error=take)
         parameters = parameter_readings(runs, settings)
         bare = known_tares(runs, settings)
-
-    def tared(topic: Topic, reading: Reading, shift: Shift) -> Reading:
-        """Without a zero shift, of which a model without an offset took up between none and all."""
-        if topic.speed is None or (topic.kind == "force" and topic.setting in bare):
-            return reading
-        size, error = shift
-        if size and not reading.is_measured:
-            size, error = 0.5 * size, math.hypot(0.5 * error, size / math.sqrt(12.0))
-        repeat = math.hypot(reading.repeat, error)
-        return replace(reading, value=reading.value - size, repeat=repeat)
-
-    tables = [
-        {topic: tared(topic, one, shift) for topic, one in (tests | models | values).items()}
-        for tests, models, values, shift in zip(measured, forces, parameters, shifts, strict=True)
-    ]
+        motions = [(run.motion.amplitude, run.motion.frequency) for run in runs]
+        is_same_motion = all(  # what each model misses there was measured
+            abs(one / own - 1.0) <= SAME_MOTION
+            for motion in motions
+            for one, own in zip(motion, motions[0], strict=True)
+        )
+    tables: list[Readings] = []
+    for tests, models, values, (shift, its_error) in zip(
+        measured, forces, parameters, shifts, strict=True
+    ):
+        tables.append(table := tests | models | values)
+        for topic, one in table.items():
+            if topic.speed is None or (topic.kind == "force" and topic.setting in bare):
+                continue
+            size, error = shift, its_error
+            if size and not one.is_measured:
+                # A model without an offset took up between none of a zero shift and all.
+                size, error = 0.5 * size, math.hypot(0.5 * error, size / math.sqrt(12.0))
+            repeat = math.hypot(one.repeat, error)
+            table[topic] = replace(one, value=one.value - size, repeat=repeat)
     if not any(tables[0]):
         raise ConfigurationError(
             f"{first.shown_as} and {second.shown_as}: nothing can be compared at setting "
@@ -224,18 +233,12 @@ def compare_runs(  # noqa: C901, PLR0915 - one step after the other
         )
     hashes = {
         setting: [
-            {str(log["sha256"]) for log in _inputs(run) if log["setting"] == setting.cell}
+            {digest for digest, log in _inputs(run) if log["setting"] == setting.cell}
             for run in runs
         ]
         for setting in settings
     }
     identical = tuple(one for one, (a, *more) in hashes.items() if a and all(b == a for b in more))
-    motions = [] if is_bare else [(run.motion.amplitude, run.motion.frequency) for run in runs]
-    is_same_motion = all(  # what each model misses there was measured
-        abs(one / own - 1.0) <= SAME_MOTION
-        for motion in motions
-        for one, own in zip(motion, motions[0], strict=True)
-    )
     lines: list[Difference] = []
     *references, other = tables
     for kind in _KINDS:  # what is asked of the forces and of the parameters are two questions
@@ -330,27 +333,20 @@ def force_readings(
     for run in runs:
         stages = [stage for stage in run.settings if stage.setting in settings]
         forces = force_at(stages, run.damper, speeds, measured=run.speed_forces, on_error=on_error)
-        tables.append(
-            {
-                (one.setting, one.speed, one.stroke): one if one.setting in bare else one.with_tare
-                for one in forces
-            }
-        )
-    order = [
-        (setting, speed, stroke) for setting in settings for speed in speeds for stroke in STROKES
-    ]
+        at_place = {(one.setting, one.speed, one.stroke): one for one in forces}
+        tables.append({k: one if k[0] in bare else one.with_tare for k, one in at_place.items()})
+    order = product(settings, speeds, STROKES)
     common = [key for key in order if all(key in table for table in tables)]
     doubted = {key[0] for key in common if any(table[key].disagrees for table in tables)}
-    readings: list[Readings] = []
-    for run, table in zip(runs, tables, strict=True):
+    readings: tuple[Readings, ...] = tuple({} for _ in runs)
+    for run, table, mine in zip(runs, tables, readings, strict=True):
         share, repeat_freedom = repeat_scatter(run)
-        readings.append({})
         for key in common:
             force = table[key]
             if key[0] in doubted and all(other[key].measured is not None for other in tables):
                 force = force.as_read
             n_logs = run.row(force.setting).get("n_logs") or 1
-            readings[-1][Topic("force", "force", "force", "N", *key)] = Reading(
+            mine[Topic("force", "force", "force", "N", *key)] = Reading(
                 force.force,
                 force.error,
                 freedom_of(run, force.setting),
@@ -363,7 +359,7 @@ def force_readings(
                 scale=force.damping,
                 is_measured=force.is_measured,
             )
-    return tuple(readings)
+    return readings
 
 
 def known_tares(runs: Sequence[Run], settings: Sequence[Setting]) -> set[Setting]:
@@ -437,32 +433,26 @@ def parameter_readings(runs: Sequence[Run], settings: Sequence[Setting]) -> tupl
 
 def figure_lines(first: Run, second: Run, settings: Sequence[Setting]) -> Iterator[Difference]:
     """Yield MSE and distance from cavitation by setting: numbers without errors, told in words."""
-
-    def in_words(topic: Topic, values: Sequence[float], words: Sequence[str]) -> Difference:
-        is_same = words[0] == words[1]
-        return Difference(
-            topic,
-            Reading(values[0]),
-            Reading(values[1]),
-            verdict=Sameness.SAME if is_same else Sameness.DIFFERENT,
-            words=f"both {words[0]}" if is_same else f"{words[0]}, now {words[1]}",
-        )
-
     for setting in settings:
         rows = (first.row(setting), second.row(setting))
-        yield in_words(
-            Topic("figure", "mse", "MSE", "%", setting),
-            [_number(row.get("mse_percent")) for row in rows],
-            [str(row.get("grade") or "no grade") for row in rows],
-        )
+        figures = [
+            (
+                Topic("figure", "mse", "MSE", "%", setting),
+                [_number(row.get("mse_percent")) for row in rows],
+                [str(row.get("grade") or "no grade") for row in rows],
+            )
+        ]
         margins = [100.0 * _number(row.get("r_m3_cavitation_margin")) for row in rows]
         is_empty = [bool(row.get("cavitation_fraction")) for row in rows]
         if any(map(math.isfinite, margins)) or any(is_empty):
-            yield in_words(
-                Topic("figure", "cavitation_margin", "R_m3 below cavitation", "%", setting),
-                margins,
-                ["cavitates" if empty else "full" for empty in is_empty],
-            )
+            topic = Topic("figure", "cavitation_margin", "R_m3 below cavitation", "%", setting)
+            figures.append((topic, margins, ["cavitates" if one else "full" for one in is_empty]))
+        for topic, values, (a, b) in figures:
+            verdict, words = Sameness.DIFFERENT, f"{a}, now {b}"
+            if a == b:
+                verdict, words = Sameness.SAME, f"both {a}"
+            a_value, b_value = map(Reading, values)
+            yield Difference(topic, a_value, b_value, verdict=verdict, words=words)
 
 
 def _number(value: Any) -> float:
@@ -472,7 +462,7 @@ def _number(value: Any) -> float:
 # What a reader must know
 
 
-def _notes(  # noqa: PLR0913 - all that was compared
+def _notes(  # noqa: C901, PLR0912, PLR0913 - all that was compared, one thing after the other
     runs: Sequence[Run],
     settings: Sequence[Setting],
     tables: Sequence[Readings],
@@ -488,9 +478,8 @@ def _notes(  # noqa: PLR0913 - all that was compared
             f"intervals are {'six times' if n == 1 else 'twice'} as wide as those of many would be"
         )
     forces = [line for line in lines if line.subject.kind == "force"]
-    at_forces = {line.subject.setting for line in forces}
-    lost = [setting for setting in settings if forces and setting not in at_forces]
-    if lost:
+    at = [one for one in settings if one in {line.subject.setting for line in forces}]
+    if lost := [setting for setting in settings if forces and setting not in at]:
         yield f"{of_settings(lost)}: no motion is common to both: not compared"
     top = min((stage.top_speed for run in runs for stage in run.settings), default=math.inf)
     speeds = {line.subject.speed or 0.0 for line in lines if not line.is_measured}
@@ -503,16 +492,15 @@ def _notes(  # noqa: PLR0913 - all that was compared
         )
     for run, (shift, error) in zip(runs, shifts, strict=True):
         if shift:
-            size = units.write(shift, "N", "+.3g")
-            reach = units.write(NORMAL_95 * error, "N", ".2g")
             of_models = (
                 "; of those of a model that was fitted without an offset half of it, give or take "
                 "half. Its parameters hold the rest: free f_0 in both runs to compare them"
             )
             yield (
-                f"{run.name}: its measured forces lie {size} (± {reach}) from those of "
-                f"{runs[0].name} in both strokes and at all speeds, as another tare or gas "
-                f"pressure makes them: so much is taken off{'' if is_bare else of_models}"
+                f"{run.name}: its measured forces lie {units.write(shift, 'N', '+.3g')} (± "
+                f"{units.write(NORMAL_95 * error, 'N', '.2g')}) from those of {runs[0].name} in "
+                "both strokes and at all speeds, as another tare or gas pressure makes them: so "
+                f"much is taken off{'' if is_bare else of_models}"
             )
     for run in runs:
         notes = run.record.get("notes", ()) if is_bare else run.notes
@@ -529,61 +517,41 @@ def _notes(  # noqa: PLR0913 - all that was compared
                 f"{run.name}: the lack of fit to the measured force is not known (an older "
                 "version, or no motion repeats): it is not in the errors of forces"
             )
-    if forces and not is_bare:
-        yield from _missed(
-            runs, tables, [line.subject for line in forces if line.is_measured], units
-        )
-        at = [setting for setting in settings if setting in at_forces]
-        yield from _tares(runs, at, is_shifted=any(shift for shift, _ in shifts))
-        if not comparable_quantities(runs):
-            yield "fitted with different models: no parameter is common to both"
-
-
-def _missed(
-    runs: Sequence[Run], tables: Sequence[Readings], measured: Sequence[Topic], units: ShownUnits
-) -> Iterator[str]:
-    """Yield why forces of fitted runs are compared as measured; nothing where none is."""
-
-    def where(topics: Sequence[Topic] | Mapping[Topic, Reading]) -> str:
-        return of_settings(dict.fromkeys(one.setting for one in topics if one.setting))
-
-    for run, table in zip(runs, tables, strict=True):
-        missed = {topic: one for topic, one in table.items() if measured and one.disagrees}
-        if not missed:
-            continue
-        topic, worst = max(missed.items(), key=lambda item: abs(item[1].misses))
-        share = f" ({abs(worst.misses / worst.scale):.1%} of the damping)" if worst.scale else ""
-        yield (
-            f"{run.name}: its model ({run.damper.name}) misses the measured force at "
-            f"{where(missed)}, most {topic.place(units)}: "
-            f"by {units.write(abs(worst.misses), 'N', '.3g')}{share}"
-        )
-    if measured:
+    if is_bare or not forces:
+        return
+    # Why forces of fitted runs are compared as measured.
+    if measured := dict.fromkeys(line.subject.setting for line in forces if line.is_measured):
+        for run, table in zip(runs, tables, strict=True):
+            if missed := {topic: one for topic, one in table.items() if one.disagrees}:
+                topic, worst = max(missed.items(), key=lambda item: abs(item[1].misses))
+                miss, where = abs(worst.misses), dict.fromkeys(one.setting for one in missed)
+                of_it = f" ({miss / abs(worst.scale):.1%} of the damping)" if worst.scale else ""
+                yield (
+                    f"{run.name}: its model ({run.damper.name}) misses the measured force at "
+                    f"{of_settings(filter(None, where))}, most {topic.place(units)}: "
+                    f"by {units.write(miss, 'N', '.3g')}{of_it}"
+                )
         why = "they show how the tests differ and say nothing about the models"
-        if set(_by_hash(runs[0])) & set(_by_hash(runs[-1])):
+        if not dict(_inputs(runs[0])).keys().isdisjoint(dict(_inputs(runs[-1]))):
             why = "both are based on the same logs, so this says nothing about the models"
-        yield f"at {where(measured)} the measured forces of both are compared: {why}"
-
-
-def _tares(runs: Sequence[Run], settings: Sequence[Setting], *, is_shifted: bool) -> Iterator[str]:
-    """Yield what became of the rigs' force offsets in the forces of fitted runs."""
-    bare = known_tares(runs, settings)
+        where_measured = of_settings(filter(None, measured))
+        yield f"at {where_measured} the measured forces of both are compared: {why}"
+    # What became of the rigs' force offsets.
+    bare = known_tares(runs, at)
     known = [[one.offset for one in run.settings if one.setting in bare] for run in runs]
     if any(map(any, known)):
         pairs = zip(runs, known, strict=True)
         each = "; ".join(f"{run.name}: {said_offsets(mine)}" for run, mine in pairs)
         yield f"the rigs' force offsets, their tares, are left out of the forces ({each})"
-    for run in () if is_shifted else runs:
-        rest = [
-            one.offset
-            for one in run.settings
-            if one.setting in settings and one.setting not in bare and one.offset
-        ]
-        if rest and _knows_gas(run):
+    for run in () if any(shift for shift, _ in shifts) else runs:
+        left = [one for one in run.settings if one.setting in at and one.setting not in bare]
+        if (rest := [one.offset for one in left if one.offset]) and _knows_gas(run):
             yield (
                 f"{run.name}: its force offset ({said_offsets(rest)}), the rig's tare, is in its "
                 "forces, for not every run has a known one: so much of a difference may be the tare"
             )
+    if not comparable_quantities(runs):
+        yield "fitted with different models: no parameter is common to both"
 
 
 # What two runs differ in besides their numbers
@@ -609,15 +577,16 @@ _HOW = {
 }
 
 
-def circumstances(  # noqa: C901, PLR0912 - one thing after the other
+def circumstances(  # noqa: C901, PLR0912, PLR0915 - one thing after the other
     first: Run, second: Run, units: ShownUnits = SI, *, is_bare: bool = False
 ) -> tuple[Circumstance, ...]:
     """Return what two runs differ in, what matters most first; is_bare: measured curves alone."""
     runs = (first, second)
     differences = [*_of_logs(first, second)]
 
-    def differs(*about: Any) -> None:
-        differences.append(_differs(*about))
+    def differs(kind: str, what: str, a: object, b: object, more: str = "") -> None:
+        sentence = f"{what}: {a}, then {b}{more}"
+        differences.append(Circumstance(kind, str(a), str(b), sentence))
 
     for key in _WHOSE:
         a, b = (run.identity.get(key) for run in runs)
@@ -625,13 +594,37 @@ def circumstances(  # noqa: C901, PLR0912 - one thing after the other
             differs("identity", key, a, b)
     known = [settings_of(run, is_bare=is_bare) for run in runs]
     alone = [[one for one in known[k] if one not in known[1 - k]] for k in (0, 1)]
-    a, b = map(listed_settings, alone)
     for run, own in zip(runs, alone, strict=True):
         if own:
             sentence = f"{of_settings(own)} only in {run.name}: not compared"
+            a, b = map(listed_settings, alone)
             differences.append(Circumstance("settings", a, b, sentence))
-    if not is_bare:
-        differences += _of_dampers(first, second, units)
+    models = (first.damper, second.damper)
+    if not is_bare and models[0].name != models[1].name:
+        more = ": only forces are compared, not parameters"
+        differs("model", "model", models[0].name, models[1].name, more)
+    elif not is_bare:
+        names = [", ".join(model.names) for model in models]
+        if names[0] != names[1]:
+            sentence = "the models have different quantities: those with the same name are compared"
+            differences.append(Circumstance("model", names[0], names[1], sentence))
+        units_of = {one.name: one.unit for one in second.quantities}
+        for one in first.quantities:
+            if one.unit != (unit := units_of.get(one.name, one.unit)):
+                differs("model", f"unit of {one.name}", one.unit, unit, ": it is not compared")
+        for name, (_, _, unit) in models[0].ranges.items():
+            sizes: list[Any] = [getattr(model, name, None) for model in models]
+            is_known = all(isinstance(size, float) for size in sizes)
+            if is_known and not math.isclose(*sizes, rel_tol=_SAME):
+                kind = "gas" if name.startswith("gas_") else "damper"
+                differs(kind, f"damper.{name}", *(f"{one:.6g} {unit}".strip() for one in sizes))
+        forces = [_gas_force(run) for run in runs]
+        if math.isfinite(sum(forces)) and not math.isclose(*forces, rel_tol=_SAME):
+            form = ".1f" if units.of("N") == "N" else ".3g"
+            apart = units.write(forces[1] - forces[0], "N", f"+{form}")
+            more = f": {apart} of every difference of force is the declared gas"
+            gas, other = (units.write(force, "N", form) for force in forces)
+            differs("gas", "gas force at mid-stroke", gas, other, more)
     common = [setting for setting in known[0] if setting in known[1]]
     motions = [
         [(one.amplitude, one.frequency) for setting in common for one in tests_at(run, setting)[:1]]
@@ -641,8 +634,8 @@ def circumstances(  # noqa: C901, PLR0912 - one thing after the other
         motions = [[(run.motion.amplitude, run.motion.frequency)] for run in runs]
     if all(motions):
         middle = [tuple(median(one[k] for one in own) for k in (0, 1)) for own in motions]
-        (size, rate), (other, faster) = middle
-        if max(abs(other / size - 1.0), abs(faster / rate - 1.0)) > SAME_MOTION:
+        (size, rate), (other_size, faster) = middle
+        if max(abs(other_size / size - 1.0), abs(faster / rate - 1.0)) > SAME_MOTION:
             here, there = (
                 units.say_lengths(f"{1e3 * amplitude:.4g} mm at {frequency:.4g} Hz")
                 for amplitude, frequency in middle
@@ -650,8 +643,13 @@ def circumstances(  # noqa: C901, PLR0912 - one thing after the other
             differs("motion", "motion", here, there, ": what a model misses does not cancel")
     heat = [[t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs]
     if all(heat) and abs(fmean(heat[0]) - fmean(heat[1])) > _TEMPERATURES_DIFFER:
-        here, there = (f"{fmean(one):.1f} degC" for one in heat)
-        differs("temperature", "temperature", here, there)
+        differs("temperature", "temperature", *(f"{fmean(one):.1f} degC" for one in heat))
+
+    def listed(value: object) -> str:
+        if isinstance(value, dict):
+            value = [f"{key} = {one}" for key, one in value.items()]
+        return (", ".join(map(str, value)) or "none") if isinstance(value, list) else str(value)
+
     for (section, key), (kind, words) in _HOW.items():
         values: list[Any] = []
         for run in runs:
@@ -659,7 +657,7 @@ def circumstances(  # noqa: C901, PLR0912 - one thing after the other
             own_keys = document.get(section) if isinstance(document, dict) else None
             values.append(own_keys.get(key) if isinstance(own_keys, dict) else None)
         if None not in values and values[0] != values[1]:
-            differs(kind, words, _shown(values[0]), _shown(values[1]))
+            differs(kind, words, *map(listed, values))
     for key, words in (("version", "damperfit"), ("schema_version", "schema of the results")):
         values = [run.record.get(key) for run in runs]
         if None not in values and values[0] != values[1]:
@@ -670,22 +668,14 @@ def circumstances(  # noqa: C901, PLR0912 - one thing after the other
     return tuple(differences)
 
 
-def _differs(kind: str, what: str, a: object, b: object, more: str = "") -> Circumstance:
-    return Circumstance(kind, str(a), str(b), f"{what}: {a}, then {b}{more}")
-
-
-def _inputs(run: Run) -> list[dict[str, Any]]:
-    """Return the logs that a run is based on, as its record has them."""
+def _inputs(run: Run) -> list[tuple[str, dict[str, Any]]]:
+    """Return the hash of each log that a run is based on, and the log as its record has it."""
     inputs = run.record.get("inputs")
     return [
-        log
+        (str(log["sha256"]), log)
         for log in (inputs if isinstance(inputs, list) else ())
         if isinstance(log, dict) and log.get("sha256") and log.get("setting") is not None
     ]
-
-
-def _by_hash(run: Run) -> dict[str, dict[str, Any]]:
-    return {str(log["sha256"]): log for log in _inputs(run)}
 
 
 def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
@@ -695,7 +685,7 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
         names = sorted(str(log.get("log")) for log in logs)
         return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
-    known = [_by_hash(run) for run in (first, second)]
+    known = [dict(_inputs(run)) for run in (first, second)]
     common = known[0].keys() & known[1].keys()
     if not common:
         return
@@ -732,39 +722,208 @@ def _gas_force(run: Run) -> float:
     return math.nan if force is None else float(f"{float(force):.9g}")
 
 
-def _of_dampers(first: Run, second: Run, units: ShownUnits) -> Iterator[Circumstance]:
-    a, b = first.damper, second.damper
-    if a.name != b.name:
-        more = ": only forces are compared, not parameters"
-        yield _differs("model", "model", a.name, b.name, more)
-        return
-    names = [", ".join(model.names) for model in (a, b)]
-    if names[0] != names[1]:
-        sentence = "the models have different quantities: those with the same name are compared"
-        yield Circumstance("model", names[0], names[1], sentence)
-    units_of = {one.name: one.unit for one in second.quantities}
-    for one in first.quantities:
-        if one.unit != (unit := units_of.get(one.name, one.unit)):
-            yield _differs("model", f"unit of {one.name}", one.unit, unit, ": it is not compared")
-    for name, (_, _, unit) in a.ranges.items():
-        values: list[Any] = [getattr(model, name, None) for model in (a, b)]
-        is_known = all(isinstance(value, float) for value in values)
-        if is_known and not math.isclose(*values, rel_tol=_SAME):
-            kind = "gas" if name.startswith("gas_") else "damper"
-            first_value, other = (f"{value:.6g} {unit}".strip() for value in values)
-            yield _differs(kind, f"damper.{name}", first_value, other)
-    forces = [_gas_force(run) for run in (first, second)]
-    if math.isfinite(sum(forces)) and not math.isclose(*forces, rel_tol=_SAME):
-        form = ".1f" if units.of("N") == "N" else ".3g"
-        gas, other = (units.write(force, "N", form) for force in forces)
-        apart = units.write(forces[1] - forces[0], "N", f"+{form}")
-        more = f": {apart} of every difference of force is the declared gas"
-        yield _differs("gas", "gas force at mid-stroke", gas, other, more)
+# Forces held against bands: around those of the reference, or nominal ones
+
+_UNIT = re.compile(r"(_n|_m_per_s|_m/s)$")  # of a column's name, in lower case
+_PER_CENT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*%\s*")
 
 
-def _shown(value: object) -> str:
-    if isinstance(value, dict):
-        value = [f"{key} = {one}" for key, one in value.items()]
-    if isinstance(value, list):
-        return ", ".join(map(str, value)) or "none"
-    return str(value)
+class Band(NamedTuple):
+    """Where a force may lie, N, positive in rebound."""
+
+    setting: str  # its label; empty: every one
+    speed: float  # m/s, positive
+    stroke: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far forces may be from those of the reference, or which bands they must keep."""
+
+    source: str  # as it was given, for people
+    share: float = 0.0  # of the reference's damping,
+    newtons: float = 0.0  # and N; the larger of the two counts
+    bands: tuple[Band, ...] = ()  # nominal forces in place of a reference's
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A force held against its band, N, positive in rebound."""
+
+    run: str  # whose
+    setting: Setting | str
+    speed: float  # m/s; NaN where a whole setting is missing
+    stroke: str
+    force: float  # NaN where it is not known
+    low: float
+    high: float
+    reach: float = math.nan  # half of the 95 % interval of the force; NaN: not known
+    reason: str = ""  # why it could not be looked at
+    is_measured: bool = False
+    units: ShownUnits = SI  # in which people want it told
+
+    @property
+    def margin(self) -> float:
+        """How far inside the band, N; negative: outside."""
+        return min(self.force - self.low, self.high - self.force)
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the force is inside; one that could not be looked at is not."""
+        return self.margin >= 0.0
+
+    @property
+    def words(self) -> str:
+        """The result in words."""
+        if math.isnan(self.margin):
+            return f"not evaluated: {self.reason}"
+        near = ", no further than its error" if abs(self.margin) <= self.reach else ""
+        mark = " (measured)" if self.is_measured else ""
+        side, where = ("passes", "inside") if self.is_met else ("FAILS", "outside")
+        return f"{side}, {self.units.write(abs(self.margin), 'N', '.3g')} {where}{near}{mark}"
+
+
+def _refused(given: str | Path, why: str) -> ConfigurationError:
+    return ConfigurationError(why, where=Option("tolerance", given), code="bad-tolerance")
+
+
+def parse_tolerance(text: str) -> Tolerance:
+    """Return a tolerance from text: per cent of the damping, newtons, or both.
+
+    Examples
+    --------
+    >>> parse_tolerance("5%, 10N")
+    Tolerance(source='5%, 10N', share=0.05, newtons=10.0, bands=())
+    """
+    share = newtons = 0.0
+    for part in text.split(","):
+        if per_cent := _PER_CENT.fullmatch(part):
+            share = float(per_cent[1]) / 100.0
+            continue
+        try:
+            newtons = parse_quantity(part.strip(), "force")
+        except ConfigurationError as error:
+            why = (
+                "expected per cent, newtons, both as in 5%,10N, or the name of a file with "
+                "nominal forces"
+            )
+            raise _refused(text, why) from error
+    if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
+        raise _refused(text, "expected a tolerance above zero")
+    return Tolerance(text, share, newtons)
+
+
+def parse_bands(text: str | None) -> Tolerance | None:
+    """Return the tolerance that the text of a command line means: a file, or per cent and newtons.
+
+    A file is CSV with the columns speed, stroke, and force with tolerance (5% or 20N), or low and
+    high; setting may be missing or empty, the row is then of every setting. Makers write bump as
+    positive numbers: such a force is taken as negative.
+    """
+    if text is None:
+        return None
+    path = Path(text)
+    # "2.5%" has a suffix too, as pathlib sees it.
+    if not (path.is_file() or path.suffix[1:2].isalpha()):
+        return parse_tolerance(text)
+    try:
+        lines = StringIO(read_text(path), newline="")
+    except (OSError, UnicodeDecodeError) as error:
+        why = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+        raise _refused(path, why) from error
+    reader = csv.DictReader(line for line in lines if line.strip() and not line.startswith("#"))
+    names = {_UNIT.sub("", (name or "").strip().lower()): name for name in reader.fieldnames or ()}
+    has_band = {"force", "tolerance"} <= names.keys() or {"low", "high"} <= names.keys()
+    if not {"speed", "stroke"} <= names.keys() or not has_band:
+        why = "expected the columns speed, stroke, and force with tolerance, or low and high; found"
+        raise _refused(path, f"{why} {', '.join(reader.fieldnames or ()) or 'nothing'}")
+    bands = []
+    for number, row in enumerate(reader, start=2):
+        try:
+            bands.append(_band({key: (row.get(name) or "").strip() for key, name in names.items()}))
+        except (ConfigurationError, ValueError) as error:
+            raise _refused(path, f"row {number}: {error}") from error
+    if not bands:
+        raise _refused(path, "no row below the headings")
+    return Tolerance(str(path), bands=tuple(bands))
+
+
+def _band(cells: Mapping[str, str]) -> Band:
+    stroke = cells["stroke"].lower()
+    if stroke not in STROKES:
+        raise ValueError(f"stroke {cells['stroke']!r}: expected {' or '.join(STROKES)}")
+    speed = abs(parse_quantity(cells["speed"], "velocity"))
+    if speed == 0.0:
+        raise ValueError("speed 0: expected a speed above zero")
+    if cells.get("low") and cells.get("high"):
+        low, high = (parse_quantity(cells[name], "force") for name in ("low", "high"))
+    else:
+        force = parse_quantity(cells.get("force", ""), "force")
+        may = parse_tolerance(cells.get("tolerance", ""))
+        reach = max(may.share * abs(force), may.newtons)
+        low, high = force - reach, force + reach
+    if stroke == "bump" and low + high > 0.0:
+        low, high = -high, -low
+    if low > high:
+        raise ValueError(f"low {low:g} N is above high {high:g} N")
+    return Band(cells.get("setting", ""), speed, stroke, low, high)
+
+
+def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, ...]:
+    """Return the forces of a run held against those of the reference.
+
+    A setting of the reference that the run does not have could not be looked at.
+    """
+    name, units = comparison.second.name, comparison.units
+    points = []
+    for line in comparison.of("force"):
+        first, topic = line.first, line.subject
+        size = first.scale if first.scale and math.isfinite(first.scale) else first.value
+        reach = max(tolerance.share * abs(size), tolerance.newtons)
+        points.append(
+            Point(
+                *(name, topic.setting or "", topic.speed or math.nan, topic.stroke),
+                *(line.second.value, first.value - reach, first.value + reach),
+                line.high - line.difference,
+                *(line.reason, line.is_measured, units),
+            )
+        )
+    nowhere = (math.nan, "", math.nan, math.nan, math.nan)  # speed, stroke, force and band
+    points += [
+        Point(name, setting, *nowhere, reason="not tested", units=units)
+        for setting in settings_of(comparison.first, is_bare=comparison.is_without_model)
+        if setting not in comparison.settings
+    ]
+    return tuple(points)
+
+
+def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tuple[Point, ...]:
+    """Return the forces of a run held against nominal bands."""
+    is_bare = options.is_measured or not run.settings
+    settings = settings_of(run, is_bare=is_bare)
+    speeds = sorted({band.speed for band in tolerance.bands})
+    if is_bare:
+        (table,) = measured_readings((run,), settings, speeds=speeds)
+    else:
+        top = (options.sine or run.motion).peak_speed
+        reached = [speed for speed in speeds if speed <= (1.0 + REPEATS) * top]
+        (table,) = force_readings((run,), settings, speeds=reached) if reached else ({},)
+    known: dict[Any, Reading] = {(t.setting, t.speed, t.stroke): one for t, one in table.items()}
+    points = []
+    for band in tolerance.bands:
+        mine: list[Any] = [one for one in settings if band.setting in {"", str(one)}]
+        why = "the test does not reach the speed" if mine else "the setting was not tested"
+        for setting in mine or [band.setting]:
+            reading = known.get((setting, band.speed, band.stroke))
+            if reading is None or math.isnan(reading.value):
+                reading = Reading(math.nan, objection=why)
+            points.append(
+                Point(
+                    *(run.name, setting, band.speed, band.stroke),
+                    *(reading.value, band.low, band.high, reading.half_interval),
+                    *(reading.objection, reading.is_measured, options.units),
+                )
+            )
+    return tuple(points)

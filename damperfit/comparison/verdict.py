@@ -135,56 +135,50 @@ def compared(
 ) -> Difference:
     """Return two readings beside each other; of one model and motion, common misfit cancels."""
     a, b = first.value, second.value
-    objection = first.objection or second.objection
-    line = Difference(subject, first, second, reason=objection or "not known for both")
+    reason = first.objection or second.objection
     if not (math.isfinite(a) and math.isfinite(b)):
-        return line
+        return Difference(subject, first, second, reason=reason or "not known for both")
     is_log = subject.is_logarithmic and a > 0.0 and b > 0.0
-    misfit = (_misfit(first, second, is_same_motion=is_same_motion, is_log=is_log), math.inf)
+    units = (a, b) if is_log else (1.0, 1.0)
+    misfits = [one.misfit / unit for one, unit in zip((first, second), units, strict=True)]
+    misfit, apart = math.hypot(*misfits), second.misses - first.misses
+    if first.is_measured and second.is_measured:
+        misfit = 0.0
+    elif is_same_motion and any(misfits) and math.isnan(apart):
+        misfit = abs(misfits[1] - misfits[0])
+    elif is_same_motion and any(misfits):
+        noise = (one.misses_error for one in (first, second) if math.isfinite(one.misses_error))
+        misfit = math.sqrt(max(apart**2 - sum(error**2 for error in noise), 0.0))
+    own, others = first.errors(1.0 / units[0]), second.errors(1.0 / units[1])
+    others.append((misfit, math.inf))
+    step = math.log(b / a) if is_log else b - a
+    reach, chance = _reach([*own, *others], step)
     if is_log:
-        step = math.log(b / a)
-        reach, chance = _reach([*first.errors(1.0 / a), *second.errors(1.0 / b), misfit], step)
         low, high = (math.exp(min(end, _MOST_LOG)) - 1.0 for end in (step - reach, step + reach))
         share = reach
         numbers = (a * low, a * high, 100.0 * (b / a - 1.0), 100.0 * low, 100.0 * high)
     else:
-        step = b - a
-        reach, chance = _reach([*first.errors(), *second.errors(), misfit], step)
         scale = first.scale if math.isfinite(first.scale) else a
         percent = share = math.nan
         if scale:
             # The first number is the denominator too: its error counts 1 + share times.
-            of_both = [*first.errors(1.0 + step / scale), *second.errors(), misfit]
+            of_both = [*first.errors(1.0 + step / scale), *others]
             percent, share = 100.0 * step / scale, _reach(of_both)[0] / abs(scale)
         if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
             percent = math.nan
         ends = (percent - 100.0 * share, percent + 100.0 * share)
         numbers = (step - reach, step + reach, percent, *ends)
-    line = Difference(subject, first, second, *numbers, chance)
-    if objection:
-        return replace(line, reason=objection)
-    if not math.isfinite(reach):
-        return replace(line, reason="no errors are known")
-    if abs(step) > reach:
-        return replace(line, verdict=Sameness.DIFFERENT)
-    # At its passage through zero a force has no per cent to speak of: newtons say it.
-    if share > SEEN:
-        return replace(line, reason=f"a difference of {100.0 * share:.2g} % would go unnoticed")
-    return replace(line, verdict=Sameness.SAME)
-
-
-def _misfit(first: Reading, second: Reading, *, is_same_motion: bool, is_log: bool) -> float:
-    """Return the standard error of the difference from the models' misfit."""
-    if first.is_measured and second.is_measured:
-        return 0.0
-    sizes = [one.misfit / (one.value if is_log else 1.0) for one in (first, second)]
-    if not is_same_motion or not any(sizes):
-        return math.hypot(*sizes)
-    apart = second.misses - first.misses
-    if math.isnan(apart):
-        return abs(sizes[1] - sizes[0])
-    noise = (one.misses_error for one in (first, second) if math.isfinite(one.misses_error))
-    return math.sqrt(max(apart**2 - sum(error**2 for error in noise), 0.0))
+    verdict = Sameness.UNDETERMINED
+    if not reason and not math.isfinite(reach):
+        reason = "no errors are known"
+    elif not reason and abs(step) > reach:
+        verdict = Sameness.DIFFERENT
+    elif not reason and share > SEEN:
+        # At its passage through zero a force has no per cent to speak of: newtons say it.
+        reason = f"a difference of {100.0 * share:.2g} % would go unnoticed"
+    elif not reason:
+        verdict = Sameness.SAME
+    return Difference(subject, first, second, *numbers, chance, verdict, reason)
 
 
 def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:

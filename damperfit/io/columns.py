@@ -8,7 +8,7 @@ more. Two columns of time that stand each left of channels of their own are two 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -80,15 +80,14 @@ def words_of_name(base: str) -> tuple[str, ...]:
     return tuple(word.lower() for word in _APART.split(_CAMEL.sub(" ", base)) if word)
 
 
-def _n_hits(words: Sequence[str], known: Collection[str], *, counts_letters: bool = False) -> int:
-    """Return how many words are known; a letter by itself, or beside its unit: degF is no force."""
-    counts_letters = counts_letters or len(words) == 1
-    return sum(word in known and (len(word) > 1 or counts_letters) for word in words)
-
-
 def mentions_channel(names: Iterable[str]) -> bool:
-    """Say whether any of the names could be a channel's."""
-    return any(_n_hits(words_of_name(split_name(name)[0]), _ALL_WORDS) for name in names)
+    """Say whether any of the names could be a channel's; a letter by itself may be."""
+    every = (words_of_name(split_name(name)[0]) for name in names)
+    return any(
+        word in _ALL_WORDS and (len(word) > 1 or len(words) == 1)
+        for words in every
+        for word in words
+    )
 
 
 def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -> bool:
@@ -96,7 +95,7 @@ def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -
     return options.columns.get(channel, "") != "" or bool(_candidates(channel, columns))
 
 
-def choose_channels(  # noqa: C901, PLR0912  # every channel in turn, all that is wrong said at once
+def choose_channels(  # noqa: PLR0912  # every channel in turn, all that is wrong said at once
     columns: Sequence[Column],
     options: ReadOptions,
     *,
@@ -113,11 +112,10 @@ def choose_channels(  # noqa: C901, PLR0912  # every channel in turn, all that i
     lost: list[str] = []
     problems: list[LogError] = []
     clocks = _clocks(columns, options)
+    needed = {"displacement": True, "time": needs_time, "force": options.needs_force}
     for channel in _WORDS:
         if not has_channel(channel, columns, options):
-            needs = {"time": needs_time, "force": options.needs_force}
-            if channel not in {*EXTRAS, "setting"} and needs.get(channel, True):
-                lost.append(channel)
+            lost += [channel] * needed.get(channel, False)
             continue
         try:
             index, note = clocks.get("force"), ""
@@ -173,11 +171,12 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
     candidates = []
     for i, column in enumerate(columns):
         base, unit = split_name(column.name)
-        words = words_of_name(base)
-        has_unit = _is_unit_of(column.unit or unit, channel)
-        if n_hits := _n_hits(words, _WORDS[channel], counts_letters=has_unit):
-            is_sure = column.is_clock or has_unit
-            candidates.append((not is_sure, len(words) - n_hits, i))
+        words, has_unit = words_of_name(base), _is_unit_of(column.unit or unit, channel)
+        # A letter counts by itself, or beside its unit: degF is no force.
+        counts_letters = has_unit or len(words) == 1
+        own = [w for w in words if w in _WORDS[channel] and (len(w) > 1 or counts_letters)]
+        if own:
+            candidates.append((not (column.is_clock or has_unit), len(words) - len(own), i))
     if channel == "time" and not candidates:  # times of day need no name
         return [(False, 0, i) for i, column in enumerate(columns) if column.is_clock]
     return candidates
@@ -200,37 +199,31 @@ def _column_of(
     channel: str, columns: Sequence[Column], options: ReadOptions
 ) -> tuple[int | None, str]:
     """Return the column and a note: as declared, or best by unit, then by fewest other words."""
-    declared = options.columns.get(channel, "")
+    declared, names = options.columns.get(channel, ""), [column.name for column in columns]
     if isinstance(declared, int):  # nor is 0 a column
-        if not 1 <= declared <= len(columns):
-            raise LogError(
-                f"{channel} is declared as column {declared}, but there are {len(columns)} columns",
-                code="no-column",
-            )
-        best = [declared - 1]
+        best = [declared - 1] * (1 <= declared <= len(columns))
+        text = f"{channel} is declared as column {declared}, but there are {len(columns)} columns"
     elif declared:
-        best = [i for i, column in enumerate(columns) if column.name == declared.strip()]
-        if not best:
-            hint = did_you_mean(declared, [column.name for column in columns])
-            raise LogError(
-                f"no column {visible(declared)} for {channel}; there are {_listed(columns)}.{hint}",
-                code="no-column",
-            )
+        best = [i for i, name in enumerate(names) if name == declared.strip()]
+        hint = did_you_mean(declared, names)
+        text = f"no column {visible(declared)} for {channel}; there are {_listed(columns)}.{hint}"
     else:
         ranked = _candidates(channel, columns)
-        best = [i for *rank, i in ranked if rank == [*min(ranked)[:2]]]
+        best, text = [i for *rank, i in ranked if rank == [*min(ranked)[:2]]], ""
+    if not best:
+        raise LogError(text, code="no-column")
     first, label = columns[best[0]], _label(best[0], columns[best[0]])
     if len(best) > 1:
-        names = " or ".join(_label(i, columns[i]) for i in best)
-        problem = f"{channel} could be column {names}; declare which in rig.columns"
-        if len({columns[i].name for i in best}) == 1:
+        labels = " or ".join(_label(i, columns[i]) for i in best)
+        problem = f"{channel} could be column {labels}; declare which in rig.columns"
+        if len({names[i] for i in best}) == 1:
             numbers = " and ".join(str(i + 1) for i in best)
             problem = (
                 f"columns {numbers} are both named {visible(first.name)}; declare the number of "
                 f"the one that is the {channel} in rig.columns"
             )
         elif channel in EXTRAS:
-            return None, f"{channel}: left out; it could be column {names}: declare which"
+            return None, f"{channel}: left out; it could be column {labels}: declare which"
         raise LogError(problem, code="unclear-column")
     if declared != "":
         return best[0], f"{channel}: column {label}, as declared"

@@ -18,10 +18,8 @@ import os
 import re
 import stat
 import zlib
-from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, NamedTuple
 
 from damperfit.errors import LogError
@@ -30,7 +28,6 @@ if TYPE_CHECKING:
     from io import FileIO
 
 MAX_TEXT = 100_000_000  # bytes of a file that is no log
-_HASHED_BESIDE = 4_000_000  # bytes; below it, starting a thread costs more than it saves
 _PIECE = 1 << 20  # bytes unpacked at a time
 _GZIP = b"\x1f\x8b"
 _UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
@@ -46,12 +43,7 @@ class Source(NamedTuple):
     name: str  # for messages
     path: str  # as given
     data: bytes
-    hashed: Callable[[], str]  # waits until it is known
-
-    @property
-    def sha256(self) -> str:
-        """SHA-256 of the file's bytes, hexadecimal."""
-        return self.hashed()
+    sha256: str  # of the file's bytes, hexadecimal
 
 
 class IrregularFileError(OSError):
@@ -110,72 +102,45 @@ def _read_up_to(file: FileIO, n_bytes: int) -> bytes:
 
 def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     """Return a regular file's bytes."""
-    shown = _one_line(os.fsencode(path).decode("utf-8", "backslashreplace"))
+    given = os.fsencode(path).decode("utf-8", "backslashreplace")
+    shown, code = _one_line(given), "unreadable"
     try:
         with open_regular(path) as file:
-            data = _content(file, shown, max_bytes)
+            before = os.fstat(file.fileno())
+            # A file that says it is empty may not be (/proc); one byte more shows one that grows.
+            data = _read_up_to(file, min(before.st_size, max_bytes) + 1)
+            after = os.fstat(file.fileno())
     except FileNotFoundError as error:
         text = "no such file"
         if Path(path).is_symlink():
             there = _one_line(str(Path(path).readlink()))
             text = f"a link to {there}, which is not there; link it again, or remove it"
-        raise LogError(text, subject=shown, code="unreadable") from error
+        raise LogError(text, subject=shown, code=code) from error
     except IsADirectoryError as error:
-        raise LogError(
-            "is a folder; name the logs in it", subject=shown, code="unreadable"
-        ) from error
+        raise LogError("is a folder; name the logs in it", subject=shown, code=code) from error
     except IrregularFileError as error:
-        raise LogError(
-            f"{error.strerror}; give a file on disk", subject=shown, code="unreadable"
-        ) from error
+        text = f"{error.strerror}; give a file on disk"
+        raise LogError(text, subject=shown, code=code) from error
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise LogError(f"file unreadable: {reason}", subject=shown, code="unreadable") from error
-    return Source(Path(shown).name or shown, shown, data, _hashed(data))
-
-
-def _hashed(data: bytes) -> Callable[[], str]:
-    """Hash a large log in a thread, as that takes a good part of the time of parsing it."""
-    digest = hashlib.sha256()
-    if len(data) < _HASHED_BESIDE:
-        digest.update(data)
-        return digest.hexdigest
-    thread = Thread(target=digest.update, args=(data,), name="damperfit hash")
-    thread.start()
-
-    def wait() -> str:
-        thread.join()
-        return digest.hexdigest()
-
-    return wait
+        text = f"file unreadable: {getattr(error, 'strerror', None) or error}"
+        raise LogError(text, subject=shown, code=code) from error
+    is_same = (before.st_size, before.st_mtime_ns) == (after.st_size, after.st_mtime_ns)
+    text = ""
+    if before.st_size > max_bytes:
+        text = f"{before.st_size} bytes, more than the limit of {max_bytes} (rig.max_log_bytes)"
+        code = "too-large"
+    elif len(data) != before.st_size or not is_same:
+        text = "file changed during read; wait until the rig has written it"
+    elif not data:
+        text, code = "empty file (0 bytes)", "no-data"
+    if text:
+        raise LogError(text, subject=shown, code=code)
+    return Source(Path(shown).name or shown, shown, data, hashlib.sha256(data).hexdigest())
 
 
 def _one_line(text: str) -> str:
     """Return a path as it can stand in a message: control characters escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
-def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
-    before = os.fstat(file.fileno())
-    if before.st_size > max_bytes:
-        raise LogError(
-            f"{before.st_size} bytes, more than the limit of {max_bytes} (rig.max_log_bytes)",
-            subject=shown,
-            code="too-large",
-        )
-    # A file that says it is empty may not be (/proc); one byte more shows a file that grows.
-    data = _read_up_to(file, min(before.st_size, max_bytes) + 1)
-    after = os.fstat(file.fileno())
-    is_same = (before.st_size, before.st_mtime_ns) == (after.st_size, after.st_mtime_ns)
-    if len(data) != before.st_size or not is_same:
-        raise LogError(
-            "file changed during read; wait until the rig has written it",
-            subject=shown,
-            code="unreadable",
-        )
-    if not data:
-        raise LogError("empty file (0 bytes)", subject=shown, code="no-data")
-    return data
 
 
 def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
@@ -224,33 +189,29 @@ def is_json(data: bytes) -> bool:
 def to_utf8(
     data: bytes, *, encoding: str = "", allows_nul: bool = False
 ) -> tuple[bytes, tuple[str, ...]]:
-    """Return text as UTF-8 without byte order mark, and notes.
-
-    With ``allows_nul``, NUL bytes become question marks.
-    """
+    """Return text as UTF-8 without byte order mark, and notes; allowed NULs as question marks."""
     notes: tuple[str, ...] = ()
-    if encoding:
-        data = _decoded(data, encoding)
-        notes = (f"encoding: {encoding}, as declared",)
-    if data[:2] in _UTF16:
-        encoding = _UTF16[data[:2]]
-        data = _decoded(data[2:], encoding)
-        notes = (f"encoding: {encoding.upper()}",)
+    if name := encoding or _UTF16.get(data[:2], ""):
+        notes = (f"encoding: {name}, as declared" if encoding else f"encoding: {name.upper()}",)
+        try:
+            data = data[0 if encoding else 2 :].decode(name).encode("utf-8")
+        except UnicodeError as error:
+            raise LogError(f"is not valid {name.upper()}", code="not-text") from error
     data = data.removeprefix(codecs.BOM_UTF8)
     start = data[:200].lstrip().lower()
+    text, code = "", "unknown-format"
     if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
-        raise LogError(
-            "this is HTML, a web page, not a log; download the log again",
-            code="unknown-format",
-        )
-    if start.startswith(b"<?xml"):
-        raise LogError("this is XML; export the log as delimited text", code="unknown-format")
-    if allows_nul:
+        text = "this is HTML, a web page, not a log; download the log again"
+    elif start.startswith(b"<?xml"):
+        text = "this is XML; export the log as delimited text"
+    elif allows_nul:
         data = data.replace(b"\0", b"?")  # no number, so its row is dropped
-    elif (offset := data.find(b"\0")) >= 0:
-        _refuse_nul(data, offset)
-    if _CONTROL.search(data, 0, _HEAD):
-        raise LogError("binary data in no known format", code="unknown-format")
+    elif b"\0" in data:
+        raise _nul(data)
+    if not text and _CONTROL.search(data, 0, _HEAD):
+        text = "binary data in no known format"
+    if text:
+        raise LogError(text, code=code)
     if not data.isascii():
         try:
             data.decode("utf-8")
@@ -260,25 +221,16 @@ def to_utf8(
     return data, notes
 
 
-def _decoded(data: bytes, encoding: str) -> bytes:
-    try:
-        return data.decode(encoding).encode("utf-8")
-    except UnicodeError as error:
-        raise LogError(f"is not valid {encoding.upper()}", code="not-text") from error
-
-
-def _refuse_nul(data: bytes, offset: int) -> None:
-    head = data[:64]
-    line = data.count(b"\n", 0, offset) + 1
-    place, text = f", line {line}", f"NUL byte at byte offset {offset}; the file is damaged"
+def _nul(data: bytes) -> LogError:
+    head, at = data[:64], data.find(b"\0")
+    place, text = "", "looks like UTF-16 without a byte order mark; save the log as UTF-8"
     if not data.strip(b"\0"):
-        place, text = (
-            "",
-            (
-                f"{len(data)} bytes, all of them NUL; the log was never written to the disk: "
-                "copy it again from the rig"
-            ),
+        text = (
+            f"{len(data)} bytes, all of them NUL; the log was never written to the disk: "
+            "copy it again from the rig"
         )
-    elif len(head) >= 8 and (not any(head[1::2]) or not any(head[::2])):
-        place, text = "", "looks like UTF-16 without a byte order mark; save the log as UTF-8"
-    raise LogError(text, subject=place, code="unreadable")
+    elif len(head) < 8 or (any(head[1::2]) and any(head[::2])):
+        n_above = data.count(b"\n", 0, at)
+        place = f", line {n_above + 1}"
+        text = f"NUL byte at byte offset {at}; the file is damaged"
+    return LogError(text, subject=place, code="unreadable")

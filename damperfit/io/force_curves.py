@@ -54,27 +54,15 @@ _STIFFER = 1.1  # times the other stroke's force; below, the two are alike
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceCurve:
-    """Force over speed as measured, without time.
+    """Force over speed as measured, without time."""
 
-    Attributes
-    ----------
-    name, path, sha256 : str
-        File, path as given, hash of its bytes.
-    label : str
-        What the file calls the setting or curve, else the file's name.
-    velocity, force : numpy.ndarray
-        Shape (n,); m/s and N, positive in rebound; in the order of the file.
-    notes : tuple of str
-        What was assumed.
-    """
-
-    name: str
-    path: str
-    sha256: str
-    label: str
-    velocity: FloatArray
-    force: FloatArray
-    notes: tuple[str, ...] = ()
+    name: str  # of its file
+    path: str  # as given
+    sha256: str  # of the file's bytes
+    label: str  # what the file calls the setting or curve, else the file's name
+    velocity: FloatArray  # shape (n,), m/s, positive in rebound, in the order of the file
+    force: FloatArray  # likewise, N
+    notes: tuple[str, ...] = ()  # what was assumed
 
     def points(self, stroke: str) -> tuple[FloatArray, FloatArray]:
         """Return the speeds (positive) and forces of "rebound" or "bump", in the file's order."""
@@ -84,22 +72,22 @@ class ForceCurve:
 
     def force_at(self, speed: float, stroke: str) -> float:
         """Return the force between measured speeds, N; NaN beyond them. Of a loop the mean."""
-        return float(np.mean([_between(*branch, speed) for branch in self._branches(stroke)]))
+        return float(np.mean(self._at(speed, stroke)))
 
     def hysteresis_at(self, speed: float, stroke: str) -> float:
         """Return the opening less the closing force of a loop, N; NaN of points."""
-        opening, *closing = (_between(*branch, speed) for branch in self._branches(stroke))
+        opening, *closing = self._at(speed, stroke)
         return opening - closing[0] if closing else np.nan
 
-    def _branches(self, stroke: str) -> list[tuple[FloatArray, FloatArray]]:
-        """Return the points, or the opening and the closing branch of a loop."""
-        speed, force = self.points(stroke)
-        if len(speed) < _LOOP:
-            return [(speed, force)]
-        is_rising = np.gradient(speed) >= 0.0
-        branches = [(speed[side], force[side]) for side in (is_rising, ~is_rising)]
-        is_loop = min(len(branch[0]) for branch in branches) > _LOOP // 10
-        return branches if is_loop else [(speed, force)]
+    def _at(self, speed: float, stroke: str) -> list[float]:
+        """Return the force of the points, or of the opening and the closing branch of a loop."""
+        speeds, forces = self.points(stroke)
+        if len(speeds) >= _LOOP:
+            is_rising = np.gradient(speeds) >= 0.0
+            sides = (is_rising, ~is_rising)
+            if min(map(np.count_nonzero, sides)) > _LOOP // 10:
+                return [_between(speeds[side], forces[side], speed) for side in sides]
+        return [_between(speeds, forces, speed)]
 
     def describe(self) -> dict[str, Any]:
         """Return the curve as JSON values."""
@@ -159,10 +147,8 @@ def make_curves(
         )
     curves = [curve for table in tables for curve in _table_curves(table, source, options, notes)]
     if len(curves) > _MAX_CURVES:
-        raise LogError(
-            f"{len(curves)} curves, more than the limit of {_MAX_CURVES}",
-            code="too-large",
-        )
+        text = f"{len(curves)} curves, more than the limit of {_MAX_CURVES}"
+        raise LogError(text, code="too-large")
     if not curves:
         raise LogError("no speed with a force beside it", code="no-data")
     return tuple(curves)
@@ -174,18 +160,17 @@ def _headings(columns: Sequence[Column], options: ReadOptions) -> list[_Heading]
     for i, column in enumerate(columns):
         label, rest = _parted(column.name)
         base, unit = _split(rest)
-        words = set(words_of_name(base))
-        unit = column.unit or unit
+        words, unit = set(words_of_name(base)), column.unit or unit
         stroke = next((one for one, known in _STROKES.items() if words & known), "")
         kind = "force" if words & _FORCE or stroke or is_unit(unit, "force") else ""
         if words & _SPEED or is_unit(unit, "velocity"):
             kind = "speed"
         if len(words) == 1 and words <= _SETTING:
             stroke, kind = "", "setting"
-        for channel, other in (("velocity", "speed"), ("force", "force"), ("setting", "setting")):
+        for channel in ("velocity", "force", "setting"):
             declared = options.columns.get(channel, "")
             if declared != "" and declared in (i + 1, column.name):
-                kind = other
+                kind = "speed" if channel == "velocity" else channel
         headings.append(_Heading(label, stroke, kind))
     return headings
 
@@ -245,52 +230,44 @@ def _table_curves(
     columns = table.columns
     headings = _headings(columns, options)
     pairs = _pairs(columns, headings)
-    used = sorted({index for pair in pairs for index in (pair.speed, pair.force)})
-    if not used:
-        return []
     units = _units(pairs, columns, options)
-    keys = {i: f"column {i + 1}, {visible(columns[i].name)}" for i in used}
+    if not units:
+        return []
+    keys = {i: f"column {i + 1}, {visible(columns[i].name)}" for i in sorted(units)}
     wanted = {key: i for i, key in keys.items()}
     if setting := [i for i, heading in enumerate(headings) if heading.kind == "setting"]:
         wanted["setting"] = setting[0]
     samples = table.load(wanted)
     values = {i: units[i].to_si(samples.channels[key]) for i, key in keys.items()}
-    rows = {"": np.ones(len(values[used[0]]), dtype=np.bool_)}
+    rows = {"": np.ones(len(values[pairs[0].speed]), dtype=np.bool_)}
     if setting:
         settings = samples.channels["setting"]
         rows = {f"{value:.15g}": settings == value for value in dict.fromkeys(settings.tolist())}
-    curves: dict[str, list[tuple[str, FloatArray, FloatArray]]] = {}
+    curves: dict[str, list[tuple[FloatArray, FloatArray, str]]] = {}
     for part, is_in in rows.items():
         for pair in pairs:
             speed, force = values[pair.speed][is_in], values[pair.force][is_in]
             alone = np.flatnonzero(np.isnan(speed) & ~np.isnan(force))
             if len(alone):
                 at = samples.place(int(np.flatnonzero(is_in)[alone[0]]))
-                raise LogError(
-                    f"{keys[pair.force]}: a force without a speed",
-                    subject=f", {at}",
-                    code="bad-row",
-                )
+                text = f"{keys[pair.force]}: a force without a speed"
+                raise LogError(text, subject=f", {at}", code="bad-row")
             is_there = ~np.isnan(force)
             label = " ".join(text for text in (pair.label, part) if text)
-            curves.setdefault(label, []).append((pair.stroke, speed[is_there], force[is_there]))
+            signed = _signed(pair.stroke, speed[is_there], force[is_there], options)
+            curves.setdefault(label, []).append(signed)
     made = []
     for label, parts in curves.items():
-        signed = [_signed(*part, options) for part in parts]
-        velocity, force = (np.concatenate([part[k] for part in signed]) for k in (0, 1))
+        velocity, force = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
         if not np.isfinite(force).all() or not np.isfinite(velocity).all():
             raise LogError(f"a speed or force {label} is infinite", code="bad-row")
         if not len(force):
             what = visible(label) if label else "the curve"
             raise LogError(f"no points of {what}", code="no-data")
         called = label or table.metadata.get("setting") or source.name
-        signs = dict.fromkeys(note for *_, note in signed if note)
-        every = (*notes, *table.notes, *signs)
-        made.append(
-            ForceCurve(
-                source.name, source.path, source.sha256, called, velocity, force, notes=every
-            )
-        )
+        every = (*notes, *table.notes, *dict.fromkeys(note for *_, note in parts if note))
+        whose = (source.name, source.path, source.sha256)
+        made.append(ForceCurve(*whose, called, velocity, force, every))
     return made
 
 
@@ -330,37 +307,32 @@ def _signed(
         is_turned = bool(len(force)) and sign * median(force) < 0.0
         note = f"{stroke}: forces reversed, as they are of the other sign" if is_turned else ""
         return sign * np.abs(speed), -force if is_turned else force, note
-    if options.reverse_displacement is True:
-        speed = -speed
-    if options.reverse_force is True:
-        force = -force
-    if speed.min(initial=0.0) < 0.0 < speed.max(initial=0.0):
-        if float(np.mean(speed * force)) < 0.0:
-            raise LogError(
-                "forces are positive where speeds are negative; declare which counts "
-                "positive in bump: rig.reverse_force or rig.reverse_displacement = true",
-                code="unclear-sign",
-            )
-        return speed, force, _doubted("rebound: where speeds are positive, as logged", speed, force)
-    if force.min(initial=0.0) < 0.0 < force.max(initial=0.0):
-        return np.copysign(speed, force), force, "rebound: where forces are positive, as logged"
-    raise LogError(
-        "all speeds and forces are of one sign, which leaves open which is rebound; name "
-        "the column of the force rebound or bump",
-        code="unclear-sign",
-    )
-
-
-def _doubted(note: str, speed: FloatArray, force: FloatArray) -> str:
-    """Return the note, and a question where the stroke that is read as bump is the stiffer one."""
+    speed = -speed if options.reverse_displacement is True else speed
+    force = -force if options.reverse_force is True else force
+    if not speed.min(initial=0.0) < 0.0 < speed.max(initial=0.0):
+        if force.min(initial=0.0) < 0.0 < force.max(initial=0.0):
+            note = "rebound: where forces are positive, as logged"
+            return np.copysign(speed, force), force, note
+        text = (
+            "all speeds and forces are of one sign, which leaves open which is rebound; name "
+            "the column of the force rebound or bump"
+        )
+        raise LogError(text, code="unclear-sign")
+    if float(np.mean(speed * force)) < 0.0:
+        text = (
+            "forces are positive where speeds are negative; declare which counts "
+            "positive in bump: rig.reverse_force or rig.reverse_displacement = true"
+        )
+        raise LogError(text, code="unclear-sign")
+    note = "rebound: where speeds are positive, as logged"
     sides = [(np.abs(speed[side]), np.abs(force[side])) for side in (speed > 0.0, speed < 0.0)]
     (rebound, _), (bump, _) = sides
     shared = rebound[(rebound >= bump.min()) & (rebound <= bump.max())]
     forces = [[_between(*side, float(v)) for v in shared] for side in sides]
-    if len(shared) < 2 or not np.all(_STIFFER * np.array(forces[0]) < np.array(forces[1])):
-        return note
-    return (
-        f"{note}, although the other side is the stiffer one at every speed, which on most dampers "
-        "is rebound; if compression is positive, declare rig.reverse_force and "
-        "rig.reverse_displacement = true"
-    )
+    if len(shared) > 1 and np.all(_STIFFER * np.array(forces[0]) < np.array(forces[1])):
+        note += (
+            ", although the other side is the stiffer one at every speed, which on most dampers "
+            "is rebound; if compression is positive, declare rig.reverse_force and "
+            "rig.reverse_displacement = true"
+        )
+    return speed, force, note

@@ -60,26 +60,14 @@ def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, 
 
 @dataclass(frozen=True, slots=True)
 class TestRow:
-    """What a table says of one log.
-
-    Attributes
-    ----------
-    line : int
-        Of the table, from 1.
-    places : mapping of str to Place
-        Where adjusters stand; an empty cell says nothing.
-    identity : Identity
-        Whose it is.
-    facts : mapping of str to float
-        What it was tested at, SI, temperature in degrees Celsius: a name of `FACTS`.
-    """
+    """What a table says of one log."""
 
     __test__ = False  # no test of pytest's
 
-    line: int
-    places: Mapping[str, Place] = field(default_factory=dict)
-    identity: Identity = Identity()
-    facts: Mapping[str, float] = field(default_factory=dict)
+    line: int  # of the table, from 1
+    places: Mapping[str, Place] = field(default_factory=dict)  # of adjusters; empty cells say none
+    identity: Identity = Identity()  # whose it is
+    facts: Mapping[str, float] = field(default_factory=dict)  # by name of `FACTS`, SI, degC
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,65 +93,69 @@ def is_tests_table(path: Path) -> bool:
     return bool(first) and _file_column(_fields(first[0], _separator(first[0]))) is not None
 
 
-def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
+def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:  # noqa: C901, PLR0912 - by row
     """Read a table of tests of a damper with these adjusters."""
+
+    def refused(text: str, line: int = 0, code: str = "bad-table-of-tests") -> ConfigurationError:
+        where = FilePlace(str(path), line) if line else None
+        return ConfigurationError(text, where=where, subject="" if line else path, code=code)
+
     try:
         lines = _text(read_bytes(path, max_bytes=_MAX_BYTES)).splitlines()
     except (OSError, ValueError) as error:
         reason = f"cannot be read: {getattr(error, 'strerror', None) or error}"
         if isinstance(error, IrregularFileError):
             reason = f"{error.strerror}; this is not a table of tests"
-        raise ConfigurationError(reason, subject=path, code="bad-table-of-tests") from error
-    head = next((k for k, line in enumerate(lines) if line.strip()), None)
-    if head is None:
-        text = "is empty; expected a line of names, as in 'file,setting'"
-        raise ConfigurationError(text, subject=path, code="bad-table-of-tests")
-    separator = _separator(lines[head])
-    names = _fields(lines[head], separator)
+        raise refused(reason) from error
+    head = next((k for k, line in enumerate(lines, start=1) if line.strip()), 0)
+    if not head:
+        raise refused("is empty; expected a line of names, as in 'file,setting'")
+    separator = _separator(lines[head - 1])
+    names = _fields(lines[head - 1], separator)
     at = _file_column(names)
-    where = FilePlace(str(path), head + 1)
     if at is None:
-        raise ConfigurationError(
+        text = (
             f"no column 'file'; found {', '.join(names[:10])}; name the one that holds the names "
-            "of the logs 'file'",
-            where=where,
-            code="no-column",
+            "of the logs 'file'"
         )
+        raise refused(text, head, "no-column")
     if doubled := [name for name in names if name and names.count(name) > 1]:
-        raise ConfigurationError(
-            f"two columns are named '{doubled[0]}'", where=where, code="given-twice"
-        )
+        raise refused(f"two columns are named '{doubled[0]}'", head, "given-twice")
     rows: dict[str, TestRow] = {}
-    for k, line in enumerate(lines[head + 1 :], start=head + 2):
-        cells, where = _fields(line, separator), FilePlace(str(path), k)
+    for k, line in enumerate(lines[head:], start=head + 1):
+        cells = _fields(line, separator)
         if not any(cells):
             continue
         if len(cells) > len(names):
-            raise ConfigurationError(
-                f"{len(cells)} fields, but {len(names)} names in line {head + 1}; put a text "
-                "that holds the separator in quotes",
-                where=where,
-                code="bad-row",
+            text = (
+                f"{len(cells)} fields, but {len(names)} names in line {head}; put a text "
+                "that holds the separator in quotes"
             )
+            raise refused(text, k, "bad-row")
         filled = {name: cell for name, cell in zip(names, cells, strict=False) if name and cell}
         file = filled.pop(names[at], "").replace("\\", "/").removeprefix("./")
         if not file:
-            raise ConfigurationError(
-                f"no file name in column '{names[at]}'", where=where, code="bad-table-of-tests"
-            )
-        row = _row(filled, adjusters, where)
+            raise refused(f"no file name in column '{names[at]}'", k)
+        try:
+            row = _row(filled, adjusters, k)
+        except ValueError as error:
+            raise refused(str(error), k) from error.__cause__
         before = rows.setdefault(file, row)
         if (before.places, before.identity, before.facts) != (row.places, row.identity, row.facts):
-            raise ConfigurationError(
-                f"'{file}' is in line {before.line} too, with other values; leave one of the two "
-                "out",
-                where=where,
-                code="bad-table-of-tests",
-            )
-    return TestsTable(path, rows, tuple(_misspelt(names, adjusters, path)))
+            text = f"'{file}' is in line {before.line} too, with other values; leave one of the two"
+            raise refused(f"{text} out", k)
+    # Columns that are nearly those of an adjuster or of the damper are not taken so.
+    known = (*adjusters, *IDENTITY_KEYS, *(name for name in FACTS if len(name) > _SHORT))
+    notes = []
+    for name in names:
+        is_known = name.casefold() in known or _file_column([name]) is not None
+        hint = did_you_mean(name.casefold(), known)
+        if hint and not is_known and not identity_in({name: "x"}).describe():
+            notes.append(f"{path}: column '{name}' is kept as a remark.{hint}")
+    return TestsTable(path, rows, tuple(notes))
 
 
-def _row(filled: dict[str, str], adjusters: Sequence[str], where: FilePlace) -> TestRow:
+def _row(filled: dict[str, str], adjusters: Sequence[str], line: int) -> TestRow:
     places: dict[str, Place] = {}
     facts: dict[str, float] = {}
     others = {}
@@ -179,24 +171,10 @@ def _row(filled: dict[str, str], adjusters: Sequence[str], where: FilePlace) -> 
             else:
                 others[name] = cell
         except ValueError as error:
-            raise ConfigurationError(
-                f"{name}: found '{cell}', {error}", where=where, code="bad-table-of-tests"
-            ) from error
+            raise ValueError(f"{name}: found '{cell}', {error}") from error
     known = identity_in(others).describe()
     more = tuple((name, cell) for name, cell in others.items() if cell not in known.values())
-    return TestRow(where.line, places, Identity(**known, more=more), facts)
-
-
-def _misspelt(names: Sequence[str], adjusters: Sequence[str], path: Path) -> list[str]:
-    """Say which columns are nearly those of an adjuster or of the damper, and are not taken so."""
-    known = (*adjusters, *IDENTITY_KEYS, *(name for name in FACTS if len(name) > _SHORT))
-    notes = []
-    for name in names:
-        is_known = name.casefold() in known or _file_column([name]) is not None
-        hint = did_you_mean(name.casefold(), known)
-        if hint and not is_known and not identity_in({name: "x"}).describe():
-            notes.append(f"{path}: column '{name}' is kept as a remark.{hint}")
-    return notes
+    return TestRow(line, places, Identity(**known, more=more), facts)
 
 
 def _file_column(names: Sequence[str]) -> int | None:

@@ -22,6 +22,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -110,15 +111,31 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if n_lines := options.skip_lines:
         ends = [end for _, end in zip(range(n_lines), _LINE_END.finditer(data), strict=False)]
         if len(ends) < n_lines:
-            raise LogError(
-                f"fewer lines than the {n_lines} to skip (skip_lines)",
-                code="wrong-value",
-            )
+            text = f"fewer lines than the {n_lines} to skip (skip_lines)"
+            raise LogError(text, code="wrong-value")
         data = data[ends[-1].end() :]
         notes = (*notes, f"{n_lines} lines skipped, as declared")
+    decimal = ""
     if header := _MTS793.match(data):
+        decimal = header["decimal"].decode()
         notes = (*notes, f"MTS 793 export, language {header['language'].decode()}")
-    blocks = _blocks(data, n_lines + 1, header["decimal"].decode() if header else "")
+    has_blocks = data.find(b"Data Acquisition", 0, _MAX_PREAMBLE) >= 0
+    starts = list(_BLOCK.finditer(data)) if has_blocks else []
+    blocks = [] if starts else [_Block(data, n_lines + 1, decimal)]
+    above = data[: starts[0].start()] if starts else b""
+    preamble = tuple(above[:_MAX_PREAMBLE].decode("utf-8", "replace").splitlines())
+    line = n_lines + 1 + len(_LINE_END.findall(above))
+    stops = [begin.start() for begin in starts[1:]] + [len(data)]
+    for begin, stop in zip(starts, stops, strict=False):
+        piece = data[begin.end() : stop]
+        line += 1
+        title = begin[0].decode("utf-8", "replace").strip().replace("\t", " ")
+        if piece.strip():
+            blocks.append(_Block(piece, line, decimal, title, preamble))
+        line += len(_LINE_END.findall(piece))
+    if not blocks:
+        text = f"no data rows after 'Data Acquisition' in line {line - 1}"
+        raise LogError(text, code="no-data")
     empty = [block for block in blocks if block.title and not _DATA.search(block.data)]
     if 0 < len(empty) < len(blocks):
         others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
@@ -126,32 +143,6 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         blocks = [block for block in blocks if block not in empty]
     tables = tuple(_table(block, source.name, notes, options) for block in blocks)
     return _with_time_of_titles(tables, options)
-
-
-def _blocks(data: bytes, first_line: int, decimal: str) -> list[_Block]:
-    """Return the whole text, or the pieces that MTS heads with "Data Acquisition"."""
-    has_blocks = data.find(b"Data Acquisition", 0, _MAX_PREAMBLE) >= 0
-    starts = list(_BLOCK.finditer(data)) if has_blocks else []
-    if not starts:
-        return [_Block(data, first_line, decimal)]
-    blocks = []
-    above = data[: starts[0].start()]
-    preamble = tuple(above[:_MAX_PREAMBLE].decode("utf-8", "replace").splitlines())
-    line = first_line + len(_LINE_END.findall(above))
-    ends = [begin.start() for begin in starts[1:]] + [len(data)]
-    for begin, end in zip(starts, ends, strict=True):
-        piece = data[begin.end() : end]
-        line += 1
-        title = begin[0].decode("utf-8", "replace").strip().replace("\t", " ")
-        if piece.strip():
-            blocks.append(_Block(piece, line, decimal, title, preamble))
-        line += len(_LINE_END.findall(piece))
-    if not blocks:
-        raise LogError(
-            f"no data rows after 'Data Acquisition' in line {line - 1}",
-            code="no-data",
-        )
-    return blocks
 
 
 def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
@@ -192,8 +183,8 @@ def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
                 preamble = (*preamble, f"sample rate: {rate:.9g}")
         pairs = zip(columns, units, strict=False)
         heading = separator.join(f"{name} ({unit})" if unit else name for name, unit in pairs)
-        text = heading.encode() + b"\n" + rows
         line, decimal = data.count(b"\n", 0, end.end()) + 1, facts.get("Decimal_Separator", "")
+        text = heading.encode() + b"\n" + rows
         block = _Block(text, line, decimal, f"segment {k}", preamble)
         tables.append(_table(block, source.name, notes, options))
     if not tables:
@@ -212,14 +203,23 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
     has_time = any(has_channel("time", table.columns, options) for table in tables)
     if has_time or options.sample_rate > 0.0 or len(stamps) < len(tables):
         return tables
-    rate = _rate(tables, np.array([float(stamp[1].replace(",", ".")) for stamp in stamps]))
-    if rate is None:
+    first, rate, rows = tables[0], 0.0, [0]
+    is_alike = all((t.columns, t.metadata) == (first.columns, first.metadata) for t in tables)
+    with suppress(LogError):  # said with the place when the channels are read
+        rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
+    times = np.array([float(stamp[1].replace(",", ".")) for stamp in stamps])
+    # The last buffer may not be full: its step is as long as itself, or as the one before.
+    steps = np.diff(times if rows[-1] == rows[0] else times[:-1])
+    if is_alike and len(rows) >= _FEWEST and len(set(rows[:-1])) == 1 and rows[-1] <= rows[0]:
+        usual = median(steps)
+        if usual > 0.0 and np.abs(steps / usual - 1.0).max() <= _STEADY:
+            rate = rows[0] * len(steps) / float(steps.sum())
+    if not rate:
         hint = (
             "only the titles of its blocks give a time, and no steady rate; if the rate is known, "
             "declare rig.sample_rate"
         )
         return tuple(replace(table, hint=table.hint or hint) for table in tables)
-    first = tables[0]
     note = f"{len(tables)} blocks joined; time: {rate:g} Hz, by the times in their titles"
     whole = replace(
         first,
@@ -230,26 +230,6 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
         may_run_on=False,
     )
     return (whole,)
-
-
-def _rate(tables: Sequence[Table], times: FloatArray) -> float | None:
-    """Return the sample rate, Hz; None where the blocks are not known to be one record."""
-    first = tables[0]
-    is_alike = all((t.columns, t.metadata) == (first.columns, first.metadata) for t in tables)
-    if len(tables) < _FEWEST or not is_alike:
-        return None
-    try:
-        rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
-    except LogError:  # said with the place when the channels are read
-        return None
-    # The last buffer may not be full: its step is as long as itself, or as the one before.
-    steps = np.diff(times if rows[-1] == rows[0] else times[:-1])
-    if len(set(rows[:-1])) > 1 or rows[-1] > rows[0] or not len(steps):
-        return None
-    usual = median(steps)
-    if not usual > 0.0 or np.abs(steps / usual - 1.0).max() > _STEADY:
-        return None
-    return rows[0] * len(steps) / float(steps.sum())
 
 
 # The head: separator, names row, units row, first row of data.
@@ -292,18 +272,42 @@ def _fields(text: str, separator: str) -> list[str]:
     return [field.strip() for field in text.split(separator)]
 
 
-def _parted_head(block: _Block, options: ReadOptions) -> tuple[str, Sequence[_Row], int]:
+def _parted_head(  # noqa: C901 - each separator is tried on the same lines
+    block: _Block, options: ReadOptions
+) -> tuple[str, Sequence[_Row], int]:
     """Return the separator, the first lines of a text parted by it, and the first row of data."""
+    end = min(len(block.data), _HEAD_BYTES)
+
+    def filled_lines() -> Iterator[_Row]:
+        for number, match in enumerate(_LINE.finditer(block.data, 0, end), start=block.first_line):
+            if match.end() == end < len(block.data):  # it is cut
+                if not lines:
+                    text = f"longer than {_HEAD_BYTES} bytes; this is not a log"
+                    raise LogError(text, subject=f", line {number}", code="too-large")
+                return
+            if match[1].strip():
+                yield _Row(number, match.start(), match[1].decode("utf-8", "replace"))
+
     lines: list[_Row] = []
+    more_lines = filled_lines()
     for n_lines in _HEAD_LINES:
-        lines = _head(block, n_lines)
+        lines += islice(more_lines, n_lines - len(lines))
+        if not lines:
+            raise LogError("nothing but blank lines", code="no-data")
         best, best_score = None, 0.0
         asked = SEPARATORS.get(options.separator)
         for separator in _MARKS if asked is None else (asked,):
             if separator != " " and not any(separator in line.text for line in lines):
                 continue
             rows = [_parted(line, separator, options.thousands) for line in lines]
-            start = _first_data(rows)
+            start = None
+            for i, row in enumerate(rows):
+                ahead = rows[i : i + 4]
+                same = [r for r in ahead if r.is_data and len(r.fields) == len(row.fields)]
+                if row.is_data and len(same) >= min(3, len(ahead)):
+                    # Rows of numbers right above with another count are ragged, and said to be.
+                    start = next((j for j in range(i, 0, -1) if not rows[j - 1].is_data), 0)
+                    break
             if start is None:
                 continue
             # Over all lines, so that a separator that fits only some of them does not win.
@@ -314,36 +318,14 @@ def _parted_head(block: _Block, options: ReadOptions) -> tuple[str, Sequence[_Ro
                 break  # every field of every row is a number
         if best:
             return best
-    what, shown = "no rows of numbers found", lines[0]
     for row, below in zip(reversed(lines), [None, *reversed(lines)], strict=False):
         if any(row.names_by(separator) for separator in _MARKS):
             what = f"no {'rows of numbers' if below else 'data rows'} after the names in line"
             found = f"; line {below.number} is {visible(below.text)}" if below else ""
             raise LogError(f"{what} {row.number}{found}", code="no-rows")
-    text = f"{what}; line {shown.number} is {visible(shown.text)}"
+    first = lines[0]
+    text = f"no rows of numbers found; line {first.number} is {visible(first.text)}"
     raise LogError(text, code="no-rows")
-
-
-def _head(block: _Block, n_lines: int) -> list[_Row]:
-    """Return the first lines of UTF-8 text that are not blank."""
-    head: list[_Row] = []
-    end = min(len(block.data), _HEAD_BYTES)
-    for number, match in enumerate(_LINE.finditer(block.data, 0, end), start=block.first_line):
-        is_cut = match.end() == end < len(block.data)
-        if is_cut and not head:
-            raise LogError(
-                f"longer than {_HEAD_BYTES} bytes; this is not a log",
-                subject=f", line {number}",
-                code="too-large",
-            )
-        if is_cut or len(head) == n_lines:
-            break
-        text = match[1].decode("utf-8", "replace")
-        if text.strip():
-            head.append(_Row(number, match.start(), text))
-    if not head:
-        raise LogError("nothing but blank lines", code="no-data")
-    return head
 
 
 def _parted(line: _Row, separator: str, thousands: str) -> _Row:
@@ -353,20 +335,6 @@ def _parted(line: _Row, separator: str, thousands: str) -> _Row:
     values = sum(_VALUE.fullmatch(field) is not None for field in filled)
     share = 0.0 if is_comment or not filled else values / len(filled)
     return line._replace(fields=fields, share=share)
-
-
-def _first_data(rows: Sequence[_Row]) -> int | None:
-    """Return the first of the rows of data, or None.
-
-    It must be followed by rows with as many fields; rows of numbers right above it with another
-    count belong to the data too (they are ragged, and said to be so later).
-    """
-    for i, row in enumerate(rows):
-        ahead = rows[i : i + 4]
-        same = [r for r in ahead if r.is_data and len(r.fields) == len(row.fields)]
-        if row.is_data and len(same) >= min(3, len(ahead)):
-            return next((j for j in range(i, 0, -1) if not rows[j - 1].is_data), 0)
-    return None
 
 
 def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | None]:
@@ -382,13 +350,12 @@ def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | N
             break
         above -= 1
     named = [i for i in reversed(range(above, start)) if mentions_channel(rows[i].fields)]
-    # "s;V;V" may be names, but stands below them where there are others.
-    named.sort(key=lambda i: _is_units_row(rows[i].fields))
     if named:
-        names_at, below = named[0], named[0] + 1
-        if below < start and _is_units_row(rows[below].fields):
-            return below + 1, names_at, below
-        return below, names_at, None
+        # "s;V;V" may be names, but stands below them where there are others.
+        names_at = min(named, key=lambda i: _is_units_row(rows[i].fields))
+        below = names_at + 1
+        has_units = below < start and _is_units_row(rows[below].fields)
+        return (below + 1, names_at, below) if has_units else (below, names_at, None)
     if start - above > 1 and _is_units_row(rows[start - 1].fields):
         return start, start - 2, start - 1
     return start, start - 1 if start > above else None, None
@@ -523,7 +490,7 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
     like = names_line if names_line and not is_short else line
     text_rows = _Rows(
         name, rows, start, line, like, separator, decimal, len(names), n_fields, takes_full, clocks,
-        options,
+        options.thousands, options.bad_rows == "drop",
     )  # fmt: skip
     text_rows.check_quotes()
     units = units[: len(names)] or [""] * len(names)
@@ -613,15 +580,12 @@ class _Rows(NamedTuple):
     n_fields: int  # in a row; one more than names when every row ends in a separator
     takes_full: bool  # a row may have the field that the others lack
     clocks: frozenset[int]  # columns of wall-clock stamps
-    options: ReadOptions
-
-    @property
-    def drops_bad_rows(self) -> bool:
-        return self.options.bad_rows == "drop"
+    thousands: str
+    drops: bool  # rows that cannot be read, where they would else be refused
 
     def check_quotes(self) -> None:
         """Refuse a row whose quote does not close, where rows are not dropped."""
-        if self.rows.find(b'"', self.start) >= 0 and not self.drops_bad_rows:
+        if self.rows.find(b'"', self.start) >= 0 and not self.drops:
             for number, line in self.lines():
                 _check_quotes(line, f"{self.name}, line {number}")
 
@@ -642,26 +606,22 @@ class _Rows(NamedTuple):
             return Samples(columns, self.place)
         bad: list[str] = []
         pieces = []
-        for rows in [self] if self.clocks else self._pieces():
-            columns = None if rows is self else rows._fast(wanted)  # noqa: SLF001  # its own class
+        # In pieces of whole lines, as most of a large log is read fast; stamps run on.
+        start, line = self.start, self.line
+        while start < len(self.rows):
+            last = _LINE.match(self.rows, min(start + _PIECE, len(self.rows)))
+            stop = last.end() if last and not self.clocks else len(self.rows)
+            rows = self._replace(rows=self.rows[start:stop], start=0, line=line)
+            columns = None if self.clocks else rows._fast(wanted)  # noqa: SLF001  # its own class
             slow = rows._slow  # noqa: SLF001
             pieces.append(Samples(columns, rows.place) if columns else slow(wanted, bad))
+            line += len(_LINE_END.findall(rows.rows))
+            start = stop
         samples = _joined(pieces)
         if not len(next(iter(samples.channels.values()))):
             first = f"; first: {bad[0]}" if bad else ""
             raise LogError(f"no data rows{first}", code="no-data")
         return replace(samples, findings=rows_dropped(len(bad), bad[0] if bad else ""))
-
-    def _pieces(self) -> Iterator[_Rows]:
-        """Yield the rows in pieces of whole lines, as most of a large log is read fast."""
-        start, line = self.start, self.line
-        while start < len(self.rows):
-            last = _LINE.match(self.rows, min(start + _PIECE, len(self.rows)))
-            stop = last.end() if last else len(self.rows)
-            rows = self.rows[start:stop]
-            yield self._replace(rows=rows, start=0, line=line)
-            line += len(_LINE_END.findall(rows))
-            start = stop
 
     def _slow(self, wanted: Mapping[str, int], bad: list[str]) -> Samples:
         """Read field by field; why a row was dropped goes to `bad`."""
@@ -672,7 +632,7 @@ class _Rows(NamedTuple):
                 rows.append(self._values(line, wanted, f"{self.name}, line {number}"))
                 lines.append(number)
             except LogError as error:
-                if not self.drops_bad_rows:
+                if not self.drops:
                     raise
                 bad.append(str(error) if not bad else "")
         channels = {}
@@ -714,50 +674,47 @@ class _Rows(NamedTuple):
         except (pa.ArrowException, ValueError):
             return None
         read = {channel: columns[names[index]] for channel, index in wanted.items()}
-        drops = self.drops_bad_rows
         whole = [columns[name] for name in chosen if int(name) in self.clocks]
-        whole += [values for one, values in read.items() if drops and one not in EXTRAS]
-        is_bad = any(
-            np.isnan(values).any() or (drops and not np.isfinite(values).all()) for values in whole
-        )
-        return None if is_bad else read
+        whole += [values for one, values in read.items() if self.drops and one not in EXTRAS]
+        is_known = np.isfinite if self.drops else lambda values: ~np.isnan(values)
+        return read if all(is_known(values).all() for values in whole) else None
 
     def _values(self, line: str, wanted: Mapping[str, int], where: str) -> list[float | str]:
         """Return the fields of a row; text for clocks."""
         _check_quotes(line, where)
         drop = "; repair the row, or drop such rows by rig.bad_rows = 'drop'"
-        advice = "" if self.drops_bad_rows else drop
+        advice, problem = "" if self.drops else drop, ""
         fields = _fields(line, self.separator)
         if len(fields) - self.n_fields not in (0, int(self.takes_full)):
-            raise LogError(
+            problem = (
                 f"found {_counted(len(fields), 'field')}, expected {self.n_names} fields as in "
-                f"line {self.like}{advice}",
-                subject=where,
-                code="bad-row",
+                f"line {self.like}{advice}"
             )
-        if self.n_fields > self.n_names and fields[-1]:
-            raise LogError(
+        elif self.n_fields > self.n_names and fields[-1]:
+            problem = (
                 f"found {visible(fields[-1])} after the last named column; "
-                f"expected {self.n_names} fields",
-                subject=where,
-                code="bad-row",
+                f"expected {self.n_names} fields"
             )
         values: list[float | str] = []
-        for channel, index in wanted.items():
+        for channel, index in {} if problem else wanted.items():
             shown = f"{channel} is {visible(fields[index])}, expected"
             if index not in self.clocks:
                 value = self._number(fields[index], f"{shown} a number", advice, where)
-                if self.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
-                    raise LogError(f"{shown} a finite number", subject=where, code="bad-row")
                 values.append(value)
+                if self.drops and channel not in EXTRAS and not np.isfinite(value):
+                    problem = f"{shown} a finite number"
             elif is_stamp(fields[index]):
                 values.append(fields[index])
             else:
-                raise LogError(f"{shown} a time of day", subject=where, code="bad-row")
+                problem = f"{shown} a time of day"
+            if problem:
+                break
+        if problem:
+            raise LogError(problem, subject=where, code="bad-row")
         return values
 
     def _number(self, field: str, problem: str, advice: str, where: str) -> float:
-        plain, thousands = field, self.options.thousands
+        plain, thousands = field, self.thousands
         grouped = _GROUPED.fullmatch(field)
         if grouped and grouped["mark"] == thousands:
             plain = plain.replace(thousands, "")

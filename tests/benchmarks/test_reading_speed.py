@@ -67,7 +67,7 @@ def test_unpacking_beside_zlib_alone_at_any_size() -> None:
     for megabytes in (10, 20, 40, 85):
         digits = np.random.default_rng(0).integers(48, 64, megabytes * 1_000_000, dtype=np.uint8)
         packed = gzip.compress(digits.tobytes(), 1)
-        source = Source("log.csv.gz", "log.csv.gz", packed, str)
+        source = Source("log.csv.gz", "log.csv.gz", packed, "")
         pairs = []
         for _ in range(5):
             ours, (log, _) = _cost(lambda one: unpack(one, max_bytes=10**9), source)

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from damperfit.cli.main import main
 from damperfit.comparison import Tolerance, parse_tolerance
-from damperfit.comparison.tolerance import Band
+from damperfit.comparison.comparing import Band
 from damperfit.errors import ConfigurationError
 from damperfit.fleets.page import (
     MOST_LINES,

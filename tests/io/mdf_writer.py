@@ -21,7 +21,7 @@ def written(*groups: tuple[np.ndarray, Sequence[tuple[str, str, np.ndarray]]]) -
 
 @cache
 def _asked_for(data: bytes) -> bytes:
-    source = Source("log.mf4", "log.mf4", data, str)
+    source = Source("log.mf4", "log.mf4", data, "")
     (content,) = ask_child(_WRITER, source, ReadOptions()).parts
     return content
 

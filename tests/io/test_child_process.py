@@ -30,7 +30,7 @@ def children(monkeypatch):
 
 
 def ask(data: bytes, limit: int = LIMIT, reader: ChildReader = READER) -> ChildAnswer:
-    source = Source("log.x", "log.x", data, str)
+    source = Source("log.x", "log.x", data, "")
     return ask_child(reader, source, ReadOptions(max_bytes=limit))
 
 
@@ -167,7 +167,7 @@ from damperfit.io import ReadOptions
 from damperfit.io.child_process import ChildReader, ask_child
 from damperfit.io.files import Source
 def pid():
-    source = Source("a", "a", b"log", str)
+    source = Source("a", "a", b"log", "")
     return ask_child({READER!r}, source, ReadOptions()).said["pid"]
 """
 
