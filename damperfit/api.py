@@ -410,7 +410,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     """Fit many dampers, one part each; finished ones are not fitted again."""
     given = dict(locals())
     from damperfit.answers import FleetDone
-    from damperfit.comparison import parse_bands
+    from damperfit.comparison.comparing import parse_bands
     from damperfit.fleets.run import planned, run_fleet, share_of
     from damperfit.run.identify import Watch
     from damperfit.workers import Cluster, Processes
@@ -713,7 +713,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
 ) -> Comparison:
     """Show what differs between results, and whether it is more than chance."""
     given = dict(locals())
-    from damperfit.comparison import parse_bands
+    from damperfit.comparison.comparing import parse_bands
     from damperfit.queries.compared import (
         Comparison,
         baseline_text,

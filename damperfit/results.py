@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-    from damperfit.comparison import MeasuredTest
+    from damperfit.comparison.measured import MeasuredTest
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
@@ -394,7 +394,7 @@ class Run:
     @cached_property
     def tests(self) -> tuple[MeasuredTest, ...]:
         """The mean cycles of its logs as they were measured, one a motion that repeats."""
-        from damperfit.comparison import measured_tests
+        from damperfit.comparison.measured import measured_tests
 
         facts = {str(log.get("log")): log for log in self._inputs}
         found: list[MeasuredTest] = []

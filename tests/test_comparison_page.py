@@ -7,7 +7,12 @@ import re
 import numpy as np
 import pytest
 
-from damperfit.comparison import ComparisonOptions, compare_runs, parse_tolerance, tolerated
+from damperfit.comparison.comparing import (
+    ComparisonOptions,
+    compare_runs,
+    parse_tolerance,
+    tolerated,
+)
 from damperfit.reporting.compared import comparison_markdown, difference_plots, loop_plots
 from damperfit.reporting.page import comparison_page
 from damperfit.tested.setting import Setting

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from damperfit.comparison import ComparisonOptions, compare_runs
+from damperfit.comparison.comparing import ComparisonOptions, compare_runs
 from damperfit.reporting.page import comparison_page, html_report
 from damperfit.reporting.run_figures import report_plots
 from damperfit.results import Run

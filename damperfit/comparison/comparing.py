@@ -22,19 +22,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from damperfit.adjustment.force_at import REPEATS, STROKES, force_at, named_speeds, said_offsets
 from damperfit.comparison.measured import (
     SAME_MOTION,
-    measured_readings,
-    repeat_scatter,
-    tests_at,
-    zero_shift,
-)
-from damperfit.comparison.verdict import (
     Difference,
     Reading,
     Sameness,
     Topic,
     compared,
+    measured_readings,
     outcome_of,
+    repeat_scatter,
     surely_different,
+    tests_at,
+    zero_shift,
 )
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification import Status
@@ -599,11 +597,12 @@ def circumstances(  # noqa: C901, PLR0912, PLR0915 - one thing after the other
             sentence = f"{of_settings(own)} only in {run.name}: not compared"
             a, b = map(listed_settings, alone)
             differences.append(Circumstance("settings", a, b, sentence))
-    models = (first.damper, second.damper)
-    if not is_bare and models[0].name != models[1].name:
+    # Of measured curves the damper need not be known.
+    models = [] if is_bare else [run.damper for run in runs]
+    if models and models[0].name != models[1].name:
         more = ": only forces are compared, not parameters"
         differs("model", "model", models[0].name, models[1].name, more)
-    elif not is_bare:
+    elif models:
         names = [", ".join(model.names) for model in models]
         if names[0] != names[1]:
             sentence = "the models have different quantities: those with the same name are compared"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from damperfit.comparison import Point
+from damperfit.comparison.comparing import Point
 from damperfit.errors import ConfigurationError
 from damperfit.fleets.parts import SERIAL, SYMBOL
 from damperfit.problem import Option
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
-    from damperfit.comparison import Tolerance
+    from damperfit.comparison.comparing import Tolerance
     from damperfit.reporting.sheet import Sheet
 
     FloatArray = NDArray[np.float64]

@@ -14,14 +14,8 @@ import numpy as np
 
 from damperfit import __version__
 from damperfit.adjustment.force_at import STROKES, Sine
-from damperfit.comparison import (
-    ComparisonOptions,
-    MeasuredTest,
-    bands_met,
-    compare_runs,
-    measured_tests,
-    tolerated,
-)
+from damperfit.comparison.comparing import ComparisonOptions, bands_met, compare_runs, tolerated
+from damperfit.comparison.measured import MeasuredTest, measured_tests
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, TimelessError
 from damperfit.io import read_curves
@@ -57,7 +51,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-    from damperfit.comparison import Point, RunComparison, Tolerance
+    from damperfit.comparison.comparing import Point, RunComparison, Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.io.force_curves import ForceCurve
     from damperfit.problem import Failure

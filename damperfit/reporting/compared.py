@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from damperfit.adjustment.force_at import STROKE_WORDS
-from damperfit.comparison import Sameness, common_tests, verdict_of
+from damperfit.comparison.measured import Sameness, common_tests, verdict_of
 from damperfit.reporting.figures import (
     RUN_COLOURS,
     Line,
@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.comparison import Difference, MeasuredTest, Point, RunComparison
+    from damperfit.comparison.comparing import Point, RunComparison
+    from damperfit.comparison.measured import Difference, MeasuredTest
     from damperfit.results import Run
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.comparison import Point, RunComparison
+    from damperfit.comparison.comparing import Point, RunComparison
     from damperfit.reporting.figures import Line, Plot
     from damperfit.reporting.run_figures import LogView, ReportPlots
     from damperfit.units.shown_units import ShownUnits

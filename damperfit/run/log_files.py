@@ -61,7 +61,9 @@ def real_path(path: str | Path) -> Path:
         return Path(path)
 
 
-def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
+def matches(  # noqa: PLR0912 - one kind after the other
+    pattern: str, *, keeps_missing: bool = False
+) -> list[Path]:
     """Return the files that a path, a pattern, a folder or ``@list.txt`` names.
 
     A folder stands for the logs in it, not below it: files with the suffix of a format that is
@@ -74,14 +76,36 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
             "'': expected a file or folder; '.' is this folder", code="empty-name"
         )
     pattern = os.path.expanduser(pattern)  # noqa: PTH111 - a Path would raise on ~nobody
-    path = Path(pattern)
+    path, subject, code = Path(pattern), pattern, "no-log"
     if _is_folder(path):
-        return _logs_in(path, keeps_missing=keeps_missing)
-    if _is_there(path):
+        try:
+            entries = sorted(path.iterdir())
+        except OSError as error:
+            why = f"cannot be read: {error.strerror or error}"
+            raise ConfigurationError(why, subject=path, code="unreadable") from error
+        logs = [
+            one
+            for one in entries
+            if one.name[0] != "." and one.name.lower().endswith(LOG_SUFFIXES)
+            if not _is_folder(one)
+        ]
+        are_own = bool(logs) and all(map(is_own_table, logs))
+        if logs and not are_own:
+            return logs
+        if keeps_missing:
+            return [] if are_own else [path]
+        subject, inside = str(path), f"{path}/*/*.csv"
+        why = (
+            "no log in this folder; expected files such as .csv, .txt, .xlsx, .mat or .tdms; for "
+            f"logs in its subfolders give {inside}"
+        )
+        if are_own:
+            why = "contains only files that damperfit wrote; give the folder with the logs"
+    elif _is_there(path):
         return [path]
-    if pattern.startswith("@"):
+    elif pattern.startswith("@"):
         return _listed(pattern, keeps_missing=keeps_missing)
-    if any(c in pattern for c in "*?["):
+    elif any(c in pattern for c in "*?["):
         hits = [Path(hit) for hit in glob.glob(pattern, recursive=True)]
         if files := [hit for hit in hits if not _is_folder(hit)]:
             return files
@@ -89,41 +113,13 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
         if hits:
             inside = f"{pattern.rstrip('/')}/*.csv"
             why = f"the pattern matches only folders; for the logs in them give {inside}"
-        raise ConfigurationError(why, subject=pattern, code="no-log")
-    if keeps_missing and pattern.strip():
+    elif keeps_missing and pattern.strip():
         return [path]
-    if pattern == "-":
-        raise ConfigurationError(
-            "-: logs are not read from a pipe; give files, or write one first", code="no-log"
-        )
-    raise ConfigurationError("no such file", subject=pattern, code="no-such-file")
-
-
-def _logs_in(folder: Path, *, keeps_missing: bool) -> list[Path]:
-    try:
-        entries = sorted(folder.iterdir())
-    except OSError as error:
-        raise ConfigurationError(
-            f"cannot be read: {error.strerror or error}", subject=folder, code="unreadable"
-        ) from error
-    logs = [
-        path
-        for path in entries
-        if path.name[0] != "." and path.name.lower().endswith(LOG_SUFFIXES)
-        if not _is_folder(path)
-    ]
-    are_own = bool(logs) and all(map(is_own_table, logs))
-    if logs and not are_own:
-        return logs
-    if keeps_missing:
-        return [] if are_own else [folder]
-    why = (
-        "no log in this folder; expected files such as .csv, .txt, .xlsx, .mat or .tdms; for "
-        f"logs in its subfolders give {folder}/*/*.csv"
-    )
-    if are_own:
-        why = "contains only files that damperfit wrote; give the folder with the logs"
-    raise ConfigurationError(why, subject=folder, code="no-log")
+    elif pattern == "-":
+        why, subject = "-: logs are not read from a pipe; give files, or write one first", ""
+    else:
+        why, code = "no such file", "no-such-file"
+    raise ConfigurationError(why, subject=subject, code=code)
 
 
 def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
@@ -131,10 +127,8 @@ def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
     try:
         lines = read_text(path).splitlines()
     except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise ConfigurationError(
-            f"the list {path} cannot be read: {why}", subject=pattern, code="no-log"
-        ) from error
+        why = f"the list {path} cannot be read: {getattr(error, 'strerror', None) or error}"
+        raise ConfigurationError(why, subject=pattern, code="no-log") from error
     paths: list[Path] = []
     for number, line in enumerate(lines, start=1):
         text = line.strip()
@@ -260,26 +254,28 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
         return
     if isinstance(logs, str | os.PathLike):
         logs = [logs]
+    text, subject, code, paths = "", "", "not-a-log", []
     if isinstance(logs, Trace | Recording) or not isinstance(logs, Iterable):
-        raise ConfigurationError(f"found {type(logs).__name__}; {_EXPECTED}", code="not-a-log")
-    if _is_frame(logs):
-        raise ConfigurationError(
-            "found a data frame without a label; give {'10': frame}, where '10' is the "
-            "setting of the adjuster",
-            code="no-setting",
+        text = f"found {type(logs).__name__}; {_EXPECTED}"
+    elif _is_frame(logs):
+        text, code = (
+            (
+                "found a data frame without a label; give {'10': frame}, where '10' is the "
+                "setting of the adjuster"
+            ),
+            "no-setting",
         )
-    paths = list(logs)
-    if not paths:
-        raise ConfigurationError(f"found no log; {_EXPECTED}", code="no-log")
+    elif not (paths := list(logs)):
+        text, code = f"found no log; {_EXPECTED}", "no-log"
     for path in paths:
         if not isinstance(path, str | os.PathLike):
-            raise ConfigurationError(
-                f"found {type(path).__name__} in a list; {_EXPECTED}",
-                subject=call,
-                code="not-a-log",
-            )
-        if path == "":  # it would be this folder
-            raise ConfigurationError(f"found ''; {_EXPECTED}", code="empty-name")
+            text, subject = f"found {type(path).__name__} in a list; {_EXPECTED}", call
+        elif path == "":  # it would be this folder
+            text, code = f"found ''; {_EXPECTED}", "empty-name"
+        if text:
+            break
+    if text:
+        raise ConfigurationError(text, subject=subject, code=code)
     yield [os.fspath(path) for path in paths]
 
 
@@ -331,24 +327,18 @@ def _frame(label: object, value: object, call: str) -> pd.DataFrame:
             subject=call,
             code="not-a-log",
         )
-    frame = value
-    if not isinstance(frame, pd.DataFrame):
-        if frame and all(np.ndim(column) == 0 for column in frame.values()):
-            raise LogError(
-                "found single numbers; give columns of one length", subject=label, code="no-data"
-            )
+    frame, text = pd.DataFrame() if isinstance(value, Mapping) else value, ""
+    if isinstance(value, Mapping) and value and all(np.ndim(c) == 0 for c in value.values()):
+        text = "found single numbers; give columns of one length"
+    elif isinstance(value, Mapping):
         try:
-            frame = pd.DataFrame(dict(frame))
+            frame = pd.DataFrame(dict(value))
         except ValueError as error:
-            raise LogError(
-                f"{error}; give columns of one length", subject=label, code="no-data"
-            ) from error
-    if not len(frame.columns):
-        raise LogError(
-            "the data frame has no columns; expected time, displacement, force",
-            subject=label,
-            code="no-data",
-        )
+            text = f"{error}; give columns of one length"
+    if not text and not len(frame.columns):
+        text = "the data frame has no columns; expected time, displacement, force"
+    if text:
+        raise LogError(text, subject=label, code="no-data")
     # Where time is the index of a frame it is a column of a log.
     if frame.index.name is not None and frame.index.name not in frame.columns:
         frame = frame.reset_index()

@@ -45,7 +45,7 @@ from damperfit.io import (
 )
 from damperfit.io.files import sha256_of
 from damperfit.io.formats import FORMATS
-from damperfit.io.labels import file_setting
+from damperfit.io.labels import LogLabel, file_setting
 from damperfit.io.options import SETTING_PATTERN
 from damperfit.io.tests_table import facts_in
 from damperfit.problem import Failure, Option, Problem, warning
@@ -235,7 +235,7 @@ class Labels:
             for name, place in listed.items()
             if name in own and own[name] != place
         ]
-        setting = self._complete({**own, **listed})
+        setting = LogLabel({**own, **listed}).setting(self.adjusters)
         if setting is None and row is None:
             setting = recording.setting
         if self.declared is not None:
@@ -264,17 +264,12 @@ class Labels:
 
     def unread(self, path: Path, configuration: Configuration) -> Setting | None:
         """Return the setting of a log that cannot be read, as it is stated from outside."""
-        if self.declared is not None:
-            return self.declared
-        options, _ = configuration.reading.for_file(path.name)
-        places: dict[str, Place] = {}
+        row, label = self.row(path), LogLabel()
         if path.name not in self.unclear:
             with suppress(LogError):
-                named = file_setting(path.name, options.setting_pattern, self.adjusters)
-                places = dict(named.places)
-        row = self.row(path)
-        stated = self._complete({**places, **(row.places if row else {})})
-        return stated or self.guess.settings.get(path.name)
+                label = _of_name(path.name, configuration)
+        stated = LogLabel(row.places if row else {}).over(label).setting(self.adjusters)
+        return self.declared or stated or self.guess.settings.get(path.name)
 
     def is_unsaid(self, path: Path) -> bool:
         """Whether a log must have a setting, and none is stated from outside."""
@@ -320,9 +315,10 @@ class Labels:
     @property
     def tables_used(self) -> tuple[str, ...]:
         """Which tables of tests were used, a sentence each."""
-        counts = [(table.path, len(table.rows)) for table in self.tables]
         return tuple(
-            f"{path}: taken as the table of tests, {n} row{'s' * (n != 1)}" for path, n in counts
+            f"{table.path}: taken as the table of tests, {n} row{'s' * (n != 1)}"
+            for table in self.tables
+            for n in (len(table.rows),)
         )
 
     def remarks(self, logs: Sequence[Log]) -> Iterator[Problem]:
@@ -342,10 +338,21 @@ class Labels:
         notes = {id(log): log.facts.get("notes", ()) for log in logs}
         if self.guess.said and any(_GUESSED in said for said in notes.values()):
             yield self.guess.said
-        yield from self._taken_as_words([log.facts.get("setting") for log in logs])
-        if self.has_pattern or len(self.adjusters) > 1:
+        if len(self.adjusters) > 1:
             return
-        for log in logs:
+        labels = [
+            str(one) for one in dict.fromkeys(log.facts.get("setting") for log in logs) if one
+        ]
+        letters = [sorted(letters_of(label)) for label in labels]
+        if len(labels) > 1 and letters[0] and all(others == letters[0] for others in letters):
+            declared = ", ".join(f'{letter} = ""' for letter in letters_of(labels[0]))
+            yield warning(
+                "settings-as-words",
+                f"settings such as '{labels[0]}' and '{labels[1]}' are taken as words, so there "
+                "are no trends and no clicks: if the numbers are clicks, declare [adjusters] "
+                f"{declared}, or longer names that begin with these letters",
+            )
+        for log in () if self.has_pattern else logs:
             name = Path(log.path).name
             if _FROM_NAME in notes[id(log)] and (number := one_of_several(name)):
                 yield warning(
@@ -356,21 +363,6 @@ class Labels:
                     pattern=Option("rig", r"s(?P<setting>\d+)", "setting_pattern"),
                 )
 
-    def _taken_as_words(self, settings: Sequence[Setting | None]) -> Iterator[Problem]:
-        """Say that labels such as "L6 H1" were taken as words, where some were."""
-        labels = [known.label for known in dict.fromkeys(settings) if known is not None]
-        letters = [sorted(letters_of(label)) for label in labels]
-        if len(self.adjusters) > 1 or len(labels) < 2 or not letters[0]:
-            return
-        if all(others == letters[0] for others in letters):
-            declared = ", ".join(f'{letter} = ""' for letter in letters_of(labels[0]))
-            yield warning(
-                "settings-as-words",
-                f"settings such as '{labels[0]}' and '{labels[1]}' are taken as words, so there "
-                "are no trends and no clicks: if the numbers are clicks, declare [adjusters] "
-                f"{declared}, or longer names that begin with these letters",
-            )
-
     def _places(self, recording: Recording) -> dict[str, Place]:
         """Return where a log says that its adjusters stand."""
         if recording.setting is not None:
@@ -378,16 +370,15 @@ class Labels:
         known = recording.metadata
         return {name: parse_place(known[name]) for name in self.adjusters if name in known}
 
-    def _complete(self, places: Mapping[str, Place]) -> Setting | None:
-        if any(name not in places for name in self.adjusters):
-            return None
-        return Setting(tuple((name, places[name]) for name in self.adjusters))
+
+def _of_name(name: str, configuration: Configuration) -> LogLabel:
+    options, _ = configuration.reading.for_file(name)
+    return file_setting(name, options.setting_pattern, options.adjusters)
 
 
 def _says(name: str, configuration: Configuration) -> bool:
-    options, _ = configuration.reading.for_file(name)
     try:
-        return bool(file_setting(name, options.setting_pattern, options.adjusters).places)
+        return bool(_of_name(name, configuration).places)
     except LogError:
         return True
 
@@ -470,16 +461,30 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside 
                 perf_counter() - begin,
                 one.sha256 or "unknown",
             )
-        if not is_inspected:
+            if is_inspected:
+                one.trace = None  # a copy of this process need not send it
+        kinds = [one.failure.kind if one.failure is not None else "" for one in found]
+        if not is_inspected or kinds != [TimelessError.__name__]:
             return found
-        failures = [one.failure.kind if one.failure is not None else "" for one in found]
-        if failures == [TimelessError.__name__]:
-            found = [_read_as_curves(path, found[0], configuration)]
-        for one in found:
-            one.trace = None  # a copy of this process need not send it
-        return found
+        try:
+            curves = read_curves(path, configuration.reading)
+        except _USAGE:
+            raise
+        except Exception as error:  # noqa: BLE001 - the other files go on
+            return [_failed(found[0], error, task="reading the curves")]
+        notes = list(curves[0].notes)
+        described = {"curves": [curve.describe() for curve in curves], "notes": notes}
+        facts = {"name": found[0].log, "verdict": "curves", **described}
+        return [Log(found[0].log, found[0].path, curves[0].sha256, facts)]
 
-    threads = jobs if any(_gains_by_threads(path) for path in logs) else 1
+    def gains_by_threads(path: Path) -> bool:
+        # It is large, or read in a process of its own. Small logs hold the interpreter's lock
+        # nearly all the time: in two threads they take longer than one after the other.
+        with suppress(OSError, ValueError):
+            return path.suffix.lower() in _READ_IN_CHILD or path.stat().st_size > _LARGE
+        return False
+
+    threads = jobs if any(map(gains_by_threads, logs)) else 1
     with one_blas_thread():  # more would spin between small products, on the next log's core
         found = apart(logs_of, logs, jobs=jobs, cancelled=cancelled, threads=threads, beside=beside)
         known = [one for several in found for one in several]
@@ -516,14 +521,6 @@ def add_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | None
     batch.traces = sorted([*batch.traces, *given], key=lambda trace: natural_order(trace.name))
 
 
-def _asks_for_signs(log: Log) -> bool:
-    """Whether a log does not show which way its channels are counted."""
-    if log.failure is not None:
-        return log.failure.code == UNKNOWN
-    findings = {finding["name"] for finding in log.facts.get("findings", ())}
-    return not findings.isdisjoint({"direction", CONTRADICTED})
-
-
 def _with_common_signs(
     logs: list[Log], names: Mapping[Path, str], configuration: Configuration, labels: Labels
 ) -> list[Log]:
@@ -535,7 +532,12 @@ def _with_common_signs(
     if {reading.reverse_displacement, reading.reverse_force} != {"detect"}:
         return logs
     shown = {tuple(log.facts["reversed"]) for log in logs if log.shows_signs}
-    unknown = {log.log: log.path for log in logs if _asks_for_signs(log)}
+    unknown: dict[str, str] = {}
+    for log in logs:
+        found = {finding["name"] for finding in log.facts.get("findings", ())}
+        asks = not found.isdisjoint({"direction", CONTRADICTED})
+        if asks if log.failure is None else log.failure.code == UNKNOWN:
+            unknown[log.log] = log.path
     if len(shown) != 1 or not unknown:
         return logs
     (channels,) = shown
@@ -574,19 +576,6 @@ def _without_setting(error: LogError) -> LogError:
     """Say all that is wrong at once, not one by one over as many runs."""
     more = ". Nor does the log say its adjuster setting: give {setting} too"
     return error.adding(more, setting=Option("setting", "N"))
-
-
-def _read_as_curves(path: Path, log: Log, configuration: Configuration) -> Log:
-    """Read a file without time as curves."""
-    try:
-        curves = read_curves(path, configuration.reading)
-    except _USAGE:
-        raise
-    except Exception as error:  # noqa: BLE001 - the other files go on
-        return _failed(log, error, task="reading the curves")
-    described = {"curves": [curve.describe() for curve in curves], "notes": list(curves[0].notes)}
-    facts = {"name": log.log, "verdict": "curves", **described}
-    return Log(log.log, log.path, curves[0].sha256, facts)
 
 
 def _conditioned(
@@ -670,17 +659,6 @@ def _failed(
         "code": log.failure.code,
     }
     return log
-
-
-def _gains_by_threads(path: Path) -> bool:
-    """Whether other logs can be read meanwhile: it is large, or read in a process of its own.
-
-    Small logs hold the interpreter's lock nearly all the time: in two threads they take longer than
-    one after the other.
-    """
-    with suppress(OSError, ValueError):
-        return path.suffix.lower() in _READ_IN_CHILD or path.stat().st_size > _LARGE
-    return False
 
 
 def _distinct_names(paths: Sequence[Path]) -> dict[Path, str]:

@@ -16,7 +16,7 @@ import re
 from collections import defaultdict
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.conditioning.duplicates import (
@@ -51,7 +51,6 @@ _ROD_OFF = 0.05  # an area of the rod that is further off is another's
 # K between the coldest and the warmest log. At 1 to 4 % a kelvin the viscosity then changes by 3 to
 # 12 %, where settings repeat within a few per cent.
 _LEAST_WARMING = 3.0
-_COVARIATE = Option("covariate", "temperature")
 
 
 # Logs of several dampers
@@ -73,35 +72,32 @@ def by_damper(batch: LogBatch, *, is_one: bool = False) -> dict[str, LogBatch]:
             text = f"assumed to belong to damper {named[0]}, like the others"
             batch.remarks.append(warning("damper-assumed", text, logs))
         return {named[0] if named else "": batch}
+    listed = listed_names(named, few=5)
     if is_one:
         raise ConfigurationError(
-            f"logs of {len(named)} dampers: {listed_names(named, few=5)}; give the logs of "
+            f"logs of {len(named)} dampers: {listed}; give the logs of "
             "one, or let damperfit identify on the command line give each a result",
             code="several-dampers",
         )
-    groups = {}
-    for owner in named:
-        groups[owner] = LogBatch(
-            [log for log in batch.logs if log.identity.owner == owner],
-            [trace for trace in batch.traces if owners[trace.name] == owner],
-            [failure for failure in batch.failures if owners.get(failure.log) == owner],
-        )
-    first, others = groups[named[0]], [log for log in batch.logs if log.identity.owner not in named]
+    groups = {owner: LogBatch() for owner in named}
+    first = groups[named[0]]
     first.remarks, first.notes, first.skipped = batch.remarks, batch.notes, batch.skipped
-    first.logs += others
-    first.failures += [one for one in batch.failures if owners.get(one.log) not in named]
     text = (
-        f"the log does not say which damper it belongs to, and there are "
-        f"{listed_names(named, few=5)}; give it a line '# serial: {named[0]}' or a row in tests.csv"
+        "the log does not say which damper it belongs to, and there are "
+        f"{listed}; give it a line '# serial: {named[0]}' or a row in tests.csv"
     )
-    first.failures += [
-        Failure(
-            Problem("no-owner", text, subject=log.log),
-            *(LogError.__name__, log.log, log.path, log.facts.get("setting")),
-        )
-        for log in others
-        if log.failure is None
-    ]
+    # What is of none of the dampers stands behind the first one's own, and fails.
+    others = [log for log in batch.logs if log.identity.owner not in groups]
+    for log in (*(log for log in batch.logs if log.identity.owner in groups), *others):
+        groups.get(log.identity.owner, first).logs.append(log)
+    for trace in batch.traces:
+        if owners[trace.name] in groups:
+            groups[owners[trace.name]].traces.append(trace)
+    for failure in sorted(batch.failures, key=lambda one: owners.get(one.log) not in groups):
+        groups.get(owners.get(failure.log, ""), first).failures.append(failure)
+    for log in (log for log in others if log.failure is None):
+        whose = (LogError.__name__, log.log, log.path, log.facts.get("setting"))
+        first.failures.append(Failure(Problem("no-owner", text, subject=log.log), *whose))
     return groups
 
 
@@ -159,14 +155,13 @@ def once_each(batch: LogBatch) -> None:
     for name, several in copies.items():
         elsewhere = [copy for copy in several if copy.setting != firsts[name].setting]
         if elsewhere:
-            first = firsts.pop(name)
-            tests = [f"{copy.name} setting {copy.setting}" for copy in (first, *elsewhere)]
+            tests = [f"{one.name} setting {one.setting}" for one in (firsts.pop(name), *elsewhere)]
             text = (
                 f"the same test under several settings: {listed_names(tests)}; check which is "
                 "right and leave out the rest"
             )
-            problem = Problem("two-settings", text)
-            batch.failures.append(Failure(problem, ContradictionError.__name__))
+            failure = Failure(Problem("two-settings", text), ContradictionError.__name__)
+            batch.failures.append(failure)
             continue
         n = len(several) - 1
         others = f" and {n} other log{'s' * (n > 1)}" if n else ""
@@ -207,8 +202,16 @@ def without_contradictions(
     They fail, or are fitted all the same, with a word on them, where that is asked for. Logs of
     different temperatures may differ where what it does is fitted.
     """
-    damper, sentences = configuration.damper, {}
-    for setting, traces in _by_setting(batch).items():
+    damper, options, sentences = configuration.damper, configuration.identification, {}
+
+    def by_setting() -> dict[Setting, list[Trace]]:
+        groups: dict[Setting, list[Trace]] = defaultdict(list)
+        for trace in batch.traces:
+            if trace.setting is not None:
+                groups[trace.setting].append(trace)
+        return groups
+
+    for setting, traces in by_setting().items():
         parted = [
             (trace.name, one) for trace in traces for one in trace.findings if one.name in _TWO
         ]
@@ -225,21 +228,8 @@ def without_contradictions(
             batch.remarks.append(warning("logs-differ", text, f"setting {setting}"))
     _leave_out(batch, sentences, configuration)
     if not is_law_open:
-        options = configuration.identification
-        motions = {
-            setting: contradictory_motions(traces, damper, options)
-            for setting, traces in _by_setting(batch).items()
-        }
-        told = {setting: _MORE.format(text) for setting, text in motions.items() if text}
-        _leave_out(batch, told, configuration)
-
-
-def _by_setting(batch: LogBatch) -> dict[Setting, list[Trace]]:
-    groups: dict[Setting, list[Trace]] = defaultdict(list)
-    for trace in batch.traces:
-        if trace.setting is not None:
-            groups[trace.setting].append(trace)
-    return groups
+        motions = {k: contradictory_motions(v, damper, options) for k, v in by_setting().items()}
+        _leave_out(batch, {k: _MORE.format(v) for k, v in motions.items() if v}, configuration)
 
 
 def _leave_out(
@@ -266,6 +256,11 @@ def _leave_out(
 # Logs of several temperatures
 
 
+def _no_temperature(text: str, code: str = "no-temperature", **values: Any) -> ConfigurationError:
+    where = Option("covariate", "temperature")
+    return ConfigurationError(text, where=where, code=code, **values)
+
+
 def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) -> None:
     """Refuse logs without a temperature where the damper follows it.
 
@@ -275,12 +270,10 @@ def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) ->
     lacking = [trace.name for trace in traces if trace.temperature is None]
     if lacking and isinstance(configuration.damper, WithTemperature):
         more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
-        raise ConfigurationError(
+        raise _no_temperature(
             f"{lacking[0]}{more} {'have' if more else 'has'} no "
             "temperature; expected a channel, a line '# temperature: 31', a column of tests.csv or "
-            "tested_at in a profile",
-            where=_COVARIATE,
-            code="no-temperature",
+            "tested_at in a profile"
         )
 
 
@@ -299,32 +292,27 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
     temperatures = [one for several in by_setting.values() for one in several]
     if max(temperatures) - min(temperatures) < _LEAST_WARMING:
         ends = dict.fromkeys(f"{one:.1f}" for one in (min(temperatures), max(temperatures)))
-        raise ConfigurationError(
+        raise _no_temperature(
             f"the logs are {'all ' * (len(ends) == 1)}of {' to '.join(ends)} degC; "
             f"the effect of temperature cannot be determined over less than "
-            f"{_LEAST_WARMING:g} K: test colder or warmer too, or leave the option out",
-            where=_COVARIATE,
-            code="no-temperature",
+            f"{_LEAST_WARMING:g} K: test colder or warmer too, or leave the option out"
         )
     alone = [one for one, known in by_setting.items() if max(known) - min(known) < _LEAST_WARMING]
     if BETA.name not in options.fixed and options.procedure == "plain" and alone:
-        raise ConfigurationError(
+        raise _no_temperature(
             f"setting {alone[0]} was tested within {_LEAST_WARMING:g} K, "
             "and procedure plain fits each setting by itself, so that beta cannot be determined "
             "there: take procedure joint, with one beta for all settings, or leave the option out",
-            where=_COVARIATE,
-            code="other-procedure",
+            "other-procedure",
         )
     is_open = BETA.name in options.fixed or options.is_detecting or bool(options.follows)
     is_own = {*(options.share or ()), *options.fixed}.isdisjoint(damper.viscous)
     if options.procedure == "joint" and len(alone) == len(by_setting) and is_own and not is_open:
-        raise ConfigurationError(
+        raise _no_temperature(
             f"each setting was tested within {_LEAST_WARMING:g} K, and "
             f"{' and '.join(damper.viscous)} are each setting's own, so that beta cannot be "
             "determined: test one setting cold and warm, or share one of them ({share})",
             share=Option("share"),
-            where=_COVARIATE,
-            code="no-temperature",
         )
     reference = damper.reference
     if math.isnan(reference):
@@ -370,7 +358,8 @@ def fitting(
 def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> None:
     """Part what was read into what is fitted and what is predicted, but for transients."""
     names: set[str] = set()
-    for pattern in filter(_is_of_files, options.patterns):
+    of_files = [one for one in options.patterns if _is_of_files(one)]
+    for pattern in of_files:
         hits = _hits(pattern, batch, named)
         if not hits:
             raise ConfigurationError(
@@ -384,20 +373,17 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
     held_out = [trace for trace in batch.traces if trace.name in names]
     remaining = [trace for trace in batch.traces if trace.name not in names]
     for pattern in options.patterns:
-        if pattern == TRANSIENTS or _is_of_files(pattern):
+        if pattern == TRANSIENTS or pattern in of_files:
             continue
         remaining, within = _segments(remaining, pattern)
         if not within:
-            raise ConfigurationError(
-                "no log has a segment within these limits",
-                where=Option("hold_out", pattern),
-                code="no-segment",
-            )
+            where = Option("hold_out", pattern)
+            text = "no log has a segment within these limits"
+            raise ConfigurationError(text, where=where, code="no-segment")
         held_out += within
     if (held_out and not remaining) or (names and names == {log.log for log in batch.logs}):
-        raise ConfigurationError(
-            "hold-out: every log is held out; none is left to fit", code="nothing-to-fit"
-        )
+        text = "hold-out: every log is held out; none is left to fit"
+        raise ConfigurationError(text, code="nothing-to-fit")
     fitted: list[Trace] = []
     failures = []
     for trace in remaining:
@@ -449,25 +435,26 @@ def note_unpredicted(
         "cycles": Option("hold_out_cycles", is_aside=True),
     }
     for trace in (trace for trace in batch.held_out if id(trace) not in done):
-        is_fitted = trace.setting in fitted
-        if not batch.is_asked:
+        kind, why = "SimulationError", "cannot be simulated on it"
+        if trace.setting not in fitted:
+            kind, why = (
+                "PredictionError",
+                (
+                    "has no fit, and no joint fit of others that have its clicks; fit settings "
+                    "that have them together{joint}, give another log of it to fit, or hold out "
+                    "some of its cycles{cycles}"
+                ),
+            )
+        if batch.is_asked and trace.name not in failed:
+            text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
+            problem = Problem("not-predicted", text, subject=trace.name, values=ways)
+            batch.failures.append(_of_log(Failure(problem, kind), trace, batch))
+        elif not batch.is_asked and trace.setting in fitted:
             text = (
                 "the motion beside its steady cycles cannot be simulated with the fitted "
                 "parameters, so it is not predicted"
             )
-            batch.remarks += [warning("not-predicted", text, trace.name)] * is_fitted
-        elif trace.name not in failed:
-            kind, why = "SimulationError", "cannot be simulated on it"
-            if not is_fitted:
-                kind = "PredictionError"
-                why = (
-                    "has no fit, and no joint fit of others that have its clicks; fit settings "
-                    "that have them together{joint}, give another log of it to fit, or hold out "
-                    "some of its cycles{cycles}"
-                )
-            text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
-            problem = Problem("not-predicted", text, subject=trace.name, values=ways)
-            batch.failures.append(_of_log(Failure(problem, kind), trace, batch))
+            batch.remarks.append(warning("not-predicted", text, trace.name))
 
 
 def _of_log(failure: Failure, trace: Trace, batch: LogBatch) -> Failure:

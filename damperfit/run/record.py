@@ -70,12 +70,13 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
-    from damperfit.identification import Campaign, Fit
-    from damperfit.recording import Finding
+    from damperfit.identification import Campaign
     from damperfit.run.identify import Clock
     from damperfit.run.logs import LogBatch
     from damperfit.tables.reading import LogSignals
     from damperfit.uncertainty import Interval, MisfitProfile, Uncertainty
+
+    _Wider = Callable[[Uncertainty, str, Interval], Interval]
 
 _Result = TypeVar("_Result")
 
@@ -210,11 +211,7 @@ def judge(  # noqa: PLR0913 - what a judgement takes
             whose=configuration.whose if configuration.is_assumed else "",
         )
         checks = spared("checking the run", lambda: run_checks(subject), unchecked())
-        law = configuration.chosen_law
-        assessment = _with_spread(assessment, law.get("spread", {}))
-        assessment = with_other_layouts(assessment, damper, law.get("layouts_alike", ()))
-        for exchange in law.get("exchanges", ()):
-            assessment = _with_exchange(assessment, damper, exchange["values"])
+        assessment = with_choice(assessment, damper, configuration.chosen_law)
     return judged, Judgement(assessment, adjustment, checks, predictions)
 
 
@@ -263,80 +260,57 @@ def _objections(
     return against
 
 
-def _widened(
-    assessment: Assessment, wider: Callable[[Uncertainty, str, Interval], Interval]
-) -> Assessment:
-    """The assessment with each interval, by its uncertainty and its name, as another one."""
-    known = (
-        replace(one, intervals={name: wider(one, name, own) for name, own in one.intervals.items()})
-        for one in assessment.uncertainties
-    )
-    return replace(assessment, uncertainties=tuple(known))
+def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -> Assessment:
+    """Return the assessment with intervals as wide as the choice of the law leaves them.
 
-
-def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[str]) -> Assessment:
-    """Return the assessment with intervals of valves that reach to what they are in other layouts.
-
-    The fits are in the layout of the damper; ``layouts`` are those that the logs do not tell from
-    it.
-    """
-    if not layouts:
-        return assessment
-    from damperfit.damper.valve_dampers import ValveDamper
-    from damperfit.laws.structures import times_in
-
-    if not isinstance(damper, ValveDamper):
-        return assessment
-
-    def reaching(known: Uncertainty, name: str, own: Interval) -> Interval:
-        stroke = name.partition("_")[0]
-        if stroke not in {"rebound", "compression"}:
-            return own
-        raised = known.intervals.get(f"{stroke}_power")
-        power = 1.0 if raised is None else math.sqrt(raised.low * raised.high)
-        times = [times_in(layout, damper, name, power) for layout in layouts]
-        low, high = min(times) / _RETURNS, max(times) * _RETURNS
-        return replace(own, low=min(1.0, low) * own.low, high=max(1.0, high) * own.high)
-
-    return _widened(assessment, reaching)
-
-
-def _with_spread(assessment: Assessment, spread: Mapping[str, Mapping[str, float]]) -> Assessment:
-    """The assessment with what the structures about as likely as the chosen one differ by.
-
-    A setting that was not compared has the most of the others.
+    They hold what structures about as likely as the chosen one differ by (the most of the others at
+    a setting that was not compared), reach to what valves are in layouts that the logs do not tell
+    from that of the damper, and to the values of structures in exchange: what such a one has not is
+    there where it does nothing.
     """
     most: dict[str, float] = {}
-    for own in spread.values():
-        most |= {name: max(one, most.get(name, 0.0)) for name, one in own.items()}
+    for own_spread in law.get("spread", {}).values():
+        most |= {name: max(one, most.get(name, 0.0)) for name, one in own_spread.items()}
 
     def spreading(known: Uncertainty, name: str, own: Interval) -> Interval:
-        beside = spread.get(str(known.setting.cell), most).get(name, 0.0)
+        beside = law["spread"].get(str(known.setting.cell), most).get(name, 0.0)
         if not beside or not math.isfinite(own.high):  # it says "anything" already
             return own
         value = math.sqrt(own.low * own.high)
         misfit = math.hypot(own.misfit / value, beside)
         return make_interval(value, own.error / value, own.cycle_ratio, misfit=misfit)
 
-    return _widened(assessment, spreading) if most else assessment
+    def of_layouts(known: Uncertainty, name: str, own: Interval) -> Interval:
+        from damperfit.damper.valve_dampers import ValveDamper
+        from damperfit.laws.structures import times_in
 
-
-def _with_exchange(
-    assessment: Assessment, damper: Model, values: Mapping[str, Mapping[str, float]]
-) -> Assessment:
-    """The assessment with intervals that reach to the values of another structure by setting.
-
-    What that one has not is there where it does nothing.
-    """
-
-    def reaching(known: Uncertainty, name: str, own: Interval) -> Interval:
-        there, quantity = values.get(str(known.setting.cell)), damper.quantity(name)
-        if not there or quantity.is_offset:
+        stroke = name.partition("_")[0]
+        if stroke not in {"rebound", "compression"} or not isinstance(damper, ValveDamper):
             return own
-        away = there.get(name, quantity.vanishes_at)
-        return replace(own, low=min(own.low, away), high=max(own.high, away))
+        raised = known.intervals.get(f"{stroke}_power")
+        power = 1.0 if raised is None else math.sqrt(raised.low * raised.high)
+        times = [times_in(layout, damper, name, power) for layout in law["layouts_alike"]]
+        low, high = min(times) / _RETURNS, max(times) * _RETURNS
+        return replace(own, low=min(1.0, low) * own.low, high=max(1.0, high) * own.high)
 
-    return _widened(assessment, reaching)
+    def exchanged(values: Mapping[str, Mapping[str, float]]) -> _Wider:
+        def reaching(known: Uncertainty, name: str, own: Interval) -> Interval:
+            there, quantity = values.get(str(known.setting.cell)), damper.quantity(name)
+            if not there or quantity.is_offset:
+                return own
+            away = there.get(name, quantity.vanishes_at)
+            return replace(own, low=min(own.low, away), high=max(own.high, away))
+
+        return reaching
+
+    steps = [spreading] * bool(most) + [of_layouts] * bool(law.get("layouts_alike"))
+    for wider in (*steps, *(exchanged(one["values"]) for one in law.get("exchanges", ()))):
+        known = (
+            replace(one, intervals={k: wider(one, k, own) for k, own in one.intervals.items()})
+            for one in assessment.uncertainties
+        )
+        assessment = replace(assessment, uncertainties=tuple(known))
+    return assessment
 
 
 # Warnings, gates and failures
@@ -407,49 +381,40 @@ def _at_settings(told: Sequence[tuple[Setting, Problem]]) -> Iterator[Problem]:
         yield replace(problem, subject=f"setting {setting}", text=f"{problem.text}{more}")
 
 
-def log_warnings(traces: Iterable[Trace]) -> Iterator[Problem]:
-    """Yield one problem for each kind of warning, with the numbers of its first log."""
-    yield from _by_kind(traces, lambda finding: finding.severity == "warning")
+def log_warnings(traces: Iterable[Trace], *, is_put_right: bool = False) -> Iterator[Problem]:
+    """Yield one problem for each kind of warning, or correction, with the numbers of its first."""
+    logs: dict[str, list[tuple[str, Problem]]] = {}
+    for trace in traces:
+        for one in trace.findings:
+            is_note = one.severity == "note" and one.is_correction
+            if is_note if is_put_right else one.severity == "warning":
+                logs.setdefault(one.name, []).append((trace.name, one.problem))
+    for (name, problem), *others in logs.values():
+        also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
+        yield replace(problem, subject=f"{name}{also}")
 
 
 def corrections(campaign: Campaign) -> Iterator[Problem]:
     """Yield what was put right in the logs that were fitted, one problem for each kind."""
-    yield from _by_kind(
-        _fitted_traces(campaign), lambda one: one.is_correction and one.severity == "note"
-    )
+    return log_warnings(_fitted_traces(campaign), is_put_right=True)
 
 
 def _fitted_traces(campaign: Campaign) -> Iterator[Trace]:
     return (log.trace for fit in campaign.fits for log in fit.logs)
 
 
-def _by_kind(traces: Iterable[Trace], is_meant: Callable[[Finding], bool]) -> Iterator[Problem]:
-    logs: dict[str, list[tuple[str, Problem]]] = {}
-    for trace in traces:
-        for one in filter(is_meant, trace.findings):
-            logs.setdefault(one.name, []).append((trace.name, one.problem))
-    for (name, problem), *others in logs.values():
-        also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
-        yield replace(problem, subject=f"{name}{also}")
-
-
 def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[Problem]:
     """Say where a fit has no room for the tare that a log was warned of, as when it cavitates."""
-
-    def is_doubted(fit: Fit) -> bool:
-        findings = (finding for log in fit.logs for finding in log.trace.findings)
-        is_warned = any(one.name == "tare" and one.severity == "warning" for one in findings)
+    doubted = []
+    for one in assessment.diagnoses:
+        fit = next((fit for fit in campaign.fits if fit.setting == one.setting), None)
+        if fit is None or one.is_structured or math.isnan(one.noise_percent):
+            continue
+        found = [(f.name, f.severity) for log in fit.logs for f in log.trace.findings]
         offsets = (one.name for one in fit.parameters.quantities if one.is_offset)
-        return is_warned and all(fit.status[name] == Status.FIXED for name in offsets)
-
-    sound = {
-        one.setting
-        for one in assessment.diagnoses
-        if not one.is_structured and not math.isnan(one.noise_percent)
-    }
-    if doubted := [
-        one.setting for one in campaign.fits if one.setting in sound and is_doubted(one)
-    ]:
+        if ("tare", "warning") in found and all(fit.status[k] == Status.FIXED for k in offsets):
+            doubted.append(fit.setting)
+    if doubted:
         yield warning(
             "tare-not-confirmed",
             "the warning tare is not confirmed: the fit matches the force to within its "
@@ -515,22 +480,21 @@ def gates_not_met(
 def failures_of(
     configuration: Configuration, batch: LogBatch, campaign: Campaign
 ) -> tuple[Failure, ...]:
-    """Return the logs and settings without a result."""
-    return (*batch.failures, *campaign.failures, *missing_logs(configuration, batch))
-
-
-def missing_logs(configuration: Configuration, batch: LogBatch) -> Iterator[Failure]:
-    """Yield the settings that the configuration expects and no log claims to be; many as one."""
+    """Return the logs and settings without a result; also those that no log claims to be."""
     present = {log.facts.get("setting") for log in batch.logs}
     missing = sorted(set(configuration.rig.settings) - present)
     why = "no log, but the configuration expects one in rig.settings"
+    without = [
+        Failure(
+            Problem("missing-log", why, subject=f"setting {one}"), "MissingLogError", setting=one
+        )
+        for one in missing
+    ]
     if len(missing) > MANY:
         place = f"settings {listed_settings(missing)}"
-        yield Failure(Problem("missing-log", f"{why} for each", subject=place), "MissingLogError")
-        return
-    for setting in missing:
-        problem = Problem("missing-log", why, subject=f"setting {setting}")
-        yield Failure(problem, "MissingLogError", setting=setting)
+        problem = Problem("missing-log", f"{why} for each", subject=place)
+        without = [Failure(problem, "MissingLogError")]
+    return (*batch.failures, *campaign.failures, *without)
 
 
 # Tables and run.json

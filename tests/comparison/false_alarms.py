@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from damperfit.adjustment.force_at import fastest_sine, stage_of
-from damperfit.comparison import ComparisonOptions, Sameness, compare_runs, measured_tests
+from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.comparison.measured import Sameness, measured_tests
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters

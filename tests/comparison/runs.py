@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from damperfit.adjustment.force_at import Sine, Stage
-from damperfit.comparison import MeasuredTest, measured_tests
+from damperfit.comparison.measured import MeasuredTest, measured_tests
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.results import Run

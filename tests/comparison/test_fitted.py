@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment.force_at import Sine, Stage
-from damperfit.comparison import ComparisonOptions, compare_runs
 from damperfit.comparison.comparing import (
+    ComparisonOptions,
     circumstances,
     comparable_quantities,
+    compare_runs,
     figure_lines,
     force_readings,
     freedom_of,
     parameter_readings,
 )
+from damperfit.comparison.measured import Sameness
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals import Bilinear

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from damperfit import results
-from damperfit.comparison import (
-    ComparisonOptions,
+from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.comparison.measured import (
     Sameness,
     common_tests,
-    compare_runs,
+    measured_readings,
     measured_tests,
+    repeat_scatter,
+    zero_shift,
 )
-from damperfit.comparison.measured import measured_readings, repeat_scatter, zero_shift
 from damperfit.errors import ConfigurationError
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from damperfit.comparison import (
+from damperfit.comparison.comparing import (
     ComparisonOptions,
     Point,
     bands_met,
@@ -16,14 +16,14 @@ from damperfit.comparison import (
     parse_bands,
     parse_tolerance,
     tolerated,
-    verdict_of,
 )
-from damperfit.comparison.verdict import (
+from damperfit.comparison.measured import (
     Reading,
     Topic,
     compared,
     difference_of,
     surely_different,
+    verdict_of,
 )
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.compared import junit_report, tolerance_outcome, tolerance_sheet
