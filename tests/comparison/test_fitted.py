@@ -18,7 +18,6 @@ from damperfit.comparison.comparing import (
     freedom_of,
     parameter_readings,
 )
-from damperfit.comparison.measured import Sameness
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals import Bilinear

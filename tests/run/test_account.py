@@ -29,7 +29,7 @@ from damperfit.run.record import (
     run_of,
     unconfirmed_tares,
     warnings_of,
-    with_other_layouts,
+    with_choice,
 )
 from damperfit.tables.files import json_pieces, json_values
 from damperfit.tested.setting import Setting, parse_setting
@@ -146,7 +146,7 @@ def test_intervals_hold_the_numbers_of_a_layout_that_is_alike() -> None:
 
     def reaching(*layouts: str) -> dict[str, tuple[float, float]]:
         known = Assessment((Uncertainty(Setting.of(1), own, (), np.zeros((0, 0))),))
-        (found,) = with_other_layouts(known, damper, layouts).uncertainties
+        (found,) = with_choice(known, damper, {"layouts_alike": layouts}).uncertainties
         return {name: (one.low, one.high) for name, one in found.intervals.items()}
 
     found = reaching("through_flow")
