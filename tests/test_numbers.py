@@ -376,6 +376,16 @@ LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = 
         FORCE(lambda y, _: np.clip(y, 0.93 * y.min(), 0.96 * y.max())),
         {},
     ),
+    "force clipped for most of the cycle": (
+        lambda: log(sine(), noise=0.5),
+        FORCE(lambda y, _: np.clip(y, 0.4 * y.min(), 0.4 * y.max())),
+        {},
+    ),
+    "four rows of no force": (
+        SINE,
+        FORCE(lambda y, _: np.where(np.abs(np.arange(len(y)) - 1500.5) < 2, 0.0, y)),
+        {},
+    ),
     "displacement clipped": (
         lambda: log(sine(), jitter=1e-6),
         PLACE(lambda y, _: np.clip(y, -0.0312, 0.0315)),

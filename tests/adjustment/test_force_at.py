@@ -24,7 +24,6 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.rivals import Bilinear
-from damperfit.errors import ConfigurationError
 from damperfit.identification import Status
 from damperfit.queries.settings import Question, tabulate_forces
 from damperfit.tested.setting import Setting
@@ -411,42 +410,3 @@ def test_the_curve_never_leaves_its_neighbours(force) -> None:
     forces = [100.0, 101.0, 390.0, 400.0]
     (answer,) = which_setting(forces_by_click(forces), force).answers
     assert forces[answer.below.cell - 1] <= force <= forces[answer.above.cell - 1]
-
-
-def test_a_force_is_asked_of_two_settings_at_least() -> None:
-    model = Bilinear()
-    told = tuple(
-        Stage(Setting.of(n), model.values({"c_r": 1000.0 * n, "c_b": 1000.0, "f_0": 0.0}))
-        for n in (1, 2)
-    )
-    run = run_of(told, model, Sine(0.032, 1.5))
-    question = Question(0.1, force=150.0, stroke="rebound")
-    (wanted,) = tabulate_forces(run, question).wanted
-    assert [answer.position for answer in wanted.answers] == pytest.approx([1.5])
-    with pytest.raises(ConfigurationError, match="one setting is not enough"):
-        tabulate_forces(run_of(told[:1], model, Sine(0.032, 1.5)), question)
-
-
-def test_a_force_that_the_measured_ones_hold_is_answered_as_measured() -> None:
-    """ "No setting gives 2200 N" stood beside a measured 2212 N."""
-    model = Bilinear()
-    stages = tuple(
-        Stage(Setting.of(n), model.values({"c_r": 1000.0 * n, "c_b": 1000.0, "f_0": 0.0}))
-        for n in (1, 2)
-    )
-    # Some per cent off, which the errors of the cycles allow.
-    measured = tuple(
-        SpeedForces(
-            Setting.of(n), "rebound", 300.0, (0.05, 0.1), (0.0, 110.0 * n), (9.0, 9.0),
-            (0.0, 10.0 * n), (0.0, 0.0), kind="pvp", rounding=(0.0, 0.0),
-        )
-        for n in (1, 2)
-    )  # fmt: skip
-    run = run_of(stages, model, Sine(0.032, 1.5), measured)
-    question = Question(0.1, force=212.0, stroke="rebound")
-    (wanted,) = tabulate_forces(run, question).wanted
-    assert "in rebound at 0.1 m/s, as measured: setting 1.9" in wanted.sentence
-    (wanted,) = tabulate_forces(run, replace(question, force=180.0)).wanted
-    assert "as measured" not in wanted.sentence
-    (wanted,) = tabulate_forces(run, replace(question, force=500.0)).wanted
-    assert "no setting gives it" in wanted.sentence

@@ -1,11 +1,10 @@
-"""The project's fit driver, and SciPy's, over one problem; and how many digits are right."""
+"""The project's fit driver over one problem; and how many digits are right."""
 
 import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -17,12 +16,10 @@ from damperfit.identification.least_squares import (
 )
 from tests.certificate.problems import Array, Problem
 
-# The equal settings of the table. Digits are asked for that no rig log holds, and the models are
-# exact to the last bit, while a simulated force is not; these starts are as far off as a factor of
-# a million. The driver's own test of the steps that are left is off: SciPy has none.
-EQUAL = {"ftol": 1e-15, "xtol": 1e-12, "gtol": 1e-12}
-MAX_EVALUATIONS = 2000
-STOPPING = Stopping(EQUAL["ftol"], EQUAL["xtol"], MAX_EVALUATIONS, rest=math.inf)
+# Digits are asked for that no rig log holds, and the models are exact to the last bit, while a
+# simulated force is not; these starts are as far off as a factor of a million. The driver's own
+# test of the steps that are left is off.
+STOPPING = Stopping(1e-15, 1e-12, 2000, rest=math.inf)
 MOST_DIGITS = 11.0  # NIST prints that many
 SOLVED = 6.0
 
@@ -90,96 +87,11 @@ def by_damperfit(
     )
 
 
-def as_dampers_fit(problem: Problem, start: Array) -> Result:
-    """Fit with the stopping rules of a damper's fit, its limit of 100 evaluations among them."""
-    return by_damperfit(problem, start, stopping=Stopping())
-
-
-def least_squares_equal(problem: Problem, start: Array, *, method: str) -> Result:
-    """Fit with `scipy.optimize.least_squares` on equal terms."""
-    from scipy.optimize import least_squares
-
-    unit, size = _unit(problem), np.abs(start)
-    ended = least_squares(
-        lambda u: problem.residuals(u * size) / unit,
-        start / size,
-        jac=lambda u: problem.jacobian(u * size) * size / unit,
-        method=method,
-        x_scale="jac",
-        max_nfev=MAX_EVALUATIONS,
-        **EQUAL,
-    )
-    return _least_squares_result(problem, ended, unit, size)
-
-
-def curve_fit_equal(problem: Problem, start: Array) -> Result:
-    """Fit with `scipy.optimize.curve_fit` (its method lm) on the same equal terms."""
-    size = np.abs(start)
-    unit = _unit(problem)
-
-    def model(_, *u: float) -> Array:
-        return (problem.residuals(np.array(u) * size) + problem.response) / unit
-
-    def slopes(_, *u: float) -> Array:
-        return problem.jacobian(np.array(u) * size) * size / unit
-
-    how = {"method": "lm", "jac": slopes, "maxfev": MAX_EVALUATIONS, **EQUAL}
-    return _curve_fit_result(problem, model, problem.response / unit, start / size, size, how)
-
-
-def least_squares_default(problem: Problem, start: Array) -> Result:
-    """Fit with `scipy.optimize.least_squares`, method lm, everything else at its default."""
-    from scipy.optimize import least_squares
-
-    ended = least_squares(problem.residuals, start, method="lm")
-    return _least_squares_result(problem, ended, 1.0, np.ones(len(start)))
-
-
-def curve_fit_default(problem: Problem, start: Array) -> Result:
-    """Fit with `scipy.optimize.curve_fit`, method trf, everything else at its default."""
-
-    def model(_, *b: float) -> Array:
-        return problem.residuals(np.array(b)) + problem.response
-
-    size = np.ones(len(start))
-    return _curve_fit_result(problem, model, problem.response, start, size, {"method": "trf"})
-
-
-def _least_squares_result(problem: Problem, ended: Any, unit: float, size: Array) -> Result:
-    roots = np.linalg.pinv(ended.jac, rcond=0.0)
-    cost = 2.0 * ended.cost
-    errors = np.sqrt(np.sum(roots * roots, axis=1) * cost / problem.freedom)
-    return Result(ended.x * size, errors * size, cost * unit**2, ended.nfev)
-
-
-def _curve_fit_result(
-    problem: Problem,
-    model: Callable[..., Array],
-    response: Array,
-    start: Array,
-    size: Array,
-    how: dict[str, Any],
-) -> Result:
-    from scipy.optimize import curve_fit
-
-    first = problem.predictors[0]
-    found, covariance, facts, *_ = curve_fit(model, first, response, start, full_output=True, **how)
-    residuals = problem.residuals(found * size)
-    errors = np.sqrt(np.diag(covariance)) * size
-    return Result(found * size, errors, float(residuals @ residuals), facts["nfev"])
-
-
 # The rows of the table, by name: how each fits.
-EQUAL_ROWS: dict[str, Callable[[Problem, Array], Result]] = {
+ROWS: dict[str, Callable[[Problem, Array], Result]] = {
     "damperfit": by_damperfit,
-    "least_squares lm": partial(least_squares_equal, method="lm"),
-    "least_squares trf": partial(least_squares_equal, method="trf"),
-    "curve_fit lm": curve_fit_equal,
-}
-OWN_ROWS: dict[str, Callable[[Problem, Array], Result]] = {
-    "as dampers fit": as_dampers_fit,
-    "least_squares lm, defaults": least_squares_default,
-    "curve_fit trf, defaults": curve_fit_default,
+    "in logarithms": partial(by_damperfit, is_log=True),
+    "as a damper's fit": partial(by_damperfit, stopping=Stopping()),
 }
 
 

@@ -8,12 +8,10 @@ import pytest
 from damperfit.identification import FitOptions
 from damperfit.identification.least_squares import Stopping
 from tests.certificate.fits import (
-    EQUAL_ROWS,
-    OWN_ROWS,
+    ROWS,
     SOLVED,
     Digits,
     Result,
-    as_dampers_fit,
     attempt,
     by_damperfit,
     correct_digits,
@@ -70,31 +68,14 @@ def solved(fit: Callable[[Problem, Array], Result]) -> list[tuple[str, int]]:
     ]
 
 
-@pytest.mark.slow
-def test_the_table_on_equal_terms() -> None:
-    # SciPy's rows as bounds: its versions may differ, but not so that the table says another thing.
-    counts = {name: len(solved(fit)) for name, fit in EQUAL_ROWS.items()}
-    assert counts.pop("damperfit") == 54
-    assert counts.keys() == {"least_squares lm", "least_squares trf", "curve_fit lm"}
-    assert all(52 <= count <= 54 for count in counts.values())
-
-
 def test_a_dampers_own_stopping_rules_leave_six_cases() -> None:
     # They need more than the 100 evaluations that a damper's descent may take.
-    found = solved(as_dampers_fit)
+    found = solved(ROWS["as a damper's fit"])
     cases = {(name, k) for name in MODELS for k in (1, 2)}
     far = {("Bennett5", 1), ("Bennett5", 2), ("MGH09", 1), ("MGH17", 1), ("MGH10", 1), ("MGH10", 2)}
     assert cases - set(found) <= far
     assert len(found) == 48
     assert FitOptions().max_evaluations == Stopping().max_evaluations
-
-
-@pytest.mark.slow
-def test_scipys_defaults_ask_for_less() -> None:
-    defaults = [fit for name, fit in OWN_ROWS.items() if name.endswith("defaults")]
-    assert len(defaults) == 2
-    for fit in defaults:
-        assert 20 <= len(solved(fit)) <= 40
 
 
 def test_logarithms_solve_what_is_positive() -> None:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.conditioning.drive import drive_of_lines, dwell_lengths, dwells_of
+from damperfit.conditioning.drive import drive_of_lines, dwells_of
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import compare, normalised_mse
 from damperfit.recording import Drive
 from damperfit.simulation import SolverOptions
 from tests.conditioning.logs import RATE, found, recording, sine_log, static_force
-from tests.oracles.motions import logged, triangles
+from tests.oracles.motions import logged
 
 
 def at_the_truth(trace, setting=10):
@@ -144,23 +144,6 @@ def test_a_dwell_of_28_ms_is_a_rest_and_one_of_17_is_none(milliseconds, is_found
     assert bool(dwells_of(x, 1e-3)) is is_found
 
 
-def test_a_model_is_driven_without_noise_where_the_motion_rests():
-    """Else friction turns with the noise: of rounded dwells R_m3 was 25 % and f_f 28 % off."""
-    x, v = dwelling()
-    log = recording(np.arange(len(x)) / RATE, x, static_force(v))
-    trace = condition(log, ConditionOptions(centre=0.0))
-    assert not len(trace.drive.jumps)
-    (stretch,) = trace.stretches
-    lengths = dwell_lengths(trace.drive.velocity[stretch.window])
-    assert len(lengths) == pytest.approx(2 * stretch.n_cycles, abs=1)
-    assert sorted(lengths)[1] >= 94
-    first = round(trace.start_time * RATE)
-    drawn = trace.drive.velocity == 0.0
-    assert np.max(np.abs(v[first : first + len(drawn)][drawn])) <= 0.1
-    said = found(trace)["rests"]
-    assert (said.severity, said.value) == ("note", len(lengths))
-
-
 # A motion of straight lines drives the model with corners between samples, and no other does.
 
 EVERY = slice(None)
@@ -244,31 +227,6 @@ def test_what_does_not_move_in_lines_is_left_alone():
     sine = 0.03 * np.sin(2.0 * np.pi * 1.5 * time)
     for x in (sine, 0.1 * time, np.zeros(3000), np.maximum(sine, 0.0), zigzag()[:20]):
         assert drive_of_lines(x, 1.0 / RATE, EVERY) is None
-
-
-def triangle_log(*, noise=3e-6):
-    drive = triangles(0.1, 0.25, cycles=6)
-    time = np.arange(round(RATE * drive.duration)) / RATE
-    x, v = (np.array([f(t) for t in time.tolist()]) for f in (drive.displacement, drive.velocity))
-    noisy = x + noise * np.random.default_rng(1).standard_normal(len(x))
-    return recording(time, noisy, static_force(v))
-
-
-def test_a_trace_of_a_triangle_has_its_corners_and_bridges_samples_on_them():
-    log = triangle_log()
-    trace = condition(log, ConditionOptions(centre=0.0))
-    jumps, first = trace.drive.jumps, round(trace.start_time * RATE)
-    assert np.all(np.diff(jumps[:, 0]) > 0.0)
-    # The corners are at 0.32 and 0.128 s and their multiples.
-    np.testing.assert_array_equal(jumps[:, 0], np.rint(jumps[:, 0]))
-    assert trace.model_filter.bridged == tuple(jumps[:, 0].astype(int))
-    force = log.force.copy()
-    at = jumps[:, 0].astype(int) + first
-    force[at] += 300.0
-    other = condition(replace(log, force=force), ConditionOptions(centre=0.0))
-    np.testing.assert_allclose(other.force, trace.force, rtol=1e-12)
-    said = found(trace)["drive"]
-    assert (said.severity, said.value) == ("note", len(jumps))
 
 
 def test_a_bridged_sample_is_the_mean_of_its_neighbours():

@@ -28,7 +28,7 @@ from damperfit.conditioning.filters import (
     with_corner,
 )
 from damperfit.errors import ConditioningError
-from tests.conditioning.logs import found, moving, sine_log
+from tests.conditioning.logs import found, sine_log
 from tests.oracles.filtering import butterworth_gain, measured_gain_and_phase
 
 rates = st.floats(100.0, 5000.0)
@@ -197,19 +197,6 @@ AUTO = ConditionOptions(auto_corner=True)
 )
 def test_twenty_harmonics_pass(frequency, rate, corner):
     assert fitting_corner(frequency, rate) == corner
-
-
-def test_the_corner_follows_the_fastest_speed_and_is_said():
-    parts = [
-        a * np.sin(2 * np.pi * f * np.arange(round(6 / f * 1024)) / 1024.0)
-        for f, a in ((0.5, 0.03), (5.0, 0.01), (1.0, 0.03))
-    ]
-    trace = condition(moving(np.concatenate(parts), rate=1024.0), AUTO)
-    assert "-3 dB at 100 Hz" in trace.model_filter.description
-    assert found(trace)["filter_corner"].value == 100.0
-    t = np.arange(20480) / 1024.0
-    sweep = moving(0.01 * np.sin(2 * np.pi * (0.3 + 0.0925 * t) * t), rate=1024.0)
-    assert found(sweep, AUTO)["filter_corner"].value == pytest.approx(80.0, rel=0.1)
 
 
 @pytest.mark.parametrize(("frequency", "is_reported"), [(3.6, False), (3.9, True)])

@@ -1,13 +1,10 @@
 """A log is cut into what repeats and what moves; what leads over, rest, run-up and coast-down."""
 
-import json
-import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from damperfit.cli import main
 from damperfit.conditioning import condition, noise_floor, transients
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.timebase import UniformLog, continue_log
@@ -31,7 +28,7 @@ from tests.conditioning.logs import (
     static_force,
     warned,
 )
-from tests.laws.valve_logs import VALUES, damper, log_text, moved
+from tests.laws.valve_logs import VALUES, damper, moved
 
 
 def seen(trace):
@@ -41,21 +38,6 @@ def seen(trace):
 def steady(*parts):
     """What `seen` tells of speeds (Hz, mm)."""
     return [("steady", frequency, amplitude) for frequency, amplitude in parts]
-
-
-def test_each_speed_step_is_a_stretch():
-    log = speeds((0, 0, 1), (0.5, 0.03, 4), (1, 0.03, 5), (2, 0.03, 6), (0, 0, 1))
-    trace = condition(log)
-    assert seen(trace) == steady((0.5, 30.0), (1.0, 30.0), (2.0, 30.0))
-    begins, ends = (0.0, 8.0, 13.0), (8.0, 13.0, 16.0)
-    for stretch, begin, end in zip(trace.stretches, begins, ends, strict=True):
-        first = trace.start_time + stretch.first * trace.interval
-        # Marks of cycles beside a break are where the other cycles say, to a hundredth of one.
-        assert 1.0 + begin - 0.01 / stretch.frequency < first
-        last = first + stretch.n_samples * trace.interval
-        assert last < 1.0 + end + 0.01 / stretch.frequency
-    assert not set(warned(log)) & {"unsteady_cycles", "cycles"}
-    assert found(trace)["stretches"].value == 3.0
 
 
 @pytest.mark.parametrize(
@@ -139,17 +121,6 @@ def test_a_sweep_is_one_moving_stretch(duration):
     assert (stretch.kind, stretch.n_cycles) == ("moving", 0)
     assert stretch.n_samples > 0.8 * duration * RATE
     assert stretch.noise_source == "above the filter"
-
-
-def test_rest_is_never_compared():
-    t, x, _ = random_motion(1)
-    x = x * np.clip(np.minimum(t, t[-1] - t) / 0.5, 0.0, 1.0)
-    still = np.zeros(4000)
-    trace = condition(moving(np.concatenate([still, x, still, x, still])))
-    assert [one.kind for one in trace.stretches] == ["moving", "moving"]
-    compared = trace.start_time + np.arange(len(trace.force))[trace.compared] * trace.interval
-    for begin, end in ((0.0, 4.0), (24.0, 28.0), (48.0, 52.0)):
-        assert not ((compared > begin) & (compared < end)).any()
 
 
 @pytest.mark.parametrize(("turns", "is_used"), [(2.5, False), (5.5, True)])
@@ -268,7 +239,6 @@ def test_a_ramp_from_a_far_parking_position_does_not_move_mid_stroke():
 # Three cycles at 5 to 10 Hz suffice, alone and among other speeds; only what was logged counts.
 
 FINE = 1024.0
-FREQUENCIES = (0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 def noisy(log, seed=1):
@@ -328,49 +298,6 @@ def test_a_log_is_continued_by_what_repeats():
     assert np.abs(log.displacement - np.sin(2 * np.pi * at / 97.3 + 0.4)).max() < 1e-5
     assert np.abs(log.force - np.sin(2 * np.pi * at / 97.3 + 1.9)).max() < 1e-5
     assert np.array_equal(log.force[149:549], other)
-
-
-@pytest.mark.parametrize("blend", [0.0, 0.03])
-@pytest.mark.parametrize("cycles", [3, 4])
-def test_thirteen_speeds_without_a_pause_are_thirteen_stretches(cycles, blend):
-    """A rest, 13 speeds, a slow ramp out and back."""
-    parts = [np.zeros(2048)]
-    for frequency in FREQUENCIES:
-        t = np.arange(round(cycles / frequency * FINE)) / FINE
-        parts.append(min(0.02, 0.06 / frequency) * np.sin(2.0 * np.pi * frequency * t))
-    ramp = np.linspace(0.0, 0.02, 4096)
-    x = np.concatenate([*parts, ramp, ramp[::-1]])
-    if blend:
-        window = np.hanning(round(blend * FINE) + 2)
-        padded = np.pad(x, len(window), mode="edge")
-        x = np.convolve(padded, window / window.sum(), "same")[len(window) : -len(window)]
-    trace = condition(noisy(moving(x, rate=FINE)))
-    assert [one.kind for one in trace.stretches] == ["steady"] * 13
-    assert not trace.warnings
-    a, b, c = LAW  # 30 Hz takes 1.6 % off its third harmonic at 10 Hz
-    for stretch, frequency in zip(trace.stretches, FREQUENCIES, strict=True):
-        assert stretch.frequency == pytest.approx(frequency, rel=3e-3)
-        # A rest takes the first half cycle, and the last; between speeds all are compared.
-        assert stretch.n_cycles == cycles - (frequency in {FREQUENCIES[0], FREQUENCIES[-1]})
-        if not blend:
-            amplitude = min(0.02, 0.06 / frequency)
-            speed = 2.0 * math.pi * frequency * amplitude
-            force = a * speed**2 + b * speed + c
-            assert stretch.amplitude == pytest.approx(amplitude, rel=5e-3)
-            assert stretch.peak_speed == pytest.approx(speed, rel=0.01)
-            assert stretch.figures.peak_speed_rebound == pytest.approx(speed, rel=0.01)
-            assert stretch.figures.peak_force_rebound == pytest.approx(force, rel=0.02, abs=5.0)
-
-
-@pytest.mark.parametrize("speed", [0.13, 0.18])
-def test_five_cycles_between_rests_are_compared_but_for_their_run_in(speed):
-    """A window behind run-in and the filter's edges held one cycle at 0.13 m/s, four at 0.18."""
-    line = np.arange(1, round(FINE * 0.02 / speed) + 1) * speed / FINE
-    once = np.concatenate([line, line[::-1], -line, -line[::-1]])
-    rest = np.zeros(round(0.4 * FINE))
-    trace = condition(noisy(moving(np.concatenate([rest, np.tile(once, 5), rest]), rate=FINE)))
-    assert trace.n_cycles >= 4
-    assert "cycles" not in found(trace)
 
 
 # Run-up, coast-down and changes of speed as what is predicted.
@@ -517,19 +444,3 @@ def test_a_fit_predicts_them_as_well_as_it_fits(eight_cycles) -> None:
     weaker = np.var(cut.force[cut.compared]) / np.var(beside.force[beside.compared])
     assert told.mse_percent < 2.0 * weaker * told.fitted_mse_percent
     assert (told.cycles, told.is_part, told.is_same_motion) == ("transients", True, False)
-
-
-@pytest.mark.parametrize("asked", [["--hold-out", "transients"], []])
-def test_identify_predicts_them_by_that_word_and_by_itself(tmp_path, capsys, asked) -> None:
-    x = run_up(cycles=5.0)
-    motion = Motion(1.0 / RATE, x, np.gradient(x, 1.0 / RATE))
-    values = asdict(reference_parameters(10))
-    (tmp_path / "one.csv").write_text(log_text(PURDY_DAMPER, values, motion, setting=10))
-    out = str(tmp_path / "out")
-    command = ["identify", str(tmp_path / "one.csv"), *asked, "--quiet", "--json", "--out", out]
-    assert main(command) == 0
-    (held,) = json.loads(capsys.readouterr().out)["held_out"]
-    assert (held["log"], held["cycles"], held["is_same_motion"]) == ("one.csv", "transients", False)
-    assert held["mse_percent"] < 0.01
-    assert "| transients |" in (tmp_path / "out" / "report.md").read_text()
-    assert main(["report", out, "--quiet"]) == 0

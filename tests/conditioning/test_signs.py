@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import damperfit
 from damperfit.conditioning import ConditionOptions, GasFacts, OffsetFacts, condition
 from damperfit.conditioning.polarity import force_level
 from damperfit.configuration.loading import load_configuration
@@ -290,22 +289,6 @@ def test_a_short_rest_or_a_tared_cell_shows_nothing(with_gas, rest, tare):
     trace = condition(resting(mirror=-1.0, rest=rest, tare=tare), with_gas)
     assert not put_right(trace)
     assert not trace.shows_signs
-
-
-def test_logs_without_a_rest_are_counted_as_the_others_of_the_batch(tmp_path):
-    paths = []
-    for k, rest in enumerate([0.6, 0.0, 0.7, 0.0]):
-        log = resting(mirror=-1.0, rest=rest, seed=k)
-        paths.append(tmp_path / f"setting_{k + 1}.csv")
-        columns = np.column_stack([log.time, 1e3 * log.displacement, log.force])
-        np.savetxt(
-            paths[-1], columns, "%.5f", ",", header="time_s,displacement_mm,force_N", comments=""
-        )
-    alone = damperfit.inspect(paths[1]).batch.logs[0].facts
-    assert (alone["verdict"], alone["reversed"]) == ("warnings", [])
-    together = [log.facts for log in damperfit.inspect(paths).batch.logs]
-    assert [log["reversed"] for log in together] == [["displacement", "force"]] * 4
-    assert not any("direction" in f["name"] for log in together for f in log["findings"])
 
 
 # A force that one stroke holds down to low speed is no level of the force, nor a direction.

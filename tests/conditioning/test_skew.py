@@ -14,10 +14,7 @@ from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate, sine_motion
 from tests.conditioning.logs import found
-from tests.identification.convergence import made_up
 from tests.identification.rig import recorded, recording
-from tests.rig_like.accuracy import body_of
-from tests.rig_like.rig import Channels, logged, steps
 
 FIT = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
 
@@ -85,24 +82,6 @@ def test_a_sample_right_on_the_jump_is_no_rounding(setting, delay) -> None:
     finding = skew_of(log)
     assert finding.value == pytest.approx(delay, abs=1e-4)
     assert finding.severity == ("warning" if delay else "note")
-
-
-def test_a_mounting_that_gives_is_not_told_as_a_late_force() -> None:
-    """An elastic twin tube of another integrator: used to be "the force is 3.9 ms late"."""
-    model, truth = made_up("twin_tube", 12)
-    log = logged(body_of(model, truth), steps((0.05, 0.13, 0.26), 0.02, 4.0), Channels(), 12)
-    finding = skew_of(replace(late_log(5, 0.0), **{
-        name: getattr(log, name) for name in ("time", "displacement", "force")
-    }))  # fmt: skip
-    assert finding.severity == "warning"
-    assert "the force is late, or the mounting is elastic" in finding.sentence
-    late = skew_of(late_log(5, 0.002))
-    assert late.severity == "warning"
-    assert late.value == pytest.approx(0.002, abs=6e-4)
-    assert "the force is late, or the mounting is elastic" in late.sentence
-    early = skew_of(late_log(5, -0.002))
-    assert early.severity == "warning"
-    assert "mounting" not in early.sentence
 
 
 def test_what_is_left_beside_a_declared_skew_is_added_to_it() -> None:

@@ -23,7 +23,7 @@ from damperfit.damper.purdy.starting import (
 )
 from damperfit.damper.quantity import Quantity
 from damperfit.damper.rivals import BoucWen, Linear
-from damperfit.damper.temperature_law import BETA, WithTemperature, at_temperature
+from damperfit.damper.temperature_law import WithTemperature, at_temperature
 from damperfit.damper.valve_dampers import VALVE_RANGES, Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import DETECT, FitOptions, Status, identify
@@ -31,7 +31,7 @@ from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion, t
 from tests import fakes
 from tests.damper.test_valve_dampers import VALVES
 from tests.identification import adjusted
-from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, log
+from tests.identification.adjusted import DAMPER, FOLLOWS
 
 QUANTITIES = (
     Quantity("c", "c", "damping", "viscous damping", "N s/m", (1.0, 1e6)),
@@ -106,15 +106,6 @@ def test_one_volume_and_one_pressure_are_found_from_all_settings() -> None:
         assert fit.parameters.gas_volume == pytest.approx(6e-5, rel=0.02)
         assert fit.status["gas_pressure"] is fit.status["gas_volume"] is Status.SHARED
         assert fit.status["gas_exponent"] is Status.FIXED
-
-
-def test_the_exponent_is_told_by_what_the_gas_does_to_the_force() -> None:
-    wrong = replace(DAMPER, gas_exponent=1.0)
-    fitted = identify(
-        [log(SETTINGS[0], noise=0.1)], wrong,
-        FitOptions("plain", free=(*adjusted.TRUTH, "gas_exponent")),
-    )  # fmt: skip
-    assert fitted.fits[0].parameters.gas_exponent == pytest.approx(1.3, rel=0.02)
 
 
 # The synthetic reference set: two settings of the formulas of its docstring, worked out by hand.
@@ -338,21 +329,6 @@ def test_slopes_by_every_number_are_those_of_differences(name: str) -> None:
         np.testing.assert_allclose(
             seen.sensitivities[one], slope, atol=5e-3 * np.max(np.abs(slope)) + 1e-9
         )
-
-
-def test_it_has_what_its_damper_has_and_one_quantity_more() -> None:
-    model, values = temperature_law("twin_tube")
-    assert model.quantities == (*model.damper.quantities, BETA)
-    assert (model.name, model.kinks, model.rebound) == ("twin_tube", 2e-5, model.damper.rebound)
-    assert model.filled_to(9e5).gas_pressure == 9e5
-    assert model.plain is model.damper
-    assert model.sentence.endswith(
-        "rebound_slope and compression_slope and return_slope and drag are those at 26 degC"
-    )
-    assert "the mean of the logs" in replace(model, reference=math.nan).sentence
-    again, numbers = pickle.loads(pickle.dumps((model, values)))  # noqa: S301 - our own
-    assert again == model
-    assert numbers == values
 
 
 # What it says itself; all else that a model says of itself is its damper's.

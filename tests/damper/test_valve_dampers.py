@@ -63,24 +63,6 @@ def log(model, values, *, speed=0.26):
     )  # fmt: skip
 
 
-def test_the_quantities_are_those_of_the_valves_and_the_mounting():
-    held = {one.name: one.default for one in ThroughFlow().quantities if one.default is not None}
-    gas = {"gas_pressure": 5e5, "gas_volume": 3e-5, "gas_exponent": 1.3}
-    assert held == {"return_slope": 2.5e5, **gas, "k_e": 1e9, "free_gas": 0.0, "drag": 0.0}
-    assert ThroughFlow(mounting=ALL).names[-6:] == (
-        "drag", "k_s", "play", "lag", "moving_mass", "f_0",
-    )  # fmt: skip
-    bleeds = Valve("orifice", "none")
-    assert TwinTube(rebound=bleeds, compression=bleeds).names[:3] == (
-        "rebound_bleed", "compression_bleed", "return_slope",
-    )  # fmt: skip
-    assert "return_slope" not in Monotube().names
-    rigid = Monotube(mounting=Mounting("none"))
-    assert "k_s" not in rigid.names
-    assert rigid.quantity("k_e").default is None
-    assert ThroughFlow(mounting=Mounting(3e5)).quantity("k_s").default == 3e5
-
-
 @LAYOUTS
 def test_without_a_lag_it_is_the_network_and_with_it_the_force_is_late(kind):
     model = damper(kind, Mounting("fit", "fit", "fit"))
@@ -258,19 +240,6 @@ def test_a_preset_spelled_out_has_its_quantities_its_force_and_its_slopes(kind):
         assert np.array_equal(one.sensitivities[number], other.sensitivities[number])
     assert spelled.pressed_areas == preset.pressed_areas
     assert spelled.rest_force(0.01) == preset.rest_force(0.01)
-
-
-def test_a_fit_of_it_starts_and_ends_as_that_of_the_preset():
-    preset, spelled = both(TwinTube, Mounting())
-    made = log(preset, preset.values({**VALVES, "k_s": 4e5}))
-    held = {one.name: one.default for one in preset.quantities if one.default is not None}
-    for one, other in zip(spelled.start([made], held), preset.start([made], held), strict=True):
-        assert one.numbers == pytest.approx(other.numbers, rel=1e-9)
-    (fit,) = identify(
-        [made], spelled, FitOptions("plain", solver=SolverOptions(tolerance=1e-2))
-    ).fits
-    for number, true in VALVES.items():
-        assert getattr(fit.parameters, number) == pytest.approx(true, rel=0.03, abs=0.3)
 
 
 def test_a_damper_that_is_no_preset_is_fitted():

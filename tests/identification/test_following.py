@@ -1,7 +1,5 @@
 """What follows which adjuster: found by the logs, or declared; settings that were not fitted."""
 
-import itertools
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +7,6 @@ import pytest
 from scipy.optimize import least_squares
 
 from damperfit.damper.model import values_type
-from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.quantity import OFFSET, Quantity
 from damperfit.identification import (
     DETECT,
@@ -25,8 +22,7 @@ from damperfit.identification import (
 from damperfit.identification.sharing import Unknown
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import Assessment, assess, predict, profile_campaign
-from damperfit.uncertainty.profiles import Bench
+from damperfit.uncertainty import Assessment, assess, predict
 from tests.identification import adjusted
 from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, at, log, numbers
 
@@ -121,19 +117,6 @@ def test_what_settings_share_has_one_interval(found: Campaign) -> None:
     assert said["k_e"].startswith("shared by all settings, 95 %")
 
 
-@pytest.mark.slow
-def test_a_click_has_a_profile_of_its_own(found: Campaign) -> None:
-    judged = assess(found, DAMPER)
-    seen = profile_campaign(found, judged, Bench(DAMPER), names=["rebound_opening"]).profiles
-    assert [one.setting for one in seen] == [at(6, 1), at(14, 1), at(6, 3), at(14, 3)]
-    for one in seen:
-        interval = {u.setting: u for u in judged.uncertainties}[one.setting].intervals[one.name]
-        # Not noise alone, which is a seventh of it and less: what defaults may be off by counts.
-        assert interval.misfit > 5.0 * interval.error
-        assert (one.low, one.high) == pytest.approx((interval.low, interval.high), rel=2e-3)
-        assert one.low < numbers(one.setting)[one.name] < one.high
-
-
 def test_a_setting_that_does_not_tell_it_takes_it_from_others() -> None:
     # At the stiff click of high speed a slow log never opens the blow-off.
     logs = [*adjusted.logs()[:3], log(SETTINGS[3], speeds=(0.02, 0.04))]
@@ -142,45 +125,6 @@ def test_a_setting_that_does_not_tell_it_takes_it_from_others() -> None:
     fit = identify(logs, DAMPER, DECLARED).fits[3]
     assert fit.outcome is Outcome.CONVERGED
     assert fit.parameters.rebound_opening == pytest.approx(8e5, rel=0.02)
-
-
-@pytest.mark.slow
-def test_a_click_that_no_other_setting_has_is_its_own_to_tell() -> None:
-    fit = identify([*adjusted.logs(), log(at(20, 1))], DAMPER, DECLARED).fits[-1]
-    assert fit.setting == at(20, 1)
-    assert (fit.status["rebound_bleed"], fit.status["rebound_opening"]) == ("fitted", "shared")
-    assert fit.parameters.rebound_bleed == pytest.approx(1.6e4, rel=0.02)
-
-
-@pytest.mark.slow
-def test_intervals_of_what_settings_share_cover() -> None:
-    """Those of noise alone hold 95 of 100; with what is supposed of the model, no fewer."""
-    of_noise, hits, total = 0, 0, 0
-    for seed in range(40):
-        logs = [log(one, seed=seed, noise=4.0) for one in SETTINGS]
-        campaign = identify(logs, DAMPER, DECLARED)
-        known = {one.setting: one for one in assess(campaign, DAMPER).uncertainties}
-        fits = {one.setting: one for one in campaign.fits}
-        for unknown in campaign.sharing.unknowns:
-            setting = next(one for one in SETTINGS if unknown.holds_at(one))
-            interval = known[setting].intervals[unknown.name]
-            truth = numbers(setting)[unknown.name]
-            value = getattr(fits[setting].parameters, unknown.name)
-            of_noise += abs(math.log(value / truth)) < 1.96 * interval.error / value
-            hits += interval.low < truth < interval.high
-            total += 1
-    assert 0.90 < of_noise / total < 0.99
-    assert hits >= of_noise
-
-
-@pytest.mark.slow
-def test_three_clicks_of_each_adjuster_on_an_elastic_mounting() -> None:
-    elastic = replace(DAMPER, mounting=Mounting(series_stiffness="fit", play=NONE, lag=NONE))
-    settings = [at(*one) for one in itertools.product((6, 14, 20), (1, 3))]
-    logs = [log(one, damper=elastic, k_s=4e5, k_e=1e9) for one in settings]
-    campaign = identify(logs, elastic, FOUND)
-    assert campaign.sharing.follows == FOLLOWS
-    assert campaign.fits[0].parameters.k_s == pytest.approx(4e5, rel=0.02)
 
 
 # A setting that was not fitted, from the clicks of others.

@@ -10,9 +10,8 @@ from damperfit.damper.purdy.closed_forms import modulus_at_pressure
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, FitOptions, Outcome, compare, identify, joint
-from damperfit.identification.fit_problem import Block, Point
+from damperfit.identification.fit_problem import Block
 from damperfit.identification.joint import working_pressure
-from damperfit.identification.least_squares import Minimum
 from damperfit.identification.sharing import GasLaw
 from damperfit.uncertainty import assess, linearise_settings, uncertainties
 from damperfit.uncertainty.covariance import shared_covariance, shared_curvature
@@ -86,30 +85,6 @@ def test_a_setting_outside_of_the_joint_fit_lends_it_no_weight() -> None:
     assert not np.allclose(shared_covariance(linearised, three.sharing), without, rtol=0.1)
     curvature = shared_curvature(linearised, sharing)
     assert curvature == pytest.approx(shared_curvature([linearised[0], linearised[2]], sharing))
-
-
-@pytest.mark.parametrize(("shift", "n_fits"), [(1.49, 0), (1.51, 1), (10.0, 1)])
-def test_a_joint_fit_is_weighed_by_what_its_end_leaves(monkeypatch, shift, n_fits) -> None:
-    """A weight of a bad start drew a damper's drag to twice what it was, as a wrong valley would.
-
-    Of settings whose weights shift by less than half beside each other nothing moves.
-    """
-    even, uneven = {1: 1.0, 2: 1.0}, {1: 1.0, 2: 1.0 / shift}
-    at = Point(
-        {}, mean_squares=even, n_independent={}, is_cavitating=False, weights=uneven, gas=None
-    )
-    first = Minimum(np.zeros(0), None, at, 4, 0, 2, np.zeros(0, dtype=bool))
-    asked = []
-
-    def fit(problem, starts):
-        asked.append(problem)
-        return replace(first, extra=at._replace(weights=even), evaluations=3)
-
-    monkeypatch.setattr(joint, "fit_jointly", fit)
-    ended = joint._fairly_weighed("problem", first)
-    assert asked == ["problem"] * n_fits
-    assert ended.evaluations == 4 + 3 * n_fits
-    assert ended.extra.is_fairly_weighed
 
 
 # K_e of all settings from one gas content: recovered where it holds, said where it does not.

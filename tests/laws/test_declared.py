@@ -18,7 +18,7 @@ from damperfit.damper.valve_dampers import TwinTube
 from damperfit.laws.law_fit import LawFit
 from damperfit.laws.structures import everything
 from damperfit.recording import Trace
-from damperfit.run.auto_model import _layouts, assumed_gas, open_dimensions, with_chosen_law
+from damperfit.run.auto_model import _layouts, assumed_gas, with_chosen_law
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.residuals import gain, signatures
 from tests import fakes
@@ -72,20 +72,6 @@ def test_auto_tries_the_damper_that_a_named_model_would_take(declared) -> None:
         assert one == load_configuration(None, overlay=named).damper
 
 
-@pytest.mark.parametrize(("declared", "free", "says"), [
-    ({}, ("k_s", "play"), "elasticity and play are the rig's: the rod, the bore and th"),
-    ({"rod_diameter": "11mm", "gas_pressure": "7bara"}, ("lag",), "rig's: the bore is not"),
-    ({"model": "twin_tube", "rod_diameter": "11mm"}, ("k_s",), "the bore and the gas pressure a"),
-    ({"rod_diameter": "11mm", "piston_diameter": "28mm", "gas_pressure": "7bara"}, ("k_s",), ""),
-    ({}, ("f_f",), ""),
-])  # fmt: skip
-def test_what_undeclared_dimensions_may_look_like_is_told(declared, free, says) -> None:
-    law = replace(a_law_fit(TwinTube(mounting=Mounting(FIT, FIT, FIT))), free=free)
-    said = " ".join(open_dimensions(load_configuration(None, overlay={"damper": declared}), law))
-    assert says in said
-    assert bool(said) is bool(says)
-
-
 def test_a_law_of_valves_is_fitted_by_a_procedure_of_its_own() -> None:
     law = a_law_fit(TwinTube())
     search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False, offsets={})
@@ -137,18 +123,6 @@ def a_law_fit(model: Model) -> LawFit:
     values = model.values({one.name: 1.0 for one in model.quantities})
     rest = (np.zeros(3),)
     return LawFit(Setting.of(1), model, values, model.names, (), 1.0, (1.0,), np.nan, "", rest, 9)
-
-
-def test_models_tells_the_logs_that_contradict_each_other(tmp_path, capsys) -> None:
-    assert main(["samples", str(tmp_path), "--settings", "5,10", "--quiet"]) == 0
-    copied = (tmp_path / "setting_10.csv").read_text().replace("# setting: 10", "# setting: 17")
-    (tmp_path / "setting_17.csv").write_text(copied)
-    logs = [str(tmp_path / f"setting_{k}.csv") for k in ("05", "10", "17")]
-    capsys.readouterr()
-    assert main(["models", "--quiet", *logs]) == 1
-    assert "the same test under several settings" in capsys.readouterr().err
-    assert main(["models", "--quiet", *logs[1:]]) == 2
-    assert "the same test under several settings" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("model", "asked", "tried_layouts"), [

@@ -1,8 +1,5 @@
 """Models of the literature fitted to logs of their own, and ranked by what they predict."""
 
-import math
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -72,31 +69,6 @@ def test_a_valve_damper_ranks_them_by_what_they_predict(ranked: tuple[Tried, ...
     surface = by_name["restoring_force_surface"]
     assert surface.mse_percent < by_name["polynomial_xv"].mse_percent
     assert surface.held_out_percent > surface.mse_percent
-
-
-def _of_one_speed(trace: Trace) -> Trace:
-    """The log from the beginning of its last steady cycles on, without the coast-down."""
-    last = trace.stretches[-1]
-    part = slice(last.first - 300, last.stop + 1)
-    moved = replace(last, first=300, stop=300 + last.n_samples,
-                    cycle_starts=last.cycle_starts - part.start)  # fmt: skip
-    drive = replace(trace.drive, displacement=trace.drive.displacement[part],
-                    velocity=trace.drive.velocity[part])  # fmt: skip
-    return replace(trace, displacement=trace.displacement[part], velocity=trace.velocity[part],
-                   force=trace.force[part], drive=drive, stretches=(moved,),
-                   whole=None)  # fmt: skip
-
-
-def test_without_a_prediction_the_fit_ranks(logs: SettingLogs) -> None:
-    seen: list[Tried] = []
-    # One stretch alone, and nothing else in the log: no change of speed is left to be predicted.
-    one_speed = tuple(_of_one_speed(trace) for trace in logs.fitted)
-    alone = [SettingLogs(SETTING, one_speed)]
-    again = rank_rivals(alone, jobs=2, on_rival=seen.append)
-    assert len(seen) == len(RIVALS)
-    assert all(math.isnan(one.held_out_percent) for one in again)
-    fits = [one.mse_percent for one in again]
-    assert fits == sorted(fits)
 
 
 def test_what_was_held_out_takes_no_part_in_the_fit(

@@ -8,7 +8,6 @@ import pytest
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
-from damperfit.laws.description import physics_seen
 from damperfit.laws.law_fit import Tried
 from damperfit.laws.structures import BOTH, Structure, moves, times_in
 from damperfit.simulation import SolverOptions, simulate
@@ -97,18 +96,3 @@ def test_the_numbers_of_another_layout_give_the_same_force(layout: str, valve: V
     # Beside the turns, where the oil's compression differs with the layout.
     moves = np.abs(motion.velocity) > 0.5 * np.max(np.abs(motion.velocity))
     assert np.max(np.abs(force[0] - force[1])[moves]) < 0.01 * np.ptp(force[0])
-
-
-def test_numbers_stand_beside_those_of_layouts_that_are_alike() -> None:
-    model = Monotube(**GEOMETRY)
-    numbers = {one.name: one.default or 1e5 for one in model.quantities}
-    one = replace(fit(), model=model, values=model.values(numbers))
-    times = model.annulus_area / model.piston_area
-    said = " ".join(physics_seen([one], ["through_flow"]))
-    force = 1e5 * model.annulus_area
-    assert (
-        f"In compression a blow-off opens at {force:.3g} N (1 bar; {times:.3g} in a through-flow "
-        "damper)" in said
-    )
-    assert f"In rebound a blow-off opens at {force:.3g} N (1 bar)." in said
-    assert "through-flow" not in " ".join(physics_seen([one]))

@@ -1,6 +1,5 @@
 """Valves follow the letters of labels as the logs bear it out, and are delivered so."""
 
-import csv
 from types import SimpleNamespace
 
 import pytest
@@ -9,31 +8,6 @@ from damperfit.errors import ConfigurationError
 from damperfit.laws.search import _Linear
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, log_text, moved
-
-AT = [(low, high) for low in (6, 18) for high in (1, 3)]
-
-
-def numbers(low: int, high: int) -> dict[str, float]:
-    """A click of L closes both bleeds, one of H raises both preloads."""
-    factors = {"bleed": 2.5 ** ((low - 6) / 12), "opening": 2.2 ** ((high - 1) / 2)}
-    return {n: x * factors.get(n.rpartition("_")[2], 1.0) for n, x in VALUES.items() if n != "play"}
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    import damperfit
-
-    folder = tmp_path_factory.mktemp("lettered")
-    (folder / "damper.toml").write_text(DAMPER_TOML + 'model = "through_flow"\n')
-    model = damper(has_play_and_lag=False)
-    for place, (low, high) in enumerate(AT):
-        known = {name: x for name, x in numbers(low, high).items() if name in model.names}
-        text = log_text(model, known, moved((0.06, 0.24)), setting=f"L{low} H{high}", seed=place)
-        (folder / f"log_{place}.csv").write_text(text)
-    return damperfit.identify(
-        sorted(folder.glob("log_*.csv")), model="auto", config=folder / "damper.toml",
-        out=folder / "run",
-    ), folder / "run"  # fmt: skip
 
 
 def test_letters_of_a_label_are_places() -> None:
@@ -52,24 +26,6 @@ def test_a_setting_without_the_letters_of_others_stands_elsewhere() -> None:
     )
     assert _Linear.is_shown(known, "rebound_bleed", ("L",))  # H1 and H3 are both known
     assert not _Linear.is_shown(known, "rebound_bleed", ())  # and of L only 6
-
-
-@pytest.mark.slow
-def test_numbers_are_tied_and_true(run) -> None:
-    rows = list(csv.DictReader((run[1] / "parameters.csv").read_text().splitlines()))
-    for name in ("rebound_bleed", "compression_bleed", "rebound_opening", "compression_opening"):
-        letter = 1 if name.endswith("opening") else 0
-        found = {}
-        for row in rows:
-            low, high = (int(part[1:]) for part in row["setting"].split())
-            assert row[f"{name}_status"] == "shared", (name, row["setting"])
-            found.setdefault((low, high)[letter], set()).add(row[name])
-            assert float(row[name]) == pytest.approx(numbers(low, high)[name], rel=0.1)
-        assert all(len(values) == 1 for values in found.values()), name
-    report = (run[1] / "report.md").read_text()
-    assert "The logs show that" in report
-    assert "follow L" in report
-    assert "follow H" in report
 
 
 @pytest.fixture(scope="module")

@@ -141,17 +141,6 @@ def test_only_an_elastic_mounting_hides_the_oil(stiffness: str | float, said: st
     assert told([one], 1.0, 2.0) == (f"{said} would decide it.",)
 
 
-def test_layouts_alike_are_named() -> None:
-    fits = [fit()]
-    search = LawSearch((), Tried("law", tuple(fits)), 60.0, alike=("monotube",))
-    (said,) = told(fits, 1.0, 2.0, search=search)
-    assert said.startswith(
-        "The layout, twin tube or monotube: they fit and predict alike. Pressures and orifices of "
-        "the valves differ with it (intervals of identify hold both), forces hardly. The maker's "
-        "drawing decides it"
-    )
-
-
 def test_a_monotube_is_told_by_a_rod_side_without_oil() -> None:
     fits = [fit()]
     own = {"gas_pressure": 2e6, "rod_diameter": 0.010, "piston_diameter": 0.030}
@@ -176,16 +165,6 @@ def test_a_part_that_costs_more_than_the_logs_pay_is_left_open(
     said = told([fit()], 1.0, 2.0, search=LawSearch((judged,), tried, 60.0))
     assert bool(said) is is_open
     assert all(one.startswith("Whether the damper has gas volume: ") for one in said)
-
-
-@pytest.mark.parametrize(("kind", "words"), [
-    ("transients", "only run-up, coast-down and changes of speed"), ("", "nothing was held out"),
-])  # fmt: skip
-def test_without_a_held_out_log_one_more_is_asked_for(kind: str, words: str) -> None:
-    held = 0.01 if kind else math.nan
-    (said,) = told([fit(held_out=kind, held_out_percent=held)], 1.0, 2.0)
-    assert words in said
-    assert "0.18 m/s at a stroke of 12 mm" in said
 
 
 @pytest.mark.parametrize(("second", "n_alike"), [(1.0, 2), (2.0, 1)])

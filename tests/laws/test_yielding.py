@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +13,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
 from damperfit.damper.valve_dampers import ThroughFlow
-from damperfit.laws.description import seen_again, undecided
+from damperfit.laws.description import seen_again
 from damperfit.laws.law_fit import LawSearch, SettingLogs, Tried
 from damperfit.laws.rivals import held_against, is_open_to
 from damperfit.laws.search import search_laws
@@ -98,24 +97,6 @@ def test_valves_are_told_where_they_are_clearly_better(of_valves, is_taken, is_o
     assert is_open_to(valves, other) is is_open
     assert why.startswith("the logs hold 60 % of their force down to a tenth of the speed; ")
     assert ("as well as" in why) is (is_open and not is_taken)
-
-
-def test_what_is_left_open_is_said_and_names_no_physics() -> None:
-    law = tried(ThroughFlow(), 0.1)
-    search = LawSearch((), law, 20.0, held_share=0.6, also="Bouc-Wen")
-    choice = law_choice.LawChoice(search, (), law.fits, ())
-    assert choice.supported == "law or, as well, Bouc-Wen"
-    assert choice.sentences == ()
-    logs = [SettingLogs(Setting.of(1), (fakes.trace(1),))]
-    fit = SimpleNamespace(model=law.fits[0].model, free=(), undetermined=(), at_bound=(),
-                          held_out="logs")  # fmt: skip
-    (said,) = undecided(search, [fit], logs)
-    assert said.startswith("Whether oil passes valves or something yields before it slides")
-    assert "hold 60 % of their force down to a tenth of the speed" in said
-    slowest = fakes.trace(1).fastest.peak_speed
-    assert f"Another speed decides it, {0.3 * slowest:.2g} m/s" in said
-    assert "Bouc-Wen fits and predicts that about as well" in said
-    assert not any("yields" in one for one in undecided(replace(search, also=""), [fit], logs))
 
 
 @pytest.mark.parametrize(("shares", "expected"), [

@@ -48,18 +48,6 @@ def test_a_sound_set_is_left_in_peace(seed) -> None:
     assert judged(short_traces(SETTINGS, seed=seed)).warnings == ()  # nor without any noise
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_noise_is_taken_off_what_repeats(seed) -> None:
-    """Without a filter each sample counts, and the mean over 14 cycles keeps 1/14 of the noise."""
-    random, logs = np.random.default_rng(seed), []
-    for log in (recording(1), recording(20)):
-        noisy = log.force + 4.0 * random.standard_normal(len(log.force))
-        logs.append(condition(replace(log, force=noisy), UNFILTERED))
-    for one in judged(logs, BARE).diagnoses:
-        assert not one.is_structured
-        assert one.noise_percent == pytest.approx(one.mse_percent, rel=0.02)
-
-
 @pytest.mark.parametrize(
     "settings", [(12,), pytest.param(SETTINGS, marks=pytest.mark.slow)], ids=["one", "three"]
 )

@@ -22,7 +22,7 @@ from damperfit.uncertainty import (
     prediction_warnings,
     split_cycles,
 )
-from damperfit.uncertainty.grades import LIMITS, _is_same_motion, _prediction, _tested
+from damperfit.uncertainty.grades import LIMITS, _prediction, _tested
 from tests import fakes
 from tests.identification.rig import recording
 
@@ -187,18 +187,6 @@ def test_a_missed_test_stands_against_the_grade(changes, *, is_missed) -> None:
     assert (LIMITS.predicted_percent, LIMITS.predicted_times) == (0.5, 4.0)
     found = missed_predictions([replace(PLAIN, **changes)]).values()
     assert [one.kind for one in found] == ["prediction"] * is_missed
-
-
-@pytest.mark.parametrize("name", ["amplitude", "speed"])
-@pytest.mark.parametrize(("factor", "is_same"), [(1.049, True), (1.051, False)])
-def test_a_motion_within_five_per_cent_of_a_fitted_one_is_the_same(name, factor, is_same) -> None:
-    def steady(amplitude=0.03, speed=0.3):
-        one = SimpleNamespace(amplitude=amplitude, peak_speed=speed, n_cycles=5)
-        return SimpleNamespace(stretches=[one])
-
-    fit = SimpleNamespace(logs=[SimpleNamespace(trace=steady())])
-    motion = {"amplitude": 0.03, "speed": 0.3}
-    assert _is_same_motion(fit, steady(**motion | {name: factor * motion[name]})) is is_same
 
 
 @pytest.mark.parametrize(("times", "is_tested"), [(2.99, False), (3.01, True)])

@@ -53,20 +53,6 @@ def reconsidered(fit, *profiles, errors=(), sharing=NOTHING):
     return found, changed
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "shape"),
-    [
-        (1.0, 3.0, "closed"),
-        (1.0, None, "flat upward"),
-        (None, 3.0, "flat downward"),
-        (None, None, "flat both ways"),
-    ],
-)
-def test_a_profile_is_flat_where_it_sets_no_limit(low, high, shape) -> None:
-    assert profile(low, high).shape == shape
-    assert replace(profile(low, high), is_complete=False).shape == "not finished"
-
-
 def test_an_offset_has_a_straight_interval_and_all_others_one_of_factors() -> None:
     offset = make_interval(-3.0, 0.5, is_logarithmic=False)
     assert (offset.low, offset.high, offset.error) == pytest.approx((-3.98, -2.02, 0.5), abs=1e-4)
@@ -247,23 +233,6 @@ def test_an_opening_that_no_log_reaches_is_above_the_pressure_on_it(opening, spe
         assert said[NAME].endswith("1e+08 Pa is used: the law may as well lack this part")
     assert "they do not open the blow-off" in said["rebound_slope"]
     assert said["compression_opening"].startswith("fitted, 95 % from")
-
-
-@pytest.mark.parametrize(
-    ("opening", "used"),
-    [
-        (0.99e6, "9.9e+05 Pa is used with a slope that lets next to nothing through; hold it"),
-        (1.01e6, "1.01e+06 Pa is used; hold it"),
-    ],
-)
-def test_an_opening_below_the_highest_pressure_lets_next_to_nothing_through(opening, used) -> None:
-    setting, numbers = Setting.of(1), {n: VALUES.get(n, 1.0) for n in MODEL.names}
-    values = MODEL.values(numbers | {NAME: opening})
-    status = dict.fromkeys(MODEL.names, Status.NOT_IDENTIFIABLE)
-    fit = SimpleNamespace(setting=setting, parameters=values, status=status)
-    intervals, least = {NAME: make_interval(opening, 1.0)}, {NAME: 1e6}
-    seen = Uncertainty(setting, intervals, (NAME,), np.eye(1), unopened=least)
-    assert used in verdicts(fit, seen, Sharing())[NAME]
 
 
 def linearised(setting, opening, pressed, slope=1e6):
