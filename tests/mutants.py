@@ -41,6 +41,8 @@ _COMPARISONS = {
     ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==",
 }  # fmt: skip
 _OPERATORS = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*"}
+# Keywords of `zip` and of dataclasses: our own arrays are as long, and nobody changes or compares.
+_WITHOUT_EFFECT = {"strict", "frozen", "slots", "eq"}
 _NAMES = {"min": "max", "max": "min", "argmin": "argmax", "argmax": "argmin"}
 
 
@@ -84,6 +86,8 @@ def mutants_of(root: Path, file: Path) -> list[Mutant]:
             return
         if isinstance(node, ast.AnnAssign) and node.value is not None:
             visit(node.value, function)
+            return
+        if isinstance(node, ast.keyword) and node.arg in _WITHOUT_EFFECT:
             return
         changed = _changed(node)
         if changed is not None:

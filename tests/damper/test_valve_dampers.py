@@ -183,7 +183,7 @@ def test_the_law_is_that_of_the_core(bleed, blow_off) -> None:
     valve = Valve(bleed, blow_off)
     model = Monotube(rebound=valve, gas_pressure=2.5e6, mounting=Mounting("none"))
     own = {
-        "bleed": 5e4, "leak": 2e6, "opening": 4.5e5, "slope": 5e6, "port": 6e4, "width": 1e5,
+        "bleed": 5e4, "leak": 2e6, "opening": 4.5e5, "slope": 5e6, "port": 6e4, "width": 3e5,
         "power": 1.3,
     }  # fmt: skip
     numbers = {f"rebound_{part}": value for part, value in own.items()} | VALVES | {"k_e": 5e10}

@@ -173,6 +173,13 @@ def test_errors_are_those_of_one_big_least_squares_with_the_law_inside(campaign)
         assert np.sqrt(np.diag(known.covariance)) == pytest.approx(expected, rel=1e-3)
 
 
+def test_an_erratic_bulk_modulus_is_said_not_to_follow() -> None:
+    # K_e of the reference set scatters by up to 15 % about a smooth curve.
+    found = identify(traces([2, 6, 11, 17], noise=4.0, duration=5.0), PURDY_DAMPER, GASSY)
+    assert "K_e does not follow Appendix 1" in str(found.warnings[0])
+    assert max(found.sharing.gas_rises.values()) > 100.0
+
+
 def test_the_law_is_eq_28_and_starts_from_a_line() -> None:
     pressures = {1: 8e5, 2: 16e5, 3: 30e5}
     law = GasLaw(0.004, 1.5e9, 1.4, pressures)

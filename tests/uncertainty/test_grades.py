@@ -266,3 +266,5 @@ def test_the_squares_fall_by_four_standard_errors(mean, is_certain) -> None:
     around = np.array([-1.0, 1.0] * 8)  # sixteen cycles
     error = float(np.std(around, ddof=1)) / 4.0
     assert grades.is_certain((around + mean * error).tolist()) is is_certain
+    assert grades.is_certain([1.0, 1.1])
+    assert not grades.is_certain([1.0])
