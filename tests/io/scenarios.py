@@ -90,22 +90,10 @@ def _shuffled(scenario: Scenario) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def parquet_table(scenario: Scenario, *, units_in_names: bool = True) -> pa.Table:
-    columns = {
-        "time": ("s", scenario.time),
-        "displacement": ("mm", scenario.displacement_mm),
-        "force": ("N", scenario.force_n),
-        "temperature": ("degC", scenario.temperature),
-    }
-    fields = [
-        pa.field(f"{name}_{unit}", pa.float64())
-        if units_in_names
-        else pa.field(name, pa.float64(), metadata={"unit": unit})
-        for name, (unit, _) in columns.items()
-    ]
-    metadata = {"setting": str(scenario.setting)}
-    arrays = [pa.array(values, pa.float64()) for _, values in columns.values()]
-    return pa.table(arrays, schema=pa.schema(fields, metadata=metadata))
+def parquet_table(scenario: Scenario) -> pa.Table:
+    columns = [pa.array(values, pa.float64()) for values in zip(*scenario.rows(), strict=True)]
+    table = pa.table(columns, names=HEADER.split(","))
+    return table.replace_schema_metadata({"setting": str(scenario.setting)})
 
 
 def parquet_bytes(table: pa.Table, **options: object) -> bytes:
@@ -116,10 +104,6 @@ def parquet_bytes(table: pa.Table, **options: object) -> bytes:
 
 def _parquet(scenario: Scenario) -> bytes:
     return parquet_bytes(parquet_table(scenario))
-
-
-def _parquet_units(scenario: Scenario) -> bytes:
-    return parquet_bytes(parquet_table(scenario, units_in_names=False))
 
 
 def _gzip(scenario: Scenario) -> bytes:
@@ -140,24 +124,6 @@ def _mts(scenario: Scenario) -> bytes:
     return ("\r\n".join(lines) + "\r\n").encode()
 
 
-def _mts_buffers(scenario: Scenario) -> bytes:
-    """One record in two write buffers."""
-    whole = _mts(scenario).decode().splitlines()
-    rows = [line for line in whole if line[:1].isdigit()]
-    head = [line for line in whole[2:] if line not in rows]
-    lines = [*whole[:2], *head, *rows[:3], "", *head, *rows[3:], ""]
-    return "\r\n".join(lines).encode()
-
-
-def _quoted_commas(scenario: Scenario) -> bytes:
-    """Decimal commas between commas, every number quoted."""
-    lines = [f"# setting: {scenario.setting}", HEADER]
-    lines += [
-        ",".join(f'"{value!r}"'.replace(".", ",") for value in row) for row in scenario.rows()
-    ]
-    return ("\n".join(lines) + "\n").encode()
-
-
 def _logger(scenario: Scenario) -> bytes:
     """Sample number and 12-hour clock, an event in some rows only."""
     lines = ["Header Size:  3", f"Setting:  {scenario.setting}"]
@@ -169,16 +135,6 @@ def _logger(scenario: Scenario) -> bytes:
     return ("\r\n".join(lines) + "\r\n").encode()
 
 
-def _instron(scenario: Scenario) -> bytes:
-    """Entries with a value and a unit, a blank line, names, units in brackets, all quoted."""
-    lines = ['Specimen : label,"D 7"', f'Setting : "{scenario.setting}"', ""]
-    lines += ["Time,Extension,Load,Temperature", "(s),(mm),(kgf),(degC)"]
-    for t, d, f, temperature in scenario.rows():
-        fields = (repr(t), repr(d), f"{f / 9.80665:.17g}", repr(temperature))
-        lines.append(",".join(f'"{field}"' for field in fields))
-    return ("\n".join(lines) + "\n").encode()
-
-
 def _parquet_stamps(scenario: Scenario) -> bytes:
     """Time as stamps in whole nanoseconds, under a name that says nothing."""
     table = parquet_table(scenario)
@@ -187,21 +143,10 @@ def _parquet_stamps(scenario: Scenario) -> bytes:
     return parquet_bytes(table.set_column(0, "logged at", stamps))
 
 
-def _json_columns(scenario: Scenario) -> bytes:
-    columns = zip(*scenario.rows(), strict=True)
-    named = dict(zip(HEADER.split(","), columns, strict=True))
-    return json.dumps({"setting": scenario.setting, "operator": "A. B.", **named}).encode()
-
-
 def _json_rows(scenario: Scenario) -> bytes:
     names = HEADER.split(",")
     rows = [dict(zip(names, row, strict=True)) for row in scenario.rows()]
     return json.dumps({"test": {"setting": scenario.setting}, "log": rows}, indent=1).encode()
-
-
-def _json_lists(scenario: Scenario) -> bytes:
-    rows = [[*row, scenario.setting] for row in scenario.rows()]
-    return json.dumps([[*HEADER.split(","), "setting"], *rows]).encode()
 
 
 def _json_lines(scenario: Scenario) -> bytes:
@@ -219,19 +164,13 @@ WRITERS: dict[str, tuple[str, Callable[[Scenario], bytes]]] = {
     "blanks": ("log.dat", _blanks),
     "gzip": ("log.csv.gz", _gzip),
     "MTS block": ("specimen.dat", _mts),
-    "MTS write buffers": ("specimen.dat", _mts_buffers),
     "shuffled": ("log.csv", _shuffled),
-    "decimal commas between commas": ("log.csv", _quoted_commas),
     "logger": ("log.txt", _logger),
-    "Instron": ("log.csv", _instron),
     "Parquet": ("log.parquet", _parquet),
-    "Parquet, units in fields": ("log.parquet", _parquet_units),
     "Parquet, time stamps": ("log.parquet", _parquet_stamps),
     "Parquet called CSV": ("log.csv", _parquet),
     "CSV called Parquet": ("log.parquet", _plain),
-    "JSON columns": ("log.json", _json_columns),
     "JSON rows": ("log.json", _json_rows),
-    "JSON lists": ("log.txt", _json_lists),
     "JSON lines": ("log.jsonl", _json_lines),
     "odd suffix": ("log.001", _plain),
 }

@@ -113,6 +113,9 @@ def test_every_kind_of_number_is_read_as_scipy_reads_it(put, kind, is_packed) ->
 COLUMN = np.arange(20.0)[:, None]
 
 
+NOT_REAL = {"time_s": COLUMN, "displacement_mm": COLUMN}
+
+
 @pytest.mark.parametrize(
     ("variables", "says"),
     [
@@ -121,14 +124,8 @@ COLUMN = np.arange(20.0)[:, None]
             {"run": {"time_s": np.arange(5.0)}},
             "'run' (struct); save its fields as variables: save(",
         ),
-        (
-            {"time_s": COLUMN, "displacement_mm": COLUMN, "force_N": COLUMN + 1j},
-            "no column for force",
-        ),
-        (
-            {"time_s": COLUMN, "displacement_mm": COLUMN, "force_N": COLUMN.astype(object)},
-            "no column for force",
-        ),
+        (NOT_REAL | {"force_N": COLUMN + 1j}, "no column for force"),
+        (NOT_REAL | {"force_N": COLUMN.astype(object)}, "no column for force"),
     ],
 )
 @pytest.mark.parametrize("is_packed", [True, False])
@@ -143,26 +140,20 @@ def test_matlab_without_numbers_says_what_it_holds(put, variables, says, is_pack
         ((4, 3), True),  # one row more than columns
         ((3, 3), False),  # nothing tells which way it lies
         ((3, 20), False),  # wider than long: its rows would be taken for columns
-        ((65, 64), True),
-        ((66, 65), False),  # more than any rig has channels
-        ((1, 1), False),
-        ((0, 3), False),
-        ((2, 2, 2), False),
+        *(((65, 64), True), ((66, 65), False)),  # more than any rig has channels
+        *(((1, 1), False), ((0, 3), False), ((2, 2, 2), False)),
     ],
 )
 def test_a_matrix_is_channels_side_by_side(put, write, shape, is_read) -> None:
     matrix = np.arange(float(np.prod(shape))).reshape(shape)
     path = put(write({"m": matrix}), "log_s1.mat")
-    declared = {
-        "columns": {"time": "m:1", "displacement": "m:2", "force": "m:3"},
-        "units": UNITS,
-    }
-    if is_read:
-        recording = read_log(path, ReadOptions(**declared))
-        np.testing.assert_array_equal(recording.time, matrix[:, 0])
-        np.testing.assert_array_equal(recording.force, matrix[:, 2])
-    else:
-        assert " of numbers" in refusal(path, **declared)
+    columns = {"time": "m:1", "displacement": "m:2", "force": "m:3"}
+    if not is_read:
+        assert " of numbers" in refusal(path, columns=columns, units=UNITS)
+        return
+    recording = read_log(path, ReadOptions(columns=columns, units=UNITS))
+    np.testing.assert_array_equal(recording.time, matrix[:, 0])
+    np.testing.assert_array_equal(recording.force, matrix[:, 2])
 
 
 @pytest.mark.parametrize("is_packed", [True, False])
@@ -251,23 +242,20 @@ def test_tdms_channels_of_different_rate_or_start_are_read_at_the_times_of_the_f
 def test_each_tdms_group_that_is_a_test_is_a_recording(put) -> None:
     nptdms = pytest.importorskip("nptdms")
     sink = io.BytesIO()
-    columns = binary_logs.arrays(SCENARIO).items()
     with nptdms.TdmsWriter(sink) as writer:
-        for setting in (3, 4):
-            name = f"run {setting}"
+        for k in (3, 4):
             channels = [
                 nptdms.ChannelObject(
-                    name, channel, values * setting, {"unit_string": binary_logs.CHANNELS[channel]}
+                    f"run {k}", name, k * v, {"unit_string": binary_logs.CHANNELS[name]}
                 )
-                for channel, values in columns
+                for name, v in binary_logs.arrays(SCENARIO).items()
             ]
-            writer.write_segment([nptdms.GroupObject(name, {"setting": setting}), *channels])
+            writer.write_segment([nptdms.GroupObject(f"run {k}", {"setting": k}), *channels])
         writer.write_segment([nptdms.ChannelObject("other", "noise", np.arange(4.0))])
     recordings = read_logs(put(sink.getvalue(), "a.tdms"))
     assert [recording.setting for recording in recordings] == [3, 4]
-    for recording in recordings:
-        expected = np.array(SCENARIO.force_n) * recording.setting.cell
-        np.testing.assert_array_equal(recording.force, expected)
+    for k, recording in zip((3, 4), recordings, strict=True):
+        np.testing.assert_array_equal(recording.force, k * np.array(SCENARIO.force_n))
 
 
 def test_tdms_that_claims_more_than_it_holds_is_refused(put) -> None:
@@ -335,21 +323,20 @@ def archive(**members: bytes | str) -> bytes:
     return sink.getvalue()
 
 
+HUGE = {"xl__workbook.xml": "<workbook/>", "xl__sheet1.xml": bytes(30_000_000)}
+
+
 @pytest.mark.parametrize(
-    ("data", "limit", "says"),
+    ("data", "says"),
     [
-        (archive(log="time_s,displacement_mm,force_N\n"), 10**8, "ZIP archive; unpack it"),
-        (archive(**{"a.npy": b"", "b.npy": b""}), 10**8, "NumPy archive without units"),
-        (archive(**{"content.xml": b""}), 10**8, "OpenDocument file; save the sheet as .xlsx"),
-        (
-            archive(**{"xl__workbook.xml": "<workbook/>", "xl__sheet1.xml": bytes(30_000_000)}),
-            10**7,
-            "limit of 10000000",
-        ),
+        (archive(log="time_s,displacement_mm,force_N\n"), "ZIP archive; unpack it"),
+        (archive(**{"a.npy": b"", "b.npy": b""}), "NumPy archive without units"),
+        (archive(**{"content.xml": b""}), "OpenDocument file; save the sheet as .xlsx"),
+        (archive(**HUGE), "limit of 10000000"),
     ],
 )
-def test_an_archive_that_is_no_workbook_or_too_large_is_refused(put, data, limit, says) -> None:
-    assert says in refusal(put(data, "a.xlsx"), max_bytes=limit)
+def test_an_archive_that_is_no_workbook_or_too_large_is_refused(put, data, says) -> None:
+    assert says in refusal(put(data, "a.xlsx"), max_bytes=10**7)
 
 
 def test_cells_are_named_with_their_row_and_formulas_are_counted(put) -> None:
@@ -357,10 +344,9 @@ def test_cells_are_named_with_their_row_and_formulas_are_counted(put) -> None:
     pytest.importorskip("python_calamine")
     recording = read_log(put(binary_logs.excel(SCENARIO), "log.xlsx"))
     assert "1 cells hold formulas; their last saved values are read" in recording.notes
-    book = openpyxl.Workbook()
+    book, sink = openpyxl.Workbook(), io.BytesIO()
     for row in (NAMES, *([row, row, "OVR" if row == 4 else row] for row in range(6))):
         book.active.append(row)
-    sink = io.BytesIO()
     book.save(sink)
     assert "line 6: force is 'OVR'" in refusal(put(sink.getvalue(), "a.xlsx"))
 
@@ -394,14 +380,14 @@ def test_times_of_parquet(put, times, expected, note) -> None:
     assert any(note in one for one in recording.notes) or not note
 
 
+GAPS = pa.array([1.0, None, 2.0, None, 3.0])
+
+
 @pytest.mark.parametrize(
     ("column", "says"),
     [
         ((2, "force_N", pa.array(["a"] * 5)), "force is of type string, expected numbers"),
-        (
-            (2, "force_N", pa.array([1.0, None, 2.0, None, 3.0])),
-            "row 2: force is blank, NaN or infinite, in 2 of 5",
-        ),
+        ((2, "force_N", GAPS), "row 2: force is blank, NaN or infinite, in 2 of 5"),
         ((0, "time", pa.array([None, 1, 2, 3, 4], pa.timestamp("s"))), "row 1: time is blank"),
     ],
 )
@@ -440,14 +426,8 @@ def test_parquet_without_checksums_says_so_and_units_stand_in_fields(put) -> Non
 @cache
 def good(name: str) -> tuple[bytes, str]:
     """A good log's bytes and file."""
-    if name.startswith("Parquet"):
-        _, _, how = name.partition(", ")
-        options = {
-            "no dictionary": {"use_dictionary": False},
-            "second version": {"data_page_version": "2.0"},
-        }
-        more = {"compression": "none"} if how else {}
-        return parquet_bytes(TABLE, **more, **options.get(how, {})), "log.parquet"
+    if name == "Parquet":
+        return parquet_bytes(TABLE), "log.parquet"
     pytest.importorskip("nptdms")
     write = binary_logs.tdms_waveform if name == "TDMS waveform" else binary_logs.tdms
     return write(SCENARIO), "log.tdms"

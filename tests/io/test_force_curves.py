@@ -1,7 +1,5 @@
 """Curves without time: points and loops, by stroke and setting, with the project's signs."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -81,13 +79,6 @@ READ = {
         {"columns": {"velocity": "a", "force": 2}, "units": {"velocity": "m/s", "force": "N"}},
         {"log.csv": ([(0.1, 300), (0.2, 500)], [(0.1, -200)])},
     ),
-    "speeds without sign": (
-        "speed_m/s,force_N\n0.1,300\n0.1,-200\n0.2,500\n0.2,-350\n", {}, {"log.csv": TWO},
-    ),
-    "JSON": (
-        json.dumps({"speed_m/s": [0.1, 0.2], "Rebound (N)": [1.0, 2.0], "setting": 5}), {},
-        {"5": ([(0.1, 1), (0.2, 2)], [])},
-    ),
     "reversed displacement": (
         SIGNED, {"reverse_displacement": True}, {"log.csv": ([(0.1, 200)], [(0.1, -300),
                                                                             (0.2, -500)])},
@@ -106,11 +97,6 @@ REFUSED = {
         "speed_m/s,Rebound (N)\n0.1,200\n,300\n0.2,500\n", {},
         "line 3: column 2, 'Rebound (N)': a force without a speed",
     ),
-    "text": (
-        "speed_m/s,Rebound (N)\n0.1,200\n0.15,OVR\n0.2,500\n", {},
-        "line 3: column 2, 'Rebound (N)' is 'OVR', expected a number",
-    ),
-    "infinite": ("speed_m/s,Rebound (N)\n0.1,200\n0.15,inf\n0.2,500\n", {}, "is infinite"),
     "time": (
         "time_s,speed_m/s,force_N\n0,-0.1,200\n1,0.1,-300\n2,0.2,-500\n", {},
         "has a time column, so it is a log, not a curve",

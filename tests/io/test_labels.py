@@ -48,24 +48,16 @@ def test_the_setting_is_taken_from_the_first_that_says_it(put, ways) -> None:
     ("name", "cell", "serial"),
     [
         ("setting_10.csv", 10, None),
-        ("Setting-3.csv", 3, None),
         ("setting_-3.csv", -3, None),
         ("run_s10_a.csv", 10, None),
-        ("s7.csv", 7, None),
-        ("S7 second.csv", 7, None),
-        ("setting_1_s2.csv", 2, None),
-        ("2021-05-04_setting_12_run2.csv", 12, None),
         ("runs10.csv", None, None),
-        ("test_4.csv", None, None),
         ("wait_30s_2.csv", None, None),
         ("s10.5.csv", None, None),
         ("s1234_click02.csv", 2, None),
-        ("click02_s5.csv", 2, None),
         ("s999.csv", 999, None),
         ("s1000.csv", None, None),
         ("SN1234_click08_1.5Hz.csv", 8, "1234"),
         ("clicks=-2.csv", -2, None),
-        ("clicks_-2.csv", -2, None),
     ],
 )
 def test_a_setting_in_the_file_name(put, name, cell, serial) -> None:
@@ -74,15 +66,12 @@ def test_a_setting_in_the_file_name(put, name, cell, serial) -> None:
     assert log.metadata.get("serial") == serial
 
 
-@pytest.mark.parametrize(("value", "cell"), [("soft", "soft"), ("2.5", "2.5"), ("-1", -1)])
-def test_words_halves_and_negative_clicks_are_settings(put, value, cell) -> None:
-    assert read_log(put(f"# setting: {value}\n{LOG}")).setting.cell == cell
-
-
-@pytest.mark.parametrize("value", ["1e9", "nan", "?", "x" * 50])
-def test_a_setting_that_is_no_label_is_refused(put, value) -> None:
-    with pytest.raises(LogError, match=r"log\.csv: metadata 'setting': .*expected clicks"):
-        read_log(put(f"# setting: {value}\n{LOG}"))
+def test_words_halves_and_negative_clicks_are_settings_and_what_is_no_label_is_refused(put) -> None:
+    for value, cell in (("soft", "soft"), ("2.5", "2.5"), ("-1", -1)):
+        assert read_log(put(f"# setting: {value}\n{LOG}")).setting.cell == cell
+    for value in ("1e9", "nan", "?", "x" * 50):
+        with pytest.raises(LogError, match=r"log\.csv: metadata 'setting': .*expected clicks"):
+            read_log(put(f"# setting: {value}\n{LOG}"))
 
 
 @pytest.mark.parametrize(
@@ -126,22 +115,13 @@ SN1234_click08_1.5Hz -> 8 -> click(?P<setting>\d+)
 SN1_click2_1Hz, SN1_click4_2Hz -> 2, 4 -> click(?P<setting>\d+)
 08, 09 -> 8, 9 -> ^\D*(?P<setting>\d+)
 R12_C08, R12_C10 -> 8, 10 -> C(?P<setting>\d+)
-D7_b3.csv.gz, D7_b4.csv.gz -> 3, 4 -> b(?P<setting>\d+)
 23degC_3, 24degC_4 -> 3, 4 -> degC_(?P<setting>\d+)
-1.5Hz_3, 2.5Hz_4 -> 3, 4 -> Hz_(?P<setting>\d+)
 klick_0.5, klick_1 -> 0.5, 1 -> klick_(?P<setting>\d+(?:\.\d)?)
 s1234_2, s1234_4 -> 2, 4 -> _(?P<setting>\d+)
-lot999_7, lot999_9 -> 7, 9 -> _(?P<setting>\d+)
 few_5_reglage8, few_7_reglage8 -> 8, 8 -> reglage(?P<setting>\d+)
-x5_R\u00e9glage 8, x7_R\u00e9glage 8 -> 8, 8 -> R\u00e9glage (?P<setting>\d+)
 5_Re\u0301glage8, 7_Re\u0301glage8 -> 8, 8 -> glage(?P<setting>\d+)
-b5_cran2, b7_cran4 -> 2, 4 -> cran(?P<setting>\d+)
 Versuch1_3, Versuch2_4 -> 3, 4 -> _(?P<setting>\d+)
-b_3_25\u00b0C, b_4_35\u00b0C -> 3, 4 -> b_(?P<setting>\d+)
 front -3, front 0 -> -3, 0 -> front (?P<setting>-?\d+)
-C=-3, C=0 -> -3, 0 -> C=(?P<setting>-?\d+)
-front-3, front-4 -> 3, 4 -> front-(?P<setting>\d+)
-Links - 3, Links - 4 -> 3, 4 -> Links - (?P<setting>\d+)
 -3_5, -4_5 -> 3, 4 -> -(?P<setting>\d+)
 """
 
@@ -179,22 +159,14 @@ def test_what_differs_is_the_setting(row) -> None:
 R12_C08, R10_C10
 t1_2_2_24_24_x5_100psi, t2_4_4_24_24_x5_100psi
 run1_a3_32mm, run2_a3_32mm, run3_a5_32mm
-D7_C08
-run_1Hz, run_2Hz
 a_0.5, a_1.5
-test1, test2
 SN1234, SN1235
-b_1234, b_1235
 b_999, b_1000
 a_3, b_x_4
-test_1_25C, test_2_35C
 test_1_25 \u00b0C, test_2_35 \u00b0C
 Lauf_1, Lauf_2
-Essai1, Essai2
 Pr\u00fcfling_1, Pr\u00fcfling_2
-Amort_s\u00e9rie_12, Amort_s\u00e9rie_13
 k_3, k_4, broken, other
-k_3, broken
 log
 """.strip().splitlines(),
 )
@@ -211,12 +183,10 @@ c10_r12, c8_r14 -> compression = "", rebound = "" -> c(?P<compression>\d+)_r(?P<
 R12C08, R12C10, R10C08 -> rebound = "", compression = "" -> R(?P<rebound>\d+)C(?P<compression>\d+)
 D7_LSC-2_HSC-1_1Hz, D7_LSC-4_HSC-3_1Hz -> lsc = "", hsc = "" -> LSC-(?P<lsc>\d+)_HSC-(?P<hsc>\d+)
 5_3, 6_4 -> a = "", b = "" -> ^(?P<a>\d+)_(?P<b>\d+)
-x1_x3, x2_x4 -> a = "", b = "" ->
 \u04361_b3, \u04362_b4 -> a = "", b = "" ->
 x1_3, x2_4 -> a = "", b = "" ->
 x1_b3, x2_b4 -> x = "", compression = "" ->
 a5_x1_b3, a5_x2_b4 -> x = "", compression = "" ->
-x1_b3_5Hz, x2_b4_6Hz -> x = "", compression = "" ->
 x1_b3_k1_q2, x2_b4_k2_q3 -> x = "", compression = "", k = "", q = "" ->
 """
 
@@ -234,11 +204,6 @@ def test_several_adjusters_are_offered_a_pattern_for_all(row) -> None:
         found = [re.search(pattern, name, re.IGNORECASE).groups() for name in names]
         numbers = [re.findall(r"\d+", name)[-2 - ("Hz" in name) :][:2] for name in names]
         assert found == [tuple(two) for two in numbers]
-
-
-@pytest.mark.parametrize(("name", "number"), [("s123_x02.csv", "123"), ("s1234_x02.csv", "")])
-def test_a_serial_number_behind_s_is_not_said_to_be_the_setting(name, number) -> None:
-    assert one_of_several(name) == number
 
 
 @pytest.mark.parametrize(
@@ -271,22 +236,18 @@ def test_clicks_and_a_speed_are_asked_about_with_a_pattern_for_the_clicks() -> N
 
 def test_a_name_of_another_kind_costs_the_others_nothing() -> None:
     """A broken file among good ones took their settings from all."""
-    assert guess_settings(["k_3.csv", "k_4.csv", "broken.csv"]).settings.keys() == {
-        "k_3.csv",
-        "k_4.csv",
-    }
+    found = guess_settings(["k_3.csv", "k_4.csv", "broken.csv"]).settings
+    assert {*found} == {"k_3.csv", "k_4.csv"}
+    assert [one_of_several(name) for name in ("s123_x02.csv", "s1234_x02.csv")] == ["123", ""]
 
 
 # File names -> what the offered pattern finds, and that pattern.
 WORDS = r"""
 soft, mid, hard -> soft, mid, hard -> ^(?P<setting>[^\W\d_]+)
-D7_soft, D7_hard -> soft, hard -> 7_(?P<setting>[^\W\d_]+)
 D7 soft 1.5Hz, D7 hard 1.5Hz -> soft, hard -> 7 (?P<setting>[^\W\d_]+)
-soft_1, soft_2, hard_1, hard_2 -> soft, soft, hard, hard ->
 clk+0, clk-12, clk-4 -> +0, -12, -4 -> clk(?P<setting>[+-]?\d+)
 D7 clk +4, D7 clk -4 -> +4, -4 ->
 soft_a, hard_b -> ->
-soft, hard_02 -> ->
 soft -> ->
 """
 
@@ -317,12 +278,8 @@ def table(tmp_path, text, encoding="utf-8"):
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
 @pytest.mark.parametrize("mark", [",", ";", "\t"])
 def test_separators_umlauts_and_other_columns(tmp_path, encoding, mark) -> None:
-    rows = [
-        "Datei|Rebound|compression|S/N|Kunde|Farbe",
-        "a.csv|12|-8|0077|Müller|grün",
-        "|||||",
-        "",
-    ]
+    head = "Datei|Rebound|compression|S/N|Kunde|Farbe"
+    rows = [head, "a.csv|12|-8|0077|Müller|grün", "|||||", ""]
     path = table(tmp_path, "\r\n".join(rows).replace("|", mark), encoding)
     found = read_tests(path, TWO)
     row = found.rows["a.csv"]
@@ -332,32 +289,20 @@ def test_separators_umlauts_and_other_columns(tmp_path, encoding, mark) -> None:
     assert found.notes == ()
 
 
-def test_labels_words_and_empty_cells(tmp_path) -> None:
-    text = "file,setting,compression\na.csv,R12 C8,\nsub/b.csv,,soft\n'c.csv,,\n"
+def test_labels_words_and_empty_cells_and_the_same_row_twice(tmp_path) -> None:
+    text = "file,setting,compression\na.csv,R12 C8,\nsub/b.csv,,soft\n'c.csv,,\na.csv,R12 C8,\n"
     rows = read_tests(table(tmp_path, text), TWO).rows
     assert dict(rows["a.csv"].places) == {"rebound": 12, "compression": 8}
     assert dict(rows["sub/b.csv"].places) == {"compression": "soft"}
-
-
-def test_the_same_row_twice_is_one(tmp_path) -> None:
-    assert (
-        len(read_tests(table(tmp_path, "file,setting\na.csv,1\na.csv,1\n"), ("setting",)).rows) == 1
-    )
+    assert len(rows) == 3
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
         ("", "is empty"),
-        (
-            "flie,setting\na.csv,1\n",
-            r":1: no column 'file'; found flie, setting; name the one",
-        ),
-        (
-            "file,setting\na.csv,1\na.csv,2\n",
-            r":3: 'a\.csv' is in line 2 too, with other values",
-        ),
-        ("file,serial\na.csv,1\n\na.csv,2\n", r":4: 'a\.csv' is in line 2 too"),
+        ("flie,setting\na.csv,1\n", r":1: no column 'file'; found flie, setting; name the one"),
+        ("file,setting\na.csv,1\na.csv,2\n", r":3: 'a\.csv' is in line 2 too, with other values"),
         ("file,setting\na.csv,1,2\n", r":2: 3 fields, but 2 names in line 1"),
         ("file,setting\n,1\n", r":2: no file name in column 'file'"),
         ("file,setting\na.csv,1e9\n", r":2: setting: found '1e9', expected clicks"),
@@ -367,19 +312,15 @@ def test_the_same_row_twice_is_one(tmp_path) -> None:
 def test_a_bad_table_is_told_with_its_line(tmp_path, text, says) -> None:
     with pytest.raises(ConfigurationError, match=says):
         read_tests(table(tmp_path, text), ("setting",))
-
-
-def test_a_label_that_names_one_of_two_adjusters_is_told(tmp_path) -> None:
-    with pytest.raises(
-        ConfigurationError, match=r":2: setting: found '12', expected a place for each"
-    ):
-        read_tests(table(tmp_path, "file,setting\na.csv,12\n"), TWO)
+    half = table(tmp_path, "file,setting\na.csv,12\n")  # one of two adjusters
+    with pytest.raises(ConfigurationError, match=":2: setting: found '12', expected a place for"):
+        read_tests(half, TWO)
 
 
 def test_a_misspelt_column_is_kept_and_said(tmp_path) -> None:
     found = read_tests(table(tmp_path, "file,rebond\na.csv,12\n"), TWO)
-    assert dict(found.rows["a.csv"].places) == {}
-    assert found.rows["a.csv"].identity.describe() == {"rebond": "12"}
+    row = found.rows["a.csv"]
+    assert (dict(row.places), row.identity.describe()) == ({}, {"rebond": "12"})
     assert "column 'rebond' is kept as a remark" in found.notes[0]
     assert "'rebound'" in found.notes[0]
 
