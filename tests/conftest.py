@@ -241,7 +241,7 @@ def sample_results(first_command) -> Path:
 @pytest.fixture(scope="session", autouse=True)
 def _the_core_makes_the_samples():
     """Let make-believe logs share steady cycles, which take SciPy a second each."""
-    from damperfit.synthetic import logs
+    from damperfit import synthetic as logs
     from tests.quick_cycles import quick_cycle
 
     with pytest.MonkeyPatch.context() as patch:

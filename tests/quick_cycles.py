@@ -11,7 +11,7 @@ from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.damper.purdy.parameters import Damper, Parameters
 from damperfit.errors import SimulationError
 from damperfit.simulation import Motion, SolverOptions, simulate
-from damperfit.synthetic.steady import SteadyCycle, steady_cycle
+from damperfit.synthetic import SteadyCycle, steady_cycle
 
 _PER_CYCLE = 4000
 _CYCLES = 3

@@ -42,7 +42,7 @@ from damperfit.laws.structures import LAYOUTS, Structure, exchanges, moves
 from damperfit.problem import Problem
 from damperfit.recording import Finding, Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
-from damperfit.synthetic.logs import made_up_values
+from damperfit.synthetic import made_up_values
 from damperfit.tested.setting import Setting
 
 SNAPSHOT = Path(__file__).parent / "snapshots" / "numbers.txt"

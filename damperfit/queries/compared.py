@@ -26,9 +26,9 @@ from damperfit.recording import natural_order
 from damperfit.reporting import compared as shown
 from damperfit.reporting.answer import Answer
 from damperfit.results import Run
+from damperfit.run.identify import by_damper, folder_name
 from damperfit.run.log_files import expand
 from damperfit.run.logs import Purpose, read_batch
-from damperfit.run.parting import by_damper, folder_name
 from damperfit.run.record import log_warnings
 from damperfit.store import file_set
 from damperfit.tables.columns import (

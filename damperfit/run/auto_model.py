@@ -31,8 +31,7 @@ from damperfit.reporting.tables import (
     tried_law_records,
     tried_laws_sheet,
 )
-from damperfit.run.identify import gather
-from damperfit.run.parting import by_damper, prepare
+from damperfit.run.identify import by_damper, gather, prepare
 from damperfit.tables.files import json_values
 from damperfit.workers import available_cores
 

@@ -5,48 +5,69 @@
 Failures of single logs and settings are collected; what can be done is done. Nothing is written
 here but by `written`, which saves each run. What comes after reading is loaded while copies of this
 process read.
+
+Before they are fitted logs are sorted, checked and held out. Logs of several dampers get a result
+each, never one together. Copies count once, contradictions cost their setting. Where the damper
+follows the temperature, the logs must show what it does. What is held out is named by patterns: a
+pattern picks among the logs by name or path; one that picks none names further files, which are
+read for prediction only. A range, as in `4Hz-10Hz` or `0.2m/s-`, holds out the segments whose
+frequency or peak speed lies within it. The word `transients` stands for what moves beside the
+steady cycles of the logs that are fitted: run-up, coast-down, changes of speed. Where nothing else
+is held out, they are, in the logs that have them.
 """
 
 from __future__ import annotations
 
 import logging
+import math
+import re
 import time
+from collections import defaultdict
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from damperfit.configuration.schema import unmatched
-from damperfit.errors import ConfigurationError, OutputError
-from damperfit.problem import Option
-from damperfit.run.log_files import expand
-from damperfit.run.logs import LogBatch, add_traces, read_batch
-from damperfit.run.parting import (
-    by_damper,
-    fitting,
-    folder_name,
-    named_files,
-    note_unpredicted,
-    part,
-    prepare,
+from damperfit.conditioning import TRANSIENTS, transients
+from damperfit.conditioning.duplicates import (
+    REPEATS,
+    contradiction,
+    copies_in,
+    is_same_test,
+    rod_area_ratio,
 )
+from damperfit.configuration.schema import unmatched
+from damperfit.damper.temperature_law import BETA, WithTemperature
+from damperfit.errors import (
+    ConfigurationError,
+    ContradictionError,
+    LogError,
+    OutputError,
+    failure_of,
+)
+from damperfit.identification.unlike_motions import contradictory_motions
+from damperfit.problem import Failure, Option, Problem, listed_names, warning
+from damperfit.recording import natural_order
+from damperfit.run.log_files import expand, real_path
+from damperfit.run.logs import LogBatch, add_traces, read_batch
 from damperfit.store import check_writable, reserved
+from damperfit.uncertainty import SegmentRange, split_cycles
 from damperfit.workers import apart, available_cores, told_here
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from contextlib import AbstractContextManager
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign, Fit, LogFit
-    from damperfit.problem import Failure
     from damperfit.recording import Trace
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
-    from damperfit.run.record import FailureLog
     from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
+    from damperfit.uncertainty import HoldOutOptions, Prediction
 
 
 _LOGGER = logging.getLogger(__name__)
@@ -250,7 +271,9 @@ def _fitted(
 ) -> tuple[Run, tuple[Failure, ...]]:
     """Fit and judge the logs of one damper."""
     from damperfit.run.record import FailureLog, judge, run_of
+    from damperfit.tables.rows import characteristic_rows, signals_of
 
+    damper, solver = configuration.damper, configuration.identification.solver
     watch.on_start(len({trace.setting for trace in batch.traces}))
     with clock.lap("fit"):
         campaign = _fits(configuration, batch, jobs=jobs, watch=watch)
@@ -269,9 +292,33 @@ def _fitted(
     if not (is_interrupted := watch.cancelled()):
         note_unpredicted(batch, campaign, judgement.predictions, failure_log.failures)
     logs = [(fit, log) for fit in campaign.fits for log in fit.logs]
+    unseen = told_here(failure_log.at("simulating the response of"))
+    unread = told_here(failure_log.at("reading the characteristics of"))
+
+    def rows_of(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]] | None:
+        fit, log = pair
+        try:
+            seen = log.compared(fit.parameters, damper, solver)
+        except Exception as error:  # noqa: BLE001 - the other logs have their signals
+            unseen(log.trace, error)
+            return None
+        try:
+            speeds = configuration.output.speeds
+            return list(characteristic_rows(fit.setting, log.trace, seen, damper, speeds))
+        except Exception as error:  # noqa: BLE001 - the other logs have theirs
+            unread(log.trace, error)
+            return []
+
     with clock.lap("characteristics"):
-        rows = _characteristics(configuration, logs, failure_log, jobs=jobs)
+        rows = list(apart(rows_of, logs, jobs=jobs))
     readable = [log for log, of_log in zip(logs, rows, strict=True) if of_log is not None]
+
+    def signals() -> Iterator[LogSignals]:
+        # Of each log as the fit saw it last, one by one: they are large.
+        for fit, log in readable:
+            seen = log.compared(fit.parameters, damper, solver)
+            yield signals_of(fit.setting, log.trace, seen)
+
     run, failures = run_of(
         configuration,
         batch,
@@ -279,7 +326,7 @@ def _fitted(
         judgement,
         failure_log,
         characteristics=[row for of_log in rows for row in of_log or ()],
-        signals=lambda: _signals(configuration, readable),
+        signals=signals,
         is_interrupted=is_interrupted,
     )
     run.record["timings"] = clock.read()
@@ -312,43 +359,441 @@ def _fits(configuration: Configuration, batch: LogBatch, *, jobs: int, watch: Wa
     )
 
 
-def _characteristics(
+# Sorted, checked, held out
+
+_MANY = 20
+_ROD_OFF = 0.05  # an area of the rod that is further off is another's
+# K between the coldest and the warmest log. At 1 to 4 % a kelvin the viscosity then changes by 3 to
+# 12 %, where settings repeat within a few per cent.
+_LEAST_WARMING = 3.0
+
+
+# Logs of several dampers
+
+
+def by_damper(batch: LogBatch, *, is_one: bool = False) -> dict[str, LogBatch]:
+    """Return the logs of each damper, by serial number or name; with ``is_one`` there may be one.
+
+    Where no log or one damper alone is named there is one entry. Logs that say nothing then count
+    as that damper's, which is said; beside several dampers they fail. A log that cannot be used
+    makes no damper of its own.
+    """
+    owners = {log.log: log.identity.owner for log in batch.logs}
+    usable = {log.identity.owner for log in batch.logs if log.failure is None}
+    named = sorted(usable - {""}, key=natural_order)
+    if len(named) <= 1:
+        if named and "" in owners.values():
+            logs = listed_names([log for log, owner in owners.items() if not owner], few=5)
+            text = f"assumed to belong to damper {named[0]}, like the others"
+            batch.remarks.append(warning("damper-assumed", text, logs))
+        return {named[0] if named else "": batch}
+    listed = listed_names(named, few=5)
+    if is_one:
+        raise ConfigurationError(
+            f"logs of {len(named)} dampers: {listed}; give the logs of "
+            "one, or let damperfit identify on the command line give each a result",
+            code="several-dampers",
+        )
+    groups = {owner: LogBatch() for owner in named}
+    first = groups[named[0]]
+    first.remarks, first.notes, first.skipped = batch.remarks, batch.notes, batch.skipped
+    text = (
+        "the log does not say which damper it belongs to, and there are "
+        f"{listed}; give it a line '# serial: {named[0]}' or a row in tests.csv"
+    )
+    # What is of none of the dampers stands behind the first one's own, and fails.
+    others = [log for log in batch.logs if log.identity.owner not in groups]
+    for log in (*(log for log in batch.logs if log.identity.owner in groups), *others):
+        groups.get(log.identity.owner, first).logs.append(log)
+    for trace in batch.traces:
+        if owners[trace.name] in groups:
+            groups[owners[trace.name]].traces.append(trace)
+    for failure in sorted(batch.failures, key=lambda one: owners.get(one.log) not in groups):
+        groups.get(owners.get(failure.log, ""), first).failures.append(failure)
+    for log in (log for log in others if log.failure is None):
+        whose = (LogError.__name__, log.log, log.path, log.facts.get("setting"))
+        first.failures.append(Failure(Problem("no-owner", text, subject=log.log), *whose))
+    return groups
+
+
+def folder_name(owner: str) -> str:
+    """Return the name of a damper's folder: its serial number, in letters that every disk takes.
+
+    Examples
+    --------
+    >>> folder_name("SN 12/34"), folder_name("..")
+    ('SN_12_34', 'damper')
+    """
+    return re.sub(r"[^\w.-]+", "_", owner).strip("._") or "damper"
+
+
+# All steps, then each
+
+
+def prepare(
     configuration: Configuration,
-    logs: Sequence[tuple[Fit, LogFit]],
-    failure_log: FailureLog,
+    batch: LogBatch,
+    options: HoldOutOptions,
+    named: Mapping[str, Sequence[Path]],
     *,
-    jobs: int,
-) -> list[list[dict[str, Any]] | None]:
-    """Return the characteristics of each log; None where it cannot be simulated."""
-    from damperfit.tables.rows import characteristic_rows
+    is_law_open: bool = False,
+) -> Configuration:
+    """Part the logs of one damper, and leave out copies and contradictions among them.
 
-    damper, solver = configuration.damper, configuration.identification.solver
-    unseen = told_here(failure_log.at("simulating the response of"))
-    unread = told_here(failure_log.at("reading the characteristics of"))
+    Returns the configuration with the temperature that resistances are told for. Where the law is
+    open, what takes a model is left out.
+    """
+    part(batch, options, named)
+    once_each(batch)
+    if not is_law_open:
+        check_temperatures(configuration, (*batch.traces, *batch.held_out))
+    without_contradictions(batch, configuration, is_law_open=is_law_open)
+    without_copies(batch)
+    ratio = None if is_law_open else rod_area_ratio(batch.traces, configuration.damper)
+    if ratio is not None and abs(ratio - 1.0) > _ROD_OFF:
+        text = (
+            "the level of the force over the gas pressures of the tests corresponds to a rod of "
+            f"{ratio:.3g} times the declared area: check rod_diameter, the pressures, and whether "
+            "the force was tared between the tests"
+        )
+        batch.remarks.append(warning("rod-area", text))
+    hold_out_transients(batch, options)
+    return configuration if is_law_open else with_reference(configuration, batch.traces)
 
-    def rows_of(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]] | None:
-        fit, log = pair
+
+def once_each(batch: LogBatch) -> None:
+    """Keep each test once; a test under two settings is a failure of both."""
+    copies = copies_in(batch.traces, {log.log: log.path for log in batch.logs})
+    again = {id(copy) for several in copies.values() for copy in several}
+    firsts = {trace.name: trace for trace in batch.traces if id(trace) not in again}
+    remarks = []
+    for name, several in copies.items():
+        elsewhere = [copy for copy in several if copy.setting != firsts[name].setting]
+        if elsewhere:
+            tests = [f"{one.name} setting {one.setting}" for one in (firsts.pop(name), *elsewhere)]
+            text = (
+                f"the same test under several settings: {listed_names(tests)}; check which is "
+                "right and leave out the rest"
+            )
+            failure = Failure(Problem("two-settings", text), ContradictionError.__name__)
+            batch.failures.append(failure)
+            continue
+        n = len(several) - 1
+        others = f" and {n} other log{'s' * (n > 1)}" if n else ""
+        text = f"the same test as {name}; it counts once"
+        remarks.append(warning("duplicate", text, f"{several[0].name}{others}"))
+    if (n := len(remarks) - _MANY) > 0:
+        text = f"and so do {n} other tests that were given several times"
+        remarks[_MANY:] = [warning("duplicate", text)]
+    batch.traces = list(firsts.values())
+    batch.remarks += remarks
+
+
+def without_copies(batch: LogBatch) -> None:
+    """Hold out no test that is fitted by another name."""
+    kept = []
+    for trace in batch.held_out:
+        others = (one for one in batch.traces if one.name != trace.name)
+        first = next((one for one in others if is_same_test(one, trace)), None)
+        if first is None:
+            kept.append(trace)
+        else:
+            text = f"the same test as {first.name}, which is fitted; it is not held out"
+            batch.remarks.append(warning("duplicate", text, trace.name))
+    batch.held_out = kept
+
+
+# Findings of two settings in one record.
+_LEVELS = "level_steps"
+_TWO = {_LEVELS, "another_force"}
+_MORE = "{}, more than their scatter"
+
+
+def without_contradictions(
+    batch: LogBatch, configuration: Configuration, *, is_law_open: bool = False
+) -> None:
+    """Leave out the settings whose logs contradict each other: of one motion, then of others.
+
+    They fail, or are fitted all the same, with a word on them, where that is asked for. Logs of
+    different temperatures may differ where what it does is fitted.
+    """
+    damper, options, sentences = configuration.damper, configuration.identification, {}
+
+    def by_setting() -> dict[Setting, list[Trace]]:
+        groups: dict[Setting, list[Trace]] = defaultdict(list)
+        for trace in batch.traces:
+            if trace.setting is not None:
+                groups[trace.setting].append(trace)
+        return groups
+
+    for setting, traces in by_setting().items():
+        parted = [
+            (trace.name, one) for trace in traces for one in trace.findings if one.name in _TWO
+        ]
+        worst = contradiction(traces, has_temperature_law=isinstance(damper, WithTemperature))
+        if parted and (parted[0][1].name != _LEVELS or (worst and worst.excess > 1.0)):
+            sentences[setting] = f"{parted[0][0]}: {parted[0][1].sentence}"
+        elif worst and worst.excess > 1.0:
+            sentences[setting] = _MORE.format(worst.sentence)
+        elif worst:
+            text = (
+                f"{worst.sentence}; fitted together, as one damper repeats "
+                f"within {100.0 * REPEATS:g} %: leave one out if the setting or the damper differs"
+            )
+            batch.remarks.append(warning("logs-differ", text, f"setting {setting}"))
+    _leave_out(batch, sentences, configuration)
+    if not is_law_open:
+        motions = {k: contradictory_motions(v, damper, options) for k, v in by_setting().items()}
+        _leave_out(batch, {k: _MORE.format(v) for k, v in motions.items() if v}, configuration)
+
+
+def _leave_out(
+    batch: LogBatch, sentences: Mapping[Setting, str], configuration: Configuration
+) -> None:
+    if configuration.rig.is_averaging:
+        batch.remarks += [
+            warning("logs-differ", f"{text}; averaged", f"setting {one}")
+            for one, text in sentences.items()
+        ]
+        return
+    text = (
+        "{sentence}; check whether the setting or the damper differs, leave one out, or fit them "
+        "together by {average}"
+    )
+    average = Option("rig", "average", "contradictions")
+    for setting, sentence in sentences.items():
+        values = {"sentence": sentence, "average": average}
+        problem = Problem("logs-differ", text, subject=f"setting {setting}", values=values)
+        batch.failures.append(Failure(problem, ContradictionError.__name__, setting=setting))
+    batch.traces = [trace for trace in batch.traces if trace.setting not in sentences]
+
+
+# Logs of several temperatures
+
+
+def _no_temperature(text: str, code: str = "no-temperature", **values: Any) -> ConfigurationError:
+    where = Option("covariate", "temperature")
+    return ConfigurationError(text, where=where, code=code, **values)
+
+
+def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) -> None:
+    """Refuse logs without a temperature where the damper follows it.
+
+    Before logs are asked whether they contradict each other: cold and warm ones do, unless it is
+    known that they are.
+    """
+    lacking = [trace.name for trace in traces if trace.temperature is None]
+    if lacking and isinstance(configuration.damper, WithTemperature):
+        more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
+        raise _no_temperature(
+            f"{lacking[0]}{more} {'have' if more else 'has'} no "
+            "temperature; expected a channel, a line '# temperature: 31', a column of tests.csv or "
+            "tested_at in a profile"
+        )
+
+
+def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Configuration:
+    """Return the configuration with the temperature that the damper's resistances are told for.
+
+    Refused are logs of nearly one temperature, or where whatever it does could be the setting's.
+    """
+    damper, options = configuration.damper, configuration.identification
+    if not isinstance(damper, WithTemperature) or not traces:
+        return configuration
+    by_setting: dict[str, list[float]] = defaultdict(list)
+    for trace in traces:
+        if trace.temperature is not None:
+            by_setting[str(trace.setting)].append(trace.temperature)
+    temperatures = [one for several in by_setting.values() for one in several]
+    if max(temperatures) - min(temperatures) < _LEAST_WARMING:
+        ends = dict.fromkeys(f"{one:.1f}" for one in (min(temperatures), max(temperatures)))
+        raise _no_temperature(
+            f"the logs are {'all ' * (len(ends) == 1)}of {' to '.join(ends)} degC; "
+            f"the effect of temperature cannot be determined over less than "
+            f"{_LEAST_WARMING:g} K: test colder or warmer too, or leave the option out"
+        )
+    alone = [one for one, known in by_setting.items() if max(known) - min(known) < _LEAST_WARMING]
+    if BETA.name not in options.fixed and options.procedure == "plain" and alone:
+        raise _no_temperature(
+            f"setting {alone[0]} was tested within {_LEAST_WARMING:g} K, "
+            "and procedure plain fits each setting by itself, so that beta cannot be determined "
+            "there: take procedure joint, with one beta for all settings, or leave the option out",
+            "other-procedure",
+        )
+    is_open = BETA.name in options.fixed or options.is_detecting or bool(options.follows)
+    is_own = {*(options.share or ()), *options.fixed}.isdisjoint(damper.viscous)
+    if options.procedure == "joint" and len(alone) == len(by_setting) and is_own and not is_open:
+        raise _no_temperature(
+            f"each setting was tested within {_LEAST_WARMING:g} K, and "
+            f"{' and '.join(damper.viscous)} are each setting's own, so that beta cannot be "
+            "determined: test one setting cold and warm, or share one of them ({share})",
+            share=Option("share"),
+        )
+    reference = damper.reference
+    if math.isnan(reference):
+        reference = round(sum(temperatures) / len(temperatures), 1)
+    document = dict(configuration.document)
+    document["damper"] = {**document["damper"], "reference_temperature": reference}
+    return replace(configuration, damper=replace(damper, reference=reference), document=document)
+
+
+# What is held out
+
+
+def named_files(patterns: Iterable[str], paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
+    """Return the files that each pattern names: among the logs, else beside them.
+
+    A pattern that names neither is not refused here: it may fit one test of a file of several.
+    """
+    known = {real_path(path): path for path in paths}
+    named: dict[str, tuple[Path, ...]] = {}
+    for pattern in filter(_is_of_files, patterns):
+        named[pattern] = tuple(path for path in paths if _is_named(pattern, path.name, str(path)))
+        if not named[pattern]:
+            try:
+                beside = expand([pattern])
+            except ConfigurationError:
+                continue
+            named[pattern] = tuple(known.get(real_path(path), path) for path in beside)
+    return named
+
+
+def fitting(
+    batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]
+) -> HoldOutOptions:
+    """Return the options with the patterns alone that fit a log of the batch."""
+    patterns = tuple(
+        one
+        for one in options.patterns
+        if one == TRANSIENTS or _hits(one, batch, named) or _segments(batch.traces, one)[1]
+    )
+    return replace(options, patterns=patterns)
+
+
+def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> None:
+    """Part what was read into what is fitted and what is predicted, but for transients."""
+    names: set[str] = set()
+    of_files = [one for one in options.patterns if _is_of_files(one)]
+    for pattern in of_files:
+        hits = _hits(pattern, batch, named)
+        if not hits:
+            raise ConfigurationError(
+                "matches no log and names no other file; quote a pattern, as "
+                "in {hold_out}, and leave the held-out logs among LOGS or out of them",
+                hold_out=Option("hold_out", "'*_16mm.csv'"),
+                where=Option("hold_out", pattern),
+                code="no-such-file",
+            )
+        names |= hits
+    held_out = [trace for trace in batch.traces if trace.name in names]
+    remaining = [trace for trace in batch.traces if trace.name not in names]
+    for pattern in options.patterns:
+        if pattern == TRANSIENTS or pattern in of_files:
+            continue
+        remaining, within = _segments(remaining, pattern)
+        if not within:
+            where = Option("hold_out", pattern)
+            text = "no log has a segment within these limits"
+            raise ConfigurationError(text, where=where, code="no-segment")
+        held_out += within
+    if (held_out and not remaining) or (names and names == {log.log for log in batch.logs}):
+        text = "hold-out: every log is held out; none is left to fit"
+        raise ConfigurationError(text, code="nothing-to-fit")
+    fitted: list[Trace] = []
+    failures = []
+    for trace in remaining:
         try:
-            seen = log.compared(fit.parameters, damper, solver)
-        except Exception as error:  # noqa: BLE001 - the other logs have their signals
-            unseen(log.trace, error)
-            return None
-        try:
-            speeds = configuration.output.speeds
-            return list(characteristic_rows(fit.setting, log.trace, seen, damper, speeds))
-        except Exception as error:  # noqa: BLE001 - the other logs have theirs
-            unread(log.trace, error)
-            return []
-
-    return list(apart(rows_of, logs, jobs=jobs))
+            rest, last = split_cycles(trace, options.cycles) if options.cycles else (trace, None)
+        except Exception as error:  # noqa: BLE001 - the other logs go on
+            failure = failure_of(error, f"holding out cycles of {trace.name}")
+            failures.append(_of_log(failure, trace, batch))
+            continue
+        fitted.append(rest)
+        held_out += [] if last is None else [last]
+    batch.traces, batch.held_out, batch.failures = fitted, held_out, [*batch.failures, *failures]
 
 
-def _signals(
-    configuration: Configuration, logs: Sequence[tuple[Fit, LogFit]]
-) -> Iterator[LogSignals]:
-    """Yield the signals of each log as the fit saw it last, one by one: they are large."""
-    from damperfit.tables.rows import signals_of
+def hold_out_transients(batch: LogBatch, options: HoldOutOptions) -> None:
+    """Hold out what moves beside the steady cycles of the logs that are left to fit.
 
-    damper, solver = configuration.damper, configuration.identification.solver
-    for fit, log in logs:
-        yield signals_of(fit.setting, log.trace, log.compared(fit.parameters, damper, solver))
+    After copies and contradictions are gone, for a log that is not fitted has no rest to predict.
+    """
+    is_asked = TRANSIENTS in options.patterns
+    if not is_asked and (options.patterns or options.cycles):
+        return
+    beside = [one for one in map(transients, batch.traces) if one is not None]
+    if is_asked and batch.traces and not beside:
+        raise ConfigurationError(
+            "hold-out transients: no log has a run-up or coast-down from or to rest, or changes "
+            "its speed between steady cycles; give one that does, or hold out another log",
+            code="no-transients",
+        )
+    batch.held_out, batch.is_asked = [*batch.held_out, *beside], is_asked
+
+
+def note_unpredicted(
+    batch: LogBatch,
+    campaign: Campaign,
+    predictions: Sequence[Prediction],
+    known: Sequence[Failure] = (),
+) -> None:
+    """Put the held-out logs that could not be predicted among the failures of the batch.
+
+    Logs of which it is known already why are not said again. What nobody asked to hold out is no
+    failure: a remark says so, where the setting is fitted.
+    """
+    done = {id(prediction.trace) for prediction in predictions}
+    failed = {failure.log for failure in known}
+    fitted = {fit.setting for fit in campaign.fits}
+    ways = {
+        "joint": Option("procedure", "joint", is_aside=True),
+        "cycles": Option("hold_out_cycles", is_aside=True),
+    }
+    for trace in (trace for trace in batch.held_out if id(trace) not in done):
+        kind, why = "SimulationError", "cannot be simulated on it"
+        if trace.setting not in fitted:
+            kind, why = (
+                "PredictionError",
+                (
+                    "has no fit, and no joint fit of others that have its clicks; fit settings "
+                    "that have them together{joint}, give another log of it to fit, or hold out "
+                    "some of its cycles{cycles}"
+                ),
+            )
+        if batch.is_asked and trace.name not in failed:
+            text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
+            problem = Problem("not-predicted", text, subject=trace.name, values=ways)
+            batch.failures.append(_of_log(Failure(problem, kind), trace, batch))
+        elif not batch.is_asked and trace.setting in fitted:
+            text = (
+                "the motion beside its steady cycles cannot be simulated with the fitted "
+                "parameters, so it is not predicted"
+            )
+            batch.remarks.append(warning("not-predicted", text, trace.name))
+
+
+def _of_log(failure: Failure, trace: Trace, batch: LogBatch) -> Failure:
+    return replace(failure, log=trace.name, path=batch.path_of(trace.name), setting=trace.setting)
+
+
+def _is_of_files(pattern: str) -> bool:
+    return pattern != TRANSIENTS and SegmentRange.parse(pattern) is None
+
+
+def _hits(pattern: str, batch: LogBatch, named: Mapping[str, Sequence[Path]]) -> set[str]:
+    files = {str(path) for path in named.get(pattern, ())}
+    return {log.log for log in batch.logs if log.path in files or _is_named(pattern, log.log)}
+
+
+def _is_named(pattern: str, *names: str) -> bool:
+    return any(name == pattern or fnmatchcase(name, pattern) for name in names)
+
+
+def _segments(traces: Sequence[Trace], pattern: str) -> tuple[list[Trace], list[Trace]]:
+    """Return the logs without the segments of a range, and with these alone."""
+    limits = SegmentRange.parse(pattern)
+    if limits is None or not traces:
+        return list(traces), []
+    parts = [limits.split(trace) for trace in traces]
+    fitted, held = ([trace for trace in side if trace] for side in zip(*parts, strict=True))
+    return fitted, held

@@ -82,7 +82,7 @@ LOG, HELD = "setting_02.csv", ("--hold-out-cycles", "2")
 FAULTS = {
     "run.logs.read_logs": (is_file_two, "reading the log", LOG, None, [1, 3], ()),
     "run.logs.condition": (is_file_two, "conditioning the log", LOG, 2, [1, 3], ()),
-    "run.parting.split_cycles": (is_log_two, "holding out cycles of", LOG, 2, [1, 3], HELD),
+    "run.identify.split_cycles": (is_log_two, "holding out cycles of", LOG, 2, [1, 3], HELD),
     "run.record.predict": (is_predicted_two, "predicting setting_02.csv", LOG, 2, [1, 2, 3], HELD),
     "identification.LogFit.compared": (
         is_log_two, "simulating the response of", LOG, 2, [1, 2, 3], (),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
+import damperfit.synthetic as logs_of_samples
 from damperfit.cli import main
 from damperfit.conditioning import condition
 from damperfit.damper.model import MODELS
@@ -18,9 +19,7 @@ from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import compare, normalised_mse
 from damperfit.io import read_log
-from damperfit.synthetic import SampleOptions, make_samples, steady_cycle
-from damperfit.synthetic import logs as logs_of_samples
-from damperfit.synthetic.logs import made_up_values
+from damperfit.synthetic import SampleOptions, made_up_values, make_samples, steady_cycle
 from tests.oracles import model
 from tests.oracles.golden import SET_M
 from tests.quick_cycles import quick_cycle

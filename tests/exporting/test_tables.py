@@ -15,7 +15,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.exporting import TARGETS, ExportOptions
 from damperfit.exporting.tables import force_tables, road_misses, standard_road
 from damperfit.results import SettingResult
-from damperfit.synthetic.logs import made_up_values
+from damperfit.synthetic import made_up_values
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units
 from tests.exporting.conftest import told

@@ -18,9 +18,9 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
+import damperfit.synthetic as sample_logs
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.synthetic import logs as sample_logs
-from damperfit.synthetic.logs import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.workers import Processes
 
 ROOT = Path(__file__).parents[2]

@@ -23,8 +23,13 @@ from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.queries.simulations import choose_parameters, damper_of, simulated
 from damperfit.recording import Recording
 from damperfit.results import Run, with_temperature
-from damperfit.run.identify import identified, written
-from damperfit.run.parting import check_temperatures, with_reference, without_contradictions
+from damperfit.run.identify import (
+    check_temperatures,
+    identified,
+    with_reference,
+    without_contradictions,
+    written,
+)
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, reconsider

@@ -17,8 +17,8 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.io import TestRow, read_tests
+from damperfit.run.identify import prepare
 from damperfit.run.logs import conditioned_as_tested, facts_of, read_batch
-from damperfit.run.parting import prepare
 from damperfit.simulation import motion_of, simulate
 from tests.identification import adjusted, rig
 from tests.run.test_same_setting import batch

@@ -19,7 +19,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
-from damperfit.synthetic.steady import steady_cycle
+from damperfit.synthetic import steady_cycle
 from damperfit.uncertainty import assess
 
 NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
