@@ -874,8 +874,8 @@ def _write_report(
 ) -> Files:
     """Write the page and the figures of a results folder."""
     from damperfit.answers import Files
+    from damperfit.reporting.figures import report_plots
     from damperfit.reporting.page import html_report
-    from damperfit.reporting.run_figures import report_plots
     from damperfit.results import Run
     from damperfit.store import file_set
     from damperfit.units.shown_units import parse_units

@@ -990,7 +990,7 @@ class Run:
         velocity of all settings.
         """
         from damperfit.reporting.drawing import compose, fixed_style
-        from damperfit.reporting.run_figures import report_plots
+        from damperfit.reporting.figures import report_plots
 
         plots = {one.name: one for one in report_plots(self).plots}
         meant = _FAN if name is None else str(name)
@@ -1005,8 +1005,8 @@ class Run:
 
     def report(self, path: str | Path = PAGE) -> Path:
         """Write the page and return where it is."""
+        from damperfit.reporting.figures import report_plots
         from damperfit.reporting.page import html_report
-        from damperfit.reporting.run_figures import report_plots
 
         text = html_report(report_plots(self), title=self._title)
         whole = path_of(path, "run.report", "the path of a page")

@@ -16,10 +16,10 @@ from damperfit.reporting.figures import (
     Line,
     Panel,
     Plot,
+    report_plots,
     setting_axis,
     setting_colours,
 )
-from damperfit.reporting.run_figures import report_plots
 from damperfit.results import Run
 from tests.report_folder import make_results
 

@@ -17,7 +17,7 @@ from PIL import Image
 
 from damperfit.cli import main
 from damperfit.reporting.drawing import draw_plot
-from damperfit.reporting.run_figures import report_plots
+from damperfit.reporting.figures import report_plots
 from damperfit.results import Run
 from damperfit.synthetic import SampleOptions, make_samples
 

@@ -8,8 +8,8 @@ import time
 import pytest
 
 from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.reporting.figures import report_plots
 from damperfit.reporting.page import comparison_page, html_report
-from damperfit.reporting.run_figures import report_plots
 from damperfit.results import Run
 from tests.comparison.runs import measured, run
 from tests.report_folder import make_results

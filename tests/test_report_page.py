@@ -15,9 +15,8 @@ from hypothesis.extra.numpy import arrays
 
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.drawing import draw_plot
-from damperfit.reporting.figures import thin
+from damperfit.reporting.figures import LOG_FIGURES, LogView, report_plots, thin
 from damperfit.reporting.page import PlotData, html_report
-from damperfit.reporting.run_figures import LOG_FIGURES, LogView, report_plots
 from damperfit.results import Run
 from tests.report_folder import EVIL, damage_row_group, make_results
 
@@ -199,8 +198,8 @@ def test_a_value_at_a_bound_does_not_flatten_the_others(copy):
 def test_the_mean_residual_is_that_of_all_samples(folder):
     view = report_plots(Run.load(folder)).logs[0]
     signals = view.signals._replace(force=view.signals.force_measured - 7.0)
-    moved = LogView(signals, view.facts, view.rows)
-    plots = [plot for figure in LOG_FIGURES for plot in figure(moved, "a", "#000000")]
+    moved = LogView(signals, view.facts, view.rows, "a", "#000000")
+    plots = [plot for figure in LOG_FIGURES for plot in figure(moved)]
     (plot,) = (plot for plot in plots if plot.name == "a_residual")
     cloud, *means = plot.panels[0].lines
     assert [line.label for line in means] == ["mean, opening branch", "mean, closing branch"]

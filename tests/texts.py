@@ -14,11 +14,11 @@ from matplotlib.text import Text
 from damperfit.checks import Check
 from damperfit.identification import Outcome
 from damperfit.reporting.drawing import compose, fixed_style
+from damperfit.reporting.figures import report_plots
 from damperfit.reporting.inspection import finding_lines, inspection_sheet
 from damperfit.reporting.page import html_report
 from damperfit.reporting.records import to_record
 from damperfit.reporting.report import markdown_report
-from damperfit.reporting.run_figures import report_plots
 from damperfit.reporting.sheet import text_table
 from damperfit.reporting.tables import (
     check_lines,

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from damperfit import __version__
 from damperfit.queries.compared import baseline_text, read_run
 from damperfit.reporting.drawing import draw_plot
+from damperfit.reporting.figures import report_plots
 from damperfit.reporting.report import lead
-from damperfit.reporting.run_figures import report_plots
 from damperfit.reporting.sheet import html_table, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import force_sheets, parameter_sheet
 from damperfit.results import entries_in

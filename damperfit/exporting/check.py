@@ -14,6 +14,7 @@ import json
 import re
 import zipfile
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, cast
@@ -29,18 +30,15 @@ from damperfit.exporting.fmu_build import this_platform
 from damperfit.problem import Option
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
-    from damperfit.exporting.tables import ExportedRun, ForceTable
-    from damperfit.exporting.targets import Export
-    from damperfit.recording import FilterDesign
+    from damperfit.exporting.targets import Export, ExportedRun
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
-    Curve = tuple[FloatArray, FloatArray]
-    # Time, displacement and velocity of a segment -> force without the rig's tare.
+    # Time, displacement and velocity of a segment -> force.
     Force = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 _RUN_IN, _EDGE = 0.25, 0.1  # s: a pressure settles, a filter's end is felt
@@ -78,93 +76,79 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
             where=Option("check"),
             code="no-signals",
         )
-    tables, band = export.tables, run.run.solver.dead_band
-    tares = [table.tare for table in tables]
-    ends = [table.end if export.lost else np.inf for table in tables]
-    first, content = next(iter(export.files.items()))
-    forces: list[Force]
-    if first.endswith(".fmu"):
-        with TemporaryDirectory(prefix="damperfit-", ignore_cleanup_errors=True) as folder:
-            unit = _Unit(content, Path(folder))
-            forces = [unit.at(place, band) for place in exported_damper(run).settings]
-            # With the rig, hence with its tare.
-            return tuple(_checks(run, export, forces, [0.0 for _ in tables], ends))
-    if first.endswith(".mo"):
-        model = _Model(content.decode("utf-8"))
-        forces = [model.at(place, band) for place in range(1, len(tables) + 1)]
-    else:
-        curves = read_back(export)
-        ends = [float(v[-1]) for v, _ in curves]
-        forces = [_looked_up(*both) for both in zip(curves, tables, strict=True)]
-    return tuple(_checks(run, export, forces, tares, ends))
-
-
-def _looked_up(curve: Curve, table: ForceTable) -> Force:
-    return lambda _, x, v: np.interp(v, *curve) + table.at_rest(x)
-
-
-def _checks(
-    run: ExportedRun,
-    export: Export,
-    forces: Sequence[Force],
-    tares: Sequence[float],
-    ends: Sequence[float],
-) -> Iterator[SettingCheck]:
-    """Compare the settings one by one; samples beyond the end of a table are left out."""
-    for table, force_of, tare, end in zip(export.tables, forces, tares, ends, strict=True):
-        rows, n_beyond = [], 0
-        for log in run.run.signals:
-            for part in _segments(log.time) if log.setting == table.setting else ():
-                time, x, v = log.time[part], log.displacement[part], log.velocity[part]
-                interval = float(np.median(np.diff(time)))
-                design = _filter(run.run.record, 1.0 / interval)
-                force = apply_filter(design, force_of(time, x, v) + tare)
-                inner = slice(round(_RUN_IN / interval), len(force) - round(_EDGE / interval))
-                both = log.force_measured[part][inner], log.force[part][inner]
-                known = np.isfinite(both[0]) & (np.abs(v[inner]) <= _NEAR * end)
-                n_beyond += int((~known).sum())
-                rows.append(np.array([force[inner], *both])[:, known])
-        if not rows:
-            continue
-        written, measured, fitted = np.concatenate(rows, axis=1)
-        square = float(np.sum((measured - np.mean(measured)) ** 2))
-        error, own = (
-            100.0 * float(np.sum((one - measured) ** 2)) / square for one in (written, fitted)
-        )
-        share = 100.0 * n_beyond / (n_beyond + len(measured))
-        yield SettingCheck(table.setting, error, own, len(measured), share)
-
-
-def _segments(time: FloatArray) -> Iterator[slice]:
-    """Yield what of a log goes on without a gap, where it is long enough."""
-    step = np.diff(time)
-    gaps = np.flatnonzero(step > 1.5 * float(np.median(step))) + 1
-    for start, stop in zip([0, *gaps], [*gaps, len(time)], strict=True):
-        if time[stop - 1] - time[start] > 2.0 * (_RUN_IN + _EDGE):
-            yield slice(int(start), int(stop))
-
-
-def _filter(record: Mapping[str, Any], sample_rate: float) -> FilterDesign:
-    """What the measured force of the run has passed."""
-    document = record.get("configuration") or {}
+    document = run.run.record.get("configuration") or {}
     names = ("filter", "filter_corner", "filter_order")
     overlay = {
         section: {name: (document.get(section) or {})[name] for name in names}
         for section in ("conditioning", "rig")
         if set(names) <= (document.get(section) or {}).keys()
     }
-    return passed_filter(load_configuration(overlay=overlay).conditioning, sample_rate)
+    conditioning = load_configuration(overlay=overlay).conditioning
+    checks = []
+    with TemporaryDirectory(prefix="damperfit-", ignore_cleanup_errors=True) as folder:
+        forces, ends = _forces(run, export, Path(folder))
+        for table, force_of, end in zip(export.tables, forces, ends, strict=True):
+            rows, n_beyond = [], 0
+            for log in run.run.signals:
+                for part in _segments(log.time) if log.setting == table.setting else ():
+                    time, x, v = log.time[part], log.displacement[part], log.velocity[part]
+                    interval = float(np.median(np.diff(time)))
+                    design = passed_filter(conditioning, 1.0 / interval)
+                    force = apply_filter(design, force_of(time, x, v))
+                    inner = slice(round(_RUN_IN / interval), len(force) - round(_EDGE / interval))
+                    both = log.force_measured[part][inner], log.force[part][inner]
+                    known = np.isfinite(both[0]) & (np.abs(v[inner]) <= _NEAR * end)
+                    n_beyond += int((~known).sum())
+                    rows.append(np.array([force[inner], *both])[:, known])
+            if rows:
+                written, measured, fitted = np.concatenate(rows, axis=1)
+                square = float(np.sum((measured - np.mean(measured)) ** 2))
+                error, own = (
+                    100.0 * float(np.sum((one - measured) ** 2)) / square
+                    for one in (written, fitted)
+                )
+                share = 100.0 * n_beyond / (n_beyond + len(measured))
+                checks.append(SettingCheck(table.setting, error, own, len(measured), share))
+    return tuple(checks)
+
+
+def _segments(time: FloatArray) -> Iterator[slice]:
+    """Yield what of a log goes on without a gap, where it is long enough."""
+    step = np.diff(time)
+    gaps = np.flatnonzero(step > 1.5 * float(np.median(step))) + 1
+    for start, stop in pairwise([0, *gaps, len(time)]):
+        if time[stop - 1] - time[start] > 2.0 * (_RUN_IN + _EDGE):
+            yield slice(int(start), int(stop))
+
+
+def _forces(run: ExportedRun, export: Export, folder: Path) -> tuple[list[Force], list[float]]:
+    """Return what gives the force of each setting with the rig's tare, and its highest speed."""
+    tables, band = export.tables, run.run.solver.dead_band
+    ends = [table.end if export.lost else np.inf for table in tables]
+    first, content = next(iter(export.files.items()))
+    if first.endswith(".fmu"):  # with the rig, hence with its tare
+        unit = _Unit(content, folder)
+        return [unit.at(place, band) for place in exported_damper(run).settings], ends
+    if first.endswith(".mo"):
+        model = _Model(content.decode("utf-8"))
+        return [model.at(k, band, table.tare) for k, table in enumerate(tables, 1)], ends
+    curves = read_back(export)
+
+    def looked_up(k: int) -> Force:
+        return lambda _, x, v: np.interp(v, *curves[k]) + tables[k].at_rest(x) + tables[k].tare
+
+    return list(map(looked_up, range(len(tables)))), [float(v[-1]) for v, _ in curves]
 
 
 # Tables, read back from the files that were written
 
 
-def read_back(export: Export) -> list[Curve]:
+def read_back(export: Export) -> list[tuple[FloatArray, FloatArray]]:
     """Return speeds and forces as they stand in the files, for each table: m/s and N, rebound +."""
     read = {"csv": _from_csv, "xlsx": _from_workbook, "matlab": _from_matlab}
-    curves = []
-    found = read.get(export.target.name, _from_texts)(export)
-    for table, rows in zip(export.tables, found, strict=True):
+    curves, units = [], export.options.units
+    rows_of = read.get(export.target.name, _from_texts)(export)
+    for table, rows in zip(export.tables, rows_of, strict=True):
         v, force = np.array(rows, dtype=np.float64).reshape(-1, 2).T + 0.0
         if len(v) < 2 or not (np.diff(v) > 0.0).all():
             raise SimulationError(
@@ -172,7 +156,6 @@ def read_back(export: Export) -> list[Curve]:
                 code="not-as-written",
             )
         if "units" in export.target.takes:
-            units = export.options.units
             v, force = v / units.show(1.0, "m/s"), force / units.show(1.0, "N")
         curves.append((v, force))
     return curves
@@ -198,9 +181,9 @@ def _from_texts(export: Export) -> Iterator[Any]:
 
 
 def _from_csv(export: Export) -> list[Any]:
-    options = export.options
-    text = export.files[f"{options.stem}.csv"].decode("utf-8").replace(options.decimal, ".")
-    _, *rows = csv.reader(io.StringIO(text), delimiter=";" if options.decimal == "," else ",")
+    mark = export.options.decimal
+    text = export.files[f"{export.options.stem}.csv"].decode("utf-8").replace(mark, ".")
+    _, *rows = csv.reader(io.StringIO(text), delimiter=";" if mark == "," else ",")
     of_setting: dict[str, list[tuple[float, float]]] = {}
     for name, v, force, *_ in rows:
         of_setting.setdefault(name, []).append((float(v), float(force)))
@@ -219,8 +202,7 @@ def _from_workbook(export: Export) -> Iterator[Any]:
         for row in sheet.iter(f"{_SHEETS}row")
     )
     numbers = np.array([row for row in rows if row])  # the heads are texts
-    for k in range(1, len(export.tables) + 1):
-        yield numbers[:, [0, k]]
+    return (numbers[:, [0, k]] for k in range(1, len(export.tables) + 1))
 
 
 def _from_matlab(export: Export) -> Iterator[Any]:
@@ -231,14 +213,13 @@ def _from_matlab(export: Export) -> Iterator[Any]:
     known = loadmat(cast("Any", io.BytesIO(export.files[f"{stem}.mat"])))
     script = export.files[f"{stem}.m"].decode("utf-8")
     for name in ("velocity", "force"):
-        found = re.search(rf"^{name} = \[([^\]]*)\];", script, re.MULTILINE)
-        rows = [row.split() for row in found[1].split(";")] if found else []
+        matrix = re.search(rf"^{name} = \[([^\]]*)\];", script, re.MULTILINE)
+        rows = [row.split() for row in matrix[1].split(";")] if matrix else []
         if not rows or not np.allclose(np.array(rows, dtype=float), known[name], rtol=1e-8):
             raise SimulationError(
                 f"{stem}.m and {stem}.mat do not hold the same {name}", code="not-as-written"
             )
-    for force in known["force"].T:
-        yield np.column_stack([known["velocity"][:, 0], force])
+    return (np.column_stack([known["velocity"][:, 0], force]) for force in known["force"].T)
 
 
 # Equations of a Modelica model
@@ -261,10 +242,24 @@ class _Model:
         }
         starts = re.findall(r"Real (\w+)\(unit = , start = ([^)]+)\)", head)
         self.starts = {name: float(value) for name, value in starts}
-        self.begin = _compiled(head.partition(" initial equation ")[2])
-        self.body = _compiled(body)
+        self.begin = self._compiled(head.partition(" initial equation ")[2])
+        self.body = self._compiled(body)
 
-    def at(self, setting: int, band: float) -> Force:
+    @staticmethod
+    def _compiled(equations: str) -> Any:
+        """Return assignments of Modelica as code, in their order."""
+        lines = []
+        for left, right in re.findall(r"([\w()]+) = ([^;]+);", equations):
+            places = re.sub(
+                r"\[([^\]]+)\]",
+                lambda index: "".join(f"[{place} - 1]" for place in index[1].split(",")),
+                right.strip(),
+            )
+            name = re.sub(r"der\((\w+)\)", r"rate_of_\1", left)
+            lines.append(f"{name} = {places.replace('^', '**')}")
+        return compile("\n".join(lines), "equations", "exec")
+
+    def at(self, setting: int, band: float, tare: float) -> Force:
         """Return what gives the force of a setting, counted from 1."""
         known = {**self.known, "setting": setting, "friction_band": band}
         functions = {"__builtins__": {}, "max": np.maximum, "min": np.minimum}
@@ -277,7 +272,7 @@ class _Model:
 
         def force(time: FloatArray, x: FloatArray, v: FloatArray) -> FloatArray:
             if not self.starts:
-                return np.asarray(solved(x, v)["f"])
+                return np.asarray(solved(x, v)["f"]) + tare
             from scipy.integrate import solve_ivp
             from scipy.interpolate import CubicHermiteSpline
 
@@ -298,23 +293,10 @@ class _Model:
                 raise SimulationError(
                     f"the equations cannot be solved: {done.message}", code="not-integrated"
                 )
-            return np.asarray(solved(x, v, **dict(zip(self.starts, done.y, strict=True)))["f"])
+            states = dict(zip(self.starts, done.y, strict=True))
+            return np.asarray(solved(x, v, **states)["f"]) + tare
 
         return force
-
-
-def _compiled(equations: str) -> Any:
-    """Return assignments of Modelica as code, in their order."""
-    lines = []
-    for left, right in re.findall(r"([\w()]+) = ([^;]+);", equations):
-        places = re.sub(
-            r"\[([^\]]+)\]",
-            lambda found: "".join(f"[{place} - 1]" for place in found[1].split(",")),
-            right.strip(),
-        )
-        name = re.sub(r"der\((\w+)\)", r"rate_of_\1", left)
-        lines.append(f"{name} = {places.replace('^', '**')}")
-    return compile("\n".join(lines), "<equations>", "exec")
 
 
 # FMUs
@@ -326,19 +308,21 @@ class _Unit:
     def __init__(self, content: bytes, folder: Path) -> None:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             archive.extractall(folder)
-        here = this_platform()
-        known = next((one for one in PLATFORMS if one.name == here), None)
-        names = (known.name, known.fmi2 or known.name) if known else ()
-        paths = [folder / "binaries" / name / known.library for name in names if known]
-        path = next((one for one in paths if one.is_file()), None)
-        if path is None:
+        here, binaries = this_platform(), folder / "binaries"
+        paths = [
+            binaries / name / one.library
+            for one in PLATFORMS
+            for name in (one.name, one.fmi2)
+            if one.name == here and (binaries / name / one.library).is_file()
+        ]
+        if not paths:
             raise ConfigurationError(
                 f"the FMU holds no library for {here}; python -m "
                 "damperfit.exporting.fmu_build builds it",
                 where=Option("check"),
                 code="no-library",
             )
-        self.library = ct.CDLL(str(path))
+        self.library = ct.CDLL(str(paths[0]))
         self.library.fmi3InstantiateCoSimulation.restype = ct.c_void_p
         description = (folder / "modelDescription.xml").read_text(encoding="utf-8")
         tokens = re.findall(r'(?:guid|instantiationToken)="([^"]*)"', description)
@@ -364,14 +348,13 @@ class _Unit:
                         f"setting {setting}: the FMU refuses fmi3{name}", code="fmu"
                     )
 
-            def number(verb: str, references: Sequence[int], *values: float) -> Any:
+            def number(verb: str, references: tuple[int, ...], *values: float) -> Any:
                 n, places = len(references), (ct.c_uint32 * len(references))(*references)
                 is_whole = any(isinstance(value, int) for value in values)
-                cell: Any = ct.c_int32 if is_whole else ct.c_double
-                held = (cell * n)(*values)
+                cells = ((ct.c_int32 if is_whole else ct.c_double) * n)(*cast("Any", values))
                 kind = "Int32" if is_whole else "Float64"
-                call(f"{verb}{kind}", places, ct.c_size_t(n), held, ct.c_size_t(n))
-                return held[0]
+                call(f"{verb}{kind}", places, ct.c_size_t(n), cells, ct.c_size_t(n))
+                return cells[0]
 
             try:
                 # Inputs are those of a step's end: between samples they go as in the fit.

@@ -18,6 +18,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache, lru_cache
 from importlib import metadata, resources
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,8 +26,7 @@ from damperfit import __version__
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError
-from damperfit.exporting.tables import determined_line, taken_out
-from damperfit.exporting.targets import rendered
+from damperfit.exporting.targets import determined_line, rendered, taken_out
 from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Values
-    from damperfit.exporting.tables import ExportedRun, ForceTable
+    from damperfit.exporting.targets import ExportedRun, ForceTable
 
     Variable = dict[str, Any]
 
@@ -56,6 +56,11 @@ _OF_PAPER = (
 _OF_VALVES = (
     *("annulus_area", "piston_area", "chamber_1_volume", "chamber_2_volume", "oil_density"),
 )
+_GAS = {
+    "gas_pressure": ("Pa", "pressure at rest, absolute", 0.0),
+    "gas_exponent": ("1", "polytropic exponent of the gas", 0.0),
+    "gas_volume": ("m3", "volume of the gas at x = 0", 0.0),
+}
 _LONGEST = 400  # letters of a string that every C compiler takes
 _COMMENT = re.compile(rb"[ \t]*/\*.*?\*/", re.DOTALL)
 _DOCUMENTED = (0.005, 0.025, 0.05, 0.13, 0.25)  # m/s: forces on the page
@@ -63,9 +68,8 @@ _FIXED = tomllib.loads(
     resources.files("damperfit.exporting").joinpath("fmu_variables.toml").read_text("utf-8")
 )
 _STATES: Mapping[str, Mapping[str, Any]] = _FIXED["states"]  # all that any damper may have
-NUMBERS = 100  # value reference of the first number of the damper
+_FIRST_NUMBER = 100  # value reference of the first number of the damper
 FRICTION_BAND: float = _FIXED["choices"][0]["start"]
-_FOLLOWS = "follows the setting unless it is changed from its start value"
 
 
 class ExportedDamper(NamedTuple):
@@ -97,7 +101,7 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
     places = whole if len(whole) == len(cells) else range(1, len(cells) + 1)
     named = dict(zip(places, (str(one.setting) for one in run.settings), strict=True))
     start = sorted(named)[len(named) // 2]
-    air = damper.rod_area * damper.ambient_pressure
+    air, tolerance = damper.rod_area * damper.ambient_pressure, solver.tolerance
     left_out = set()  # of the states
     columns: Sequence[str]
     if isinstance(damper, ValveDamper):
@@ -110,21 +114,26 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
             (one.start, one.end, *(place[name] for name in one.numbers), int(one.is_two_way))
             for one in network.passages
         )
-        head = [f"network {_joined(body)} {' '.join(map(str, counts))}"]
-        head += [" ".join(map(str, row)) for row in passages]
-        tolerance = max(solver.tolerance, _TOLERANCE_OF_VALVES)
+        lines = [f"network {_joined(body)} {' '.join(map(str, counts))}"]
+        lines += [" ".join(map(str, row)) for row in passages]
+        tolerance = max(tolerance, _TOLERANCE_OF_VALVES)
         if network.has_floating_piston:  # chamber 2 is at the gas pressure
             left_out.add("oil_2")
     else:
         columns = (*damper.names, "gas_pressure", "gas_exponent")
-        head = [f"purdy {_joined([*(getattr(damper, name) for name in _OF_PAPER), air])}"]
-        tolerance = solver.tolerance
+        lines = [f"purdy {_joined([*(getattr(damper, name) for name in _OF_PAPER), air])}"]
+
+    def number_of(values: Values, name: str) -> float:
+        if name in _RIG_NUMBERS or (name in values.names and values.quantity(name).is_offset):
+            return 0.0
+        holder = values if name in values.names else damper if name.startswith("gas_") else None
+        return 0.0 if holder is None else float(getattr(holder, name))
+
     rows = {
-        number: [_value(damper, one.values, name) for name in columns]
+        number: [number_of(one.values, name) for name in columns]
         for number, one in zip(named, run.settings, strict=True)
     }
-    lines = [
-        *head,
+    lines += [
         f"solver {tolerance!r} {_MAX_STEPS}",
         f"tested {tested.stroke or 0.0!r} {tested.speed or 0.0!r}",
         f"friction_band {FRICTION_BAND!r}",
@@ -139,48 +148,28 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
     grips = [row[columns.index("presliding")] for row in rows.values() if "presliding" in columns]
     if not any(grip > 0.0 for grip in grips):  # friction has no state
         left_out.add("grip")
-    return ExportedDamper(
-        token,
-        f"damperfit-damper 3\ntoken {token}\n{text}\n",
-        _numbers(damper, columns, rows[start]),
-        named,
-        start,
-        tuple(one for one in _STATES if one not in left_out),
-        isinstance(damper, ValveDamper),
-    )
-
-
-def _value(damper: Damper | ValveDamper, values: Values, name: str) -> float:
-    if name in _RIG_NUMBERS or (name in values.names and values.quantity(name).is_offset):
-        return 0.0
-    if name in values.names:
-        return float(getattr(values, name))
-    return float(getattr(damper, name)) if name.startswith("gas_") else 0.0
+    known = _GAS | {
+        one.name: (one.unit, one.meaning, 0.0 if one.is_logarithmic else None)
+        for one in damper.quantities
+    }
+    numbers: list[Variable] = []  # those that mean something for this damper
+    for place_of, name in enumerate(columns):
+        if name in known and name not in _RIG_NUMBERS:
+            unit, meaning, low = known[name]
+            words = f"{meaning}; follows the setting unless it is changed from its start value"
+            numbers.append(
+                {"reference": _FIRST_NUMBER + place_of, "name": name, "description": words}
+                | {"causality": "parameter", "variability": "tunable", "unit": unit, "low": low}
+                | {"start": rows[start][place_of]}
+            )
+    states = tuple(one for one in _STATES if one not in left_out)
+    text = f"damperfit-damper 3\ntoken {token}\n{text}\n"
+    is_of_valves = isinstance(damper, ValveDamper)
+    return ExportedDamper(token, text, numbers, named, start, states, is_of_valves)
 
 
 def _joined(numbers: Iterable[float]) -> str:
     return " ".join(repr(float(one)) for one in numbers)
-
-
-def _numbers(
-    damper: Damper | ValveDamper, columns: Sequence[str], row: Sequence[float]
-) -> list[Variable]:
-    """The numbers that mean something for this damper; their start is of the first setting."""
-    known: dict[str, tuple[str, str, float | None]] = {
-        "gas_pressure": ("Pa", "pressure at rest, absolute", 0.0),
-        "gas_exponent": ("1", "polytropic exponent of the gas", 0.0),
-        "gas_volume": ("m3", "volume of the gas at x = 0", 0.0),
-    }
-    for one in damper.quantities:
-        known[one.name] = (one.unit, one.meaning, 0.0 if one.is_logarithmic else None)
-    numbers = []
-    for place, name in enumerate(columns):
-        if name in known and name not in _RIG_NUMBERS:
-            unit, meaning, low = known[name]
-            kind = {"causality": "parameter", "variability": "tunable", "low": low, "unit": unit}
-            words = {"name": name, "description": f"{meaning}; {_FOLLOWS}"}
-            numbers.append({"reference": NUMBERS + place, "start": row[place], **words, **kind})
-    return numbers
 
 
 def write_fmu(run: ExportedRun, tables: Sequence[ForceTable], *, version: int) -> bytes:
@@ -237,14 +226,6 @@ def _documentation(run: ExportedRun, damper: ExportedDamper, tables: Sequence[Fo
 # What describes it: once for FMI 2.0 and 3.0
 
 
-class _Unknown(NamedTuple):
-    """What an unknown follows from: references of inputs and states, and of parameters."""
-
-    reference: int
-    dependencies: tuple[int, ...]
-    parameters: tuple[int, ...] = ()
-
-
 def _variables(damper: ExportedDamper) -> list[Variable]:
     """Return all variables but time, in the order of the files, with words of the standard."""
     places = sorted(damper.settings)
@@ -262,35 +243,24 @@ def _variables(damper: ExportedDamper) -> list[Variable]:
     rates = [
         {"causality": "local", "derivative_of": one["reference"], **one["rate"]} for one in states
     ]
-    listed = (*_FIXED["signals"], setting, *damper.numbers, *choices, *states, *rates)
-    return [_worded(one) for one in listed]
+    worded = []
+    for one in (*_FIXED["signals"], setting, *damper.numbers, *choices, *states, *rates):
+        # Without a unit it is a whole number; without a start it is calculated.
+        unit, numbers = one.get("unit", ""), {}
+        for key, own in (("min", "low"), ("max", "high"), ("nominal", "nominal"), ("start",) * 2):
+            if (value := one.get(own)) is not None:
+                numbers[key] = repr(float(value)) if unit else str(int(value))
+        initial = "exact" if "start" in numbers else "calculated"
+        words = {
+            "initial": "" if one["causality"] == "input" else initial,
+            "unit": unit,
+            "numbers": ({"unit": unit} if unit else {}) | numbers,
+        }
+        worded.append({"variability": "continuous", "derivative_of": None, **one, **words})
+    return worded
 
 
-def _worded(one: Variable) -> Variable:
-    """Return a variable with the standard's words, and attributes for unit, range and size.
-
-    Without a unit it is a whole number; without a start it is calculated; inputs have no word.
-    """
-    unit = one.get("unit", "")
-    known = {"min": one.get("low"), "max": one.get("high")}
-    known |= {"nominal": one.get("nominal"), "start": one.get("start")}
-    numbers = {
-        key: repr(float(value)) if unit else str(int(value))
-        for key, value in known.items()
-        if value is not None
-    }
-    initial = "calculated" if known["start"] is None else "exact"
-    return {
-        "variability": "continuous",
-        "derivative_of": None,
-        **one,
-        "unit": unit,
-        "initial": "" if one["causality"] == "input" else initial,
-        "numbers": ({"unit": unit} if unit else {}) | numbers,
-    }
-
-
-def _unknowns(damper: ExportedDamper) -> dict[str, list[_Unknown]]:
+def _unknowns(damper: ExportedDamper) -> dict[str, list[dict[str, Any]]]:
     """Return outputs, derivatives, event indicators and initial unknowns with what they follow."""
     oil = tuple(_STATES[name]["reference"] for name in damper.states if name.startswith("oil"))
     grip = tuple(_STATES[name]["reference"] for name in damper.states if name == "grip")
@@ -310,17 +280,14 @@ def _unknowns(damper: ExportedDamper) -> dict[str, list[_Unknown]]:
     }
 
     def references(names: str) -> tuple[int, ...]:
-        return tuple(
-            one
-            for name in names.split()
-            for one in (words[name] if name in words else (int(name),))
-        )
+        known = (words[name] if name in words else (int(name),) for name in names.split())
+        return tuple(chain.from_iterable(known))
 
     return {
         kind: [
-            _Unknown(one, references(dependencies), references(parameters))
-            for names, dependencies, parameters in rows
-            for one in references(names)
+            {"reference": one, "dependencies": references(states), "parameters": references(names)}
+            for unknown, states, names in rows
+            for one in references(unknown)
         ]
         for kind, rows in _FIXED["follows"].items()
     }
@@ -330,16 +297,15 @@ def _descriptions(
     run: ExportedRun, damper: ExportedDamper, version: int, files: Sequence[str]
 ) -> dict[str, bytes]:
     """Return ``modelDescription.xml`` and what else describes an FMU, by its name in the zip."""
-    owner = (run.run.identity[key] for key in ("damper", "serial") if key in run.run.identity)
+    identity = run.run.identity
+    owner = " ".join(identity[key] for key in ("damper", "serial") if key in identity)
     listed, structure = _variables(damper), _unknowns(damper)
     places = {one["reference"]: i for i, one in enumerate(listed, 1)}
     if version == 2:  # an unknown is a place in the list
-        structure = {
-            key: sorted(known, key=lambda one: places.get(one.reference, 0))
-            for key, known in structure.items()
-        }
+        for known in structure.values():
+            known.sort(key=lambda one: places.get(one["reference"], 0))
     about = {
-        "modelName": printable(" ".join(owner)) or "damper",
+        "modelName": printable(owner) or "damper",
         "description": f"{run.damper.title}; {run.damper.sentence}",
         "version": __version__,
         "generationTool": f"damperfit {__version__}",
@@ -351,19 +317,9 @@ def _descriptions(
     if version == 3:
         templates["sources/buildDescription.xml"] = "build.xml"
         templates["terminalsAndIcons/terminalsAndIcons.xml"] = "terminals.xml"
-    return {
-        name: rendered(
-            template,
-            about=about,
-            damper=damper,
-            files=files,
-            unit_definitions=_FIXED["units"],
-            variables=listed,
-            places=places,
-            structure=structure,
-        ).encode()
-        for name, template in templates.items()
-    }
+    parts: Any = {"about": about, "damper": damper, "files": files, "places": places}
+    parts |= {"variables": listed, "structure": structure, "unit_definitions": _FIXED["units"]}
+    return {name: rendered(one, **parts).encode() for name, one in templates.items()}
 
 
 # Sources and libraries
@@ -371,11 +327,9 @@ def _descriptions(
 
 def _bare(code: bytes) -> bytes:
     """Return C without comments but its first: who only compiles it need not carry them."""
-    first, *others = _COMMENT.split(code)
     head = _COMMENT.match(code)
-    if head is not None:
-        first = head[0] + others.pop(0)
-    return re.sub(rb"\n{3,}", rb"\n\n", first + b"".join(others))
+    kept = head.end() if head else 0
+    return re.sub(rb"\n{3,}", rb"\n\n", code[:kept] + _COMMENT.sub(b"", code[kept:]))
 
 
 def _data(text: str) -> bytes:
@@ -430,11 +384,9 @@ PLATFORMS = (
 @lru_cache(maxsize=1)
 def source_files() -> dict[str, bytes]:
     """Return the C sources by name: the doors, and of the core what they need."""
-    own = {path.name: path for path in sorted((_HERE / "c").glob("*.[ch]"))}
+    own = sorted((_HERE / "c").glob("*.[ch]"))
     listed = (_HERE / "c" / "core_sources.txt").read_text(encoding="ascii").split()
-    return {name: path.read_bytes() for name, path in own.items()} | {
-        name: (_CORE / name).read_bytes() for name in listed
-    }
+    return {path.name: path.read_bytes() for path in (*own, *(_CORE / name for name in listed))}
 
 
 def sources_digest() -> str:
@@ -460,7 +412,8 @@ def missing_platforms(version: int) -> tuple[str, ...]:
     """Say which platforms' libraries were not built here, and how they are; none: nothing."""
     there = built()
     missing = [one.name for one in PLATFORMS if one not in there and (version == 3 or one.fmi2)]
-    how = "pip install 'damperfit[fmu]' && python -m damperfit.exporting.fmu_build"
-    names = ", ".join(missing)
-    sentence = f"no library inside for {names}, only the C sources; to build them once: {how}"
+    sentence = (
+        f"no library inside for {', '.join(missing)}, only the C sources; to build them once: "
+        "pip install 'damperfit[fmu]' && python -m damperfit.exporting.fmu_build"
+    )
     return (sentence,) if missing else ()

@@ -1,12 +1,13 @@
-"""The targets of ``damperfit export``: entries of ``targets.toml``, and what writes their files.
+"""What is exported of a run, and the targets that write it. Nothing here writes to disk.
 
-A text is a template of this package. A template gets the run, its tables (`table` is the first),
-the options, and a few functions: ``header(sign, gas)`` and ``intervals(speed, sign)`` return the
-lines that every file holds, ``comments(mark, lines)`` puts a mark before each. The grammars stand
-with the targets.
-
-In spreadsheets text is stored as text, so that no cell can become a formula; their bytes, as those
-of the .mat file, depend on the results alone: no date stands in them.
+The force by speed is the characteristic of the damper alone: the valves at constant speed through
+the middle of the stroke, without what the rig adds (mounting, play, moving mass, lag, tare) and
+what only moves with the stroke, the elasticity of the oil and the gas, which is handed over apart.
+Friction is in; it jumps at rest, so the table goes straight through 0 0 below its first speed.
+Points lie close where cars are tuned, and where the straight line between two of them misses the
+force, as at the opening of a valve. A table ends at the tested speed unless someone asks for more;
+intervals, and the speed up to which the logs determine the force, are those of
+`damperfit.adjustment.force_at`.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ import math
 import re
 import tomllib
 import zipfile
-from dataclasses import dataclass, field
-from functools import cache
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cache, lru_cache
 from importlib import resources
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -28,19 +31,19 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from damperfit import __version__
+from damperfit.adjustment.force_at import determined_speed, force_at
+from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.purdy.parameters import Damper
+from damperfit.damper.quantity import RIG
+from damperfit.damper.quasi_static import quasi_static
+from damperfit.damper.temperature_law import WithTemperature
+from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.exporting.tables import (
-    determined_line,
-    force_tables,
-    gas_line,
-    header_lines,
-    interval_lines,
-    one_line,
-    road_line,
-)
 from damperfit.problem import Option
+from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
+from damperfit.results import Run
+from damperfit.simulation import Motion, simulate
 from damperfit.tables.columns import describe_tables
 from damperfit.tables.files import finite, safe_cell
 from damperfit.units.shown_units import SI, ShownUnits
@@ -51,15 +54,25 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Model
-    from damperfit.exporting.tables import ExportedRun, ForceTable
+    from damperfit.damper.model import Model, Values
+    from damperfit.results import SettingResult
+    from damperfit.simulation import SolverOptions
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 
+# m/s: low-speed adjusters of cars work at 5 to 50 mm/s; beyond, each point is a fifth farther.
+_TUNED = (5e-3, 7.5e-3, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.035, 0.04, 0.045, 0.05)
+_FARTHER = 1.2
+_HALVED = 6  # times, between two points whose line misses
+_MISS, _LEAST_MISS = 3e-3, 0.1  # of the force, and N
+_FARTHEST = 5.0  # times the tested speed; the model says little of the damper beyond
+_GAS_POINTS = 13
+_SHOWN = {"N/m": (1e-3, "N/mm"), "m": (1e3, "mm"), "s": (1e3, "ms")}
 _REBOUND = "velocity in m/s and force in N are positive in rebound; displacement in m likewise"
+_SIGN = "forces, displacement and velocity are positive in rebound (rod out)"
 _OF_PAPER = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 _STORED = ("parameters", "mse", "adjustment", "characteristics")
-_SIGN = "forces, displacement and velocity are positive in rebound (rod out)"
 _DATE = (1980, 1, 1, 0, 0, 0)
 _PARTS = {
     "[Content_Types].xml": "xlsx_types.xml",
@@ -68,6 +81,442 @@ _PARTS = {
     "xl/_rels/workbook.xml.rels": "xlsx_workbook_rels.xml",
     "xl/styles.xml": "xlsx_styles.xml",
 }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExportedRun:
+    """A run as the targets need it."""
+
+    run: Run  # whose test it was, and how it was tested
+    damper: Model  # at one temperature, where the run's follows it: other programs know of none
+    settings: tuple[SettingResult, ...]  # rising; at least one
+    notes: tuple[str, ...] = ()  # what else to know of the values
+
+
+def exported_run(
+    folder: Path, *, config: Path | None = None, temperature: str | None = None
+) -> ExportedRun:
+    """Read a results folder, or a fleet's part, for a target.
+
+    The damper of ``config`` is taken where the run does not tell its own; ``temperature`` is the
+    oil's, where the damper follows it: the reference temperature by default.
+    """
+    run = Run.load(folder, parts=("parameters",), config=config, temperature=temperature)
+    damper, settings, notes = run.damper, run.settings, []
+    if not settings:
+        raise ConfigurationError(
+            "no setting has all parameters; run damperfit identify LOGS first",
+            subject=folder,
+            code="no-parameters",
+        )
+    if isinstance(damper, WithTemperature):
+        at = damper.oil_temperature
+        notes.append(
+            f"resistances as they are at {at:g} degC (fitted at {damper.reference:g} degC)"
+        )
+        settings = tuple(_at_one_temperature(one, damper) for one in settings)
+        damper = damper.plain
+    notes += [
+        f"{', '.join(one.unlimited)} at setting {one.setting}: the logs set no upper limit, so the "
+        "force beyond their speeds may be far off"
+        for one in settings
+        if one.unlimited
+    ]
+    run.motion  # noqa: B018 - where it is not known, that is remarked
+    return ExportedRun(run, damper, settings, tuple(notes))
+
+
+def _at_one_temperature(of: SettingResult, damper: WithTemperature) -> SettingResult:
+    values = damper.at_reference(of.values, damper.oil_temperature)
+    own, shared = (tuple(n for n in names if n in values.names) for names in (of.own, of.shared))
+    kept = [k for k, name in enumerate((*of.own, *of.shared)) if name in values.names]
+    covariance = None if of.covariance is None else of.covariance[np.ix_(kept, kept)]
+    limits = tuple(pair for pair in of.open_limits if pair[0] in values.names)
+    return replace(
+        of, parameters=values, own=own, shared=shared, covariance=covariance, open_limits=limits
+    )
+
+
+# Force by speed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceTable:
+    """The characteristic of a setting, without gas force and tare; m/s, N, positive in rebound."""
+
+    setting: Setting
+    slug: str  # for names of files; no two settings of a damper have the same
+    mse_percent: float  # of the fit; NaN where it is not known
+    speeds: FloatArray  # rising, through 0
+    forces: FloatArray
+    low: FloatArray  # 95 % interval; the force itself where no error is known
+    high: FloatArray
+    tested: float  # highest speed of the setting's own logs
+    determined: float  # speed up to which the logs determine the force; NaN: not known
+    stroke: float  # amplitude of the tested motion, m
+    level: float  # what presses at rest at x = 0
+    tare: float  # the rig's offset
+    gas_displacements: FloatArray  # over the tested stroke, m
+    gas_forces: FloatArray  # what presses at rest there; one point where the model has no gas
+    has_gas: bool  # the model knows its gas; otherwise the level is of gas and tare together
+    has_interval: bool  # the errors of its forces are known
+
+    @property
+    def end(self) -> float:
+        """Its highest speed, m/s."""
+        return float(self.speeds[-1])
+
+    @property
+    def is_extended(self) -> bool:
+        """Whether it goes beyond the tested speed."""
+        return self.range_of(self.end) != "tested"
+
+    def range_of(self, speed: float) -> str:
+        """Return whether a speed is "tested", "untested", or even "not determined"."""
+        if abs(speed) <= self.tested * (1.0 + 1e-9):
+            return "tested"
+        return "not determined" if abs(speed) > self.determined else "untested"
+
+    def rows(self, side: float = 1.0) -> list[tuple[float, float]]:
+        """Return speeds and forces, rising; with side -1 those of bump are positive."""
+        pairs = zip(side * self.speeds, side * self.forces, strict=True)
+        return sorted((float(v) + 0.0, float(force) + 0.0) for v, force in pairs)
+
+    def said_at(self, speed: float) -> str:
+        """Return a force with its 95 % interval in words; nothing beyond the table."""
+        if abs(speed) > self.end:
+            return ""
+        rows = self.forces, self.low, self.high
+        force, low, high = (float(np.interp(speed, self.speeds, row)) for row in rows)
+        return f"{force:.4g} ± {max(high - force, force - low):.2g}"
+
+    def at_rest(self, displacement: FloatArray) -> FloatArray:
+        """Return the force at no speed, N."""
+        return np.asarray(np.interp(displacement, self.gas_displacements, self.gas_forces))
+
+
+def force_tables(
+    run: ExportedRun, *, extend: float | None = None, common: bool = False
+) -> tuple[ForceTable, ...]:
+    """Return the table of each setting, to ``extend``, m/s; ``common``: all on the same speeds."""
+    known = run.run.tested.speed
+    fastest = run.run.motion.peak_speed if known is None else known
+    tested = []
+    for one in run.settings:  # to three digits: what a log reached, not what its noise did
+        top = min(one.top_speed, fastest)
+        size = 10.0 ** (2 - math.floor(math.log10(top)))
+        tested.append(math.floor(top * size * (1.0 + 1e-9)) / size)
+    if max(tested) < 1.02 * min(tested):  # the same test, but for noise
+        tested = [min(tested)] * len(tested)
+    if extend is not None and not min(tested) < extend <= _FARTHEST * max(tested):
+        raise ConfigurationError(
+            f"expected a speed above the tested {min(tested):.4g} m/s and "
+            f"up to {_FARTHEST:g} times it; leave {{extend}} out for a table of what was tested",
+            extend=Option("extend"),
+            where=Option("extend", f"{extend:g} m/s"),
+            code="out-of-range",
+        )
+    tables: list[ForceTable] = []
+    slugs: Counter[str] = Counter()
+    settings = list(zip(run.settings, tested, strict=True))
+    for group in [settings] if common else [[one] for one in settings]:
+        own = {speed for _, speed in group}
+        end = max(min(own), extend or 0.0)
+        grid, forces = _characteristics(
+            run.damper, [one for one, _ in group], {end, *(speed for speed in own if speed < end)}
+        )
+        for (setting, speed), row in zip(group, forces, strict=True):
+            # Labels that differ in signs alone, or in capitals, must not share a file.
+            slug = setting.setting.slug
+            slugs[slug.casefold()] += 1
+            slug += f"_{n}" if (n := slugs[slug.casefold()]) > 1 else ""
+            tables.append(_table(run, setting, slug, speed, grid, row))
+    return tuple(tables)
+
+
+def _characteristics(
+    damper: Model, settings: Sequence[SettingResult], tops: set[float]
+) -> tuple[FloatArray, FloatArray]:
+    """Return speeds of both strokes up to the highest of some, and forces (n settings, m speeds).
+
+    Speeds are added between two where the straight line misses the force of a setting.
+    """
+    top = max(tops)
+    side = [min(1.0, top / (2.0 * _TUNED[-1])) * speed for speed in _TUNED]
+    while side[-1] * _FARTHER < top:
+        side.append(side[-1] * _FARTHER)
+    side = sorted({*(v for v in side if all(abs(v / one - 1.0) > 0.02 for one in tops)), *tops})
+    grid = np.array([*(-v for v in reversed(side)), 0.0, *side])
+    offsets = [quasi_static(damper, one.values, np.zeros(1)).forces[0] for one in settings]
+
+    def at(speeds: FloatArray) -> FloatArray:
+        rows = zip(settings, offsets, strict=True)
+        return np.array([quasi_static(damper, s.values, speeds).forces - off for s, off in rows])
+
+    forces = at(grid)
+    forces[:, grid == 0.0] = 0.0
+    is_new = (grid[1:] != 0.0) & (grid[:-1] != 0.0)  # friction jumps at rest
+    for _ in range(_HALVED):
+        place = np.flatnonzero(is_new)
+        middle = 0.5 * (grid[place] + grid[place + 1])
+        line, there = 0.5 * (forces[:, place] + forces[:, place + 1]), at(middle)
+        missed = (np.abs(line - there) > _MISS * np.abs(there) + _LEAST_MISS).any(axis=0)
+        if not missed.any():
+            break
+        place = place[missed]
+        grid = np.insert(grid, place + 1, middle[missed])
+        forces = np.insert(forces, place + 1, there[:, missed], axis=1)
+        is_new = np.isin(np.arange(len(is_new)), place)
+        is_new = np.repeat(is_new, 1 + is_new)  # both halves
+    return grid, forces
+
+
+def _table(
+    run: ExportedRun, of: SettingResult, slug: str, tested: float, grid: FloatArray, row: FloatArray
+) -> ForceTable:
+    low, high = row.copy(), row.copy()
+    if of.covariance is not None:
+        measured = [one for one in run.run.speed_forces if one.setting == of.setting]
+        sizes = sorted(set(np.abs(grid).tolist()) - {0.0})
+        for one in force_at([of], run.damper, sizes, measured=measured):
+            at = grid == (one.speed if one.stroke == "rebound" else -one.speed)
+            low[at] -= one.force - one.low
+            high[at] += one.high - one.force
+    rest = quasi_static(run.damper, of.values, np.zeros(1))
+    level, stroke = float(rest.forces[0]) - rest.tare, run.run.motion.amplitude
+    x = np.linspace(-stroke, stroke, _GAS_POINTS)
+    gas = run.damper.rest_force(x)
+    return ForceTable(
+        setting=of.setting,
+        slug=slug,
+        mse_percent=of.mse_percent,
+        speeds=grid,
+        forces=row,
+        low=low,
+        high=high,
+        tested=tested,
+        determined=determined_speed(of, run.damper),
+        stroke=stroke,
+        level=level,
+        tare=0.0 if gas is None else of.offset,
+        gas_displacements=np.zeros(1) if gas is None else x,
+        gas_forces=np.array([level]) if gas is None else gas,
+        has_gas=gas is not None,
+        has_interval=of.covariance is not None,
+    )
+
+
+# A road of class B (ISO 8608, 64e-6 m3 at 0.1 cycles/m) at 20 m/s, from 0.5 to 25 Hz, under a
+# quarter car: the same motion for every damper, scaled to the speeds of interest. It is made of
+# sines whose phases are fixed, hence the same in every run.
+_ROUGHNESS, _WAVENUMBER, _DRIVEN = 64e-6, 0.1, 20.0  # m3 at cycles/m, m/s
+_BODY, _WHEEL, _SPRING, _TYRE, _DAMPING = 350.0, 40.0, 25e3, 200e3, 1.5e3  # kg, N/m, N s/m
+_RATE, _SECONDS, _RUN_IN = 1000.0, 8.0, 1.0  # Hz, s
+_LOWEST, _HIGHEST, _STEP = 0.5, 25.0, 1.0 / _SECONDS  # Hz
+_GOLDEN = 0.6180339887498949  # its multiples by squares spread phases evenly, without a generator
+_ROAD_SPEEDS = (0.05, 0.1, 0.25)  # m/s
+_SLOWER = (0.2, 0.4, 1.0)  # of the table's end, where that is not reached
+
+
+class RoadMiss(NamedTuple):
+    """Force of a table less the model's on a road on which the damper reaches `speed`, m/s.
+
+    `rms` in N; `percent` is its mean square over the variance of the model's force, as an MSE.
+    """
+
+    speed: float
+    rms: float
+    percent: float
+
+
+@lru_cache(maxsize=1)
+def standard_road() -> Motion:
+    """Return displacement and velocity of the damper on the road; positive in rebound."""
+    frequency = np.arange(_LOWEST, _HIGHEST + 0.5 * _STEP, _STEP)
+    omega = 2.0 * np.pi * frequency
+    density = _ROUGHNESS * _WAVENUMBER**2 * _DRIVEN / frequency**2
+    order = np.arange(1, len(frequency) + 1)
+    phase = 2.0 * np.pi * ((_GOLDEN * order * order) % 1.0)
+    height = np.sqrt(2.0 * density * _STEP) * np.exp(1j * phase)
+    link = _SPRING + 1j * omega * _DAMPING
+    body, wheel = link - _BODY * omega**2, _TYRE + link - _WHEEL * omega**2
+    lift = _TYRE * height / (wheel - link * link / body)  # of the wheel
+    stroke = (link / body - 1.0) * lift  # the body rises from the wheel: rebound
+    n = int(_SECONDS * _RATE)
+    lines = np.zeros((2, n // 2 + 1), dtype=np.complex128)
+    lines[:, np.rint(frequency * _SECONDS).astype(np.int64)] = stroke, 1j * omega * stroke
+    x, v = np.fft.irfft(0.5 * n * lines, n)
+    return Motion(1.0 / _RATE, x, v)
+
+
+def road_misses(run: ExportedRun, table: ForceTable) -> tuple[RoadMiss, ...]:
+    """Return how far the damper's dynamics are from a table on the road, at three speeds."""
+    values = next(one.values for one in run.settings if one.setting == table.setting)
+    damper = run.damper
+    if isinstance(damper, ValveDamper):  # without the rig: mounting, late channel, tare
+        damper = replace(damper, mounting=Mounting(series_stiffness=NONE))
+        values = damper.values({name: getattr(values, name) for name in damper.names})
+    if damper.rest_force(0.0) is not None:  # else the offset holds the gas force, and stays
+        values = values.replace({one.name: 0.0 for one in values.quantities if one.is_offset})
+    road, first = standard_road(), int(_RUN_IN * _RATE)
+    top, widest = float(np.abs(road.velocity).max()), float(np.abs(road.displacement).max())
+    is_reached = table.end >= _ROAD_SPEEDS[-1]
+    misses = []
+    for speed in _ROAD_SPEEDS if is_reached else [share * table.end for share in _SLOWER]:
+        scale = min(speed / top, table.stroke / widest)
+        force = _on_road(damper, values, scale, run.run.solver)[first:]
+        x, v = scale * road.displacement[first:], scale * road.velocity[first:]
+        miss = np.interp(v, table.speeds, table.forces) + table.at_rest(x) - force
+        square = float(np.mean(miss * miss))
+        misses.append(
+            RoadMiss(scale * top, math.sqrt(square), 100.0 * square / float(np.var(force)))
+        )
+    return tuple(misses)
+
+
+@lru_cache(maxsize=512)
+def _on_road(damper: Model, values: Values, scale: float, solver: SolverOptions) -> FloatArray:
+    road = standard_road()
+    motion = Motion(road.interval, scale * road.displacement, scale * road.velocity)
+    return simulate(values, damper, motion, options=solver).force
+
+
+# What every file says of itself: plain lines; each target puts its own mark of a comment before.
+
+
+def one_line(text: str) -> str:
+    """Return text that ends no comment and holds no control characters."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
+def header_lines(
+    run: ExportedRun, tables: Sequence[ForceTable], *, sign: str, gas: str, has_table: bool = True
+) -> list[str]:
+    """Return whose damper it is, tested where, how good; what is in the file and what is not.
+
+    What is positive (``sign``), where the gas force is (``gas``); of force by speed, or of the
+    equations.
+    """
+    about = run.run
+    known = [one for one in tables if math.isfinite(one.mse_percent)]
+    ranked = sorted(known, key=lambda one: one.mse_percent)
+    ends = ranked[:: max(1, len(ranked) - 1)]  # the best and the worst
+    errors = [
+        f"{one.mse_percent:.3g} %" + f" (setting {one.setting})" * (len(ends) > 1) for one in ends
+    ]
+    lines = [
+        f"damperfit {__version__}: {about.name}, setting "
+        + ", ".join(str(one.setting) for one in tables),
+        f"identity: {'; '.join(f'{k} {v}' for k, v in about.identity.items()) or 'not named'}",
+        f"model: {run.damper.sentence}",
+        f"tested: {tested_range(about.tested)}",
+        f"MSE of the fit: {' to '.join(errors) or 'not known'}",
+    ]
+    if has_table:
+        lines.append(
+            "table: force of the damper alone at constant speed, in the middle of the stroke"
+        )
+    lines += [f"taken out: {taken_out(run)}", determined_line(tables)]
+    if has_table and any(one.is_extended for one in tables):
+        end, tested = max(one.end for one in tables), min(one.tested for one in tables)
+        lines.append(
+            f"beyond {tested:.4g} m/s UNTESTED: up to {end:.4g} m/s the table is the model's, "
+            "unmeasured there"
+        )
+    elif has_table:
+        lines.append(
+            f"beyond {tables[0].end:.4g} m/s there is nothing: do not let a program hold the last "
+            "value, the damper's force goes on rising; an extended table has rows of the model"
+        )
+    lines += [road_line(run, tables)] if has_table else []
+    lines += [f"gas: {gas}", f"sign: {sign}", f"results: sha256 {about.digest or 'not known'}"]
+    return list(map(one_line, lines))
+
+
+def taken_out(run: ExportedRun) -> str:
+    """Return what the fit found and the file does not hold: mounting, play, mass, lag, tare."""
+    parts = []
+    for one in run.damper.quantities:
+        values = [setting.values for setting in run.settings]
+        numbers = [getattr(known, one.name) for known in values if one.name in known.names]
+        is_tare = one.is_offset and run.damper.rest_force(0.0) is not None
+        if any(numbers) and (is_tare or one.scope == RIG):
+            factor, unit = _SHOWN.get(one.unit, (1.0, one.unit))
+            ends = dict.fromkeys(f"{factor * end:.4g}" for end in (min(numbers), max(numbers)))
+            label = "tare of the rig" if is_tare else one.label
+            parts.append(f"{label} {' to '.join(ends)} {unit}")
+    if getattr(getattr(run.damper, "mounting", None), "series_stiffness", NONE) == NONE:
+        parts.insert(0, "no mounting (rigid)")
+    return ", ".join(parts)
+
+
+def gas_line(table: ForceTable, place: str, *, is_bump_positive: bool = False) -> str:
+    """Return what presses at rest, and what to do with it (``place``: "add it to the spring").
+
+    The table may be of any setting: the gas is the damper's. Where a file counts compression as
+    positive the gas has the sign of its spring.
+    """
+    sign, way = (-1.0, "plus") if is_bump_positive else (1.0, "minus")
+    what = "gas force" if table.has_gas else "force at rest, gas and tare of the rig together,"
+    sentence = (
+        f"not in the table; {what} {sign * table.level:.4g} N at x = 0 ({way} pushes the rod out)"
+    )
+    if table.has_gas:
+        stroke, forces = 1e3 * table.stroke, sign * table.gas_forces
+        sentence += f", {forces[0]:.4g} N at -{stroke:.3g} mm, "
+        sentence += f"{forces[-1]:.4g} N at +{stroke:.3g} mm of rebound"
+    return f"{sentence}; {place}"
+
+
+def determined_line(tables: Sequence[ForceTable]) -> str:
+    """Return up to which speed the logs determine the force of each setting."""
+
+    def speed_of(one: ForceTable) -> str:
+        return "not known" if math.isnan(one.determined) else f"{one.determined:.2g} m/s"
+
+    parts = []
+    for speed, group in groupby(tables, key=speed_of):
+        names = [str(one.setting) for one in group]
+        which = f"s {names[0]} to {names[-1]}" if len(names) > 1 else f" {names[0]}"
+        parts.append(f"{speed} at setting{which}")
+    tested = {f"{one.tested:.3g}" for one in tables}
+    return (
+        f"force determined by the logs (95 % interval within 5 %) to {', '.join(parts)}; tested to "
+        f"{' to '.join(sorted({min(tested), max(tested)}))} m/s"
+    )
+
+
+def road_line(run: ExportedRun, tables: Sequence[ForceTable]) -> str:
+    """Return how far the damper's dynamics are from its tables on a road, at three speeds."""
+
+    def shares(misses: Sequence[RoadMiss]) -> str:
+        words = (f"{m.percent:.2g} % MSE ({m.rms:.3g} N rms) at {m.speed:.2g} m/s" for m in misses)
+        return ", ".join(words)
+
+    ranked = [(road_misses(run, one), one) for one in tables]
+    ranked.sort(key=lambda pair: max(one.percent for one in pair[0]))
+    (least, _), (most, table) = ranked[0], ranked[-1]
+    sentence = (
+        "the table has no elasticity of the oil; on a class B road it misses the model by "
+        + shares(most)
+    )
+    if len(tables) > 1:
+        sentence += f" at setting {table.setting}, the worst, and by {shares(least)} at the best"
+    return sentence
+
+
+def interval_lines(table: ForceTable, speed: float = 1.0, sign: float = 1.0) -> list[str]:
+    """Return the 95 % interval of each force, in a file's units and signs, as lines."""
+    if not table.has_interval:
+        return ["95 % interval of the forces: not known"]
+    rows = [f"95 % interval of the forces: {'mm/s' if abs(speed) > 1.0 else 'm/s'}, low N, high N"]
+    for v, *ends in zip(table.speeds, table.low, table.high, strict=True):
+        low, high = sorted(sign * end for end in ends)
+        rows.append(f"  {speed * v + 0.0:.6g} {low:.3f} {high:.3f}")
+    return rows
+
+
+# What there is to write, entries of ``targets.toml``, and what writes it
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +558,6 @@ class Target:
     physics_of: Sequence[str] = ()  # models whose own equations it holds instead
     takes: Sequence[str] = ()  # options that only some targets heed: "units", "decimal"
 
-    def has_table_of(self, damper: Model) -> bool:
-        """Whether the file of this damper holds a table."""
-        return self.has_table and damper.name not in self.physics_of
-
     def place_of(self, out: Path) -> tuple[Path, str]:
         """Return the folder to write to, and what the files' names begin with.
 
@@ -134,7 +579,7 @@ class Target:
         """Return what this target's files hold of a run."""
         from damperfit.exporting.fmu import missing_platforms, write_fmu
 
-        has_table = self.has_table_of(run.damper)
+        has_table = self.has_table and run.damper.name not in self.physics_of
         if options.extend is not None and not has_table:
             raise ConfigurationError(
                 f"{self.name} holds no table here; leave it out",
@@ -143,27 +588,24 @@ class Target:
             )
         is_one_each = "{setting}" in self.file
         tables = force_tables(run, extend=options.extend, common=not is_one_each)
-        fmi = {"fmu2": 2, "fmu3": 3}.get(self.name)
-        files: dict[str, bytes] = {}
-        if fmi:
-            files[f"{options.stem}.fmu"] = write_fmu(run, tables, version=fmi)
-        for group in () if fmi else [(one,) for one in tables] if is_one_each else [tables]:
-            if self.name in _WRITERS:
-                files |= _WRITERS[self.name](run, group, options)
-                continue
-            text = rendered(self.template, **_known(run, group, options)).rstrip("\n") + "\n"
-            name = self.file.format(stem=options.stem, setting=group[0].slug)
-            lost = "xmlcharrefreplace" if text.startswith("<?xml") else "replace"
-            files[name] = text.encode(self.encoding, lost)
-        return Export(
-            *(self, options, files, tables),
-            road_line(run, tables) if has_table else "",
-            determined_line(tables),
-            (*run.notes, *(missing_platforms(fmi) if fmi else ())),
-        )
+        notes, files = run.notes, {}
+        if self.name in ("fmu2", "fmu3"):
+            version = int(self.name[-1])
+            files[f"{options.stem}.fmu"] = write_fmu(run, tables, version=version)
+            notes += missing_platforms(version)
+        elif self.name in _WRITERS:
+            files = _WRITERS[self.name](run, tables, options)
+        else:
+            for group in [(one,) for one in tables] if is_one_each else [tables]:
+                text = rendered(self.template, **_known(run, group, options)).rstrip("\n") + "\n"
+                name = self.file.format(stem=options.stem, setting=group[0].slug)
+                lost = "xmlcharrefreplace" if text.startswith("<?xml") else "replace"
+                files[name] = text.encode(self.encoding, lost)
+        lost = road_line(run, tables) if has_table else ""
+        return Export(self, options, files, tables, lost, determined_line(tables), notes)
 
 
-# Texts
+# Texts: a template gets the run, its tables (`table` is the first), options and a few functions
 
 
 def rendered(template: str, **known: Any) -> str:
@@ -203,8 +645,8 @@ def _known(
         return header_lines(run, tables, sign=sign, gas=gas, has_table=has_table)
 
     def grid_of(column: str) -> FloatArray:
-        rows = [[0.0, *numbers], *zip(first.speeds, *(getattr(t, column) for t in tables))]  # noqa: B905
-        return np.array(rows)
+        columns = [first.speeds, *(getattr(table, column) for table in tables)]
+        return np.vstack([[0.0, *numbers], np.column_stack(columns)])
 
     gas = list(zip(first.gas_displacements, first.gas_forces, strict=True))
     if len(gas) == 1:  # a table needs two points
@@ -243,12 +685,12 @@ def _setting_numbers(tables: Sequence[ForceTable]) -> list[float]:
 
 def _modelica(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
-) -> Mapping[str, bytes]:
+) -> dict[str, bytes]:
     """Return a Modelica model with all settings; ``setting`` counts them from 1."""
-    speeds = tables[0].speeds
-    slopes = [np.diff(table.forces) / np.diff(speeds) for table in tables]
-    x, gas = tables[0].gas_displacements, tables[0].gas_forces
-    word = re.sub(r"\W", "_", options.stem, flags=re.ASCII).strip("_") or "damper"
+    first, stem = tables[0], options.stem
+    slopes = [np.diff(table.forces) / np.diff(first.speeds) for table in tables]
+    x, gas = first.gas_displacements, first.gas_forces
+    word = re.sub(r"\W", "_", stem, flags=re.ASCII).strip("_") or "damper"
     word = word if word[0].isalpha() else f"D_{word}"
     quantities = [one for one in run.damper.quantities if one.name in _OF_PAPER]
     text = rendered(
@@ -263,21 +705,21 @@ def _modelica(
             one.name: [getattr(setting.values, one.name) for setting in run.settings]
             for one in quantities
         },
-        speeds=speeds[:-1].tolist(),
+        speeds=first.speeds[:-1].tolist(),
         firsts=[float(table.forces[0]) for table in tables],
         bends=[[float(one[0]), *np.diff(one).tolist()] for one in slopes],
         gas=np.polyfit(x, gas, min(3, len(x) - 1))[::-1].tolist(),
     )
-    return {f"{options.stem}.mo": (text.rstrip("\n") + "\n").encode("utf-8", "replace")}
+    return {f"{stem}.mo": (text.rstrip("\n") + "\n").encode("utf-8", "replace")}
 
 
 def _matlab(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
-) -> Mapping[str, bytes]:
+) -> dict[str, bytes]:
     """Return a script (.m) and a data file (.mat, version 5) with the same variables."""
     from scipy.io import savemat
 
-    first, known = tables[0], _known(run, tables, options)
+    first, known, stem = tables[0], _known(run, tables, options), options.stem
     labels = [str(table.setting) for table in tables]
     about = [
         *known["header"](_REBOUND, "gas_force at gas_displacement; add it to the table's force"),
@@ -305,11 +747,10 @@ def _matlab(
     file = io.BytesIO()
     savemat(cast("Any", file), document, format="5")
     content = b"MATLAB 5.0 MAT-file, damperfit".ljust(116) + file.getvalue()[116:]  # no date
-    stem = options.stem
     return {f"{stem}.m": script.encode("utf-8", "replace"), f"{stem}.mat": content}
 
 
-# Spreadsheets
+# Spreadsheets: text is stored as text, so that no cell can become a formula; no date in their bytes
 
 
 class _Table(NamedTuple):
@@ -344,9 +785,14 @@ def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
             yield _Table(name, headings, shown, list(zip(*cells_of, strict=True)))
 
 
+def _about(run: ExportedRun, tables: Sequence[ForceTable]) -> list[str]:
+    gas = gas_line(tables[0], "add it to the force")
+    return header_lines(run, tables, sign=_SIGN, gas=gas)
+
+
 def _workbook(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
-) -> Mapping[str, bytes]:
+) -> dict[str, bytes]:
     """Return one workbook: what it is about, forces with half intervals, tables of the results."""
     shown = options.units
     known = [table for table in tables if table.has_interval]
@@ -359,18 +805,22 @@ def _workbook(
     ]
     units = [shown.of("m/s"), *(shown.of("N") for _ in forces)]
     rows = np.column_stack([shown.show(tables[0].speeds, "m/s"), *forces]).tolist()
-    gas = gas_line(tables[0], "add it to the force")
-    about = header_lines(run, tables, sign=_SIGN, gas=gas)
     sheets = (
-        _Table("about", ["about"], [""], [[line] for line in about]),
+        _Table("about", ["about"], [""], [[line] for line in _about(run, tables)]),
         _Table("forces", headings, units, rows),
         *_stored(run, shown),
     )
+
+    def letters(place: int) -> str:
+        """Of a column counted from 0: A, Z, AA."""
+        more, last = divmod(place, 26)
+        return (letters(more - 1) if more else "") + chr(ord("A") + last)
+
     parts = {name: rendered(template, sheets=sheets) for name, template in _PARTS.items()}
     for k, sheet in enumerate(sheets, 1):
         heads = [sheet.headings, *([sheet.units] if any(sheet.units) else [])]
         parts[f"xl/worksheets/sheet{k}.xml"] = rendered(
-            "xlsx_sheet.xml", headings=sheet.headings, heads=heads, rows=sheet.rows, column=_column
+            "xlsx_sheet.xml", headings=sheet.headings, heads=heads, rows=sheet.rows, column=letters
         )
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -381,71 +831,62 @@ def _workbook(
     return {f"{options.stem}.xlsx": file.getvalue()}
 
 
-def _column(place: int) -> str:
-    """Return the letters of a column counted from 0: A, Z, AA."""
-    more, last = divmod(place, 26)
-    return (_column(more - 1) if more else "") + chr(ord("A") + last)
-
-
 def _csv_files(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
-) -> Mapping[str, bytes]:
+) -> dict[str, bytes]:
     """Return a row for each setting and speed, every table of the results, and what it is about.
 
     With a decimal comma the cells stand between semicolons, as spreadsheets of those countries read
     and write them. What other targets say in a comment stands in a text file: CSV has no comments.
     """
     shown, mark, stem = options.units, options.decimal, options.stem
+
+    def text_of(cell: Any) -> str:
+        """A text that no spreadsheet takes for a formula; numbers stay numbers."""
+        text = repr(cell).replace(".", mark) if isinstance(cell, float) else str(cell)
+        with suppress(ValueError):
+            float(text.replace(",", "."))
+            return text
+        return safe_cell(text)
+
+    def content(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
+        file = io.StringIO()
+        writer = csv.writer(file, delimiter=";" if mark == "," else ",", lineterminator="\n")
+        writer.writerow(head)
+        writer.writerows(["" if cell is None else text_of(cell) for cell in row] for row in rows)
+        return file.getvalue().encode("utf-8", "backslashreplace")
+
     rows = []
     for table in tables:
-        speeds = shown.show(table.speeds, "m/s")
-        forces = [shown.show(one, "N") for one in (table.forces, table.low, table.high)]
-        for v, speed, *numbers in zip(table.speeds, speeds, *forces, strict=True):
-            force, low, high = (f"{one:.3f}".replace(".", mark) for one in numbers)
-            ends = (low, high) if table.has_interval else ("", "")
+        columns = [shown.show(one, "N") for one in (table.forces, table.low, table.high)]
+        columns.insert(0, shown.show(table.speeds, "m/s"))
+        for v, speed, *numbers in zip(table.speeds, *columns, strict=True):
+            force, *ends = (f"{one:.3f}".replace(".", mark) for one in numbers)
+            ends = ends if table.has_interval else ["", ""]
             speed_cell = f"{speed:.6g}".replace(".", mark)
             rows.append((str(table.setting), speed_cell, force, table.range_of(v), *ends))
-    force, low, high = (
-        shown.column(name, "N") for name in ("force_N", "force_ci_low_N", "force_ci_high_N")
-    )
-    head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", low, high)
-    gas = gas_line(tables[0], "add it to the force")
-    about = "\n".join(header_lines(run, tables, sign=_SIGN, gas=gas)) + "\n"
+    names = ("force_N", "force_ci_low_N", "force_ci_high_N")
+    force, *ends = (shown.column(name, "N") for name in names)
+    head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", *ends)
+    about = "\n".join(_about(run, tables)) + "\n"
     files = {
-        f"{stem}.csv": _csv(head, rows, mark),
+        f"{stem}.csv": content(head, rows),
         f"{stem}_about.txt": about.encode("utf-8", "backslashreplace"),
     }
     for stored in _stored(run, shown):
         # The unit stands with the name, where that does not end with it already.
         named = [
-            name if not unit or name.endswith("_" + unit.replace("/", "_per_"))
-            else f"{name} [{unit}]"
+            f"{name} [{unit}]" if unit and not name.endswith("_" + unit.replace("/", "_per_"))
+            else name
             for name, unit in zip(stored.headings, stored.units, strict=True)
         ]  # fmt: skip
-        files[f"{stem}_{stored.name}.csv"] = _csv(named, stored.rows, mark)
+        files[f"{stem}_{stored.name}.csv"] = content(named, stored.rows)
     return files
-
-
-def _csv(head: Sequence[str], rows: Iterable[Sequence[Any]], mark: str) -> bytes:
-    def shown(cell: Any) -> str:
-        """A text that no spreadsheet takes for a formula; numbers stay numbers."""
-        text = repr(cell).replace(".", mark) if isinstance(cell, float) else str(cell)
-        try:
-            float(text.replace(",", "."))
-        except ValueError:
-            return safe_cell(text)
-        return text
-
-    file = io.StringIO()
-    writer = csv.writer(file, delimiter=";" if mark == "," else ",", lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(["" if cell is None else shown(cell) for cell in row] for row in rows)
-    return file.getvalue().encode("utf-8", "backslashreplace")
 
 
 # What no template makes alone.
 _WRITERS: Mapping[
-    str, Callable[[ExportedRun, Sequence[ForceTable], ExportOptions], Mapping[str, bytes]]
+    str, Callable[[ExportedRun, Sequence[ForceTable], ExportOptions], dict[str, bytes]]
 ] = {"csv": _csv_files, "xlsx": _workbook, "matlab": _matlab, "modelica": _modelica}
 # By name; a new target is a template and an entry there.
 TARGETS: Mapping[str, Target] = {

@@ -45,8 +45,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.comparison.comparing import Point, RunComparison
-    from damperfit.reporting.figures import Line, Plot
-    from damperfit.reporting.run_figures import LogView, ReportPlots
+    from damperfit.reporting.figures import Line, LogView, Plot, ReportPlots
     from damperfit.units.shown_units import ShownUnits
 
 _IDENTITY = ("damper", "serial", "date", "operator", "customer", "rig")

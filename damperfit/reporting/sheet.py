@@ -11,11 +11,12 @@ import math
 import re
 from dataclasses import dataclass, replace
 from html import escape as escape_html
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, NamedTuple
 from unicodedata import combining, east_asian_width
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.damper.quantity import Quantity
     from damperfit.units.shown_units import ShownUnits
@@ -135,9 +136,8 @@ def text_table(
     gap = 2 if whole <= min(_COLUMNS, width) else 1
     least = []  # widths that cut no word and no number, as far as the first column leaves room
     for column, is_number in zip(columns, sheet.is_number, strict=True):
-        cells = column[n_heads:]
-        words = cells if is_number else [word for cell in cells for word in cell.split()]
-        words = [*words, *(word for cell in column[:n_heads] for word in cell.split())]
+        split = column[:n_heads] if is_number else column
+        words = [*(word for cell in split for word in cell.split()), *column[len(split) :]]
         least.append(max(map(_places, words), default=0))
     room = width - gap - max(least[1:], default=0)
     least[0] = min(least[0], max(width // 3, room))
@@ -152,12 +152,23 @@ def text_table(
     known = None if colours is None else {**COLOURS, **colours}
     lines: list[str] = []
     for part in parts:
-        widths = _widths([columns[k] for k in part], [least[k] for k in part], width, gap)
         lines.append("")
-        rights = [sheet.is_number[k] for k in part]
-        for n, row in enumerate(zip(*(columns[k] for k in part), strict=True)):
-            codes = [1 if n < n_heads else known.get(cell, 0) for cell in row] if known else None
-            lines += _folded(row, widths, rights, gap, codes)
+        widths = {k: max(least[k], *map(_places, columns[k])) for k in part}
+        while sum(widths.values()) + gap * (len(part) - 1) > width:  # the widest that may gives way
+            spare = [k for k in part if widths[k] > least[k]]
+            if not spare:
+                break
+            widths[max(spare, key=widths.__getitem__)] -= 1
+        for n in range(n_heads + len(sheet.rows)):
+            folded = [wrapped(columns[k][n], widths[k]) for k in part]
+            for texts in zip_longest(*folded, fillvalue=""):
+                shown = []
+                for k, text in zip(part, texts, strict=True):
+                    blanks = " " * (widths[k] - _places(text))
+                    code = 0 if known is None else 1 if n < n_heads else known.get(columns[k][n], 0)
+                    cell = f"\x1b[{code}m{text}\x1b[0m" if code and text else text
+                    shown.append(blanks + cell if sheet.is_number[k] else cell + blanks)
+                lines.append((" " * gap).join(shown).rstrip())
     for note in sheet.notes:
         shown = wrapped(printable(note), width)
         lines += shown if known is None else [f"\x1b[2m{line}\x1b[0m" for line in shown]
@@ -167,49 +178,12 @@ def text_table(
 def _cut(texts: list[str], width: int) -> list[str]:
     """Return texts with long words cut in the middle, unless two of them then look alike."""
     half = width // 2
-    shorter = [
-        " ".join(
-            word if len(word) <= width else f"{word[: half - 1]}…{word[-half:]}"
-            for word in text.split(" ")
-        )
-        for text in texts
-    ]
-    return shorter if len(set(shorter)) == len(set(texts)) else texts
 
+    def shorter(word: str) -> str:
+        return word if len(word) <= width else f"{word[: half - 1]}…{word[-half:]}"
 
-def _widths(
-    columns: Sequence[Sequence[str]], least: Sequence[int], width: int, gap: int
-) -> list[int]:
-    """Return the widths of columns side by side: the widest that may give way until they fit."""
-    widths = [
-        max(least_one, *map(_places, one)) for least_one, one in zip(least, columns, strict=True)
-    ]
-    while sum(widths) + gap * (len(widths) - 1) > width:
-        spare = [k for k, wide in enumerate(widths) if wide > least[k]]
-        if not spare:
-            break
-        widths[max(spare, key=lambda k: widths[k])] -= 1
-    return widths
-
-
-def _folded(
-    cells: Sequence[str],
-    widths: Sequence[int],
-    rights: Sequence[bool],
-    gap: int,
-    codes: Sequence[int] | None,
-) -> Iterator[str]:
-    """Yield the lines of one row, its cells wrapped; ``codes`` are colours, 0 for none."""
-    folded = [wrapped(cell, wide) for cell, wide in zip(cells, widths, strict=True)]
-    for line in range(max(map(len, folded))):
-        shown = []
-        for k, wide in enumerate(widths):
-            text = folded[k][line] if line < len(folded[k]) else ""
-            blanks = " " * (wide - _places(text))
-            if codes and codes[k] and text:
-                text = f"\x1b[{codes[k]}m{text}\x1b[0m"
-            shown.append(blanks + text if rights[k] else text + blanks)
-        yield (" " * gap).join(shown).rstrip()
+    cut = [" ".join(map(shorter, text.split(" "))) for text in texts]
+    return cut if len(set(cut)) == len(set(texts)) else texts
 
 
 def wrapped(text: str, width: int) -> list[str]:
@@ -358,11 +332,11 @@ def with_interval(
     """
     if value is None or not math.isfinite(value):
         return NOTHING
-    ends = [end for end in (low, high) if end is not None and math.isfinite(end)]
-    if len(ends) < 2 or not ends[0] <= value <= ends[1] or ends[0] == ends[1]:
+    low, high = (math.nan if end is None else end for end in (low, high))
+    half = 0.5 * (high - low)
+    if not (math.isfinite(half) and low <= value <= high and half):
         return number(value, digits=digits) if not plus else f"{value:+.{digits - 1}g}"
-    below, above = value - ends[0], ends[1] - value
-    half = 0.5 * (ends[1] - ends[0])
+    below, above = value - low, high - value
     is_even = max(below, above) <= _UNEVEN * min(below, above)
     error = half if is_even else max(min(below, above), _LEAST * half)
     place = math.floor(math.log10(error)) - 1  # of the last digit that the error tells
@@ -374,7 +348,7 @@ def with_interval(
 
     if is_even:
         return f"{rounded(value, plus)} ± {rounded(half)}"
-    return f"{rounded(value, plus)} ({rounded(ends[0])} to {rounded(ends[1])})"
+    return f"{rounded(value, plus)} ({rounded(low)} to {rounded(high)})"
 
 
 def stroke_ratio(rebound: float, bump: float) -> str:
@@ -414,25 +388,18 @@ def parameters_in_units(
     rows: Sequence[Mapping[str, Any]], quantities: Sequence[Quantity], units: ShownUnits
 ) -> tuple[list[dict[str, Any]], tuple[Quantity, ...]]:
     """Return rows with what is a force scaled, and the quantities as shown; R_m1 keeps its own."""
-    force = units.of("N")
-    forces = [one for one in quantities if one.unit == "N" != force]
-    ends = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
-    names = {f"{one.name}{end}" for one in forces for end in ends}
-    shown = {
-        one.name: replace(
-            one,
-            unit=force,
-            shown_unit="",
-            plausible=(units.show(one.plausible[0], "N"), units.show(one.plausible[1], "N")),
-            size=units.show(one.size, "N"),
-        )
-        for one in forces
-    }
-    scaled = [
-        {
-            name: units.show(float(cell), "N") if name in names and cell is not None else cell
-            for name, cell in row.items()
-        }
-        for row in rows
-    ]
-    return scaled, tuple(shown.get(one.name, one) for one in quantities)
+    shown: list[Quantity] = []
+    names: set[str] = set()
+    for one in quantities:
+        if one.unit == "N" != units.of("N"):
+            ends = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
+            names.update(f"{one.name}{end}" for end in ends)
+            low, high, size = (units.show(at, "N") for at in (*one.plausible, one.size))
+            force: Any = {"unit": units.of("N"), "shown_unit": ""}
+            one = replace(one, plausible=(low, high), size=size, **force)  # noqa: PLW2901 - as shown
+        shown.append(one)
+
+    def scaled(name: str, cell: Any) -> Any:
+        return units.show(float(cell), "N") if name in names and cell is not None else cell
+
+    return [{name: scaled(name, cell) for name, cell in row.items()} for row in rows], tuple(shown)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.force_at import STROKE_WORDS
@@ -105,19 +106,23 @@ def parameter_sheet(
     What all settings have in common is a note below, what is held at its default everywhere is left
     out. ``levels`` are the characters, from low to high, of a course over the settings.
     """
-    shown = [one for one in quantities if not rows or not all(_is_idle(row, one) for row in rows)]
-    shared = [one for one in shown if is_one_for_all(rows, one.name) and _may_be_shared(one, rows)]
-    own = [one for one in shown if one not in shared]
-    notes = []
-    for one in shared:
-        row = next(row for row in rows if row[one.name] is not None)
-        how = "shared by all settings" if row[f"{one.name}_status"] == "shared" else "fixed"
-        notes.append(f"{one.symbol} = {scale_of(one).say(_value(row, one))}, {how}")
+    own, notes = [], []
+    for one in quantities:
+        if rows and all(_is_idle(row, one) for row in rows):
+            continue
+        # What is each setting's own keeps its column, unless it is one fitted value for all.
+        is_shared = all(row[f"{one.name}_status"] == "shared" for row in rows)
+        is_told_once = is_shared or one.scope != SETTING or one.default is not None
+        if is_told_once and is_one_for_all(rows, one.name):
+            row = next(row for row in rows if row[one.name] is not None)
+            how = "shared by all settings" if row[f"{one.name}_status"] == "shared" else "fixed"
+            notes.append(f"{one.symbol} = {scale_of(one).say(_value(row, one))}, {how}")
+        else:
+            own.append(one)
 
     def column(one: Quantity) -> Column:
         spread = " ±95 %" * any(" " in _value(row, one) for row in rows)
-        unit = f"{scale_of(one).short_unit}{spread}"
-        return Column(one.symbol, unit, lambda row: _cell(row, one))
+        return Column(one.symbol, f"{scale_of(one).short_unit}{spread}", partial(_cell, one))
 
     columns = [
         Column.text("set", "setting", is_number=True),
@@ -138,17 +143,12 @@ def _is_idle(row: Row, one: Quantity) -> bool:
     return (is_default or is_nothing) and row[f"{one.name}_status"] in ("fixed", None)
 
 
-def _may_be_shared(quantity: Quantity, rows: Sequence[Row]) -> bool:
-    """Whether one value for all is told once: what is each setting's own keeps its column."""
-    is_shared = all(row[f"{quantity.name}_status"] == "shared" for row in rows)
-    return is_shared or quantity.scope != SETTING or quantity.default is not None
-
-
 def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
     """Whether settings have one value, shared or held, and none by a fit of its own."""
-    values = [row[name] for row in rows if row[name] is not None]
-    held = {row[f"{name}_status"] for row in rows if row[name] is not None} <= {"fixed", "shared"}
-    return bool(values) and held and max(values) - min(values) <= _SAME * abs(values[0])
+    known = [row for row in rows if row[name] is not None]
+    values = [row[name] for row in known]
+    is_held = {row[f"{name}_status"] for row in known} <= {"fixed", "shared"}
+    return bool(values) and is_held and max(values) - min(values) <= _SAME * abs(values[0])
 
 
 def _value(row: Row, quantity: Quantity) -> str:
@@ -158,7 +158,7 @@ def _value(row: Row, quantity: Quantity) -> str:
     return with_interval(*(None if one is None else factor * one for one in numbers), digits=4)
 
 
-def _cell(row: Row, quantity: Quantity) -> str:
+def _cell(quantity: Quantity, row: Row) -> str:
     status = row[f"{quantity.name}_status"] or ""
     mark, _ = _MARKS.get(status, ("", ""))
     if status in {"absent", "not_identifiable"}:
@@ -233,22 +233,18 @@ def sparkline(values: Iterable[float | None], *, levels: str = BLOCK_LEVELS) -> 
 
     Examples
     --------
-    >>> sparkline([1.0, 2.0, None, 3.0, 8.0])
-    '▁▂ ▃█'
-    >>> sparkline([5.0, 5.0], levels=ASCII_LEVELS)
-    '++'
+    >>> sparkline([1.0, 2.0, None, 3.0, 8.0]), sparkline([5.0, 5.0], levels=ASCII_LEVELS)
+    ('▁▂ ▃█', '++')
     """
     known = [math.nan if value is None else float(value) for value in values]
     finite = [value for value in known if math.isfinite(value)] or [0.0]
-    low, span = min(finite), max(finite) - min(finite)
-
-    def mark(value: float) -> str:
-        if not math.isfinite(value):
-            return " "
-        share = (value - low) / span if span > 0.0 else 0.5
-        return levels[min(len(levels) - 1, int(share * len(levels)))]
-
-    return "".join(map(mark, known))
+    low, span = min(finite), (max(finite) - min(finite)) or math.inf
+    middle, top = len(levels) // 2, len(levels) - 1
+    return "".join(
+        " " if not math.isfinite(value)
+        else levels[middle if span == math.inf else min(top, int((value - low) / span * (top + 1)))]
+        for value in known
+    )  # fmt: skip
 
 
 def _courses(rows: Sequence[Row], shown: Sequence[Quantity], levels: str) -> Iterator[str]:
@@ -366,10 +362,9 @@ def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
 def check_summary(checks: Sequence[Check]) -> str:
     """Return how many checks were passed, failed and not looked at."""
     results = [check.passed for check in checks]
-    n_failed, n_other = results.count(False), results.count(None)
-    failed = f", {n_failed} failed" if n_failed else ""
-    other = f", {n_other} not evaluated" if n_other else ""
-    return f"{results.count(True)} of {len(checks)} checks passed{failed}{other}"
+    words = ((results.count(False), "failed"), (results.count(None), "not evaluated"))
+    more = "".join(f", {n} {word}" for n, word in words if n)
+    return f"{results.count(True)} of {len(checks)} checks passed{more}"
 
 
 def check_lines(checks: Sequence[Check]) -> list[str]:
@@ -462,23 +457,27 @@ def _by_setting(rows: Sequence[Row], strokes: Sequence[str], speeds: Sequence[fl
     steps = ((a, b, clicks_between(a, b) or 0.0)
              for line in lines for a, b in itertools.pairwise(line.settings))  # fmt: skip
     wide = [step for step in steps if step[2] > 1.0]
-    columns = [Column(STROKE_WORDS[strokes[0]], "N at", _words)]
+
+    def words(place: Place) -> str:
+        setting, changed = str(place[0]), place[1]
+        return f"{setting}, {changed}" if changed is not None and " " in setting else setting
+
+    columns = [Column(STROKE_WORDS[strokes[0]], "N at", words)]
 
     def add(heading: str, unit: str, stroke: str, speed: float, cell: Callable[[Row], str]) -> None:
         columns.append(
             Column(heading, unit, lambda place: cell(table.get((*place, stroke, speed), {})))
         )
 
-    def bare_force(row: Row) -> str:
-        return number(row.get("force_N"), digits=4) + _mark(row)
+    def interval(name: str, row: Row, plus: str = "") -> str:
+        ends = (row.get(f"{name}{end}_N") for end in ("", "_ci_low", "_ci_high"))
+        return with_interval(*ends, digits=4 if not plus else 5, plus=plus)
 
     def force(row: Row) -> str:
-        limits = [row.get(name) for name in ("force_N", "force_ci_low_N", "force_ci_high_N")]
-        return with_interval(*limits, digits=4) + _mark(row)
+        return interval("force", row) + _mark(row)
 
-    def change(row: Row) -> str:
-        names = ("change_N", "change_ci_low_N", "change_ci_high_N")
-        return with_interval(*(row.get(name) for name in names), plus="+")
+    def bare_force(row: Row) -> str:
+        return number(row.get("force_N"), digits=4) + _mark(row)
 
     def change_percent(row: Row) -> str:
         share = row.get("change_percent")
@@ -490,15 +489,22 @@ def _by_setting(rows: Sequence[Row], strokes: Sequence[str], speeds: Sequence[fl
         last = speeds[-1]
         add(f"{last:.3g}", "m/s ±95 %", stroke, last, force)
         if has_click:
-            add("change" if wide else "click", "N ±95 %", stroke, last, change)
+            heading = "change" if wide else "click"
+            add(heading, "N ±95 %", stroke, last, lambda row: interval("change", row, plus="+"))
             add("", "%", stroke, last, change_percent)
-    notes = _notes_on_clicks(places, wide) if has_click else []
+    notes = []
+    if has_click and wide:
+        named = ", ".join(f"{a} to {b} ({n:g} clicks)" for a, b, n in wide[:_MOST_STEPS])
+        more = f" and {len(wide) - _MOST_STEPS} more" if len(wide) > _MOST_STEPS else ""
+        notes.append(f"change: over all clicks from one tested setting to the next: {named}{more}")
+    marked = next((one for one in places if words(one) != str(one[0])), None)
+    if has_click and marked is not None:
+        notes.append(
+            f'"{words(marked)}": the change when {marked[1]} alone is turned; the forces of a '
+            "setting are the same in its rows"
+        )
+    notes += [_OF_DAMPING] * has_click
     return laid_out(places, columns, *notes, *_marks(rows))
-
-
-def _words(place: Place) -> str:
-    setting, changed = str(place[0]), place[1]
-    return f"{setting}, {changed}" if changed is not None and " " in setting else setting
 
 
 def _mark(row: Row) -> str:
@@ -507,21 +513,6 @@ def _mark(row: Row) -> str:
 
 def _marks(rows: Iterable[Row]) -> list[str]:
     return [_AS_MEASURED] if any(map(_mark, rows)) else []
-
-
-def _notes_on_clicks(places: Sequence[Place], wide: Sequence[tuple[Any, Any, float]]) -> list[str]:
-    notes = []
-    if wide:
-        named = ", ".join(f"{a} to {b} ({n:g} clicks)" for a, b, n in wide[:_MOST_STEPS])
-        more = f" and {len(wide) - _MOST_STEPS} more" if len(wide) > _MOST_STEPS else ""
-        notes.append(f"change: over all clicks from one tested setting to the next: {named}{more}")
-    marked = next((one for one in places if _words(one) != str(one[0])), None)
-    if marked is not None:
-        notes.append(
-            f'"{_words(marked)}": the change when {marked[1]} alone is turned; the forces of a '
-            "setting are the same in its rows"
-        )
-    return [*notes, _OF_DAMPING]
 
 
 def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
@@ -539,25 +530,24 @@ def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
         force, reach = row["measured_N"], NORMAL_95 * (row.get("measured_se_N") or math.nan)
         return with_interval(force, force - reach, force + reach, digits=4) + _mark(row)
 
-    def model(row: Row) -> str:
-        return number(row["measured_N"] - row["difference_N"], digits=4)
+    texts: dict[str, Callable[[Row], str]] = {
+        "measured": measured,
+        "model": lambda row: number(row["measured_N"] - row["difference_N"], digits=4),
+        "diff.": lambda row: f"{round(row['difference_N'], 1) + 0.0:+.1f}",
+    }
 
-    def difference(row: Row) -> str:
-        return f"{round(row['difference_N'], 1) + 0.0:+.1f}"
-
-    def column(stroke: str, heading: str, text: Callable[[Row], str]) -> Column:
+    def column(stroke: str, heading: str) -> Column:
         def cell(place: tuple[Any, float]) -> str:
             row = table.get((*place, stroke))
-            return text(row) if row else NOTHING
+            return texts[heading](row) if row else NOTHING
 
         return Column(STROKE_WORDS[stroke], heading, cell)
 
     columns = [
         Column("set", "", lambda place: str(place[0])),
         Column("speed", "m/s", lambda place: f"{place[1]:g}"),
+        *(column(stroke, heading) for stroke in STROKE_WORDS for heading in texts),
     ]
-    texts = {"measured": measured, "model": model, "diff.": difference}
-    columns += [column(stroke, *one) for stroke in STROKE_WORDS for one in texts.items()]
     note = "force in N ±95 %, mean of all compared cycles, beside the model's on the same cycles"
     return laid_out(places, columns, note, *_marks(known))
 
@@ -568,28 +558,24 @@ def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
 def log_force_sheet(rows: Sequence[Row]) -> Sheet:
     """Return the forces of one segment, measured beside simulated: at named speeds, and peaks."""
     peak = next(row for row in rows if row["point"] == "peak")
-
-    def pair(name: str, row: Row) -> tuple[str, ...]:
+    lines = []
+    for row in (*(row for row in rows if row is not peak), peak):
         forces = [row[f"{whose}_{stroke}_N"] for stroke in STROKE_WORDS for whose in _WHOSE]
         ratios = map(stroke_ratio, forces[:2], forces[2:])
-        return (name, *(number(force, digits=4) for force in forces), *ratios)
-
+        name = "peak" if row is peak else f"at {row['speed_rebound_m_per_s']:g} m/s"
+        lines.append((name, *(number(force, digits=4) for force in forces), *ratios))
     lost = [peak[f"{whose}_hysteresis_{stroke}_N"] for stroke in STROKE_WORDS for whose in _WHOSE]
     # What is left of a sum that is zero is zero.
     lost = [None if force is None else round(force, 6) + 0.0 for force in lost]
     hysteresis = f"hysteresis, {number(peak['hysteresis_speed_m_per_s'], digits=2)} m/s"
+    lines.append((hysteresis, *(number(force, digits=4) for force in lost), "", ""))
     heat = peak["temperature_degC"]
     temperature = f"Temperature: {'not logged' if heat is None else f'{heat:.1f} degC'}"
     energy = [number(peak[f"{whose}_energy_J"], digits=4) for whose in _WHOSE]
-    named = [row for row in rows if row is not peak]
     return Sheet(
         ("force, N", *(word for word in STROKE_WORDS.values() for _ in _WHOSE), "ratio", "ratio"),
         ("", *_WHOSE * 3),
-        (
-            *(pair(f"at {row['speed_rebound_m_per_s']:g} m/s", row) for row in named),
-            pair("peak", peak),
-            (hysteresis, *(number(force, digits=4) for force in lost), "", ""),
-        ),
+        tuple(lines),
         (False, *(True,) * 6),
         (f"Energy per cycle: {energy[0]} J measured, {energy[1]} J simulated. {temperature}.",),
     )
@@ -707,8 +693,9 @@ def law_sentences(choice: Row, *, with_undecided: bool = True) -> list[str]:
 
 def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
     """Return what the chosen structure found: a row a quantity, a column a setting."""
+    from damperfit.laws.law_fit import UNDETERMINED
 
-    def value(fit: LawFit, quantity: Any) -> str:
+    def value(fit: LawFit, quantity: Quantity) -> str:
         name = quantity.name
         mark = "!" if name in fit.at_bound else "?" * (name in fit.undetermined)
         return number(getattr(fit.values, name) / 10.0**quantity.power, digits=4) + mark
@@ -717,20 +704,17 @@ def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
     rows = [(q.label, q.shown_unit or q.unit, *(value(fit, q) for fit in fits)) for q in shown]
     rows.append(("MSE", "%", *(percent(fit.mse_percent) for fit in fits)))
     rows.append(("MSE held out", "%", *(percent(fit.held_out_percent) for fit in fits)))
-    from damperfit.laws.law_fit import UNDETERMINED
-
-    bound = "! at a bound: not determined by these logs"
-    open_ = f"? not determined by these logs: {UNDETERMINED:g} times as much or little would do as "
-    return Sheet(
-        headings=("setting", "", *(str(fit.setting) for fit in fits)),
-        units=("",) * (len(fits) + 2),
-        rows=tuple(rows),
-        is_number=(False, False, *(True for _ in fits)),
-        notes=(
-            *([bound] if any(fit.at_bound for fit in fits) else []),
-            *([f"{open_}well"] if any(fit.undetermined for fit in fits) else []),
-        ),
-    )
+    notes = []
+    if any(fit.at_bound for fit in fits):
+        notes.append("! at a bound: not determined by these logs")
+    if any(fit.undetermined for fit in fits):
+        notes.append(
+            f"? not determined by these logs: {UNDETERMINED:g} times as much or little would do as "
+            "well"
+        )
+    headings = ("setting", "", *(str(fit.setting) for fit in fits))
+    is_number = (False, False, *(True for _ in fits))
+    return Sheet(headings, ("",) * len(headings), tuple(rows), is_number, tuple(notes))
 
 
 # The same as numbers, for JSON
@@ -739,31 +723,22 @@ def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
 def tried_law_records(search: LawSearch) -> list[dict[str, Any]]:
     """Return the candidates as numbers, with the reasons."""
     return [
-        {
-            "law": law.tried.title,
-            "model": law.tried.fits[0].model.name,
-            "is_chosen": law.is_taken,
-            **_fitted(law.tried),
-            "change": law.change,
-            "gain": finite(law.gain),
-            "bic": finite(law.bic),
-            "reason": law.reason,
-        }
+        {"law": law.tried.title, "model": law.tried.fits[0].model.name, "is_chosen": law.is_taken}
+        | _fitted(law.tried)
+        | {"change": law.change, "gain": finite(law.gain), "bic": finite(law.bic)}
+        | {"reason": law.reason}
         for law in search.laws
     ]
 
 
 def rival_records(rivals: Sequence[Tried]) -> list[dict[str, Any]]:
     """Return the models of the literature as numbers."""
+    known = [(one, one.fits[0].model) for one in rivals]
     return [
-        {
-            "title": one.title,
-            "model": one.fits[0].model.name,
-            "source": getattr(one.fits[0].model, "source", ""),
-            "caveat": getattr(one.fits[0].model, "caveat", ""),
-            **_fitted(one),
-        }
-        for one in rivals
+        {"title": one.title, "model": model.name}
+        | {key: getattr(model, key, "") for key in ("source", "caveat")}
+        | _fitted(one)
+        for one, model in known
     ]
 
 

@@ -17,7 +17,7 @@ from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.exporting import TARGETS, ExportOptions, exported_run
 from damperfit.exporting.check import check_export
-from damperfit.exporting.tables import force_tables
+from damperfit.exporting.targets import force_tables
 from damperfit.results import Run, SettingResult
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tables.files import write_table
