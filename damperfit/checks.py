@@ -16,7 +16,7 @@ from damperfit.adjustment.trends import in_few_words
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import Status
 from damperfit.identification.sharing import of_runs, of_settings
-from damperfit.problem import Key
+from damperfit.problem import FEW, Key, listed_names
 from damperfit.tested.setting import ADJUSTER, clicks_between
 from damperfit.uncertainty.grades import doubted_cavitation, what_spreads
 
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 _EXPLAINED = 0.5  # share of the MSE
 _MATTERS = 0.01  # of the force, or of a parameter, which moves the force by no more
-_SOME = 20  # logs or settings that are named one by one: a damper has some twenty settings
-_FIRST = 5  # of more
 _Verdict = tuple[bool | None, str]
 _FOUND = (Status.FITTED, Status.SHARED)
 
@@ -89,8 +87,9 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
 
 def _no_parameter_at_bound(subject: Subject) -> _Verdict:
     """No parameter is at the edge of its plausible range."""
-    bad = _with_status(subject, Status.AT_BOUND, "is at a bound of its plausible range")
-    return not bad, bad or "no fitted parameter is at a bound of its plausible range"
+    why = "at a bound of its plausible range"
+    bad = _with_status(subject, Status.AT_BOUND, f"is {why}")
+    return not bad, bad or f"no fitted parameter is {why}"
 
 
 def _all_parameters_identifiable(subject: Subject) -> _Verdict:
@@ -211,9 +210,9 @@ def _residuals_white(subject: Subject) -> _Verdict:
     known, unknown = _diagnoses(subject)
     structured = [one for one in known if one.is_structured]
     large = [one for one in structured if _repeats_by(one) > _MATTERS]
-    worst = max(structured, key=_repeats_by, default=None)
-    if worst is None or (unknown and not large):
+    if not structured or (unknown and not large):
         return (None, unknown) if unknown else (True, "no misfit repeats from cycle to cycle")
+    worst = max(structured, key=_repeats_by)
     most = f"{100.0 * _repeats_by(worst):.2g} % of the force at setting {worst.setting}"
     if large:
         where = of_settings(one.setting for one in large)
@@ -276,7 +275,7 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
         elif not abs(trace.temperature - centre) <= reach:
             outside.append(f"setting {trace.setting} ({trace.name}, {trace.temperature:.1f} degC)")
     if outside:
-        return False, f"outside {window}: {_first_of(outside)}"
+        return False, f"outside {window}: {_named(outside)}"
     if unknown:
         count = f"{len(unknown)} of {len(subject.traces)} logs"
         return None, (
@@ -288,18 +287,17 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
 
 def _damper_declared(subject: Subject) -> _Verdict:
     """Every key of [damper] is declared."""
-    names = ", ".join(subject.undeclared)
     if subject.whose:
         text = f"no damper is declared: {subject.whose} is assumed; declare yours in [damper] of a"
         return None, f"{text} configuration"
-    if names:
+    if names := ", ".join(subject.undeclared):
         return False, f"[damper] is declared without {names}: defaults are used for these"
     return True, "every key of [damper] is declared"
 
 
 def _every_setting_fitted(subject: Subject) -> _Verdict:
     """Every log and setting has a result."""
-    reasons = [_first_of(subject.missing, "; ")] if subject.missing else []
+    reasons = [_named(subject.missing, "; ")] if subject.missing else []
     if not subject.campaign.is_complete:
         reasons.append("interrupted before every setting was done")
     if subject.campaign.gaps:
@@ -315,7 +313,7 @@ def _fits_converged(subject: Subject) -> _Verdict:
     bad = [fit for fit in subject.fits if not fit.outcome.is_minimum]
     if bad:
         ends = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
-        return False, f"no minimum was reached at {_first_of(ends)}"
+        return False, f"no minimum was reached at {_named(ends)}"
     return True, "every fit converged to a minimum"
 
 
@@ -323,10 +321,11 @@ def _no_log_warnings(subject: Subject) -> _Verdict:
     """No log has a warning."""
     warned: dict[str, set[Setting]] = defaultdict(set)
     for trace in subject.traces:
-        for name in {one.name: 0 for one in trace.findings if one.severity == "warning"}:
-            warned[name] |= {trace.setting} - {None}  # type: ignore[arg-type]
-    parts = [f"{name} at {of_settings(sorted(settings))}" for name, settings in warned.items()]
-    if parts:
+        for one in trace.findings:
+            if one.severity == "warning":
+                warned[one.name] |= {trace.setting} - {None}  # type: ignore[arg-type]
+    if warned:
+        parts = (f"{name} at {of_settings(sorted(where))}" for name, where in warned.items())
         return False, f"the logs carry warnings: {', '.join(parts)}"
     return True, "no log carries a warning"
 
@@ -335,11 +334,8 @@ def _settings(fits: Iterable[Fit]) -> str:
     return of_settings(fit.setting for fit in fits)
 
 
-def _first_of(parts: Sequence[str], mark: str = ", ") -> str:
-    """All of some parts; of hundreds the first, and how many more."""
-    if len(parts) <= _SOME:
-        return mark.join(parts)
-    return f"{mark.join(parts[:_FIRST])} and {len(parts) - _FIRST} more"
+def _named(parts: Sequence[str], mark: str = ", ") -> str:
+    return listed_names(parts, few=FEW, mark=mark)
 
 
 # Against physics and the log itself, by the objections that withhold a grade: both agree.
@@ -419,11 +415,8 @@ def _against(subject: Subject, names: Sequence[str], kind: str) -> str:
         for one in why
         if one.kind == kind and one.quantity in names
     }
-    if not against:
-        return ""
-    setting = next(iter(against))
-    where = "" if len(against) == 1 else f"at {of_settings(against)}: "
-    return f"{where}setting {setting}: {against[setting]}"
+    where = f"at {of_settings(against)}: " if len(against) > 1 else ""
+    return next((f"{where}setting {first}: {text}" for first, text in against.items()), "")
 
 
 # A check is a function of the subject, whose docstring the manual shows, and a line here.
@@ -501,24 +494,22 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     for text in names:
         name = text.removeprefix("-")
         if name not in CHECKS and name not in CHECK_LISTS:
+            known = f"{', '.join(CHECKS)} and the lists {', '.join(CHECK_LISTS)}"
             hint = did_you_mean(name, (*CHECKS, *CHECK_LISTS))
-            raise ConfigurationError(
-                f"no check {text!r}; there are {', '.join(CHECKS)} and the lists "
-                f"{', '.join(CHECK_LISTS)}.{hint}",
-                where=Key(("output", "checks")),
-                code="unknown-check",
-            )
+            refusal = f"no check {text!r}; there are {known}.{hint}"
+            where = Key(("output", "checks"))
+            raise ConfigurationError(refusal, where=where, code="unknown-check")
         members = CHECK_LISTS.get(name, (name,))
         if text.startswith("-"):
             left_out += members
         else:
             wanted += [one for one in members if one == name or one not in pointless]
     if absent := [name for name in left_out if name not in wanted and name not in pointless]:
-        raise ConfigurationError(
+        refusal = (
             f"check '-{absent[0]}' excludes a check that was not requested; expected it after a "
-            f"list that includes it, as in {next(iter(CHECK_LISTS))},-{absent[0]}",
-            code="unknown-check",
+            f"list that includes it, as in {next(iter(CHECK_LISTS))},-{absent[0]}"
         )
+        raise ConfigurationError(refusal, code="unknown-check")
     return tuple(dict.fromkeys(name for name in wanted if name not in left_out))
 
 

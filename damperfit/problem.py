@@ -270,15 +270,15 @@ class Failure:
         return {**self.problem.record(), **known, "message": self.message}
 
 
-def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
+def listed_names(names: Sequence[str], *, few: int = _NAMES + 1, mark: str = ", ") -> str:
     """Return names in a row; of more than a few the first five, and how many more.
 
     >>> listed_names(["a", "b"]), listed_names(list("abcdefg"))
     ('a, b', 'a, b, c, d, e and 2 more')
     """
     if len(names) <= few:
-        return ", ".join(names)
-    return f"{', '.join(names[:_NAMES])} and {len(names) - _NAMES} more"
+        return mark.join(names)
+    return f"{mark.join(names[:_NAMES])} and {len(names) - _NAMES} more"
 
 
 def failure_lines(failures: Iterable[Failure], words: Words = _COMMAND) -> list[str]:
