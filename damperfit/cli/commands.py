@@ -559,7 +559,7 @@ def samples(how: Shown, **given: Any) -> int:
 def config(how: Shown, config: str | None = None, *, schema: bool = False) -> int:
     """Print the complete configuration in force, as TOML."""
     from damperfit.configuration import loading
-    from damperfit.configuration.schema import configuration_schema
+    from damperfit.configuration.options import configuration_schema
     from damperfit.tables.files import json_values
 
     if schema:

@@ -20,7 +20,7 @@ from pydantic import ValidationError
 
 from damperfit.configuration.damper_section import damper_defaults, not_a_section, unknown_key
 from damperfit.configuration.drawings import MEASURED
-from damperfit.configuration.schema import build_configuration
+from damperfit.configuration.options import build_configuration
 from damperfit.configuration.sections import SECTIONS, ProfileSection
 from damperfit.damper.model import model_named
 from damperfit.errors import ConfigurationError, did_you_mean

@@ -1,7 +1,7 @@
 """The sections of a configuration: each key once, with its default, what it is for, and its option.
 
 From here come the defaults, the page that `damperfit config` prints, the options of the commands
-and the keywords of the functions; `damperfit.configuration.schema` makes one pydantic model of it.
+and the keywords of the functions; `damperfit.configuration.options` makes one pydantic model of it.
 Nothing here needs pydantic, so that help is there at once. [damper] beside the two keys of any
 model has the fields of the model that it names.
 """

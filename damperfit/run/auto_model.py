@@ -10,8 +10,7 @@ import numpy as np
 
 from damperfit.conditioning.polarity import YIELDS, held_share
 from damperfit.configuration.damper_section import damper_record
-from damperfit.configuration.options import GAS, gas_in_words
-from damperfit.configuration.schema import followed, unmatched
+from damperfit.configuration.options import GAS, followed, gas_in_words, unmatched
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError

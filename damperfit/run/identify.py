@@ -37,7 +37,7 @@ from damperfit.conditioning.duplicates import (
     is_same_test,
     rod_area_ratio,
 )
-from damperfit.configuration.schema import unmatched
+from damperfit.configuration.options import unmatched
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import (
     ConfigurationError,

@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.configuration.loading import configuration_toml, load_configuration
-from damperfit.configuration.schema import configuration_schema
+from damperfit.configuration.options import configuration_schema
 
 pytestmark = pytest.mark.extras
 ROOT = Path(__file__).parents[2]

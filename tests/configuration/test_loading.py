@@ -12,8 +12,7 @@ from damperfit.configuration.loading import (
     default_document,
     load_configuration,
 )
-from damperfit.configuration.options import offset_facts
-from damperfit.configuration.schema import unmatched
+from damperfit.configuration.options import offset_facts, unmatched
 from damperfit.damper.model import MODELS
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve
