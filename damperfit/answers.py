@@ -59,10 +59,7 @@ class Inspection(Answer):
 
         return tuple(finding_lines(self.facts, has_notes=True))
 
-    @property
-    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The findings."""
-        return self.findings
+    remarks = findings
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
@@ -124,15 +121,12 @@ class Simulation(Answer):
         self.notes = tuple(notes_on_simulation(configuration.damper, choice.parameters))
 
     @property
-    def title(self) -> str:
+    def sentence(self) -> str:  # type: ignore[override]
         """Setting and motion."""
         setting = self.choice.setting
         return ("" if setting is None else f"setting {setting}: ") + self.motion
 
-    @property
-    def sentence(self) -> str:  # type: ignore[override]
-        """Setting and motion."""
-        return self.title
+    title = sentence
 
     @cached_property
     def half_intervals(self) -> tuple[float, float] | None:
@@ -202,9 +196,7 @@ class Simulation(Answer):
         """Return what was found as JSON values."""
         document: dict[str, Any] = {
             "setting": self.choice.setting,
-            "damper": self.damper,
-            "notes": self.notes,
-            "warnings": self.warnings,
+            **{name: getattr(self, name) for name in ("damper", "notes", "warnings")},
             "source": self.choice.source,
             "motion": self.motion,
             "frequency_Hz": self.frequency,
@@ -219,23 +211,23 @@ class Simulation(Answer):
 
     def write(self, out: Path | None, plot: Path | None, *, spares_others: bool = True) -> None:
         """Write the signals and the loops, each where it is given a file."""
+        # One set a folder, however it is spelled; in one order, for sets wait for each other.
+        folders = {os.path.realpath(path.parent): path.parent for path in (out, plot) if path}
         with ExitStack() as stack:
-            # One set a folder, however it is spelled; in one order, for sets wait for each other.
-            folders = {os.path.realpath(path.parent): path.parent for path in (out, plot) if path}
             sets = {
                 real: stack.enter_context(file_set(folder, spares_others=spares_others))
                 for real, folder in sorted(folders.items())
             }
-            if out is not None:
-                draft = sets[os.path.realpath(out.parent)].path(out.name)
-                write_table(draft, time_series_table(self.response), suffix=out.suffix)
-            if plot is not None:
+            for path in filter(None, (out, plot)):
+                draft = sets[os.path.realpath(path.parent)].path(path.name)
+                if path is out:
+                    write_table(draft, time_series_table(self.response), suffix=path.suffix)
+                    continue
                 from damperfit.reporting.drawing import draw_plot
                 from damperfit.reporting.simulated import cycle_plot
 
-                draft = sets[os.path.realpath(plot.parent)].path(plot.name)
                 loops = cycle_plot(self.response, self.frequency, title=self.title)
-                draw_plot(draft, loops, kind=plot.suffix[1:].lower())
+                draw_plot(draft, loops, kind=path.suffix[1:].lower())
             for files in sets.values():  # both before either is exchanged
                 files.spare()
 
@@ -348,15 +340,14 @@ class Sweep(Answer):
         plots = []
         known = {one.name: one for one in FAMILIES}
         for variation, members, is_paper in self.sweeps:
-            name = variation.name
-            number = known[name].number if is_paper else 0
-            of_pressures = known[name].of_pressures if is_paper else 0
-            file_name = f"figure_{number}_{name}" if number else f"sweep_{name}"
+            name, family = variation.name, known[variation.name] if is_paper else None
+            file_name = f"figure_{family.number}_{name}" if family else f"sweep_{name}"
             title = f"Force against velocity, {name} varied"
             plots.append(sweep_plot(name, members, file_name=file_name, title=title))
             worst = max(members, key=lambda member: member.cavitation)
+            of_pressures = family.of_pressures if family else 0
             if worst.cavitation > 0.0 or of_pressures:
-                first = f"figure_{of_pressures or 7}" if number else "sweep"
+                first = f"figure_{of_pressures or 7}" if family else "sweep"
                 file_name = f"{first}_{name}_pressures"
                 title = f"Chamber pressures, {name} x{worst.factor:g}"
                 plots.append(sweep_pressure_plot(worst, file_name=file_name, title=title))
@@ -428,22 +419,19 @@ class FleetDone:
         from damperfit.reporting.compared import tolerance_rows
 
         held = self.held
-        failures, gates = (
-            [
-                {"damper": one.owner, "message": line}
-                for one in self.done
-                for line in getattr(one, name)
-            ]
-            for name in ("failures", "gates")
-        )
+
+        def lines(name: str) -> list[dict[str, str]]:
+            listed = [(one.owner, line) for one in self.done for line in getattr(one, name)]
+            return [{"damper": owner, "message": line} for owner, line in listed]
+
         return {
             "dampers": self.n_tasks,
             **self.counts,
             "logs": sum(one.n_logs for one in self.done),
             "settings": sum(one.n_settings for one in self.done),
             "interrupted": self.is_stopped,
-            "failures": failures,
-            "gates_missed": gates,
+            "failures": lines("failures"),
+            "gates_missed": lines("gates"),
             "tolerance": None if held is None else held.source,
             "dampers_out_of_tolerance": [] if held is None else [one.run for one in held.worst],
             "points": [] if held is None else tolerance_rows(held.missed),

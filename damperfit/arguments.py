@@ -53,9 +53,8 @@ _TABLE = "a result, or the path of results or of a parameters table"
 
 def _wrong(text: str, where: Option | str, code: str) -> ConfigurationError:
     """Return a refusal of what stands somewhere: an option, or a call by its name."""
-    if isinstance(where, str):
-        return ConfigurationError(text, subject=where, code=code)
-    return ConfigurationError(text, where=where, code=code)
+    place: dict[str, Any] = {"subject" if isinstance(where, str) else "where": where}
+    return ConfigurationError(text, code=code, **place)
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
@@ -148,13 +147,13 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
             return [path_of(one, option, place) for one in _listed(value, option)]
         case "results":
             return folder_of(value, option, _TABLE)
-        case "arguments":
-            if isinstance(value, list) and any(type(v) is str and not v for v in value):
-                raise ConfigurationError(
-                    "found ''; expected paths; is a variable of the shell not set? '.' is this "
-                    "folder",
-                    code="empty-name",
-                )
+        case "arguments" if isinstance(value, list) and any(
+            type(v) is str and not v for v in value
+        ):
+            text = (
+                "found ''; expected paths; is a variable of the shell not set? '.' is this folder"
+            )
+            raise ConfigurationError(text, code="empty-name")
         case "texts":
             return value if isinstance(value, Mapping) else _listed(value, option)
         case "names":
@@ -188,13 +187,13 @@ def _number(kind: str, value: Any, option: Option) -> Any:
     try:
         return _adapter(kind).validate_python(value)
     except ValidationError as error:
-        if kind == "flag":
-            text = f"found {value!r}; expected True or False"
-            raise _wrong(text, option, "not-a-flag") from error
         text, code = f"expected a {'' if kind == 'number' else 'whole '}number", "not-a-number"
-        if error.errors()[0]["type"] == "greater_than_equal":
+        if kind == "flag":
+            text, code = f"found {value!r}; expected True or False", "not-a-flag"
+        elif error.errors()[0]["type"] == "greater_than_equal":
             text, code = "expected 1 or more", "out-of-range"
-        raise _wrong(text, option._replace(value=str(value)), code) from error
+        where = option if kind == "flag" else option._replace(value=str(value))
+        raise _wrong(text, where, code) from error
 
 
 @cache
@@ -322,12 +321,13 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
     if isinstance(given, Mapping):
         return None, {str(name): str(value) for name, value in given.items()}
     texts = [str(given)] if isinstance(given, str | Path) else [str(one) for one in given or []]
-    values: list[str] = []
-    files: list[str] = []
-    for text in texts:
-        for part in [text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text):
-            is_value = _ASSIGNMENT.match(part) and not _is_there(part)
-            (values if is_value else files).append(part)
+    parts = [
+        part
+        for text in texts
+        for part in ([text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text))
+    ]
+    values = [part for part in parts if _ASSIGNMENT.match(part) and not _is_there(part)]
+    files = [part for part in parts if part not in values]
     if len(files) > 1:
         text = f"{files[0]} is given already; a fit starts from one earlier run"
         raise _wrong(text, Option("start", files[1]), "given-twice")
@@ -402,12 +402,10 @@ def _declared(damper: Any) -> dict[str, Any]:
     if isinstance(damper, Mapping):
         return dict(_mapping(damper, Option("damper")))
     found = f"the class {damper.__name__}" if isinstance(damper, type) else type(damper).__name__
-    raise _wrong(
+    text = (
         f"found {found}; expected a damper such as damperfit.Damper(rod_diameter=0.012), or keys "
-        "of [damper]",
-        Option("damper"),
-        "not-a-damper",
     )
+    raise _wrong(f"{text}of [damper]", Option("damper"), "not-a-damper")
 
 
 def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) -> Any:
@@ -423,13 +421,12 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
     if word != "temperature":
         raise _wrong("expected temperature, the only one there is", where, "unknown-covariate")
     if given.get("model") == "auto":
-        raise ConfigurationError(
+        text = (
             "choose the law first, from logs of one temperature (damperfit models), then name it: "
-            "{model}",
-            model=Option("model", "NAME"),
-            where=where,
-            code="not-together",
+            "{model}"
         )
+        model = Option("model", "NAME")
+        raise ConfigurationError(text, model=model, where=where, code="not-together")
     configuration = configured(command, {n: given.get(n) for n in ("config", "damper", "model")})
     named: str | float = configuration.document["damper"]["reference_temperature"]
     if named != "none":

@@ -281,7 +281,7 @@ def listed_names(names: Sequence[str], *, few: int = _NAMES + 1, mark: str = ", 
     return f"{mark.join(names[:_NAMES])} and {len(names) - _NAMES} more"
 
 
-def failure_lines(failures: Iterable[Failure], words: Words = _COMMAND) -> list[str]:
+def failure_lines(failures: Iterable[Failure]) -> list[str]:
     """Return a line for each failure; of many alike in one file the first, and how many more."""
     alike: dict[tuple[str, str], list[Problem]] = {}
     for failure in failures:
@@ -293,7 +293,7 @@ def failure_lines(failures: Iterable[Failure], words: Words = _COMMAND) -> list[
             text = f"{group[0].text} (and {len(group) - 1} other tests of this file alike)"
             group[:] = [replace(group[0], text=text)]
         problems += group
-    return listing(problems, words)
+    return listing(problems)
 
 
 def short_listing(sentences: Iterable[object]) -> list[str]:
@@ -303,7 +303,7 @@ def short_listing(sentences: Iterable[object]) -> list[str]:
     return known[:FEW] + ([f"and {more} more; run.json and --json list them all"] * (more > 0))
 
 
-def listing(problems: Iterable[Problem], words: Words = _COMMAND, *, few: int = FEW) -> list[str]:
+def listing(problems: Iterable[Problem]) -> list[str]:
     """Return sentences, the gravest first; of many of one code the first, and how many more.
 
     A few are all shown, but for long ones of one code. Within a severity the order stays: what is
@@ -314,15 +314,15 @@ def listing(problems: Iterable[Problem], words: Words = _COMMAND, *, few: int = 
     for problem in everything:
         groups.setdefault(problem.likeness, []).append(problem)
     lines: list[str] = []
-    for group in list(groups.values())[:few]:
-        sentences = list(dict.fromkeys(problem.sentence(words) for problem in group))
-        is_short = len(everything) <= few and max(map(len, sentences)) < _LONG
+    for group in list(groups.values())[:FEW]:
+        sentences = list(dict.fromkeys(problem.sentence() for problem in group))
+        is_short = len(everything) <= FEW and max(map(len, sentences)) < _LONG
         if len(group) <= _SHOWN or is_short:
             lines += sentences
             continue
         names = listed_names(list(dict.fromkeys(p.subject for p in group[1:] if p.subject)))
         lines.append(f"{sentences[0]} (and {len(group) - 1} alike{': ' * bool(names)}{names})")
-    if len(groups) > few:
-        n, more = len(groups) - few, sum(map(len, list(groups.values())[few:]))
+    if len(groups) > FEW:
+        n, more = len(groups) - FEW, sum(map(len, list(groups.values())[FEW:]))
         lines.append(f"and {more} more of {n} other kinds; run.json and --json list them all")
     return lines

@@ -20,11 +20,11 @@ from damperfit.configuration.drawings import MEASURED
 from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.exporting.targets import TARGETS
+from damperfit.exporting.targets import TARGETS, Target
 from damperfit.identification import Outcome
 from damperfit.manual import TOPICS, read_page, read_schema
 from damperfit.tables.columns import describe_tables
-from damperfit.units.quantities import _TABLE
+from damperfit.units.quantities import _TABLE, units_of
 
 _PLACE = re.compile(r"<!-- table: ([\w -]+) -->\n")
 _COMMON = (
@@ -35,20 +35,16 @@ _COMMON = (
 
 def filled(text: str) -> str:
     """Return the text of a page with its tables."""
-    return _PLACE.sub(lambda place: _table(place[1]), text)
 
+    def table(place: re.Match[str]) -> str:
+        kind, _, subject = place[1].partition(" of ")
+        return TABLES[kind](*([subject] if subject else []))
 
-def _table(name: str) -> str:
-    kind, _, subject = name.partition(" of ")
-    return TABLES[kind](*([subject] if subject else []))
+    return _PLACE.sub(table, text)
 
 
 def _commands_by_name() -> dict[str, Any]:
     return dict(vars(typer.main.get_command(app))["commands"])
-
-
-def _context(command: str) -> Any:
-    return typer.Context(_commands_by_name()[command], help_option_names=["-h", "--help"])
 
 
 def _grid(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -59,7 +55,7 @@ def _grid(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _option_rows(command: str, *, is_common: bool) -> Iterator[list[str]]:
-    context = _context(command)
+    context: Any = typer.Context(_commands_by_name()[command], help_option_names=["-h", "--help"])
     for option in context.command.get_params(context):
         if option.param_type_name == "option" and (option.name in _COMMON) == is_common:
             value = "" if option.is_flag or not option.metavar else f" {option.metavar}"
@@ -72,12 +68,6 @@ def _first_line(text: str | None) -> str:
     return (text or "").strip().partition("\n")[0]
 
 
-def _commands() -> str:
-    commands = _commands_by_name().items()
-    rows = [[f"`damperfit {name}`", _first_line(command.help)] for name, command in commands]
-    return _grid(("command", "job"), rows)
-
-
 # Pages on a command that has another name.
 _PAGES = {"identify": "files", "inspect": "quality", "settings": "trust", "config": "configuration"}
 
@@ -86,16 +76,13 @@ def _section(name: str) -> str:
     """A heading, what the command does, an example, its page and its own options."""
     page = _PAGES.get(name, name if name in TOPICS else "")
     paragraphs = (_commands_by_name()[name].help or "").strip().split("\n\n")
-    told = [
-        re.sub(r"^Example: (.+)", r"Example: `\1`", " ".join(paragraph.split()))
-        for paragraph in paragraphs
-    ]
+    lines = [" ".join(paragraph.split()) for paragraph in paragraphs]
+    told = [re.sub(r"^Example: (.+)", r"Example: `\1`", line) for line in lines]
     if page:
         told.append(f"Page: [{page}]({page}.md).")
-    rows = list(_option_rows(name, is_common=False))
-    return "\n\n".join(
-        [f"### {name}", *told, *([_grid(("option", "meaning"), rows)] if rows else [])]
-    )
+    if rows := list(_option_rows(name, is_common=False)):
+        told.append(_grid(("option", "meaning"), rows))
+    return "\n\n".join([f"### {name}", *told])
 
 
 def _columns(name: str) -> str:
@@ -115,12 +102,6 @@ def _columns(name: str) -> str:
     return _grid(("column", "unit", "meaning"), shown)
 
 
-def _record() -> str:
-    """One row an object of run.json, with its keys."""
-    schema = json.loads(read_schema())
-    return _grid(("object", "keys"), [[f"`{path}`", keys] for path, keys in _objects("", schema)])
-
-
 def _objects(path: str, node: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield the path of each object of a schema, and its keys in words."""
     while "items" in node:
@@ -138,35 +119,14 @@ def _objects(path: str, node: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield from _objects(f"{path}.NAME", others)
 
 
-def _checks() -> str:
-    """Each check, what it needs to pass, and the lists that it is on."""
-    return _grid(
-        ("check", "passed when", *(f"`{name}`" for name in CHECK_LISTS)),
-        [
-            [
-                f"`{name}`",
-                (check.__doc__ or "").strip().rstrip("."),
-                *("yes" if name in listed else "" for listed in CHECK_LISTS.values()),
-            ]
-            for name, check in CHECKS.items()
-        ],
-    )
+def _of_check(name: str) -> list[str]:
+    on = ("yes" if name in listed else "" for listed in CHECK_LISTS.values())
+    return [f"`{name}`", _first_line(CHECKS[name].__doc__).rstrip("."), *on]
 
 
-def _door() -> str:
-    names = sorted(set(dir(damperfit)) - {"__version__"})
-    rows = [[f"`{name}`", _first_line(getattr(damperfit, name).__doc__)] for name in names]
-    return _grid(("name", "what it is"), rows)
-
-
-def _units() -> str:
-    return _grid(
-        ("quantity", "units"),
-        [
-            [dimension, ", ".join(f"`{spellings.split()[0]}`" for spellings in units)]
-            for dimension, units in _TABLE.items()
-        ],
-    )
+def _of_target(target: Target) -> list[str]:
+    file = f"`{target.file.format(stem='damper', setting='N')}`"
+    return [f"`{target.name}`", target.title, file, target.units, target.sign, target.place]
 
 
 TABLES: dict[str, Callable[..., str]] = {
@@ -174,14 +134,23 @@ TABLES: dict[str, Callable[..., str]] = {
         ("topic", "page"),
         [[f"`{topic}`", f"[{read_page(topic).title}]({topic}.md)"] for topic in TOPICS],
     ),
-    "commands": _commands,
+    "commands": lambda: _grid(
+        ("command", "job"),
+        [[f"`damperfit {n}`", _first_line(one.help)] for n, one in _commands_by_name().items()],
+    ),
     "common options": lambda: _grid(
         ("option", "meaning"), list(_option_rows("identify", is_common=True))
     ),
     "every command": lambda: "\n".join(map(_section, _commands_by_name())),
     "columns": _columns,
-    "run json": _record,
-    "checks": _checks,
+    "run json": lambda: _grid(
+        ("object", "keys"),
+        [[f"`{path}`", keys] for path, keys in _objects("", json.loads(read_schema()))],
+    ),
+    "checks": lambda: _grid(
+        ("check", "passed when", *(f"`{name}`" for name in CHECK_LISTS)),
+        [_of_check(name) for name in CHECKS],
+    ),
     "paper quantities": lambda: _grid(
         ("column", "symbol", "meaning", "unit"),
         [[f"`{one.name}`", one.symbol, one.meaning, one.unit] for one in PURDY_DAMPER.quantities],
@@ -190,27 +159,26 @@ TABLES: dict[str, Callable[..., str]] = {
         ("key of `[damper]`", "what it is, and how it is measured"),
         [[f"`{key}`", how] for key, how in MEASURED.items()],
     ),
-    "door": _door,
+    "door": lambda: _grid(
+        ("name", "what it is"),
+        [
+            [f"`{name}`", _first_line(getattr(damperfit, name).__doc__)]
+            for name in sorted(set(dir(damperfit)) - {"__version__"})
+        ],
+    ),
     "models": lambda: _grid(
         ("model", "what it is"), [[f"`{name}`", model.title] for name, model in MODELS.items()]
     ),
     "targets": lambda: _grid(
         ("target", "what it is", "file", "units", "sign", "where it goes"),
-        [
-            [
-                *(
-                    f"`{target.name}`",
-                    target.title,
-                    f"`{target.file.format(stem='damper', setting='N')}`",
-                ),
-                *(target.units, target.sign, target.place),
-            ]
-            for target in TARGETS.values()
-        ],
+        [_of_target(target) for target in TARGETS.values()],
     ),
     "outcomes": lambda: _grid(
         ("outcome", "what to do"), [[f"`{outcome.value}`", outcome.advice] for outcome in Outcome]
     ),
-    "units": _units,
+    "units": lambda: _grid(
+        ("quantity", "units"),
+        [[kind, ", ".join(f"`{unit}`" for unit in units_of(kind))] for kind in _TABLE],
+    ),
     "defaults": lambda: f"```toml\n{configuration_toml(load_configuration())}```\n",
 }
