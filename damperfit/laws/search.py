@@ -1038,7 +1038,7 @@ class _Linear:
 
         One that is reached at one place of the adjuster, and never at another, agrees with all.
         """
-        if self.structure.damper.quantity(name).part not in {"opening", "bleed"}:
+        if self.structure.damper.quantity(name).part not in {"opening", "bleed", "leak"}:
             return True
         own = [
             (dict(setting.evident), is_determined)

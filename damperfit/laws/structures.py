@@ -199,13 +199,22 @@ class Structure:
         freed = tuple(name for name in self.freed if name in damper.names)
         return Structure(damper, freed, self.ties)
 
+    def ties_of(self, other: Structure) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """Return the ties of another structure, without those of parts that this one has not."""
+        own = {name for one in self.free for name in (one, self._beside(one))}
+        return tuple(tie for tie in other.ties if tie[0] in own)
+
+    def _beside(self, name: str) -> str:
+        """What a number of a valve follows where nothing is said of it."""
+        one = self.damper.quantity(name)
+        return one.beside(_BESIDE.get(one.part, ""))
+
     def follows(self, by_scope: Follows) -> Follows:
         """Return what each free quantity follows: by its scope, but for what is tied or untied."""
         ties, names = dict(self.ties), self.free
         found = {}
         for name in names:
-            one = self.damper.quantity(name)
-            beside = ties.get(one.beside(_BESIDE.get(one.part, "")), by_scope.get(name, ()))
+            beside = ties.get(self._beside(name), by_scope.get(name, ()))
             found[name] = ties.get(name, beside)
         return {name: adjusters for name, adjusters in found.items() if adjusters}
 
@@ -222,7 +231,7 @@ def moves(structure: Structure) -> dict[str, Structure]:
         known = other.damper, frozenset(other.freed)
         if known not in seen:
             seen.add(known)
-            found[words] = replace(other, ties=structure.ties)
+            found[words] = replace(other, ties=other.ties_of(structure))
     return found
 
 
