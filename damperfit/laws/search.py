@@ -194,6 +194,7 @@ class _Search:
         self._starts: dict[tuple[Structure, Setting], Values] = {}
         self._readings: dict[tuple[object, ...], list[ValveReading]] = {}
         self._misfits: dict[Setting, Block] = {}
+        self._yielding: list[Tried] | None = None
         self._judged: dict[int, tuple[_Fit, Tried]] = {}
         self.ends: list[_Fit] = []
         self.spread: dict[Setting, dict[str, float]] = {}
@@ -768,6 +769,20 @@ class _Search:
         self.record(other, fit, "as declared", gain, is_taken=gain > 0.0)
         return other if gain > 0.0 else fit
 
+    def beside_yielding(self, law: Tried) -> tuple[Tried, list[Tried]]:
+        """A law at the weakest and the strongest force, and there the models that yield."""
+        ends = _most_unlike(list(self.evidence.values()), 2)
+        if self._yielding is None:
+            tried = (self.apart(kind(), ends) for kind in YIELDING)
+            self._yielding = [one for one in tried if one is not None]
+        fits = tuple(one for one in law.fits if one.setting in ends)
+        return Tried(law.title, fits), self._yielding
+
+    def is_hopeless(self, fit: _Fit) -> bool:
+        """Whether what yields fits and predicts far better than every part of valves together."""
+        beside, found = self.beside_yielding(self.judged(fit))
+        return any(times_worse(one, beside) > _FAR_WORSE for one in found)
+
     def yielding(self, law: Tried, share: float, by_some: float) -> Tried:
         """What yields before it slides, where the logs do and valves tell them less well."""
         is_unasked = math.isnan(share) and not math.isnan(by_some)
@@ -776,9 +791,7 @@ class _Search:
         self.held_share = share
         if math.isnan(share):
             return law
-        ends = _most_unlike(list(self.evidence.values()), 2)
-        beside = Tried(law.title, tuple(one for one in law.fits if one.setting in ends))
-        found = [one for kind in YIELDING if (one := self.apart(kind(), ends)) is not None]
+        beside, found = self.beside_yielding(law)
         best = min(found, key=lambda one: one.score, default=beside)
         taken = law
         for one in found:
@@ -1182,13 +1195,13 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
             )
         search.judge(simplest, "no other can be simulated on these logs", is_taken=True)
         return search.ended(simplest)
-    fit = search.improved(fit)
-    if isinstance(plain, ValveDamper):
-        fit = search.held_against_declared(fit, plain)
-    fit = search.in_its_layout(fit, layouts)
-    fit = search.missed(search.at_all(fit))
-    if adjusted is not None:
-        fit = search.tied(fit, adjusted)
+    if math.isnan(held_share) or not search.is_hopeless(fit):
+        fit = search.improved(fit)
+        if isinstance(plain, ValveDamper):
+            fit = search.held_against_declared(fit, plain)
+        fit = search.missed(search.at_all(search.in_its_layout(fit, layouts)))
+        if adjusted is not None:
+            fit = search.tied(fit, adjusted)
     chosen = search.judged(fit)
     if simplest is not None and not has_valves:
         chosen = search.held_against_paper(simplest, fit)
