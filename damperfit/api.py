@@ -1,6 +1,6 @@
 """The jobs of damperfit as functions; the commands call them and print what they return.
 
-Every option of a command is a keyword of the function of the same name (`damperfit.keywords` says
+Every option of a command is a keyword of the function of the same name (`damperfit.arguments` says
 what each is), with the same checks and the same sentences. A function writes nothing unless it is
 told where to, but for `export` and `report`, whose job it is.
 """

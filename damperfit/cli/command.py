@@ -18,10 +18,10 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from damperfit import __version__
+from damperfit.arguments import PANELS, Keyword, keyword_of, option_of
 from damperfit.cli.console import say, set_colour, show_steps
 from damperfit.configuration.sections import SECTIONS
 from damperfit.errors import ConfigurationError
-from damperfit.keywords import PANELS, Keyword, keyword_of, option_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

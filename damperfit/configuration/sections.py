@@ -37,7 +37,7 @@ class Entry(NamedTuple):
     option: str = ""  # word for the value of its option
     panel: str = ""  # where the help shows it; without one it is no option
     keyword: str = ""  # name of the option, where it is not the key's
-    kind: str = ""  # as in `damperfit.keywords`, where the default does not tell
+    kind: str = ""  # as in `damperfit.arguments`, where the default does not tell
 
 
 def key(default: Any, about: str, dimension: str = "", **how: Any) -> Any:

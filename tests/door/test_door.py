@@ -17,12 +17,12 @@ import pytest
 import typer
 
 import damperfit
-from damperfit import keywords
+from damperfit import arguments
+from damperfit.arguments import PRESENTATION, keyword_of
 from damperfit.cli.main import app
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, refuse_wrong_arguments
-from damperfit.keywords import PRESENTATION, keyword_of
 from damperfit.tested.setting import Setting
 
 ROOT = Path(__file__).parents[2]
@@ -357,6 +357,6 @@ def test_options_are_keywords_and_keywords_are_options(name) -> None:
 
 def test_what_sets_a_key_sets_one_that_is_there() -> None:
     document = load_configuration().document
-    for name, one in keywords._keywords().items():
+    for name, one in arguments._keywords().items():
         section, _, key = (one.key or "").partition(".")
         assert not key or key in document[section], name

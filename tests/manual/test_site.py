@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import damperfit
-from damperfit.keywords import keyword_of
+from damperfit.arguments import keyword_of
 from tests.manual.generated import PAGES, ROOT
 
 pytestmark = pytest.mark.extras
