@@ -262,24 +262,6 @@ def test_tables_of_forces(shown: Outlets) -> None:
     assert len(outlets) == 8
 
 
-def test_measured_forces_beside_the_model(shown: Outlets) -> None:
-    known = [one for one in shown.forces if not pd.isna(one["measured_N"])]
-    top = max((one["speed_m_per_s"] for one in known), default=0.0)
-    outlets = set()
-    for one in (one for one in known if one["speed_m_per_s"] == top):
-        first = 2 if one["stroke"] == "rebound" else 5
-        reach = 1.959964 * one["measured_se_N"]
-        measured, model = one["measured_N"], one["measured_N"] - one["difference_N"]
-        for outlet, headings, rows in shown.tables:
-            if headings[0] == "set" and headings[1].startswith("speed"):
-                (row,) = (row for row in rows if row[:2] == [str(SETTING), f"{top:g}"])
-                assert holds(row[first].rstrip("*"), measured, measured - reach, measured + reach)
-                assert agrees(row[first + 1], model)
-                assert agrees(row[first + 2], one["difference_N"])
-                outlets.add(outlet)
-    assert not known or {"report.md", "settings"} <= outlets
-
-
 PARAMETERS = {"r_m1": ("R_m1", 1e-3), "r_m2": ("R_m2", 1e-6), "k_e": ("K_e", 1e-6)}
 
 
@@ -308,18 +290,6 @@ def test_the_parameters_and_their_intervals(shown: Outlets, name: str) -> None:
     assert set(cells) == {"report.md", "terminal", "report.html"}
     for outlet, cell in cells.items():
         assert holds(cell, factor * value, factor * low, factor * high), outlet
-
-
-@pytest.mark.parametrize(("name", "symbol"), [("r_m3", "R_m3"), ("f_f", "f_f")])
-def test_values_that_settings_share(shown: Outlets, name: str, symbol: str) -> None:
-    value, low, high = shown.row[[name, f"{name}_ci_low", f"{name}_ci_high"]]
-    for text in (shown.terminal, shown.markdown):
-        number, half, power = re.search(
-            rf"{symbol} = \(?({NUMBER})(?: ± ({NUMBER}))?\)?(?:e(\d+))? ", text
-        ).groups()
-        factor = 10.0 ** -int(power or 0)
-        assert agrees(number, factor * value)
-        assert half is None or agrees(half, factor * 0.5 * (high - low))
 
 
 def test_the_mse(shown: Outlets) -> None:
@@ -396,19 +366,6 @@ def test_what_is_read_off_a_segment(shown: Outlets, name: str) -> None:
         if "peak_force" in shown.plots:  # of one segment there are loops
             drawn = plotted(shown.plots["peak_force"], f"setting {SETTING}, measured, {words}")
             assert drawn == pytest.approx(known, rel=1e-6)
-
-
-@pytest.mark.parametrize("whose", ["measured", "simulated"])
-def test_energy_on_the_page(shown: Outlets, whose: str) -> None:
-    known = shown.peaks[f"{whose}_energy_J"].tolist()
-    cells = re.findall(rf"({NUMBER}) J {whose}", shown.page)
-    for _, _, column in shown.columns(f"energy {whose}, J"):
-        cells += column
-    assert cells
-    assert all(any(agrees(cell, one) for one in known) for cell in cells)
-    assert {line["first_value"] for line in shown.compared if line["name"] == "energy"} == {
-        shown.peaks["measured_energy_J"].iloc[-1]
-    }
 
 
 def test_the_energy_is_the_polygon_of_the_loop_with_its_sinc_correction(shown: Outlets) -> None:

@@ -43,18 +43,6 @@ def test_the_difference_below_is_the_second_less_the_first(comparison) -> None:
     assert by_displacement.panels[0].x_unit == "mm"
 
 
-def test_cycles_that_begin_elsewhere_are_laid_over_one_another(comparison) -> None:
-    test = measured(1)
-    rolled = {
-        name: np.roll(getattr(test, name), 77) for name in ("displacement", "velocity", "force")
-    }
-    from dataclasses import replace
-
-    runs = (run(test), run(replace(test, **rolled), name="rolled"))
-    plot, _ = loop_plots(runs, Setting.of(1), name="x")
-    assert np.abs(plot.panels[1].lines[0].y).max() < 0.01
-
-
 def test_the_difference_over_settings_is_in_per_cent(comparison) -> None:
     plot = difference_plots([comparison])[0]
     (line,) = plot.panels[0].lines

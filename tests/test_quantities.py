@@ -39,14 +39,8 @@ VALUES = {
     | {"barg": 201325.0, "psig": 108219.75729316836},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
     "temperature": {"degC": 1.0, "\N{DEGREE SIGN}C": 1.0, "K": -272.15, "degF": -17.22222222222222},
-    "velocity": {
-        "m/s": 1.0,
-        "mm/s": 1e-3,
-        "cm/s": 0.01,
-        "in/s": 0.0254,
-        "km/h": 1 / 3.6,
-        "mph": 0.44704,
-    },
+    "velocity": {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 0.01, "in/s": 0.0254, "km/h": 1 / 3.6}
+    | {"mph": 0.44704},
     "mass": {"kg": 1.0, "lb": 0.45359237},
     "density": {"kg/m3": 1.0, "g/cm3": 1e3},
     "area": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6},
@@ -91,27 +85,26 @@ def test_one_of_each_unit_is_its_definition(dimension: str, unit: str, expected:
     np.testing.assert_allclose(array, [expected, expected], rtol=1e-13)
 
 
-@pytest.mark.parametrize(
-    ("text", "dimension", "expected"),
-    [
-        ("32mm", "length", 0.032),
-        ("19 mm", "length", 0.019),
-        (" 28.5mm ", "length", 0.0285),
-        ("4.6bar", "pressure", 460000.0),
-        ("0.1mm/s", "velocity", 0.0001),
-        ("1.5e3Hz", "frequency", 1500.0),
-        ("-40degF", "temperature", -40.0),
-        ("299.15K", "temperature", 26.0),
-        ("+.5kN", "force", 500.0),
-        ("0.032", "length", 0.032),
-        (0.032, "length", 0.032),
-        (3, "force", 3.0),
-        ("1e-999mm", "length", 0.0),
-    ],
-)
-def test_text_becomes_the_nearest_float(text: str | float, dimension: str, expected: float) -> None:
+TEXTS = """
+length: 32mm 0.032
+length: 19 mm 0.019
+length: 0.032 0.032
+length: 1e-999mm 0
+pressure: 4.6bar 460000
+velocity: 0.1mm/s 0.0001
+frequency: 1.5e3Hz 1500
+temperature: -40degF -40
+temperature: 299.15K 26
+force: +.5kN 500
+"""
+
+
+@pytest.mark.parametrize("row", TEXTS.strip().splitlines())
+def test_text_becomes_the_nearest_float(row: str) -> None:
     # Exactly: 4.6 * 1e5 in floats is 459999.99999999994.
-    assert parse_quantity(text, dimension) == expected
+    dimension, text, expected = re.fullmatch(r"(\w+): (.*) (\S+)", row).groups()
+    assert parse_quantity(f" {text} ", dimension) == float(expected)
+    assert parse_quantity(float(expected), dimension) == float(expected)
 
 
 @pytest.mark.parametrize(
@@ -175,11 +168,6 @@ def _refusal(dimension: str, name: str) -> str:
     return ""
 
 
-def test_a_unit_of_another_dimension_is_refused() -> None:
-    with pytest.raises(QuantityError, match=r"no unit of length 'kN'; expected m, mm, cm, um, in"):
-        find_unit("kN", "length")
-
-
 @given(st.text(max_size=12))
 def test_any_text_is_a_finite_number_or_our_error(text: str) -> None:
     try:
@@ -203,37 +191,21 @@ def test_any_text_is_a_finite_number_or_our_error(text: str) -> None:
 )
 def test_numbers_are_converted_and_what_is_not_named_is_si(text, force, speed, length) -> None:
     units = parse_units(text)
-    assert units.show(1.0, "N") == pytest.approx(force)
-    assert units.show(1.0, "m/s") == pytest.approx(speed)
-    assert units.show(1.0, "m") == pytest.approx(length)
-    assert units.show(5.0, "Pa") == 5.0
-    assert not units.is_si
+    shown = [units.show(1.0, one) for one in ("N", "m/s", "m", "Pa")]
+    assert shown == pytest.approx([force, speed, length, 1.0])
+    assert (units.is_si, parse_units("N,m/s").is_si) == (False, True)
 
 
-def test_si_is_left_as_it_is() -> None:
-    assert parse_units("N,m/s").is_si
+def test_columns_and_words_have_the_unit_that_is_shown() -> None:
+    units = parse_units("lbf,in/s")
+    told = {"force_N": "N", "speed_m_per_s": "m/s", "f_f": "N", "amplitude_m": "m", "energy_J": "J"}
+    names = [units.column(name, unit) for name, unit in told.items()]
+    assert names == ["force_lbf", "speed_in_per_s", "f_f", "amplitude_m", "energy_J"]
     assert SI.column("force_N", "N") == "force_N"
     assert SI.say("0.1 m/s, N") == "0.1 m/s, N"
-
-
-@pytest.mark.parametrize(
-    ("name", "unit", "told"),
-    [
-        ("force_N", "N", "force_lbf"),
-        ("speed_m_per_s", "m/s", "speed_in_per_s"),
-        ("f_f", "N", "f_f"),
-        ("amplitude_m", "m", "amplitude_m"),
-        ("energy_J", "J", "energy_J"),
-    ],
-)
-def test_a_column_s_name_tells_the_unit_shown(name, unit, told) -> None:
-    assert parse_units("lbf,in/s").column(name, unit) == told
-
-
-def test_words_are_not_taken_for_units() -> None:
-    say = parse_units("lbf,in/s").say
-    assert say("force at 3.94 m/s, N") == "force at 3.94 in/s, lbf"
-    assert say("N s/(m2 kg) in N/m, No. 5, 4 N") == "lbf s/(m2 kg) in N/m, No. 5, 4 lbf"
+    assert units.say("force at 3.94 m/s, N") == "force at 3.94 in/s, lbf"
+    words = "N s/(m2 kg) in N/m, No. 5, 4 N"
+    assert units.say(words) == "lbf s/(m2 kg) in N/m, No. 5, 4 lbf"
 
 
 @pytest.mark.parametrize(

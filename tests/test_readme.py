@@ -153,13 +153,9 @@ def _shrunk(path: Path) -> np.ndarray:
         return np.asarray(image.convert("RGB").reduce(8), dtype=float)
 
 
-def test_links_to_files_are_alive() -> None:
+def test_links_to_files_are_alive_and_every_page_of_the_manual_is_linked() -> None:
     linked = re.findall(r"\]\(([^)#:]+)\)", TEXT)
-    assert len(linked) > 20
     for name in (*linked, *re.findall(r"`((?:configs|sample_runs)/[\w./]*)`", TEXT)):
         assert (ROOT / name).exists(), name
-
-
-def test_every_page_of_the_manual_is_linked() -> None:
-    linked = set(re.findall(r"damperfit/manual/pages/(\w+)\.md", TEXT))
-    assert linked == {path.stem for path in PAGES.glob("*.md")} - {"index"}
+    pages = set(re.findall(r"damperfit/manual/pages/(\w+)\.md", " ".join(linked)))
+    assert pages == {path.stem for path in PAGES.glob("*.md")} - {"index"}

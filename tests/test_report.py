@@ -23,14 +23,7 @@ from damperfit.reporting.records import (
 from damperfit.reporting.sheet import (
     Sheet,
     escape,
-    html_table,
     markdown_table,
-    number,
-    parameters_in_units,
-    percent,
-    rows_in_units,
-    sheet_in_units,
-    stroke_ratio,
     text_table,
     with_interval,
 )
@@ -45,7 +38,6 @@ from damperfit.reporting.tables import (
 from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
-from damperfit.units.shown_units import parse_units
 from tests.fakes import campaign, failed, fit
 from tests.texts import FORCES, SNAPSHOT, texts, written
 
@@ -108,14 +100,6 @@ def test_colours_are_those_of_words_and_escape_sequences_are_shown() -> None:
     assert "\x1b[32mexcellent\x1b[0m" in coloured
 
 
-def test_html_escapes_every_text_and_aligns_numbers() -> None:
-    evil = Sheet(("<b>", "n"), ("", "N"), (("<i>", "1"),), (False, True))
-    text = html_table(evil, caption="<u>")
-    assert not {"<b>", "<i>", "<u>"} & {text[i : i + 3] for i in range(len(text))}
-    assert "<td style='text-align:right'>1</td>" in text
-    assert "<td class=n>1</td>" in html_table(evil, looks={})
-
-
 _MARKS = st.text(alphabet="ab1_*`~<>[]()|#+-.!&;$@\\= \x1b:/", max_size=12)
 
 
@@ -149,16 +133,6 @@ def test_limits_that_are_uneven_or_missing_are_not_half_an_interval() -> None:
     assert with_interval(51.13, 50.7, 51.5, plus="+") == "+51.1 ± 0.4"
 
 
-def test_small_and_large_numbers_read_well() -> None:
-    assert [number(x, digits=4) for x in (0.0, 1234.56, 1e-5, 2e7, float("nan"))] == [
-        "0", "1235", "1.000e-05", "2.000e+07", "-",
-    ]  # fmt: skip
-    assert [percent(x) for x in (0.5, 12.345, 1e-6, 0.0, None)] == [
-        "0.500", "12.3", "1.0e-06", "0", "-",
-    ]  # fmt: skip
-    assert (stroke_ratio(100.0, -50.0), stroke_ratio(-5.0, -50.0)) == ("2.00", "-")
-
-
 # Parameters
 
 
@@ -185,14 +159,6 @@ def test_a_value_at_its_bound_is_the_limit_it_ran_into(name, value, said) -> Non
         assert "(at bound)" in parameter_line(row)
 
 
-def test_courses_that_errors_cannot_tell_apart_are_flat() -> None:
-    apart = [wide(n, r_m1=1e4 * n, r_m1_se=1.0) for n in (1, 2, 3)]
-    alike = [wide(n, r_m1=1e4 + n, r_m1_se=1e3) for n in (1, 2, 3)]
-    courses = [parameter_sheet(known, levels="abc").notes for known in (apart, alike)]
-    assert "R_m1 abc" in " ".join(courses[0])
-    assert "drawn flat" in " ".join(courses[1])
-
-
 # Forces
 
 
@@ -201,18 +167,6 @@ def test_a_setting_of_several_adjusters_has_a_row_for_each_that_was_turned() -> 
     several = [row | {"setting": label, "changed": name} for row in FORCES[:4] for name in "RC"]
     sheet = force_sheets([row | {"change_N": 1.0} for row in several])[0]
     assert [row[0] for row in sheet.rows] == ["R6 C2, C", "R6 C2, R"]
-
-
-def test_forces_are_shown_in_other_units() -> None:
-    units = parse_units("lbf,in/s")
-    (sheet, _) = force_sheets(rows_in_units(FORCES, units))
-    shown = sheet_in_units(sheet, units)
-    assert shown.headings[2] == "11.8"
-    assert "in/s ±95 %" in shown.units
-    assert shown.rows[0][2] == "157.37 ± 0.18"
-    scaled, quantities = parameters_in_units([wide(1)], PAPER_QUANTITIES, units)
-    friction = next(one for one in quantities if one.name == "f_f")
-    assert (friction.unit, scaled[0]["f_f"]) == ("lbf", pytest.approx(50.0 / 4.4482, rel=1e-4))
 
 
 # Model structures, records
@@ -320,21 +274,6 @@ def test_inspect_tells_each_kind_of_refusal() -> None:
     assert "run_100.csv: unreadable: line 100: force is 'OVR100'" in joined
     assert joined.count("With other numbers in") == 2
     assert joined.endswith("and 44 more")
-
-
-def test_inspect_tells_both_gaps_of_one_log() -> None:
-    one = log(0, next(iter(CAUSES)), "warning")
-    one["findings"] = [{**one["findings"][0], "sentence": f"a gap of {k} s"} for k in (3, 4)]
-    told = " ".join(finding_lines([one]))
-    assert "a gap of 3 s" in told
-    assert "a gap of 4 s" in told
-    assert "other numbers" not in told
-
-
-def test_refusals_of_a_few_logs_keep_their_numbers() -> None:
-    told = " ".join(finding_lines([log(k, "no-number") for k in (1, 2)]))
-    assert "line 1:" in told
-    assert "line 2:" in told
 
 
 def test_a_note_of_many_logs_is_one_line_with_the_range_of_its_value() -> None:

@@ -139,20 +139,6 @@ def test_switching_a_setting_off_removes_its_traces(browser):
     _wait(browser, settings.replace("length", f"length === {before}"), seconds=10.0)
 
 
-def test_it_follows_dark_and_light(browser):
-    shown = (
-        "document.querySelector('.plot').layout.paper_bgcolor + ' ' +"
-        "getComputedStyle(document.body).backgroundColor"
-    )
-    for scheme, colours in (
-        ("dark", "#14181f rgb(20, 24, 31)"),
-        ("light", "#ffffff rgb(255, 255, 255)"),
-    ):
-        feature = {"name": "prefers-color-scheme", "value": scheme}
-        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
-        _wait(browser, f"return {shown} === '{colours}'")  # plots are drawn again a little later
-
-
 def test_it_prints_without_cutting_a_plot(browser):
     browser.execute_script(
         "addEventListener('beforeprint', () => { window.printed ="
@@ -192,23 +178,6 @@ def test_twenty_settings_stay_below_12000_pixels(other, tmp_path):
     assert other.execute_script("return document.documentElement.scrollHeight") < 12_000
 
 
-def test_measured_lies_above_simulated_and_curves_are_drawn_point_by_point(browser):
-    _unfold(browser)
-    for name in ("fan", "setting_02_force_velocity"):
-        drawn = browser.execute_script(
-            f"const d = document.querySelector('[data-name={name}]');"
-            "const order = [...d.querySelectorAll('.scatterlayer .trace path.js-line')];"
-            "return d.data.map((t, k) => [t.name, t.x.length,"
-            " order[k].getAttribute('d').split(/[LHV]/).length, t.line.simplify])"
-        )
-        words = ["measured" if "measured" in label else "simulated" for label, *_ in drawn]
-        assert words == sorted(words, reverse=True), name
-        for label, n, n_drawn, simplify in drawn:
-            assert n > 300, label
-            assert n_drawn > 0.95 * n, label
-            assert simplify is False
-
-
 def test_no_column_is_cut_at_1400_pixels(browser):
     _unfold(browser)
     cut = browser.execute_script(
@@ -217,25 +186,6 @@ def test_no_column_is_cut_at_1400_pixels(browser):
     )
     assert cut == []
     assert browser.execute_script("return document.body.scrollWidth <= innerWidth")
-
-
-def test_every_setting_has_its_anchor(browser, page):
-    for setting in (1, 2, 3, 5):
-        title = browser.execute_script(
-            f"return document.querySelector('#setting-{setting} summary').innerText"
-        )
-        assert title.startswith(f"Setting {setting}:")
-    targets = browser.execute_script(
-        "return [...document.querySelectorAll('nav a')].map(a => a.getAttribute('href'))"
-    )
-    assert {"#checks", "#parameters", "#tables", "#logs"} == set(targets)
-    missing = browser.execute_script(
-        "return arguments[0].filter(one => !document.querySelector(one))", targets
-    )
-    assert missing == []
-    browser.execute_script("document.querySelector('#setting-2').open = false")
-    browser.execute_script("location.hash = '#setting-2'")
-    _wait(browser, "return document.querySelector('#setting-2').open")  # a link opens it
 
 
 def test_runs_over_one_another_are_drawn_and_switched(other, tmp_path):

@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import arrays
 
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.drawing import draw_plot
-from damperfit.reporting.figures import LOG_FIGURES, LogView, report_plots, thin
+from damperfit.reporting.figures import report_plots, thin
 from damperfit.reporting.page import PlotData, html_report
 from damperfit.results import Run
 from tests.report_folder import EVIL, damage_row_group, make_results
@@ -66,15 +66,6 @@ def test_the_page_asks_for_nothing_from_outside(page):
     assert not re.search(r"https?://|//cdn|@import|<[^>]*\bsrc=|url\(", own)
 
 
-def test_parameters_show_interval_where_there_is_one_and_no_unknown_value(shown):
-    (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")
-    points = {line.setting: line for line in plot.panels[0].lines if line.setting is not None}
-    assert sorted(points) == [1, 2, 3]  # 4 is missing, 5 cannot be determined
-    assert points[1].low == pytest.approx([490.0])
-    assert points[1].high == pytest.approx([530.0])
-    assert points[2].low is None
-
-
 def test_cavitation_is_marked(shown):
     pressures = {plot.name: plot for plot in shown.plots if plot.name.endswith("pressures")}
     assert pressures["setting_01_pressures"].panels[0].bands == ()
@@ -100,52 +91,47 @@ def test_thinning_keeps_the_extremes_and_the_ends(signal, n_buckets):
     assert (np.diff(kept) > 0).all()
 
 
+def edit(copy, **entries):
+    """Put entries into run.json; return what is shown then."""
+    record = json.loads((copy / "run.json").read_text(encoding="utf-8")) | entries
+    (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    return report_plots(Run.load(copy))
+
+
 def test_what_the_run_told_is_shown(copy):
-    record = json.loads((copy / "run.json").read_text(encoding="utf-8"))
-    record |= {
-        "checks": [
-            {"name": "mse_excellent", "passed": True, "reason": "all below 1 %"},
-            {"name": "smooth_trends", "passed": False, "reason": "setting 3 is off"},
-            {"name": "hold_out", "passed": None, "reason": "one log a setting"},
-        ],
-        "trends": [
-            {
-                "parameter": "k_e",
-                "sentence": "K_e rises by 10 MPa a setting.",
-                "outliers": [{"setting": 3, "value": 5.3e8, "expected": 5e8, "deviation": 0.2}],
-                "points": [
-                    {"setting": n, "value": 5e8 + 1e7 * n, "low": 4.9e8, "high": 5.9e8}
-                    for n in range(1, 6)
-                ],
-            }
-        ],
-        "sentences": {
-            "identifiability": ["r_m1, r_m3 strongly correlated"],
-            "cavitation": "no list",
-        },
-        "held_out": [{"setting": 2, "log": "b.csv", "cycles": "last 3", "mse_percent": 0.5,
-                      "expected_mse_percent": 0.25, "verdict": "worse than fitted"}, 7],
-    }  # fmt: skip
-    record["inputs"][0]["findings"] = [
+    told = ((True, "all below 1 %"), (False, "setting 3 is off"), (None, "one log a setting"))
+    outlier = {"setting": 3, "value": 5.3e8, "expected": 5e8, "deviation": 0.2}
+    ends = {"low": 4.9e8, "high": 5.9e8}
+    points = [{"setting": n, "value": 5e8 + 1e7 * n, **ends} for n in range(1, 6)]
+    rises = "K_e rises by 10 MPa a setting."
+    trend = {"parameter": "k_e", "sentence": rises, "outliers": [outlier], "points": points}
+    held = {"setting": 2, "log": "b.csv", "cycles": "last 3", "mse_percent": 0.5}
+    held |= {"expected_mse_percent": 0.25, "verdict": "worse than fitted"}
+    findings = [
         {"name": "skew", "severity": "note", "sentence": "channels are 0.1 ms apart"},
         {"name": "clipping", "severity": "warning", "sentence": f"force is clipped {EVIL}"},
     ]
-    (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
-    shown = report_plots(Run.load(copy))
-    page = html_report(shown, title="x")
-    assert "1 of 3 checks passed, 1 failed, 1 not evaluated" in page
+    shown = edit(
+        copy,
+        checks=[{"name": f"c{k}", "passed": a, "reason": b} for k, (a, b) in enumerate(told)],
+        trends=[trend],
+        sentences={"identifiability": ["r_m1, r_m3 strongly correlated"], "cavitation": "no list"},
+        held_out=[held, 7],
+        inputs=[{"log": "setting_01.csv", "findings": findings}],
+    )
+    page = html_report(shown, title="x").replace(" class=word", "")
+    for words in (
+        "1 of 3 checks passed, 1 failed, 1 not evaluated", "r_m1, r_m3 strongly correlated",
+        "<td>b.csv</td><td>last 3</td>", "<td class=n>0.250</td><td>worse than fitted</td>",
+        "warning: force is clipped &lt;/script&gt;",
+    ):  # fmt: skip
+        assert words in page
     assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
-    assert "K_e rises by 10 MPa a setting." in page
-    assert "r_m1, r_m3 strongly correlated" in page
-    assert "<td>b.csv</td><td>last 3</td>" in page.replace(" class=word", "")
-    assert "<td class=n>0.250</td><td>worse than fitted</td>" in page
-    assert "warning: force is clipped &lt;/script&gt;" in page
-    assert page.count("channels are 0.1 ms apart") == 1  # a note stands with its log alone
+    assert page.count("channels are 0.1 ms apart") == page.count(rises) == 1  # it stands once
     (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")
-    trend, ring = plot.panels[0].lines[:2]
-    assert (trend.label, trend.low[0], trend.high[-1]) == ("trend, 95 %", 490.0, 590.0)
+    line, ring = plot.panels[0].lines[:2]
+    assert (line.label, line.low[0], line.high[-1]) == ("trend, 95 %", 490.0, 590.0)
     assert (ring.style, ring.x.tolist()) == ("rings", [3.0])
-    assert page.count("K_e rises by 10 MPa a setting.") == 1  # a sentence stands once
 
 
 def test_a_file_of_another_run_is_named(copy):
@@ -184,27 +170,12 @@ def test_what_is_told_strangely_breaks_nothing(copy, record):
 
 
 def test_a_value_at_a_bound_does_not_flatten_the_others(copy):
-    table = pq.read_table(copy / "parameters.parquet").to_pylist()
-    table[1] |= {"k_e": 3e15, "k_e_status": "at_bound"}
-    schema = pq.read_schema(copy / "parameters.parquet")
-    pq.write_table(pa.Table.from_pylist(table, schema=schema), copy / "parameters.parquet")
+    bound = {"k_e": 3e15, "k_e_status": "at_bound"}
+    _change(copy / "parameters.parquet", lambda rows: rows[1].update(bound))
     shown = report_plots(Run.load(copy))
     (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")
-    drawn = {line.setting for line in plot.panels[0].lines}
-    assert drawn == {1, 3}
+    assert {line.setting for line in plot.panels[0].lines} == {1, 3}
     assert "At a bound, off the scale: setting 2 (3e+09)." in plot.caption
-
-
-def test_the_mean_residual_is_that_of_all_samples(folder):
-    view = report_plots(Run.load(folder)).logs[0]
-    signals = view.signals._replace(force=view.signals.force_measured - 7.0)
-    moved = LogView(signals, view.facts, view.rows, "a", "#000000")
-    plots = [plot for figure in LOG_FIGURES for plot in figure(moved)]
-    (plot,) = (plot for plot in plots if plot.name == "a_residual")
-    cloud, *means = plot.panels[0].lines
-    assert [line.label for line in means] == ["mean, opening branch", "mean, closing branch"]
-    for line in (cloud, *means):
-        assert line.y == pytest.approx(7.0)
 
 
 def test_a_damaged_log_costs_that_log_alone(copy):
@@ -217,47 +188,29 @@ def test_a_damaged_log_costs_that_log_alone(copy):
     assert "log 2 is damaged" in html_report(report_plots(results), title="x")
 
 
-def test_csv_stands_in_for_damaged_parquet(copy):
-    (copy / "parameters.parquet").write_bytes(b"PAR1 no more")
-    results = Run.load(copy)
-    assert results.rows("parameters") == Run.load(copy.parent / "copy").rows("parameters")
-    assert results.rows("parameters")[0]["k_e"] == 5.1e8
-    assert results.rows("parameters")[3]["k_e"] is None
-    assert any("parameters.parquet cannot be read" in remark for remark in results.remarks)
-
-
 @pytest.mark.parametrize(
-    "names",
-    [
-        ("run.json",),
-        ("responses.parquet",),
-        ("mse.parquet", "mse.csv"),
-        ("parameters.parquet", "parameters.csv"),
-        ("run.json", "responses.parquet", "mse.parquet", "mse.csv"),
-    ],
+    "names", ["run.json", "responses.parquet", "mse.parquet mse.csv", "run.json responses.parquet"]
 )
 def test_what_is_left_is_shown(copy, names):
-    for name in names:
+    for name in names.split():
         (copy / name).unlink()
     results = Run.load(copy)
     page = html_report(report_plots(results), title="x")
-    for name in names:
+    for name in names.split():
         assert any(name in remark for remark in results.remarks)
         assert f"{name} is missing" in page
 
 
-@pytest.mark.parametrize("version", [3, 0, "2"])
+@pytest.mark.parametrize("version", [3, 0, "2", 1, 2])
 def test_any_other_schema_is_named_and_this_one_is_not(copy, version):
-    for known in (1, 2):
-        (copy / "run.json").write_text(f'{{"schema_version": {known}}}', encoding="utf-8")
-        assert not any("schema version" in remark for remark in Run.load(copy).remarks)
     text = json.dumps({"schema_version": version, "version": "9.9"})
     (copy / "run.json").write_text(text, encoding="utf-8")
-    (said,) = (one for one in Run.load(copy).remarks if "schema version" in one)
-    assert said == (
+    said = [one for one in Run.load(copy).remarks if "schema version" in one]
+    told = (
         f"the results are of schema version {version} (damperfit 9.9), this damperfit knows 2: "
         "what is not found is left out; update damperfit, or run identify again on the logs"
     )
+    assert said == [told] * (version not in {1, 2})
 
 
 def _change(path, change):
@@ -292,22 +245,17 @@ def test_numbers_that_cannot_be_drawn_are_left_out(copy, tmp_path):
 
     def spoil(rows):
         rows[0] |= {"k_e_ci_low": 9e9, "k_e_ci_high": float("nan"), "mse_percent": 0.0}
-        rows[1]["mse_percent"] = float("inf")
-
-    def spoil_errors(rows):
-        rows[0]["mse_percent"] = 0.0
-        rows[2] |= {"mse_percent": float("inf"), "noise_floor_percent": float("nan")}
+        rows[2] |= {"mse_percent": float("inf")}
 
     _change(copy / "parameters.parquet", spoil)
-    _change(copy / "mse.parquet", spoil_errors)
+    _change(copy / "mse.parquet", lambda rows: rows[2].update(mse_percent=float("inf")))
     shown = report_plots(Run.load(copy))
     html_report(shown, title="x")
-    for plot in shown.overall:
-        if plot.name in {"parameter_k_e", "mse"}:  # what was spoiled
-            draw_plot(tmp_path / f"{plot.name}.png", plot, kind="png", dpi=40)
-    assert {path.stem for path in tmp_path.glob("*.png")} == {"parameter_k_e", "mse"}
-    (errors,) = (plot for plot in shown.overall if plot.name == "mse")
-    values = np.concatenate([line.y for line in errors.panels[0].lines])
+    spoiled = {one.name: one for one in shown.overall if one.name in {"parameter_k_e", "mse"}}
+    for name, plot in spoiled.items():
+        draw_plot(tmp_path / f"{name}.png", plot, kind="png", dpi=40)
+        assert (tmp_path / f"{name}.png").exists()
+    values = np.concatenate([line.y for line in spoiled["mse"].panels[0].lines])
     assert (values > 0.0).all()
     assert np.isfinite(values).all()
 

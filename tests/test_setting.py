@@ -138,11 +138,6 @@ def test_the_hyphen_of_a_label_alone_is_a_sign():
     assert parse_setting("R12 C-3", TWO) == two(12, -3)  # our own label of several
 
 
-def test_words_and_negative_clicks_in_a_label():
-    assert parse_setting("rebound=soft, compression=-2", TWO).label == "R:soft C-2"
-    assert parse_setting("setting=soft").cell == "soft"
-
-
 def test_order_is_by_adjuster_by_number_words_last():
     given = [two(12, 8), two(2, 10), two("soft", 1), two(2, 9), two(-1, 3)]
     ordered = ["R-1 C3", "R2 C9", "R2 C10", "R12 C8", "R:soft C1"]

@@ -31,7 +31,7 @@ from damperfit.tables.reading import (
     read_rows,
     table_quantities,
 )
-from damperfit.tables.rows import MISSING, characteristic_rows, grade, make_tables
+from damperfit.tables.rows import MISSING, characteristic_rows, make_tables
 from tests.fakes import campaign, fit, trace, values_in
 from tests.report_folder import put_responses
 
@@ -86,14 +86,12 @@ def test_columns_are_those_of_the_contract_each_with_its_unit_and_meaning() -> N
 
 
 def test_a_row_holds_what_its_fit_found_and_null_for_what_is_not_known() -> None:
-    done = campaign(fit(3, f_0=-2.5), fit(4, outcome=Outcome.CAVITATING))
-    row, cavitating = make_tables(done)["parameters"].to_pylist()
-    assert row["setting"] == 3
-    assert {name: row[name] for name in NAMES} == {
-        name: getattr(done.fits[0].parameters, name) for name in NAMES
-    }
-    expected = {
-        "r_m1_status": "fitted", "r_m3_status": "shared", "f_0_status": "fixed",
+    done = campaign(fit(3, f_0=-2.5), fit(5, outcome=Outcome.CAVITATING))
+    table = make_tables(done, expected=(3, 4, 5))["parameters"]
+    row, missing, cavitating = table.to_pylist()
+    assert (missing["setting"], missing["outcome"], missing["r_m1"]) == (4, MISSING, None)
+    expected = {name: getattr(done.fits[0].parameters, name) for name in NAMES} | {
+        "setting": 3, "r_m1_status": "fitted", "r_m3_status": "shared", "f_0_status": "fixed",
         "grade": "excellent", "outcome": "converged", "n_logs": 1, "n_samples": 333,
         "evaluations": 12, "lowest_pressure": 7e4, "lowest_pressure_chamber": 2,
         "lowest_pressure_displacement": 0.001, "lowest_pressure_velocity": 0.3,
@@ -102,21 +100,6 @@ def test_a_row_holds_what_its_fit_found_and_null_for_what_is_not_known() -> None
     }  # fmt: skip
     assert {name: row[name] for name in expected} == expected
     assert cavitating["r_m3_cavitation_margin"] is None  # NaN in the fit
-
-
-def test_a_setting_that_was_expected_is_an_explicit_gap() -> None:
-    table = make_tables(campaign(fit(1), fit(3)), expected=(1, 2, 3))["parameters"]
-    assert table["setting"].to_pylist() == [1, 2, 3]
-    assert table["outcome"].to_pylist()[1] == MISSING
-    assert table["r_m1"].to_pylist()[1] is None
-
-
-@pytest.mark.parametrize(
-    ("mse", "word"),
-    [(0.0, "excellent"), (0.999, "excellent"), (1.0, "good"), (5.0, "poor"), (math.nan, "poor")],
-)
-def test_grades_are_the_papers(mse: float, word: str) -> None:
-    assert grade(mse) == word
 
 
 def test_a_change_of_force_stands_in_the_row_of_the_harder_setting() -> None:
@@ -193,18 +176,6 @@ def test_responses_hold_the_window_of_each_log_in_a_row_group_of_its_own(tmp_pat
     np.testing.assert_allclose(table["time_s"][0].as_py(), 10.0 + 333 / 500.0)
     columns = [file.metadata.row_group(1).column(k) for k in range(len(names))]
     assert {one.path_in_schema for one in columns if one.is_stats_set} == {"setting", "log"}
-
-
-def test_equal_results_give_equal_bytes(tmp_path: Path) -> None:
-    for folder in ("one", "two"):
-        (tmp_path / folder).mkdir()
-        done = campaign(fit(1), fit(2))
-        put_responses(tmp_path / folder / "r", done, compared(done))
-        table = make_tables(done)["parameters"]
-        for suffix in (".parquet", ".csv"):
-            write_table(tmp_path / folder / f"p{suffix}", table)
-    for name in ("r", "p.parquet", "p.csv"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
 
 
 # And back
@@ -337,15 +308,19 @@ def test_peaks_and_named_speeds_of_a_viscous_damper_are_known() -> None:
     # The stretch is 333 of the 333.3 samples of a cycle.
     assert peak["measured_energy_J"] == pytest.approx(math.pi * 2500.0 * SPEED * 0.032, rel=2e-3)
     assert [row["speed_rebound_m_per_s"] for row in named] == [0.05, 0.1, 0.13, 0.26, 0.3]
-    at = named[1]
+    slow, at, *_ = named  # at 0.05 m/s the gas pushes both strokes down
+    assert (slow["measured_ratio"], slow["measured_ratio_without_gas"]) == (
+        None,
+        pytest.approx(1.0),
+    )
     assert at["measured_rebound_N"] == pytest.approx(250.0 + GAS)
     assert at["measured_bump_N"] == pytest.approx(-250.0 + GAS)
     assert at["measured_ratio"] == pytest.approx((250.0 + GAS) / (250.0 - GAS))
     assert at["simulated_rebound_without_gas_N"] == pytest.approx(225.0)
     assert at["measured_hysteresis_rebound_N"] == pytest.approx(0.0, abs=1e-9)
     assert at.get("measured_energy_J") is None
-    assert {row["mean_gas_force_N"] for row in (peak, *named)} == {GAS}
-    assert {row["temperature_degC"] for row in (peak, *named)} == {26.0}
+    told = {(row["mean_gas_force_N"], row["temperature_degC"]) for row in (peak, *named)}
+    assert told == {(GAS, 26.0)}
 
 
 def test_hysteresis_is_opening_less_closing_force_in_both_strokes() -> None:
@@ -361,14 +336,6 @@ def test_hysteresis_is_opening_less_closing_force_in_both_strokes() -> None:
         there = 10.0 * omega * math.sqrt(SPEED**2 - row["speed_rebound_m_per_s"] ** 2)
         assert row["measured_hysteresis_rebound_N"] == pytest.approx(2.0 * there, rel=1e-2)
         assert row["measured_hysteresis_bump_N"] == pytest.approx(-2.0 * there, rel=1e-2)
-
-
-def test_at_a_speed_where_the_gas_pushes_both_strokes_down_there_is_no_ratio() -> None:
-    slow = rows_of(trace(7))[1]
-    assert slow["speed_rebound_m_per_s"] == 0.05
-    assert slow["measured_rebound_N"] < 0.0
-    assert slow["measured_ratio"] is None
-    assert slow["measured_ratio_without_gas"] == pytest.approx(1.0)
 
 
 def test_a_model_without_gas_leaves_the_cells_empty() -> None:

@@ -3,7 +3,6 @@
 import errno
 import json
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -19,16 +18,10 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from damperfit import workers
 from damperfit.cli import main
-from damperfit.configuration.loading import load_configuration
-from damperfit.damper.model import MODELS
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.fleets.run import DamperTask, Done, Job
-from damperfit.fleets.sources import FleetLog
-from damperfit.identification import FitOptions, blas_threads, identify
+from damperfit.identification import blas_threads
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.workers import Died, Processes, apart, executor, told_here
-from tests.fakes import trace
 from tests.fleet.deadly import die_at_three, double, refuse, refuse_with_a_lock, say_pid_and_wait
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
@@ -54,23 +47,6 @@ def test_results_come_in_the_order_of_the_items_and_one_job_needs_no_thread(jobs
             next(results)
     assert [text for text, _ in found] == ["a0", "b1", "c2"]
     assert ({own for _, own in found} == {threading.get_ident()}) == (jobs < 2)
-
-
-@pytest.mark.parametrize("model", sorted(MODELS))
-def test_what_goes_to_a_worker_can_be_pickled(model, tmp_path):
-    document = tmp_path / "damper.toml"
-    document.write_text(f'[damper]\nmodel = "{model}"\n')
-    configuration = load_configuration(document)
-    task = DamperTask(
-        "D1", (FleetLog("/logs/a.csv", "a.csv"),), (FleetLog("/logs/tests.csv", "tests.csv"),)
-    )
-    job = Job(task, configuration, tmp_path, (("/logs/a.csv", "it ended its worker"),))
-    back = pickle.loads(pickle.dumps(job))  # noqa: S301 - of this test
-    assert (back.task, back.folder, back.dead) == (job.task, job.folder, job.dead)
-    assert back.configuration.document == configuration.document
-    assert back.configuration.damper == configuration.damper
-    done = Done.later(task, "no room")
-    assert pickle.loads(pickle.dumps(done)) == done  # noqa: S301
 
 
 # Copies of this process
@@ -111,33 +87,6 @@ def many_at_once(monkeypatch):
 @on_linux
 @pytest.mark.usefixtures("many_at_once")
 class TestInCopies:
-    def test_results_come_in_the_order_of_the_items(self, tmp_path):
-        def slow_first(k):
-            """The first is done once another copy has been at work, however late that begins."""
-            last = time.monotonic() + 60.0
-            if k:
-                (tmp_path / str(os.getpid())).touch()
-            while k == 0 and not any(tmp_path.iterdir()) and time.monotonic() < last:
-                time.sleep(0.01)
-            return k, os.getpid()
-
-        before = open_files()
-        found = list(apart(slow_first, range(50), jobs=3))
-        assert [k for k, _ in found] == list(range(50))
-        assert os.getpid() not in {process for _, process in found}
-        assert len({process for _, process in found}) > 1
-        assert open_files() == before
-
-    def test_arrays_come_back_to_the_last_bit_and_can_be_written_to(self):
-        rng = np.random.default_rng(1)
-        arrays = [rng.normal(size=(3, 5000)) for _ in range(4)]
-        found = list(apart(lambda a: (a, a[:, ::2], a[:0]), arrays, jobs=2))
-        for (whole, thinned, none), array in zip(found, arrays, strict=True):
-            np.testing.assert_array_equal(whole, array)
-            np.testing.assert_array_equal(thinned, array[:, ::2])
-            assert none.shape == (0, 5000)
-            whole[0, 0] = 1.0
-
     def test_what_the_parent_has_comes_back_as_itself(self):
         log, other = np.arange(3.0), np.arange(3.0)
         ((first, inner, second),) = apart(
@@ -200,13 +149,6 @@ class TestInCopies:
         assert list(apart(lambda k: k * k, range(9), jobs=3)) == [k * k for k in range(9)]
         assert len(calls) == n_given + 1
         assert open_files() == before
-
-    def test_who_ignores_the_end_of_children_has_their_results(self):
-        before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
-        try:
-            assert list(apart(lambda k: -k, range(9), jobs=2)) == [-k for k in range(9)]
-        finally:
-            signal.signal(signal.SIGCHLD, before)
 
     def test_who_wants_to_stop_waits_for_no_copy_and_the_rest_is_done_here(self):
         parent, begun = os.getpid(), time.monotonic()
@@ -469,35 +411,4 @@ def test_the_first_to_end_leaves_it_lowered_and_the_last_puts_it_back(three_thre
     first.close()
     assert threads() == {1}
     second.close()
-    assert threads() == {3}
-
-
-def test_two_runs_that_overlap_in_threads_leave_it_as_it_was(three_threads) -> None:
-    """The first begins, the second begins, the first ends, the second ends."""
-    options = FitOptions(procedure="plain", fixed={"r_m3": 2.6e6, "f_f": 50.0})
-    both_are_in = threading.Barrier(2, timeout=60.0)
-    first_is_done = threading.Event()
-    during: dict[str, set[int]] = {}
-    met: set[str] = set()
-
-    def run(name: str) -> None:
-        def on_fit(_fit: object) -> None:
-            if name in met:
-                return
-            met.add(name)
-            both_are_in.wait()
-            if name == "second":
-                first_is_done.wait(60.0)
-            during[name] = threads()
-
-        identify([trace(1)], PURDY_DAMPER, options, on_fit=on_fit)
-        if name == "first":
-            first_is_done.set()
-
-    both = [threading.Thread(target=run, args=(name,)) for name in ("first", "second")]
-    for one in both:
-        one.start()
-    for one in both:
-        one.join(120.0)
-    assert during == {"first": {1}, "second": {1}}
     assert threads() == {3}
