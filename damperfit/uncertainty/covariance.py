@@ -623,7 +623,7 @@ def widening(stretches: Sequence[tuple[int, float, int]], n_fitted: int) -> floa
     if not n_fitted or n_independent > _ENOUGH * n_fitted:
         return 1.0
     # A variance that a window w sums over n samples has only n / sum w^2 degrees of freedom: the
-    # factor makes 1.96 errors hold 95 % of Student's t (`python -m tests.uncertainty.few_cycles`).
+    # factor makes 1.96 errors hold 95 % of Student's t.
     sizes, spread = 0, 0.0
     for n, _, lag in stretches:
         window = _flat_topped(lag, n)

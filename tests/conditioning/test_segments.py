@@ -11,11 +11,9 @@ from damperfit.conditioning.timebase import UniformLog, continue_log
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
-from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import assess, predict
 from tests.conditioning.logs import (
     LAW,
     RATE,
@@ -114,15 +112,6 @@ def test_a_cycle_before_another_speed_may_be_off_by_one_percent(share, is_kept, 
     assert inside == 0.0 or is_kept
 
 
-@pytest.mark.parametrize("duration", [10.0, 60.0])
-def test_a_sweep_is_one_moving_stretch(duration):
-    t = np.arange(round(duration * RATE)) / RATE
-    (stretch,) = condition(moving(0.012 * np.sin(np.pi * (0.6 + 3.7 / duration * t) * t))).stretches
-    assert (stretch.kind, stretch.n_cycles) == ("moving", 0)
-    assert stretch.n_samples > 0.8 * duration * RATE
-    assert stretch.noise_source == "above the filter"
-
-
 @pytest.mark.parametrize(("turns", "is_used"), [(2.5, False), (5.5, True)])
 def test_motion_that_does_not_repeat_needs_more_than_three_cycles(turns, is_used):
     t = np.arange(round(turns * RATE)) / RATE
@@ -165,39 +154,6 @@ def test_the_figures_of_each_stretch_are_those_of_its_law():
         assert stretch.describe(trace)["energy_J"] == told.energy
 
 
-def patched(seed):
-    """A log of sines, squares, rests, triangles, walks and growing sines, one after the other."""
-    random = np.random.default_rng(seed)
-    rate = float(random.choice([80, 200, 500, 1000]))
-    parts = []
-    for _ in range(random.integers(1, 6)):
-        kind, duration = random.integers(0, 6), random.uniform(0.05, 3)
-        t = np.arange(max(int(duration * rate), 1)) / rate
-        frequency, size = random.uniform(0.2, 12), random.choice([0.001, 0.01, 0.04])
-        wave = np.sin(6.28 * frequency * t)
-        walk = 1e-3 * np.cumsum(random.standard_normal(len(t)))
-        motions = (wave, np.sign(wave), 0.0 * t, np.arcsin(wave), walk / size, t * wave)
-        parts.append(size * motions[kind])
-    x = np.concatenate(parts)
-    x = x + random.choice([0, 1e-6, 1e-5]) * random.standard_normal(len(x))
-    v = np.gradient(x, 1.0 / rate) if len(x) > 2 else x
-    force = 1500.0 * v + 50.0 * np.sign(v) + random.standard_normal(len(x))
-    return recording(np.arange(len(x)) / rate, x, force)
-
-
-@pytest.mark.one_in(7)
-@pytest.mark.parametrize("seed", range(0, 200, 5))
-def test_stretches_never_overlap_and_lie_in_the_trace(seed):
-    try:
-        trace = condition(patched(seed))
-    except ConditioningError:
-        return
-    ends = [0, *(end for one in trace.stretches for end in (one.first, one.stop))]
-    assert ends == sorted(ends)
-    assert ends[-1] <= len(trace.force)
-    assert all(one.n_samples > 0 for one in trace.stretches)
-
-
 TWICE = ((1.5, 0.02, 6), (0, 0, 2), (1.5, 0.02, 6))
 ONCE = ((1.5, 0.02, 14),)
 
@@ -223,17 +179,6 @@ def test_a_motion_that_goes_on_with_another_force_is_another_setting(parts, time
 
 
 # Rest, run-up and coast-down of one steady run.
-
-
-def test_a_ramp_from_a_far_parking_position_does_not_move_mid_stroke():
-    t = np.arange(10_000) / 500.0
-    x = np.where(t < 3.0, -0.1 + 0.1 * t / 3.0, 0.0)
-    x += 0.032 * np.sin(2 * np.pi * 1.37 * (t - 3.0)) * ((t > 3.0) & (t < 3.0 + 19 / 1.37))
-    trace = condition(moving(x, rate=500.0))
-    assert trace.centre == pytest.approx(0.0, abs=1e-8)
-    begin = trace.fastest.cycle_starts[0] * trace.interval + trace.start_time
-    assert begin > 3.0 + 1.0 / 1.37
-    assert trace.n_cycles >= 15
 
 
 # Three cycles at 5 to 10 Hz suffice, alone and among other speeds; only what was logged counts.
@@ -333,13 +278,6 @@ def two_speeds():
     return condition(log).whole
 
 
-@pytest.fixture(scope="module")
-def eight_cycles():
-    """What is fitted of a noisy log, and what is predicted."""
-    cut = conditioned(run_up(cycles=8.0), noise=1.0)
-    return cut, transients(cut)
-
-
 def test_the_change_of_speed_is_what_lies_between(two_speeds) -> None:
     first, second = two_speeds.stretches
     up, between, down = transients(two_speeds).stretches
@@ -434,13 +372,3 @@ def test_rest_is_no_motion(two_speeds, share, is_there) -> None:
     x[between] = 0.03 + np.linspace(0.0, 2.0 * share * longest, between.stop - between.start)
     parts = transients(replace(two_speeds, displacement=x)).stretches
     assert any(first.stop <= one.first < second.first for one in parts) is is_there
-
-
-def test_a_fit_predicts_them_as_well_as_it_fits(eight_cycles) -> None:
-    cut, beside = eight_cycles
-    campaign = identify((cut,), PURDY_DAMPER, FitOptions(procedure="plain"))
-    (told,) = predict(campaign, assess(campaign, PURDY_DAMPER), (beside,), damper=PURDY_DAMPER)
-    assert told.verdict == "predicted as well as fitted"
-    weaker = np.var(cut.force[cut.compared]) / np.var(beside.force[beside.compared])
-    assert told.mse_percent < 2.0 * weaker * told.fitted_mse_percent
-    assert (told.cycles, told.is_part, told.is_same_motion) == ("transients", True, False)

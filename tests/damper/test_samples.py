@@ -23,7 +23,6 @@ from damperfit.synthetic import SampleOptions, made_up_values, make_samples, ste
 from tests.oracles import model
 from tests.oracles.golden import SET_M
 from tests.quick_cycles import quick_cycle
-from tests.test_every_model import TRUTH
 
 CLEAN = SampleOptions(
     settings=(7,),
@@ -203,20 +202,6 @@ def test_the_truth_simulates_the_logs_of_valves(tmp_path: Path, name: str) -> No
 def test_a_monotube_does_not_run_empty_in_bump() -> None:
     values = made_up_values(Monotube(), 20, 0.3)
     assert values.compression_opening / 0.4 <= 0.6 * Monotube().gas_pressure * (1.0 + 1e-12)
-
-
-@pytest.mark.parametrize("kind", ["kwok", "surace_worden_tomlinson"])
-def test_a_model_of_the_literature_needs_its_numbers(tmp_path: Path, kind: str) -> None:
-    damper = MODELS[kind]()
-    with pytest.raises(ConfigurationError, match="--parameters"):
-        make_samples(tmp_path / "a", SampleOptions(damper=damper, settings=(1,), cycles=5.0))
-    values = damper.values(TRUTH[kind])
-    options = SampleOptions(damper=damper, settings=(1,), cycles=5.0, amplitude=0.02)
-    (log,) = make_samples(tmp_path / "b", options, parameters={1: values})
-    trace = condition(read_log(log))
-    force = compare(values, trace, damper).force[trace.compared]
-    assert normalised_mse(trace.force[trace.compared], force) < 0.1
-    assert truth_in(tmp_path / "b") == {1: dict(zip(values.names, values.numbers, strict=True))}
 
 
 def test_the_command_makes_logs_of_a_model(tmp_path: Path, capsys) -> None:

@@ -16,7 +16,6 @@ from damperfit.uncertainty import assess, predict
 from tests.identification.accuracy_of_motions import errors_of
 from tests.identification.rig import is_near
 from tests.oracles.motions import logged, triangles
-from tests.uncertainty import few_cycles
 
 MOTIONS = [
     "three steps",
@@ -125,24 +124,3 @@ def test_triangles_come_as_near_as_a_log_lets_them(motion, damper):
     assert np.all(seen.least <= 1.02 * seen.behind_filter)
     met = np.all(np.abs(seen.of_logs) <= 100.0 * np.array(list(WITHIN.values())), axis=1)
     assert np.count_nonzero(met) >= 10
-
-
-# Scatter of 30 cycles at 10 Hz, %, times the square root of 27 compared cycles over 3.
-THEORY = (0.14, 0.75, 2.0, 0.45, 2.9)
-
-
-@pytest.mark.one_in(3)
-@pytest.mark.parametrize("seed", range(4))
-def test_three_cycles_tell_what_they_can(seed):
-    """`python -m tests.uncertainty.few_cycles` measures over 40 seeds what stands here."""
-    trace, off, errors = few_cycles.deviations(few_cycles.logged(10.0, 3.0, seed=seed))
-    assert trace.n_cycles == 3
-    assert np.all(np.abs(off) < 0.03 * np.array(THEORY))
-    shares = 100.0 * np.array(errors) / THEORY
-    assert np.all((shares > 1.0 / 3.0) & (shares < 3.0))
-
-
-@pytest.mark.parametrize("frequency", [5.0, 10.0])
-def test_without_noise_three_cycles_tell_the_truth(frequency):
-    log = few_cycles.logged(frequency, 3.0, seed=1, force_noise=0.0, displacement_noise=0.0)
-    assert max(map(abs, few_cycles.deviations(log)[1])) < 1e-3

@@ -14,8 +14,6 @@ from damperfit.identification.least_squares import (
     minimise,
     reduced,
 )
-from tests.certificate.fits import STOPPING, correct_digits
-from tests.certificate.problems import MODELS, load
 
 RANDOM = np.random.default_rng(4)
 X = np.linspace(0.0, 1.0, 20)
@@ -196,41 +194,3 @@ def test_the_triangle_of_the_core_is_that_of_lapack(shape: tuple[int, int]) -> N
     residuals, jacobian = RANDOM.normal(size=shape[0]), RANDOM.normal(size=shape)
     twin = np.linalg.qr(np.column_stack([jacobian, residuals]), mode="r")
     assert reduced(residuals, jacobian) == pytest.approx(twin, rel=1e-12, abs=1e-13)
-
-
-# Some hundred steps along a valley, which a start nearby tells as well.
-LONG = {("Bennett5", 0), ("MGH09", 0), ("MGH17", 0)}
-NIST = [
-    pytest.param(name, k, marks=pytest.mark.slow if (name, k) in LONG else [])
-    for name in MODELS
-    for k in (0, 1)
-]
-
-
-@pytest.mark.one_in(2)
-@pytest.mark.parametrize(("name", "k"), NIST)
-def test_blocks_with_a_border_solve_the_problems_of_nist(name: str, k: int) -> None:
-    # All parameters but the last are a block's own. From the near start each problem twice, side by
-    # side; from the far one, where the way there is what is hard, once.
-    problem, copies = load(name), 1 + k
-    start = problem.starts[k]
-    size, n = np.abs(start), len(start)
-    unit = float(np.std(problem.response)) * np.sqrt(len(problem.response))
-
-    def point_at(u):
-        blocks = []
-        for copy in u[:-1].reshape(copies, n - 1):
-            b = np.append(copy, u[-1]) * size
-            with np.errstate(all="ignore"):
-                block = problem.residuals(b) / unit, problem.jacobian(b) * size / unit
-                total = np.sum(block[1]) + block[0] @ block[0]
-            if not np.isfinite(total):
-                raise SimulationError("no number")
-            blocks.append(reduced(*block))
-        return BorderedSystem(blocks, 1), None
-
-    u = start / size
-    ended = iterate(point_at, np.append(np.tile(u[:-1], copies), u[-1]), STOPPING)
-    for copy in ended.variables[:-1].reshape(copies, n - 1):
-        found = np.append(copy, ended.variables[-1]) * size
-        assert correct_digits(found, problem.certified) >= 6.0

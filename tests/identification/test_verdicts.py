@@ -337,18 +337,6 @@ def test_a_setting_that_fails_beside_others_alone_follows_them(logs, break_toget
     assert campaign.fits[2].parameters.r_m3 == campaign.fits[0].parameters.r_m3
 
 
-@pytest.mark.parametrize("bulk_modulus", ["free", "appendix1"])
-def test_a_bug_beside_one_other_leaves_the_papers_result(
-    logs, break_together, bulk_modulus: str
-) -> None:
-    break_together(6, ValueError("shapes"))
-    options = FitOptions("joint", bulk_modulus=bulk_modulus)
-    campaign = identify(logs[:2], PURDY_DAMPER, options)
-    assert [fit.setting for fit in campaign.fits] == [2]
-    assert campaign.failures[0].is_internal
-    assert any("needs two settings" in text for text in map(str, campaign.warnings))
-
-
 def test_a_bug_in_the_algebra_of_the_joint_fit_leaves_the_papers_results(logs, monkeypatch) -> None:
     """It belongs to no setting, and used to end the run with code 70."""
 

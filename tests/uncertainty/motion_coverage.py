@@ -20,20 +20,24 @@ import numpy as np
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.identification import LogFit, Sharing
+from damperfit.identification import FitOptions, LogFit, Sharing, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
-from damperfit.uncertainty import uncertainties
+from damperfit.uncertainty import assess, uncertainties
 from damperfit.uncertainty.covariance import linearise_at_fit
 from tests import fakes
 from tests.identification.accuracy_of_motions import NAMES, step_from
 from tests.oracles.motions import MOTIONS, logged, road
-from tests.uncertainty import few_cycles
 
 
 def deviations(motion, seed):
     """ln(found/true) of each parameter and its standard error, shape (2, 5)."""
-    return np.array(few_cycles.deviations(logged(motion, 10, seed=seed))[1:])
+    trace = condition(logged(motion, 10, seed=seed), ConditionOptions(centre=0.0))
+    campaign = identify([trace], PURDY_DAMPER, FitOptions(procedure="plain"))
+    (known,) = assess(campaign, PURDY_DAMPER).uncertainties
+    found, truth = campaign.fits[0].parameters, reference_parameters(10)
+    off = [np.log(getattr(found, name) / getattr(truth, name)) for name in NAMES]
+    return np.array([off, [known.intervals[n].error / getattr(found, n) for n in NAMES]])
 
 
 def covered(motion, campaigns, *, jobs=1):

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import damperfit
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.polarity import YIELDS, held_share
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -90,60 +89,6 @@ def test_a_tare_that_the_fit_has_no_room_for_is_not_confirmed() -> None:
 
 
 # Faults that a fit absorbs are named, and their shifts are in the intervals.
-
-
-def turned(log):
-    return np.clip(speed(log) / 1e-4, -1.0, 1.0)
-
-
-FAULTS = {
-    "nothing": lambda _: {},
-    "pressed": lambda log: {"force": log.force + 0.03 * turned(log) * np.maximum(log.force, 0.0)},
-    "by position": lambda log: {"force": log.force + 1e3 * turned(log) * np.abs(log.displacement)},
-    "drifts": lambda log: {"force": log.force + 20.0 * log.time / log.time[-1]},
-    "sticks": lambda log: {
-        "force": log.force + 3.5 * turned(log) * np.exp(-np.abs(speed(log)) / 0.02)
-    },
-    "gain": lambda log: {"force": log.force * (1.04 if log.setting == 12 else 1.0)},
-    "clock": lambda log: {"time": log.time * (1.02 if log.setting == 12 else 1.0)},
-    "stroke": lambda log: {"displacement": log.displacement * (1.03 if log.setting == 12 else 1.0)},
-}
-
-
-@pytest.mark.parametrize(
-    ("fault", "code", "flaw"),
-    [
-        ("nothing", "", ""),
-        ("pressed", "misfit", "friction_with_pressure"),
-        ("by position", "misfit", "friction_with_position"),
-        ("drifts", "force_drift", ""),
-        ("sticks", "misfit-of-all", "friction_with_speed"),
-        ("gain", "misfit", "force_gain"),
-        ("clock", "clock-apart", ""),
-        ("stroke", "stroke-apart", ""),
-    ],
-)
-def test_a_fault_is_named_and_what_it_moves_is_in_the_intervals(fault, code, flaw) -> None:
-    logs = {}
-    for setting in (4, 8, 12, 16, 20):
-        log = recording(setting, noise=2.0)
-        log = replace(log, **FAULTS[fault](log))
-        logs[str(setting)] = {
-            "time_s": log.time, "displacement_m": log.displacement, "force_N": log.force,
-        }  # fmt: skip
-    run = damperfit.identify(logs, jobs=1)
-    codes = {"misfit", "force_drift", "clock-apart", "stroke-apart"}
-    told = [one for one in run.problems if one.code in ({code} if code else codes)]
-    assert bool(told) is bool(code)
-    worst = max(told, key=lambda one: one.values.get("mse_percent", 0.0), default=None)
-    assert worst is None or flaw in worst.values.get("flaw", "")
-    # Of a wrong clock or stroke its own numbers are off, and only the rig can say by how much.
-    for setting in () if fault in {"clock", "stroke"} else run.settings:
-        truth = reference_parameters(int(setting.label))
-        for name in ("r_m1", "r_m2", "k_e"):
-            (low, high), true = setting.intervals[name], getattr(truth, name)
-            away = abs(getattr(setting.values, name) - true)
-            assert away < max(0.02 * true, 1.5 * (high - low)), (setting, name)
 
 
 def test_noise_of_few_cycles_is_no_hidden_friction() -> None:

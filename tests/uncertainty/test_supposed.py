@@ -11,10 +11,9 @@ from damperfit.identification import FitOptions, identify
 from damperfit.uncertainty import assess
 from damperfit.uncertainty.covariance import linearise_at_fit
 from tests.identification import adjusted
-from tests.uncertainty.drag_coverage import NAMES, SHARP, TURNING, Seals, errors_of
 
 DAMPER = adjusted.DAMPER
-DRAG, SEALS_DRAG = DAMPER.quantity("drag").ignorance, NAMES.index("drag")
+DRAG = DAMPER.quantity("drag").ignorance
 VALVES = ("rebound_bleed", "rebound_opening", "rebound_slope", "compression_bleed")
 # Beside its default by next to nothing: a number that somebody has given.
 MEASURED = {"return_slope": 1.0001 * DAMPER.quantity("return_slope").default}
@@ -108,31 +107,6 @@ def test_it_is_wrong_by_the_same_at_all_settings() -> None:
     for interval in (few, many):
         assert interval.low < adjusted.TRUTH["rebound_slope"] < interval.high
     assert many.misfit == pytest.approx(few.misfit, rel=0.3)  # four settings know no more than two
-
-
-@pytest.mark.parametrize(
-    ("law", "seals", "seeds", "most_by_noise", "drag", "of_all"),
-    [
-        (TURNING, Seals(noise=0.5), 8, 0.5, 0.87, 0.9),
-        (SHARP, Seals(), 3, 0.0, 0.0, 0.9),
-        *(
-            pytest.param(law, seals, 60, 1.0, 0.9, 0.92, marks=pytest.mark.slow)
-            for law, seals in (
-                (TURNING, Seals(within=0.0)),
-                (TURNING, Seals()),
-                (SHARP, Seals()),
-                (TURNING, Seals(noise=0.5)),
-            )
-        ),
-    ],
-)
-def test_intervals_hold_where_friction_turns_otherwise(  # the drag's by noise do not
-    law, seals, seeds, most_by_noise, drag, of_all
-) -> None:
-    held = np.abs([errors_of(law, seals, seed) for seed in range(seeds)]) < 1.96
-    assert held[:, 0, SEALS_DRAG].mean() <= most_by_noise
-    assert held[:, 1, SEALS_DRAG].mean() >= drag
-    assert held[:, 1].mean() >= of_all
 
 
 def test_two_straight_lines_lack_as_much_below_their_speeds_as_a_hyperbolic_tangent() -> None:
