@@ -334,9 +334,7 @@ def test_oil_is_kept_and_every_passage_dissipates():
         known = {"": 0.0} | values
         for way in network.passages:
             drop = response.pressures[way.start - 1] - response.pressures[way.end - 1]
-            terms = ("opening", "resistance", "orifice", "width")
-            law = {term: known[getattr(way, term)] for term in terms}
-            law |= {"power": known[way.power] or 1.0, "is_two_way": way.is_two_way}
+            law = twin.law_of(way, known)
             assert np.all(np.array([twin.flow_through(d, **law) for d in drop]) * drop >= 0.0)
         one, two = response.masses / damper.oil_density
         lost = two - damper.chamber_2_volume

@@ -5,12 +5,9 @@ tenth of their errors, on standard logs, logs that the rig has filtered or that 
 speeds, and rates of which a cycle is a whole number of samples.
 """
 
-import gc
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,18 +15,14 @@ import pytest
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, design_filter
 from damperfit.conditioning.filters import completed
-from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.identification import FitOptions, identify
+from damperfit.identification import FitOptions
 from damperfit.identification.fit_problem import Block, linearise
 from damperfit.identification.fit_setting import best_of_starts, minimised
 from damperfit.identification.logs import settled
 from damperfit.recording import Trace
-from damperfit.run.identify import written
 from damperfit.simulation import Motion, SolverOptions, simulate
-from damperfit.synthetic import SampleOptions, make_samples
-from damperfit.uncertainty import assess, assessment
 from tests.identification.rig import TIGHT, recorded, recording, trace
 from tests.laws.valve_logs import VALUES, damper, moved
 
@@ -200,56 +193,6 @@ def test_the_mean_cycle_of_the_core_is_that_of_the_cycles(starts: list[float]) -
 
 
 # What a run keeps of a log, counted in bytes of arrays.
-
-N_ROWS, BAR = 10_000, 0.5e6  # 10 s at 1 kHz; bytes a log of so many rows
-
-
-def array_bytes(*kept: Any) -> int:
-    """Bytes of all arrays that can be reached from objects, each block of memory once."""
-    todo, known, blocks = list(kept), set(), {}
-    while todo:
-        one = todo.pop()
-        if id(one) in known or isinstance(one, type) or callable(one):
-            continue
-        known.add(id(one))
-        if isinstance(one, np.ndarray):
-            while isinstance(one.base, np.ndarray):
-                one = one.base
-            blocks[id(one)] = one.nbytes
-        else:
-            todo += gc.get_referents(one)
-    return sum(blocks.values())
-
-
-def test_a_log_that_is_judged_keeps_half_a_megabyte(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[Any] = []
-    real = assessment.uncertainties
-
-    def noted(linearised: Any, sharing: Any, **more: Any) -> Any:
-        seen.extend(linearised)
-        return real(linearised, sharing, **more)
-
-    monkeypatch.setattr(assessment, "uncertainties", noted)
-    logs = [trace(setting, noise=4.0) for setting in (3, 12)]
-    assert all(len(log.force) > 0.85 * N_ROWS for log in logs)  # what is run up is cut
-    campaign = identify(logs, PURDY_DAMPER)
-    judged = assess(campaign, PURDY_DAMPER, solver=FitOptions().solver)
-    kept = array_bytes(logs, campaign, judged)
-    assert kept / len(logs) < BAR
-    assert kept > sum(log.force.nbytes + log.displacement.nbytes for log in logs)
-    # With residuals and weights of each log 0.14 MB more, while all settings are judged.
-    assert len(seen) == 2
-    more = array_bytes(logs, campaign, seen) - array_bytes(logs, campaign)
-    assert 0 < more < 20_000 * len(logs)
-
-
-def test_what_a_run_returns_holds_no_response(tmp_path: Path) -> None:
-    options = SampleOptions(settings=(1, 2), cycles=5.0, force_noise=1.0)
-    make_samples(tmp_path / "logs", options)
-    settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})
-    (found,) = written(settings, [str(tmp_path / "logs" / "*.csv")], jobs=1)
-    assert array_bytes(found.run) < 20_000
-    assert len(found.run.signals) == 2  # read again where they are wanted
 
 
 @pytest.mark.parametrize("way", [on_cycles, lambda whole: whole], ids=["cycles", "logs"])

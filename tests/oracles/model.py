@@ -19,19 +19,6 @@ from damperfit.damper.purdy.parameters import Damper, Parameters
 FloatArray = NDArray[np.float64]
 Function = Callable[[float], float]
 
-__all__ = [
-    "Instant",
-    "Oracle",
-    "cycle_energy",
-    "dissipation",
-    "equal_pressure_start",
-    "friction_share",
-    "instant",
-    "rest_masses",
-    "sine",
-    "solve",
-]
-
 
 class Instant(NamedTuple):
     """Everything that can be said about the damper at one moment, SI."""
@@ -99,20 +86,10 @@ def instant(
     flow_1 = math.copysign(math.sqrt(abs(drop_1)), drop_1) / parameters.r_m1
     flow_2 = max(0.0, pressure_2 - pressure_1) / parameters.r_m2
     flow_3 = max(0.0, pressure_3 - pressure_2) / parameters.r_m3
-    return Instant(
-        volume_1,
-        volume_2,
-        gas_volume,
-        pressure_1,
-        pressure_2,
-        pressure_3,
-        flow_1,
-        flow_2,
-        flow_3,
-        rate_1=-flow_1 + flow_2,
-        rate_2=-flow_2 + flow_3,
-        oil_force=pressure_1 * annulus - pressure_2 * bore,
-    )
+    oil_force = pressure_1 * annulus - pressure_2 * bore
+    rates = -flow_1 + flow_2, -flow_2 + flow_3
+    pressures, flows = (pressure_1, pressure_2, pressure_3), (flow_1, flow_2, flow_3)
+    return Instant(volume_1, volume_2, gas_volume, *pressures, *flows, *rates, oil_force)
 
 
 def friction_share(velocity: float, dead_band: float = 1e-4) -> float:

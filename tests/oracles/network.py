@@ -15,15 +15,8 @@ __all__ = ["flow_through", "solve"]
 def flow_through(drop, *, opening, resistance, orifice, width, is_two_way, power=1.0):
     """Mass flow of one passage, kg/s."""
     if drop < 0 and is_two_way:
-        return -flow_through(
-            -drop,
-            opening=opening,
-            resistance=resistance,
-            orifice=orifice,
-            width=width,
-            is_two_way=False,
-            power=power,
-        )
+        law = {"opening": opening, "resistance": resistance, "orifice": orifice, "width": width}
+        return -flow_through(-drop, **law, is_two_way=False, power=power)
     if width > 0:
         left = width * (
             np.logaddexp(0, (drop - opening) / width) - np.logaddexp(0, -opening / width)
@@ -37,6 +30,13 @@ def flow_through(drop, *, opening, resistance, orifice, width, is_two_way, power
         return left / resistance
     # S^2 w^2 + R w - left = 0, its positive root
     return (-resistance + math.sqrt(resistance**2 + 4 * orifice**2 * left)) / (2 * orifice**2)
+
+
+def law_of(way, known):
+    """The numbers of a passage, by what they are."""
+    terms = ("opening", "resistance", "orifice", "width")
+    law = {term: known[getattr(way, term)] for term in terms}
+    return law | {"power": known[way.power] or 1.0, "is_two_way": way.is_two_way}
 
 
 def oil_pressure(mass, volume, values, damper):
@@ -109,15 +109,7 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
         p = pressures(state[:n_oil], y, network, values, damper)
         change = [0.0, 0.0, 0.0]
         for way in network.passages:
-            w = flow_through(
-                p[way.start - 1] - p[way.end - 1],
-                opening=known[way.opening],
-                resistance=known[way.resistance],
-                orifice=known[way.orifice],
-                width=known[way.width],
-                power=known[way.power] or 1.0,
-                is_two_way=way.is_two_way,
-            )
+            w = flow_through(p[way.start - 1] - p[way.end - 1], **law_of(way, known))
             change[way.start - 1] -= w
             change[way.end - 1] += w
         rates = change[:n_oil]

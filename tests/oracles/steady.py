@@ -9,7 +9,7 @@ import math
 
 from scipy.optimize import brentq
 
-from tests.oracles.network import flow_through
+from tests.oracles.network import flow_through, law_of
 
 __all__ = ["purdy_force", "steady_force"]
 
@@ -46,15 +46,8 @@ def steady_force(network, values, damper, v, *, ambient=101325.0):
         total = 0.0
         for way in network.passages:
             if chamber in (way.start, way.end):
-                flow = flow_through(
-                    pressures[way.start] - pressures[way.end],
-                    opening=known[way.opening],
-                    resistance=known[way.resistance],
-                    orifice=known[way.orifice],
-                    width=known[way.width],
-                    power=known[way.power] or 1.0,
-                    is_two_way=way.is_two_way,
-                )
+                drop = pressures[way.start] - pressures[way.end]
+                flow = flow_through(drop, **law_of(way, known))
                 total += flow if way.start == chamber else -flow
         return total
 

@@ -4,14 +4,16 @@
     python -m tests.rig_like.bars --all FOLDER   # also --model auto; logs and results stay there
 
 The laws of the dampers (`dampers.py`) are none of the library's and their integrator is none of the
-core's, so what is said of them holds for the whole chain.
+core's, so what is said of them holds for the whole chain. `valve_bars`, `other_laws`: drawn ones.
 """
 
 import argparse
 import csv
+import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,10 +24,6 @@ from tests.rig_like.dampers import (
     written_second_rig,
 )
 
-__all__ = [
-    "Bar", "adjustable_bars", "adjusted", "at_bounds", "identified", "second_rig_bars",
-]  # fmt: skip
-
 ADJUSTERS = """[adjusters]
 l = ["rebound.bleed", "compression.bleed"]
 h = ["rebound.opening", "compression.opening"]
@@ -34,6 +32,7 @@ SHARED = f"""[damper.mounting]
 lag = "fit"
 {ADJUSTERS}"""
 UNSEEN = "damper_L14_H2.csv"
+NAMED, LEAST = 0.05, 0.2  # m/s and faster; of half the force's range
 
 
 @dataclass(frozen=True)
@@ -52,9 +51,8 @@ class Bar:
     @property
     def line(self) -> str:
         """For people."""
-        return (
-            f"{'met' if self.is_met else 'MISSED':6} {self.what}: {self.found:.3g} ({self.most:g})"
-        )
+        word = "met" if self.is_met else "MISSED"
+        return f"{word:6} {self.what}: {self.found:.3g} ({self.most:g})"
 
 
 def adjusted(toml: str) -> str:
@@ -62,33 +60,49 @@ def adjusted(toml: str) -> str:
     return f"{toml}\n{ADJUSTERS}"
 
 
-def identified(folder: Path, *options: str) -> list[dict[str, str]]:
-    """Rows of mse.csv of a run, those of whole settings left out."""
+@dataclass(frozen=True)
+class Identified:
+    """What became of a run in a folder of logs."""
+
+    rows: list[dict[str, str]]  # of mse.csv, those of whole settings left out
+    n_at_bounds: int  # quantities of settings at an edge of their ranges
+    worst_force: float  # of all settings, strokes and speeds: off the measured, per cent
+
+    def mse(self, role: str, part: str = "", *, apart: str = "none") -> list[float]:
+        """Return the MSE of logs with that role, with `part` in their names and without `apart`."""
+        return [
+            float(one["mse_percent"])
+            for one in self.rows
+            if one["role"] == role and part in one["log"] and apart not in one["log"]
+        ]
+
+
+def identified(folder: Path, *options: str) -> Identified:
+    """Identify logs in a folder; its `results` are replaced."""
     out = folder / "results"
-    command = [
-        sys.executable,
-        "-m",
-        "damperfit",
-        "identify",
-        *options,
-        "--out",
-        str(out),
-        "--quiet",
-    ]
+    command = [sys.executable, "-m", "damperfit", "identify", *options]
+    command += ["--out", str(out), "--quiet"]
     subprocess.run(command, cwd=folder, check=True, capture_output=True)
-    with (out / "mse.csv").open(encoding="utf-8", newline="") as file:
-        return [row for row in csv.DictReader(file) if row["log"]]
 
+    def table(name: str) -> list[dict[str, str]]:
+        with (out / name).open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
 
-def at_bounds(folder: Path) -> int:
-    """How many quantities of how many settings ended at an edge of their ranges."""
-    with (folder / "results" / "parameters.csv").open(encoding="utf-8", newline="") as file:
-        return sum(
-            value == "at_bound"
-            for row in csv.DictReader(file)
-            for name, value in row.items()
-            if name.endswith("_status")
-        )
+    record = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    worst = max(
+        (
+            100.0 * abs(difference) / max(abs(measured), LEAST * one["half_range"])
+            for one in record["speed_forces"]
+            for speed, measured, difference in zip(
+                one["speeds"], one["measured"], one["difference"], strict=True
+            )
+            if speed >= NAMED
+        ),
+        default=0.0,
+    )
+    statuses = [row[n] for row in table("parameters.csv") for n in row if n.endswith("_status")]
+    rows = [row for row in table("mse.csv") if row["log"]]
+    return Identified(rows, statuses.count("at_bound"), worst)
 
 
 def adjustable_bars(folder: Path) -> list[Bar]:
@@ -97,28 +111,24 @@ def adjustable_bars(folder: Path) -> list[Bar]:
     text = ADJUSTABLE_TOML.format(model="through_flow") + SHARED
     (logs / "damper.toml").write_text(text, encoding="utf-8")
     held = ("--hold-out", "*_slow.csv", "--hold-out", UNSEEN)
-    rows = identified(logs, "*.csv", *held, "--procedure", "joint", "--config", "damper.toml")
-    fitted = [float(row["mse_percent"]) for row in rows if row["role"] == "fitted"]
-    told = {row["log"]: float(row["mse_percent"]) for row in rows if row["role"] == "held_out"}
-    slow = max(mse for name, mse in told.items() if name != UNSEEN)
+    run = identified(logs, "*.csv", *held, "--procedure", "joint", "--config", "damper.toml")
+    fitted = run.mse("fitted")
     return [
         Bar("one model for all settings, mean MSE, %", sum(fitted) / len(fitted), 0.2),
         Bar("its worst log, %", max(fitted), 0.2),
-        Bar("a setting that was not fitted, %", told[UNSEEN], 0.15),
-        Bar("a speed five times slower, worst of two, %", slow, 0.5),
-        Bar("quantities at a bound", at_bounds(logs), 0),
+        Bar("a setting that was not fitted, %", max(run.mse("held_out", UNSEEN)), 0.15),
+        Bar("a speed five times slower, worst of two, %", max(run.mse("held_out", "_slow")), 0.5),
+        Bar("quantities at a bound", run.n_at_bounds, 0),
     ]
 
 
 def apart_bars(folder: Path) -> list[Bar]:
     """Each log by itself, the law chosen by evidence."""
-    logs = folder / "adjustable"
-    held = ("--hold-out", "*_slow.csv")
-    rows = identified(logs, "*.csv", *held, "--model", "auto", "--config", "damper.toml")
-    fitted = [float(row["mse_percent"]) for row in rows if row["role"] == "fitted"]
+    held = ("--hold-out", "*_slow.csv", "--model", "auto", "--config", "damper.toml")
+    run = identified(folder / "adjustable", "*.csv", *held)
     return [
-        Bar("log by log with --model auto, worst of 12, %", max(fitted), 0.12),
-        Bar("quantities at a bound", at_bounds(logs), 0),
+        Bar("log by log with --model auto, worst of 12, %", max(run.mse("fitted")), 0.12),
+        Bar("quantities at a bound", run.n_at_bounds, 0),
     ]
 
 
@@ -127,12 +137,47 @@ def second_rig_bars(folder: Path) -> list[Bar]:
     logs = written_second_rig(folder / "second_rig")
     text = RIG_TOML.format(model="twin_tube") + '[damper.mounting]\nplay = "fit"\n'
     (logs / "damper.toml").write_text(text, encoding="utf-8")
-    rows = identified(logs, "*.csv", "--config", "damper.toml")
-    worst = max(float(row["mse_percent"]) for row in rows)
+    run = identified(logs, "*.csv", "--config", "damper.toml")
     return [
-        Bar("second rig, one parameter set for 13 speeds, worst, %", worst, 0.5),
-        Bar("quantities at a bound", at_bounds(logs), 0),
+        Bar("second rig, one parameter set for 13 speeds, worst, %", max(run.mse("fitted")), 0.5),
+        Bar("quantities at a bound", run.n_at_bounds, 0),
     ]
+
+
+def drawn_figures(folder: Path, *, logs: str, unseen: str, apart: str) -> dict[str, float]:
+    """What a drawn damper reaches: the law chosen for each setting, then one model without one.
+
+    `unseen` is the setting that the one model is not fitted to, `apart` one that no figure counts.
+    """
+    config = (folder / "damper.toml").read_text(encoding="utf-8")
+    (folder / "adjusted.toml").write_text(adjusted(config), encoding="utf-8")
+    endings = [one for one in ("_check.csv", "_slow.csv") if list(folder.glob(f"*{one}"))]
+    held = [word for one in endings for word in ("--hold-out", f"*{one}")]
+    asked = (logs, "--model", "auto", *held, "--config")
+    alone = identified(folder, *asked, "damper.toml")
+    joint = ("--procedure", "joint", "--hold-out", f"*{unseen}*")
+    whole = identified(folder, *asked, "adjusted.toml", *joint)
+    fitted = whole.mse("fitted")
+    return {
+        "log by log, worst, %": max(alone.mse("fitted", apart=apart)),
+        **{f"{one}, worst, %": max(alone.mse("held_out", one, apart=apart)) for one in endings},
+        **{f"{one} by one model, %": max(whole.mse("held_out", one, apart=unseen), default=0.0)
+           for one in endings},
+        "force at a speed, of the measured, worst, %": alone.worst_force,
+        "force at a speed by one model, %": whole.worst_force,
+        "quantities at a bound": alone.n_at_bounds,
+        "one model for the settings, mean, %": sum(fitted) / len(fitted),
+        "a setting that was not fitted, %": max(whole.mse("held_out", unseen), default=0.0),
+    }  # fmt: skip
+
+
+def shown(bars: Iterable[Bar]) -> bool:
+    """Print a line for each bar; return whether one is missed."""
+    is_missed = False
+    for bar in bars:
+        is_missed |= not bar.is_met
+        print(f"  {bar.line}", flush=True)
+    return is_missed
 
 
 def main() -> None:
@@ -141,15 +186,10 @@ def main() -> None:
     parser.add_argument("--all", action="store_true", help="the law chosen by evidence too")
     parser.add_argument("folder", nargs="?", type=Path, help="where logs and results stay")
     given = parser.parse_args()
+    parts = [adjustable_bars, *([apart_bars] if given.all else []), second_rig_bars]
     with tempfile.TemporaryDirectory() as temporary:
-        folder = given.folder or Path(temporary)
-        parts = [adjustable_bars, *([apart_bars] if given.all else []), second_rig_bars]
-        missed = False
-        for part in parts:
-            for bar in part(folder):
-                missed |= not bar.is_met
-                print(bar.line, flush=True)
-    sys.exit(int(missed))
+        missed = [shown(part(given.folder or Path(temporary))) for part in parts]
+    sys.exit(int(any(missed)))
 
 
 if __name__ == "__main__":
