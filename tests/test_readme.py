@@ -4,13 +4,10 @@ import math
 import os
 import re
 import shlex
-import shutil
-import subprocess
 import tomllib
 from pathlib import Path
 
 import numpy as np
-import pytest
 from matplotlib.ft2font import __freetype_version__
 from matplotlib.testing.compare import calculate_rms
 from PIL import Image
@@ -39,18 +36,6 @@ def _shown() -> str:
     return re.findall(r"```text\n(.*?)```", START.read_text(encoding="utf-8"), re.DOTALL)[0]
 
 
-def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command,
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-
-
 def test_the_first_screen_is_the_two_commands() -> None:
     environment = "python3 -m venv .venv && . .venv/bin/activate && "  # Debian refuses without
     assert f"{environment}pip install . && damperfit identify sample_runs/*.csv" == FIRST
@@ -58,19 +43,6 @@ def test_the_first_screen_is_the_two_commands() -> None:
     assert TEXT.index(SECOND) < TEXT.index("## ")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert "test" in project["optional-dependencies"]
-
-
-@pytest.mark.skipif(shutil.which("grep") is None, reason="no grep here")
-def test_ci_runs_the_command_that_the_readme_shows() -> None:
-    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
-    pattern = re.search(r"grep -m1 -oE '(.+)' README\.md", script)
-    assert pattern is not None
-    found = _run(["grep", "-m1", "-oE", pattern[1], str(README)], ROOT)
-    assert found.stdout == TESTS + "\n"
-    assert 'bash -c "${command%&& pytest} --quiet"' in script
-    split = f'command="{TESTS}"; printf %s "${{command%&& pytest}}"'
-    installing = _run(["bash", "-c", split], ROOT).stdout
-    assert shlex.split(installing) == ["pip", "install", "-e", ".[test]"]
 
 
 def test_the_five_steps_do_what_they_say(tmp_path, monkeypatch, capsys) -> None:

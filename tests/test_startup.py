@@ -1,6 +1,5 @@
 """The command line is there at once: no numerical library is loaded before a command runs."""
 
-import gc
 import importlib.metadata
 import os
 import shutil
@@ -12,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import damperfit
-from damperfit.cli import main
 
 HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic", "plotly", "jinja2")
 LOG = str(Path(__file__).parents[1] / "sample_runs" / "setting_01.csv")
@@ -78,14 +76,6 @@ def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
 def test_a_program_that_ends_looks_for_no_garbage():
     """It took a fifteenth of the time of `inspect`, and as much again when Python ended."""
     assert run("-c", _COUNTED, "inspect", LOG)[1] == ["0 0 True True"]
-
-
-def test_a_call_of_the_command_line_leaves_garbage_to_its_caller(capsys):
-    kept, usual = gc.get_freeze_count(), gc.get_threshold()
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"damperfit {damperfit.__version__}\n"
-    assert gc.get_freeze_count() <= kept
-    assert gc.get_threshold() == usual
 
 
 def test_the_script_is_installed():

@@ -64,21 +64,14 @@ STATES: dict[str, tuple[Any, dict[str, Any], tuple[int, ...]]] = {
         {"gates_missed": ["setting 2: MSE 12.3 % is above 5 %"]},
         (),
     ),
-    "at_bound": (
-        campaign(fit(1, outcome=Outcome.AT_BOUND, status={"k_e": "at_bound"}, mse=2.5)),
-        {},
-        (),
-    ),
-    "not_identifiable": (
-        campaign(fit(1, outcome=Outcome.NOT_IDENTIFIABLE, status={"k_e": "not_identifiable"})),
-        {},
-        (),
-    ),
-    "cavitating": (
-        campaign(fit(19, outcome=Outcome.CAVITATING, f_0=-12.5, status={"f_0": "fitted"})),
-        {},
-        (),
-    ),
+    **{
+        name: (campaign(fit(setting, outcome=Outcome(name), **how)), {}, ())
+        for name, setting, how in (
+            ("at_bound", 1, {"status": {"k_e": "at_bound"}, "mse": 2.5}),
+            ("not_identifiable", 1, {"status": {"k_e": "not_identifiable"}}),
+            ("cavitating", 19, {"f_0": -12.5, "status": {"f_0": "fitted"}}),
+        )
+    },
     "missing": (
         campaign(fit(1), fit(3)),
         {
@@ -98,72 +91,46 @@ def run_of(done: Any, record: dict[str, Any], expected: tuple[int, ...] = ()) ->
     return Run(RECORD | record, tables=tables, quantities=done.quantities or PAPER_QUANTITIES)
 
 
-def _force(setting: Any, speed: float, stroke: str, force: float, **more: Any) -> dict[str, Any]:
-    change = {"change_N": None, "change_ci_low_N": None, "change_ci_high_N": None}
-    return {
-        "setting": setting,
-        "speed_m_per_s": speed,
-        "stroke": stroke,
-        "force_N": force,
-        "force_ci_low_N": force - 0.8,
-        "force_ci_high_N": force + 0.8,
-        "origin": "model",
-        "measured_N": force + 1.0,
-        "measured_se_N": 0.2,
-        "difference_N": 1.0,
-        **change,
-        **more,
-    }
-
-
-def _clicked(force: float) -> dict[str, float]:
-    return {
-        "change_N": force,
-        "change_ci_low_N": force - 2.0,
-        "change_ci_high_N": force + 2.0,
-        "change_percent": 12.3,
-    }
-
-
-_MEASURED = {
-    "origin": "measured",
-    "force_N": 801.0,
-    "force_ci_low_N": 800.608,
-    "force_ci_high_N": 801.392,
-}
 # Rows of the table "adjustment": the second setting is missed by the model in rebound at 0.3 m/s.
-FORCES = [
-    _force(setting, speed, stroke, sign * (100.0 * setting + 2000.0 * speed), **more)
-    for setting in (1, 2)
-    for speed in (0.05, 0.3)
-    for stroke, sign in (("rebound", 1.0), ("bump", -1.0))
-    for more in [
-        {
-            **(_clicked(sign * 100.0) if setting == 2 else {}),
-            **(_MEASURED if (setting, speed, sign) == (2, 0.3, 1.0) else {}),
-        }
-    ]
-]
+_ROW = """
+setting speed_m_per_s stroke force_N change_N origin
+1 0.05 rebound 200 - model
+1 0.05 bump -200 - model
+1 0.3 rebound 700 - model
+1 0.3 bump -700 - model
+2 0.05 rebound 300 100 model
+2 0.05 bump -300 -100 model
+2 0.3 rebound 801 100 measured
+2 0.3 bump -800 -100 model
+"""
 
+
+def _force(heads: list[str], cells: list[str]) -> dict[str, Any]:
+    row: dict[str, Any] = dict(zip(heads, cells, strict=True))
+    row |= {"setting": int(row["setting"]), "speed_m_per_s": float(row["speed_m_per_s"])}
+    force, is_measured = float(row["force_N"]), row["origin"] == "measured"
+    reach = 0.392 if is_measured else 0.8
+    row |= {"force_N": force, "force_ci_low_N": force - reach, "force_ci_high_N": force + reach}
+    measured = force if is_measured else force + 1.0
+    row |= {"measured_N": measured, "measured_se_N": 0.2, "difference_N": 1.0}
+    change = None if row["change_N"] == "-" else float(row["change_N"])
+    ends = ("change_N", 0.0), ("change_ci_low_N", -2.0), ("change_ci_high_N", 2.0)
+    row |= {name: None if change is None else change + off for name, off in ends}
+    return row if change is None else row | {"change_percent": 12.3}
+
+
+_HEADS, *_ROWS = (line.split() for line in _ROW.strip().splitlines())
+FORCES = [_force(_HEADS, cells) for cells in _ROWS]
+
+_CLIPPED = {"name": "clipping", "severity": "warning", "sentence": "the force is clipped"}
 LOGS = [
-    {
-        "name": f"run_{n}.csv",
-        "setting": n,
-        "n_samples_read": 5000,
-        "sample_rate_Hz": 500.0,
-        "cycles_used": 13,
-        "cycles_found": 15,
-        "frequency_Hz": 1.5,
-        "amplitude_m": 0.032,
-        "temperature_degC": 26.4,
-        "verdict": "warnings" if n == 2 else "good",
+    {"name": f"run_{n}.csv", "setting": n, "n_samples_read": 5000, "sample_rate_Hz": 500.0}
+    | {"cycles_used": 13, "cycles_found": 15, "frequency_Hz": 1.5, "amplitude_m": 0.032}
+    | {"temperature_degC": 26.4, "verdict": "warnings" if n == 2 else "good"}
+    | {
         "findings": [
             {"name": "noise", "severity": "note", "sentence": f"noise of {n}.5 N"},
-            *(
-                [{"name": "clipping", "severity": "warning", "sentence": "the force is clipped"}]
-                if n == 2
-                else []
-            ),
+            *([_CLIPPED] if n == 2 else []),
         ],
         "notes": ["26.4 degC on average"],
     }

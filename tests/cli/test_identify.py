@@ -211,14 +211,6 @@ def test_a_run_begins_where_an_earlier_one_ended_or_at_values(
         assert told["start_values"] == ({"k_e": "900MPa", "r_m1": "2e4"} if more else {})
 
 
-def test_values_come_in_a_list_and_may_be_written_as_in_the_paper(run, logs, began) -> None:
-    command = ["identify", logs / "setting_02.csv", "--procedure", "plain", "--json", "--quiet"]
-    done = run(*command, "--start", "f_f=30, K_e=2e9", "--start", "r_m1=2e4", "--fix", "F_0=0")
-    assert done.code == 0
-    assert (began[2].f_f, began[2].k_e, began[2].r_m1) == (30.0, 2e9, 2e4)
-    assert json.loads(done.out)["configuration"]["identification"]["fix"] == {"f_0": "0"}
-
-
 def test_a_log_or_another_models_table_is_no_start(run, logs, results, tmp_path) -> None:
     done = run("identify", logs / "setting_01.csv", "--start", logs / "setting_01.csv", "--quiet")
     assert done.code == 2

@@ -244,16 +244,6 @@ def test_a_run_that_fits_nothing_keeps_the_earlier_results(run, first, folder):
     assert contents(folder) == contents(first)
 
 
-def test_where_dampers_get_folders_the_earlier_results_of_one_go(run, logs, repeated, folder):
-    lines = (logs / "setting_01.csv").read_text().splitlines()
-    text = "\n".join(line for line in lines if "setting" not in line) + "\n"
-    for k, name in enumerate(("SN11_click01.csv", "SN12_click01.csv")):
-        Path(name).write_text(repeated(text, k))
-    (folder / "mine.txt").write_text("a user's own")
-    assert run("identify", "SN*.csv", "--out", "results").code == 0
-    assert sorted(path.name for path in folder.iterdir()) == ["11", "12", "mine.txt"]
-
-
 # What a log may say, and every place where it is shown.
 
 EVIL = "<script>alert(1)</script>[red]x[/red] `*_| =HYPERLINK(1) \x1b]0;owned\u202e"

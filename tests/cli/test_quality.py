@@ -73,24 +73,6 @@ def test_each_fault_of_a_signal_is_told(run, tmp_path, rows, fault) -> None:
     assert (told["name"], told["severity"]) == (name, severity)
 
 
-LOST = 100.0 * (1.0 - 1.0 / (1.0 + (2.0**0.5 - 1.0) * (1.5 / 2.5) ** 8))  # 3 dB at the corner
-DECLARED = {
-    'rig.centre = "41.7mm"': ("mid_stroke", "x = 0 at 41.700 mm of the log, as declared", 0.0),
-    'conditioning.filter_corner = "2.5Hz"': ("filter_loss", f"takes {LOST:.2g} % off", LOST),
-}
-
-
-@pytest.mark.parametrize("declared", DECLARED)
-def test_what_is_declared_stands_in_the_findings(run, tmp_path, rows, declared) -> None:
-    name, says, value = DECLARED[declared]
-    write(tmp_path / "log_s2.csv", column(rows, 1, number(lambda _, x: x + 41.7)))
-    (tmp_path / "rig.toml").write_text(declared)
-    (log,) = json.loads(run("inspect", "log_s2.csv", "--config", "rig.toml", "--json").out)["logs"]
-    (finding,) = [one for one in log["findings"] if one["name"] == name]
-    assert says in finding["sentence"]
-    assert finding["value"] == pytest.approx(value, rel=1e-3, abs=2e-5)
-
-
 def test_strict_quality_leaves_a_log_out_and_ends_with_4(run, logs, tmp_path, rows) -> None:
     write(tmp_path / "clipped_s3.csv", ROWS["clipped"][0](rows))
     good = logs / "setting_01.csv"

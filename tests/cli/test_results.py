@@ -334,14 +334,6 @@ def peak_of(ended) -> float:
     return json.loads(ended.out)["characteristics"]["peak_force_rebound"]
 
 
-def test_a_configuration_s_damper_is_found_from_its_logs(slim) -> None:
-    found, known = (values_in(slim / ".." / name) for name in ("results", "logs/truth.csv"))
-    for setting, true in known.items():
-        for name, off in (("r_m1", 2e-3), ("r_m2", 3e-3), ("k_e", 1e-2), ("f_f", 2e-2)):
-            assert getattr(found[setting], name) == pytest.approx(getattr(true, name), rel=off)
-    assert load_configuration(PAPER) == load_configuration()
-
-
 @pytest.mark.parametrize("table", ["parameters.csv", ""])
 def test_simulate_and_samples_take_damper_and_motion_from_the_results(run, slim, table) -> None:
     """They took the paper's geometry: 15 N for 661 N, and 828 N for 10117 N."""

@@ -187,18 +187,6 @@ def test_setting_and_numbers_may_change_in_mid_run_and_the_pressures_stay(unit, 
 
 
 @runs_here
-def test_a_number_follows_the_setting_unless_it_was_changed(unit) -> None:
-    echoed = unit("paper")
-    start = {name: echoed.get(name) for name in ("r_m1", "k_e", "f_f", "f_0", "gas_pressure")}
-    echoed.initialise(0.0, 0.3, setting=1, **start)  # as importers do that set everything
-    assert echoed.get("k_e") == CASES["paper"][1].k_e
-    changed = unit("paper")
-    changed.initialise(0.0, 0.3, r_m1=3e4, setting=1)
-    assert changed.get("r_m1") == 3e4
-    assert changed.get("k_e") == CASES["paper"][1].k_e
-
-
-@runs_here
 @pytest.mark.parametrize("name", ["paper", "twin_tube", "seals", "grip"])
 def test_a_state_is_taken_up_bit_for_bit_also_from_its_bytes(unit, name) -> None:
     x, v = sine(0.4)

@@ -1,7 +1,6 @@
 """Logs to dampers and dampers to parts: whose a log is, what is whole, new, or in its place."""
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -215,15 +214,6 @@ def test_a_part_of_the_same_log_or_place_replaces_the_earlier_one(tmp_path, firs
     assert [path.stem.removeprefix("part-") for path in parts_in(tmp_path)] == left
 
 
-def test_the_part_that_was_right_last_stays(tmp_path):
-    first, second = (part_path(tmp_path, "D1", key) for key in ("first", "second"))
-    for path in (first, second):
-        write_part(path, rows(1.0), facts("x"))
-    os.utime(second, (1.0, 1.0))
-    forget_earlier(tmp_path)
-    assert parts_in(tmp_path) == [first]
-
-
 def test_what_cannot_be_written_leaves_nothing_and_damage_is_called_by_name(tmp_path, monkeypatch):
     def full(*_args, **_options):
         raise OSError(28, "No space left on device")
@@ -244,15 +234,6 @@ def test_what_cannot_be_written_leaves_nothing_and_damage_is_called_by_name(tmp_
     with pytest.raises(ConfigurationError, match=r"part-k\.parquet: damaged .* makes it again"):
         collect(tmp_path)
     assert read_facts_of(path) == {}
-
-
-def test_parts_of_different_columns_make_one_table(tmp_path):
-    other = pa.table({"setting": ["1"], "rebound_bleed": [2e-6]})
-    for owner, table in (("D1", rows(1.0)), ("D2", other)):
-        write_part(part_path(tmp_path, owner, "k"), table, facts(owner))
-    table = collect(tmp_path)
-    assert table["r_m1"].to_pylist() == [1.0, None]
-    assert table["rebound_bleed"].to_pylist() == [None, 2e-6]
 
 
 def test_what_a_killed_worker_left_goes_and_what_a_living_one_writes_stays(tmp_path):

@@ -14,7 +14,7 @@ from scipy import io as scipy_io
 
 from damperfit.errors import LogError
 from damperfit.io import ReadOptions, read_log, read_logs
-from tests.io import binary_logs, mdf_writer, scenarios
+from tests.io import binary_logs, scenarios
 from tests.io.binary_logs import WRITERS, needs
 from tests.io.scenarios import HEADER, Scenario, check_round_trip, parquet_bytes, parquet_table
 
@@ -215,12 +215,6 @@ def tdms(*channels: tuple, group: str = "run", **facts) -> bytes:
     return sink.getvalue()
 
 
-def test_tdms_channels_of_different_length_are_named(put) -> None:
-    data = tdms(*((name, np.arange(n)) for name, n in zip(NAMES, (10.0, 10.0, 9.0), strict=True)))
-    message = refusal(put(data, "a.tdms"))
-    assert "channels of different length: time 10, displacement 10, force 9 values" in message
-
-
 @pytest.mark.parametrize(
     ("step", "offset", "n"), [(0.002, 0.0, 5), (0.001, 0.003, 6), (0.001, 0.006, 0)]
 )
@@ -299,17 +293,6 @@ def test_mdf_chain_that_bites_its_tail_and_version_3_are_refused(put) -> None:
     data[at + 24 : at + 32] = struct.pack("<Q", at)  # the next channel is the channel itself
     assert "leads to itself" in refusal(put(bytes(data), "a.mf4"))
     assert "3.30" in refusal(put(b"MDF     3.30    TGT 15.0" + bytes(200), "a.mdf"))
-
-
-def test_a_channel_of_text_hides_none_behind_it(put) -> None:
-    needs("asammdf")
-    time = np.arange(9.0)
-    text = ("note", "", np.array([b"abc"] * 9))
-    numbers = ("displacement", "mm", 2.0 * time), ("force", "N", 3.0 * time)
-    path = put(mdf_writer.written((time, [text, *numbers])), "a_s1.mf4")
-    recording = read_log(path, ReadOptions(max_bytes=10_000))
-    np.testing.assert_array_equal(recording.time, time)
-    np.testing.assert_array_equal(recording.force, 3.0 * time)
 
 
 # Archives
