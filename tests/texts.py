@@ -22,7 +22,6 @@ from damperfit.reporting.report import markdown_report
 from damperfit.reporting.sheet import text_table
 from damperfit.reporting.tables import (
     check_lines,
-    force_by_setting_sheet,
     force_sheets,
     measured_force_sheet,
     parameter_sheet,
@@ -172,7 +171,6 @@ def texts() -> dict[str, str]:
     told["terminal, checks"] = "\n".join(check_lines(CHECKS))
     for name, sheets in (
         ("by speed", force_sheets(FORCES)),
-        ("by setting", [force_by_setting_sheet(FORCES)]),
         ("measured", [measured_force_sheet(FORCES)]),
     ):
         told[f"terminal, forces {name}"] = "\n\n".join(map(text_table, sheets))

@@ -28,7 +28,7 @@ from damperfit.reporting.answer import Answer
 from damperfit.reporting.inspection import curve_forces_sheet
 from damperfit.reporting.records import to_record
 from damperfit.reporting.sheet import rows_in_units, sheet_in_units
-from damperfit.reporting.tables import force_by_setting_sheet, force_sheets, measured_force_sheet
+from damperfit.reporting.tables import force_sheets, measured_force_sheet
 from damperfit.simulation import NAMED_SPEEDS, refuse_amplitude
 from damperfit.tables.files import json_values
 from damperfit.tables.rows import adjustment_rows
@@ -193,12 +193,8 @@ class SettingForces(Answer):
         asked = self.question
         both = asked.stroke is None or (asked.speed is not None and asked.force is not None)
         strokes = STROKES if both else (asked.stroke or "",)
-        if asked.speed is not None:
-            sheets = [force_by_setting_sheet(rows, strokes)]
-        else:
-            sheets = force_sheets(rows, strokes)
-        sheets = [one for one in (*sheets, measured_force_sheet(rows)) if one.rows]
-        return tuple(sheet_in_units(one, self.units) for one in sheets)
+        sheets = (*force_sheets(rows, strokes), measured_force_sheet(rows))
+        return tuple(sheet_in_units(one, self.units) for one in sheets if one.rows)
 
 
 def parse_question(

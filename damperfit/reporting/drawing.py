@@ -27,13 +27,8 @@ _STYLES: dict[str, dict[str, Any]] = {
     "triangles": {**_OPEN, "marker": "^"},
     "rings": {**_OPEN, "marker": "o", "markersize": 11.0},
     "dot_line": {"linewidth": 0.8, "marker": "o", "markersize": 4.0},
-    "triangle_line": {
-        "linewidth": 0.8,
-        "linestyle": "--",
-        "marker": "^",
-        "markersize": 7.0,
-        "markerfacecolor": "none",
-    },
+    "triangle_line": _OPEN
+    | {"linewidth": 0.8, "linestyle": "--", "marker": "^", "markersize": 7.0},
 }
 # Nothing of the time or the machine in the files; text stays text in SVG and PDF.
 _FIXED: Any = {
@@ -164,33 +159,33 @@ def _draw_key(axes: Any, plot: Plot) -> None:
     """Draw what the styles are, and the settings in their order where no line is labelled."""
     from matplotlib.lines import Line2D
 
+    lines = [line for panel in plot.panels for line in panel.lines]
+    if not any(line.tag for line in lines):
+        colours = {
+            line.setting: line.colour
+            for line in lines
+            if line.setting is not None and line.colour not in _COLOURS
+        }
+        key = axes.legend(
+            handles=[
+                Line2D([], [], color=colour, linewidth=4.0, label=str(setting))
+                for setting, colour in sorted(colours.items())
+            ],
+            title="setting",
+            title_fontsize=7,
+            bbox_to_anchor=(1.01, 1.02),
+            ncols=1 + (len(colours) - 1) // _KEY_ROWS,
+            labelspacing=0.25,
+            handlelength=1.4,
+            columnspacing=1.0,
+            **_BESIDE,
+        )
+        axes.add_artist(key)
+        key.set_clip_on(False)  # it stands outside of the axes
     styles = [
         Line2D([], [], color=_COLOURS["ink"], label=word, **_STYLES[style])
         for word, style in plot.key
     ]
-    if any(line.tag for panel in plot.panels for line in panel.lines):
-        axes.legend(handles=styles, **_ABOVE)
-        return
-    colours = {
-        line.setting: line.colour
-        for panel in plot.panels
-        for line in panel.lines
-        if line.setting is not None and line.colour not in _COLOURS
-    }
-    settings = sorted(colours)
-    key = axes.legend(
-        handles=[Line2D([], [], color=colours[s], linewidth=4.0, label=str(s)) for s in settings],
-        title="setting",
-        title_fontsize=7,
-        bbox_to_anchor=(1.01, 1.02),
-        ncols=1 + (len(settings) - 1) // _KEY_ROWS,
-        labelspacing=0.25,
-        handlelength=1.4,
-        columnspacing=1.0,
-        **_BESIDE,
-    )
-    axes.add_artist(key)
-    key.set_clip_on(False)  # it stands outside of the axes
     axes.legend(handles=styles, **_ABOVE)
 
 

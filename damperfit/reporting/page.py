@@ -227,33 +227,36 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
     The anchor is where the page can be entered: ``setting-12``, a second log of the setting has
     ``setting-12-log-2``.
     """
-    rows = {row["setting"]: row for row in shown.run.rows("parameters")}
+    run, units = shown.run, shown.units
+    rows = {row["setting"]: row for row in run.rows("parameters")}
     seen: Counter[str] = Counter()
     for log, plots in shown.by_log:
         name = str(log.setting.cell) if isinstance(log.setting.cell, int) else log.setting.slug
         seen[name] += 1
         row, fastest = rows.get(log.setting), log.fastest
-        own = rows_in_units(log.rows, shown.units)
+        own = rows_in_units(log.rows, units)
         at_best = [one for one in own if fastest and one["stretch"] == fastest["stretch"]]
-        findings = findings_in(log.facts)
-        notes = [one.sentence for one in findings if one.severity == "note"]
-        how_read = [one for one in map(str, listed_in(log.facts, "notes")) if one not in notes]
         forces = [log_force_sheet(at_best)] if at_best else []
         segments = [segment_sheet(own, has_setting=False)] if log.has_segments else []
+        notes, findings = [], []
+        for one in findings_in(log.facts):
+            if one.severity == "note":
+                notes.append(one.sentence)
+            else:
+                findings.append(f"{one.severity}: {one.sentence}")
+        how_read = [one for one in map(str, listed_in(log.facts, "notes")) if one not in notes]
         yield {
             "setting": log.setting,
             "anchor": f"setting-{name}" + (f"-log-{seen[name]}" if seen[name] > 1 else ""),
             "log": log.signals.log,
-            "verdict": verdict(row, shown.run) if row else "",
-            "parameters": parameter_line(row, shown.run.quantities) if row else "",
-            "facts": _log_facts(log, shown.units),
-            "findings": [
-                f"{one.severity}: {one.sentence}" for one in findings if one.severity != "note"
-            ],
+            "verdict": verdict(row, run) if row else "",
+            "parameters": parameter_line(row, run.quantities) if row else "",
+            "facts": _log_facts(log, units),
+            "findings": findings,
             "details": {"Notes on the log": notes, "How the log was read": how_read},
             "figures": [data.add(plot) for plot in plots],
-            "forces": [sheet_in_units(one, shown.units) for one in forces],
-            "segments": [sheet_in_units(one, shown.units) for one in segments],
+            "forces": [sheet_in_units(one, units) for one in forces],
+            "segments": [sheet_in_units(one, units) for one in segments],
         }
 
 

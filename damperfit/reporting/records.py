@@ -64,9 +64,9 @@ def to_record(one: Any) -> Any:
         return {key: to_record(getattr(one, name)) for name, key in _keys_of(kind)}
     if isinstance(one, tuple):
         return [to_record(item) for item in one]
-    if isinstance(one, dict):
-        return {str(key): to_record(item) for key, item in one.items()}
-    return one
+    return (
+        {str(key): to_record(item) for key, item in one.items()} if isinstance(one, dict) else one
+    )
 
 
 @cache
@@ -86,13 +86,6 @@ def read_back(kind: type[_T], entry: object) -> _T | None:
     """Return what `to_record` was given; None where the entry, anything at all, is another thing.
 
     What it lacks reads as not known: NaN, None, an empty text.
-
-    Examples
-    --------
-    >>> read_back(Check, {"name": "no_cavitation"})
-    Check(name='no_cavitation', passed=None, reason='')
-    >>> read_back(Check, {"reason": "of what?"}) is None
-    True
     """
     try:
         read: _T = _read(kind, entry)
@@ -133,12 +126,11 @@ def _whole(value: Any) -> int:
     return int(value)
 
 
-def _number(value: object) -> float:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    try:
-        return float(value) if is_number else math.nan  # type: ignore[arg-type]
-    except OverflowError:  # JSON knows whole numbers of any length
-        return math.nan
+def _number(value: Any) -> float:
+    with suppress(OverflowError):  # JSON knows whole numbers of any length
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return float(value)
+    return math.nan
 
 
 def _text(value: object) -> str:
@@ -194,25 +186,22 @@ def findings_in(log: Record) -> tuple[Finding, ...]:
     findings = []
     for entry in listed_in(log, "findings"):
         finding = read_back(Finding, entry)
-        if finding is None:
-            continue
-        if "values" in entry:  # to be worded by whoever shows it
+        if finding is not None and "values" in entry:  # to be worded by whoever shows it
             problem = Problem.of_record(entry)
             finding = replace(finding, text=problem.text, values=problem.values)
-        findings.append(finding)
+        findings += [finding] if finding is not None else []
     order = {"refusal": 0, "warning": 1}
     return tuple(sorted(findings, key=lambda finding: order.get(finding.severity, 2)))
 
 
 def units_in(record: Record) -> ShownUnits:
     """Return the units in which the run was shown; SI where it does not say."""
-    found: Any = record.get("configuration")
+    units: Any = record.get("configuration")
     for key in ("output", "units"):
-        found = found.get(key) if isinstance(found, dict) else None
-    try:
-        return parse_units(found) if isinstance(found, str) else SI
-    except QuantityError:
-        return SI
+        units = units.get(key) if isinstance(units, dict) else None
+    with suppress(QuantityError):
+        return parse_units(units) if isinstance(units, str) else SI
+    return SI
 
 
 def failures_in(record: Record) -> tuple[Failure, ...]:
@@ -220,16 +209,14 @@ def failures_in(record: Record) -> tuple[Failure, ...]:
     failures = []
     for entry in listed_in(record, "failures"):
         with suppress(TypeError, ValueError, AttributeError):
-            kind, message, log, path = (
-                _text(entry.get(name)) for name in ("kind", "message", "log", "path")
-            )
+            names = ("kind", "message", "log", "path")
+            kind, message, log, path = (_text(entry.get(name)) for name in names)
             setting = _read(Setting | None, entry.get("setting"))
             if kind and message:
                 text = message.removeprefix(f"{log}: ")  # of older runs, without a text
                 problem = Problem.of_record({"text": text, "subject": log, **entry})
-                failures.append(
-                    Failure(replace(problem, severity="error"), kind, log, path, setting)
-                )
+                problem = replace(problem, severity="error")
+                failures.append(Failure(problem, kind, log, path, setting))
     return tuple(failures)
 
 
@@ -239,8 +226,8 @@ def problems_in(record: Record) -> list[Problem]:
     for entry in listed_in(record, "problems"):
         with suppress(TypeError, KeyError, AttributeError):
             problems.append(Problem.of_record(entry))
-    said = [Problem(str(one), str(one), "warning") for one in listed_in(record, "warnings")]
-    return [one for one in problems if one.severity in SEVERITIES] or said
+    sentences = [Problem(str(one), str(one), "warning") for one in listed_in(record, "warnings")]
+    return [one for one in problems if one.severity in SEVERITIES] or sentences
 
 
 def gaps_in(record: Record) -> tuple[tuple[int, int], ...]:

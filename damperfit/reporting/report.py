@@ -95,12 +95,12 @@ def report_sections(run: Run, units: ShownUnits = SI) -> list[Section]:
     """Return the parts of a report in their order; those without content are left out."""
     seen: set[str] = set()
     sections = []
-    for section in _sections(run, units):
-        sentences = [one for one in dict.fromkeys(section.sentences) if one not in seen]
-        seen.update(sentences)
-        sheets = [one for one in section.sheets if one.rows]
-        if sentences or sheets:
-            sections.append(section._replace(sentences=sentences, sheets=sheets))
+    for title, place, sentences, sheets in _sections(run, units):
+        new = [one for one in dict.fromkeys(sentences) if one not in seen]
+        seen.update(new)
+        filled = [one for one in sheets if one.rows]
+        if new or filled:
+            sections.append(Section(title, place, new, filled))
     return sections
 
 
@@ -109,8 +109,6 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     checks, law, gaps = checks_in(record), law_in(record), gaps_in(record)
     forces = rows_in_units(run.rows("adjustment"), units)
     segments = rows_in_units(run.rows("characteristics"), units)
-    missing = [f"no result for {of_runs(gaps)}"] if gaps else []
-    trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
     advice = {one.value: one.advice for one in Outcome if one is not Outcome.CONVERGED}
     outcomes = {row.get("outcome") for row in parameters} & set(advice)
     errors = {
@@ -119,17 +117,18 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
         if isinstance(one, dict) and isinstance(one.get("log"), str)
     }
 
-    def table(title: str, place: str, *sheets: Sheet) -> Section:
-        return Section(title, place, sheets=sheets)
+    def table(title: str, place: str, *sheets: Sheet, scaled: bool = False) -> Section:
+        shown = [sheet_in_units(one, units) if scaled else one for one in sheets]
+        return Section(title, place, sheets=shown)
 
     def words(title: str, about: str) -> Section:
         return Section(title, "words", sentences_in(record, about))
 
+    missing = [f"no result for {of_runs(gaps)}"] if gaps else []
     yield Section("Not done", "alarm", [*failure_lines(failures_in(record)), *missing])
     yield Section("These results are incomplete", "alarm", run.remarks)
     yield Section("Gates not met", "alarm", list(map(str, listed_in(record, "gates_missed"))))
-    by_setting = (sheet_in_units(one, units) for one in force_sheets(forces))
-    yield table("Force by setting", "top", *by_setting)
+    yield table("Force by setting", "top", *force_sheets(forces), scaled=True)
     yield Section("Model structure that the logs support", "words", law_sentences(law))
     shown = parameters_in_units(parameters, run.quantities, units)
     yield table("Parameters", "parameters", parameter_sheet(*shown))
@@ -142,31 +141,34 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield Section("Verdicts", "words", verdicts(run))
     held_out = held_out_sheet(predictions_in(record))
     yield table("Held out: predicted, not fitted", "words", held_out)
+    trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
     offset = sentences_in(record, "force_offset")
     yield Section("Across the settings", "words", [*trends, *offset])
     yield words("Noise and lack of fit", "noise_and_lack_of_fit")
     yield words("Identifiability", "identifiability")
     yield words("Many starts", "many_starts")
     yield words("Cavitation", "cavitation")
-    yield Section("Warnings of each log", "folded", _log_findings(record))
+    findings = (  # mere notes stand with their log
+        Problem(finding.name, finding.sentence, finding.severity, str(log.get("log", "log")))
+        for log in listed_in(record, "inputs")
+        if isinstance(log, dict)
+        for finding in findings_in(log)
+        if finding.severity != "note"
+    )
+    yield Section("Warnings of each log", "folded", listing(findings))
     peaks = segment_sheet(segments, has_setting=True, errors=errors)
-    yield table("Peak force against peak speed (PVP)", "tables", sheet_in_units(peaks, units))
-    beside = sheet_in_units(measured_force_sheet(forces), units)
-    yield table("Measured beside the model", "tables", beside)
-    yield from _valves(run)
+    yield table("Peak force against peak speed (PVP)", "tables", peaks, scaled=True)
+    beside = measured_force_sheet(forces)
+    yield table("Measured beside the model", "tables", beside, scaled=True)
+    if run.declared_damper is not None:  # the paper's would be assumed, and remarked on
+        with suppress(ConfigurationError):  # a model without such valves
+            valves = run.valves()
+            title = "Valves as parts, at a discharge coefficient of 0.7"
+            yield Section(title, "tables", valves.remarks, valves.sheets())
     yield table("Model structures that were tried", "tables", tried_laws_sheet(law))
     yield table("Models of the literature", "tables", rival_sheet(law))
     yield table("How near to cavitation", "tables", cavitation_sheet(parameters))
     yield Section("How it was done", "folded", list(_procedure(run, units)))
-
-
-def _valves(run: Run) -> Iterator[Section]:
-    if run.declared_damper is None:  # the paper's would be assumed, and remarked on
-        return
-    with suppress(ConfigurationError):  # a model without such valves
-        valves = run.valves()
-        title = "Valves as parts, at a discharge coefficient of 0.7"
-        yield Section(title, "tables", valves.remarks, valves.sheets())
 
 
 def withheld(run: Run) -> list[str]:
@@ -196,17 +198,6 @@ def verdict(row: Any, run: Run) -> str:
     remarks = remarks_on(row, run.quantities)
     reason = f"withheld because {row['grade_reason']}" if row.get("grade_reason") else ""
     return "; ".join(part for part in (words, remarks, reason) if part)
-
-
-def _log_findings(record: Any) -> list[str]:
-    """Return the findings that matter; mere notes stand with their log."""
-    inputs = [entry for entry in listed_in(record, "inputs") if isinstance(entry, dict)]
-    return listing(
-        Problem(finding.name, finding.sentence, finding.severity, str(one.get("log", "log")))
-        for one in inputs
-        for finding in findings_in(one)
-        if finding.severity != "note"
-    )
 
 
 def _procedure(run: Run, units: ShownUnits) -> Iterator[str]:

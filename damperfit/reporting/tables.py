@@ -424,34 +424,24 @@ _MOST_STEPS = 5  # steps of several clicks that are named
 
 
 def force_sheets(rows: Sequence[Row], strokes: Iterable[str] = STROKE_WORDS) -> list[Sheet]:
-    """Return the forces at all speeds and the click at the fastest, a table a stroke."""
-    speeds = sorted({row["speed_m_per_s"] for row in rows})
-    sheets = [_by_setting(rows, (stroke,), speeds) for stroke in strokes if rows]
+    """Return a table a stroke: force at each speed, and what a click changes at the fastest."""
+    sheets = [_by_setting(rows, stroke) for stroke in strokes if rows]
     # A note stands once, below the last table.
     return [*(replace(one, notes=()) for one in sheets[:-1]), *sheets[-1:]]
 
 
-def force_by_setting_sheet(rows: Sequence[Row], strokes: Iterable[str] = STROKE_WORDS) -> Sheet:
-    """Return force and change by click at the fastest speed of the rows, strokes side by side."""
-    strokes = list(strokes)
-    fastest = max((row["speed_m_per_s"] for row in rows), default=0.0)
-    known = [row for row in rows if row["speed_m_per_s"] == fastest]
-    sheet = _by_setting(known, strokes, [fastest])
-    heads = list(sheet.headings[1:])
-    heads[:: len(heads) // len(strokes)] = [STROKE_WORDS[one] for one in strokes]
-    units = ("", *(one.replace("m/s", "N") for one in sheet.units[1:]))
-    notes = (f"at {fastest:g} m/s", *sheet.notes)
-    return replace(sheet, headings=("set", *heads), units=units, notes=notes)
-
-
-def _by_setting(rows: Sequence[Row], strokes: Sequence[str], speeds: Sequence[float]) -> Sheet:
-    """Force at each speed, and what a click changes at the last, a row a setting."""
+def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
     table = {
-        (row["setting"], row.get("changed"), row["stroke"], row["speed_m_per_s"]): row
+        (row["setting"], row.get("changed"), row["speed_m_per_s"]): row
         for row in rows
+        if row["stroke"] == stroke
     }
+    *speeds, last = sorted({row["speed_m_per_s"] for row in rows})
     # With several adjusters a setting has a row for each that was turned.
-    places = sorted({key[:2] for key in table}, key=lambda one: (Setting.of(one[0]), one[1] or ""))
+    places = sorted(
+        {(row["setting"], row.get("changed")) for row in rows},
+        key=lambda one: (Setting.of(one[0]), one[1] or ""),
+    )
     has_click = any(row.get("change_N") is not None for row in rows)
     lines = lines_of([setting for setting, _ in places])
     steps = ((a, b, clicks_between(a, b) or 0.0)
@@ -462,36 +452,33 @@ def _by_setting(rows: Sequence[Row], strokes: Sequence[str], speeds: Sequence[fl
         setting, changed = str(place[0]), place[1]
         return f"{setting}, {changed}" if changed is not None and " " in setting else setting
 
-    columns = [Column(STROKE_WORDS[strokes[0]], "N at", words)]
+    def column(heading: str, unit: str, speed: float, cell: Callable[[Row], str]) -> Column:
+        return Column(heading, unit, lambda place: cell(table.get((*place, speed), {})))
 
-    def add(heading: str, unit: str, stroke: str, speed: float, cell: Callable[[Row], str]) -> None:
-        columns.append(
-            Column(heading, unit, lambda place: cell(table.get((*place, stroke, speed), {})))
-        )
-
-    def interval(name: str, row: Row, plus: str = "") -> str:
-        ends = (row.get(f"{name}{end}_N") for end in ("", "_ci_low", "_ci_high"))
-        return with_interval(*ends, digits=4 if not plus else 5, plus=plus)
+    def interval(name: str, row: Row, **how: Any) -> str:
+        return with_interval(*(row.get(f"{name}{e}_N") for e in ("", "_ci_low", "_ci_high")), **how)
 
     def force(row: Row) -> str:
-        return interval("force", row) + _mark(row)
+        return interval("force", row, digits=4) + _mark(row)
 
     def bare_force(row: Row) -> str:
         return number(row.get("force_N"), digits=4) + _mark(row)
+
+    def change(row: Row) -> str:
+        return interval("change", row, plus="+")
 
     def change_percent(row: Row) -> str:
         share = row.get("change_percent")
         return NOTHING if share is None else f"{share:+.1f}"
 
-    for stroke in strokes:
-        for speed in speeds[:-1]:
-            add(f"{speed:.3g}", "m/s", stroke, speed, bare_force)
-        last = speeds[-1]
-        add(f"{last:.3g}", "m/s ±95 %", stroke, last, force)
-        if has_click:
-            heading = "change" if wide else "click"
-            add(heading, "N ±95 %", stroke, last, lambda row: interval("change", row, plus="+"))
-            add("", "%", stroke, last, change_percent)
+    columns = [
+        Column(STROKE_WORDS[stroke], "N at", words),
+        *(column(f"{speed:.3g}", "m/s", speed, bare_force) for speed in speeds),
+        column(f"{last:.3g}", "m/s ±95 %", last, force),
+    ]
+    if has_click:
+        columns.append(column("change" if wide else "click", "N ±95 %", last, change))
+        columns.append(column("", "%", last, change_percent))
     notes = []
     if has_click and wide:
         named = ", ".join(f"{a} to {b} ({n:g} clicks)" for a, b, n in wide[:_MOST_STEPS])

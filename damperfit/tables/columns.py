@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import suppress
 from dataclasses import fields
 from functools import cache
 from itertools import takewhile
@@ -75,6 +76,17 @@ _MOTION = (
 _PRESSURES = tuple(
     _number(f"pressure_{i}_Pa", "Pa", f"absolute pressure in chamber {i}") for i in (1, 2, 3)
 )
+_FORCES_OF_SEGMENT = [
+    column
+    for gas, more in (("", ""), ("_without_gas", ", gas force taken off"))
+    for column in (
+        *(_number(f"{w}_{s}{gas}_N", "N", f"{w} force in {s}{more}") for w, s in _BOTH),
+        *(
+            _number(f"{whose}_ratio{gas}", "1", f"rebound over bump, no signs, {whose}{more}")
+            for whose in ("measured", "simulated")
+        ),
+    )
+]
 CHARACTERISTICS = (
     _count("stretch", "which segment of the log, counted from 1"),
     _text("kind", "steady: cycles that repeat; moving: motion that does not"),
@@ -86,17 +98,7 @@ CHARACTERISTICS = (
     _text("point", "peak: the largest forces and speeds (PVP); speed: a named speed"),
     _number("speed_rebound_m_per_s", "m/s", "speed in rebound, mean of the cycles"),
     _number("speed_bump_m_per_s", "m/s", "speed in compression, positive"),
-    *(
-        column
-        for gas, said in (("", ""), ("_without_gas", ", gas force taken off"))
-        for column in (
-            *(_number(f"{w}_{s}{gas}_N", "N", f"{w} force in {s}{said}") for w, s in _BOTH),
-            *(
-                _number(f"{whose}_ratio{gas}", "1", f"rebound over bump, no signs, {whose}{said}")
-                for whose in ("measured", "simulated")
-            ),
-        )
-    ),
+    *_FORCES_OF_SEGMENT,
     _number("mean_gas_force_N", "N", "gas force from the damper's data, mean of the segment"),
     _number("measured_energy_J", "J", "work in a cycle, measured; rows of peaks only"),
     _number("simulated_energy_J", "J", "work in a cycle, simulated; rows of peaks only"),
@@ -108,12 +110,7 @@ CHARACTERISTICS = (
 )
 CAVITATION = (
     _number("cavitation_fraction", "1", "share of the cycle with a chamber at P = 0", "fraction"),
-    _number(
-        "r_m3_cavitation_margin",
-        "1",
-        "rise of R_m3 at which chamber 2 starts to cavitate",
-        "margin",
-    ),
+    _number("r_m3_cavitation_margin", "1", "rise of R_m3 at which chamber 2 cavitates", "margin"),
     _number("lowest_pressure", "Pa", "lowest absolute pressure of any chamber", "lowest_pressure"),
     _count("lowest_pressure_chamber", "chamber of the lowest pressure"),
     _number("lowest_pressure_displacement", "m", "x at the lowest pressure", "displacement"),
@@ -240,14 +237,13 @@ def _columns(
             yield from _setting_columns(table, [Setting.of(one) for one in settings])
         elif column is _QUANTITIES:
             yield from (_number(one.name, one.unit, one.meaning) for one in quantities)
-            for one in quantities:
-                yield _number(f"{one.name}_se", one.unit, f"standard error of {one.name}")
-                yield _number(f"{one.name}_ci_low", one.unit, f"95 % interval of {one.name}")
-                yield _number(f"{one.name}_ci_high", one.unit, f"95 % interval of {one.name}")
-                yield _text(f"{one.name}_status", f"how {one.name} was found")
-            for one in quantities:
-                misfit = f"error of {one.name} from lack of fit"
-                yield _number(f"{one.name}_misfit_se", one.unit, misfit)
+            for name, unit in ((one.name, one.unit) for one in quantities):
+                yield _number(f"{name}_se", unit, f"standard error of {name}")
+                yield _number(f"{name}_ci_low", unit, f"95 % interval of {name}")
+                yield _number(f"{name}_ci_high", unit, f"95 % interval of {name}")
+                yield _text(f"{name}_status", f"how {name} was found")
+            for name, unit in ((one.name, one.unit) for one in quantities):
+                yield _number(f"{name}_misfit_se", unit, f"error of {name} from lack of fit")
         elif column is _REFITTED:
             for one in quantities:
                 yield _number(one.name, one.unit, f"{one.meaning}, {column.description}")
@@ -260,17 +256,13 @@ def _setting_columns(table: str, settings: Sequence[Setting]) -> Iterator[Column
     is_whole = all(isinstance(one.cell, int) for one in settings)
     yield _SETTING if is_whole else _text(_SETTING.name, _SETTING.description)
     names = settings[0].adjusters if settings else (ADJUSTER,)
-    if names == (ADJUSTER,):
-        return
-    for name in names:
+    for name in names if names != (ADJUSTER,) else ():
         places = [one.place(name) for one in settings]
-        description = f"position of the adjuster {name}"
-        if any(isinstance(place, str) for place in places):
-            yield _text(name, description)
-        elif all(isinstance(place, int) for place in places):
-            yield _count(name, description)
-        else:
-            yield _number(name, "1", description)
+        kind = next(
+            (kind for kind in (str, float) if any(isinstance(p, kind) for p in places)), int
+        )
+        arrow = {str: _TEXT, float: _FLOAT, int: _INT}[kind]
+        yield Column(name, arrow, "" if kind is str else "1", f"position of the adjuster {name}")
     if table == "adjustment" and len(names) > 1:
         yield _CHANGED
 
@@ -287,14 +279,10 @@ def table_schema(
 
     entry = {"schema_version": SCHEMA_VERSION, "table": name}
     entry |= {"quantities": quantity_records(quantities), **facts}
-    columns = [
-        pa.field(
-            one.name,
-            pa.type_for_alias(one.kind),
-            metadata={"unit": one.unit, "description": one.description},
-        )
-        for one in _columns(name, settings, quantities)
-    ]
+    columns = []
+    for one in _columns(name, settings, quantities):
+        words = {"unit": one.unit, "description": one.description}
+        columns.append(pa.field(one.name, pa.type_for_alias(one.kind), metadata=words))
     return pa.schema(columns, metadata={"damperfit": json.dumps(entry, sort_keys=True)})
 
 
@@ -347,18 +335,10 @@ def setting_cells(setting: Setting, *, is_whole: bool) -> dict[str, Place]:
 def adjusters_in(
     names: Sequence[str], quantities: Sequence[Quantity] = PAPER_QUANTITIES
 ) -> tuple[str, ...]:
-    """Return the adjusters that have a column in a table: what follows ``setting`` unknown.
-
-    Examples
-    --------
-    >>> adjusters_in(["setting", "rebound", "compression", "r_m1"])
-    ('rebound', 'compression')
-    """
-    if ADJUSTER not in names:
-        return ()
-    known = column_names(tuple(quantities))
-    after = names[list(names).index(ADJUSTER) + 1 :]
-    return tuple(takewhile(lambda name: name not in known, after))
+    """Return the adjusters that have a column in a table: what follows ``setting`` unknown."""
+    known, after = column_names(tuple(quantities)), iter(names)
+    # The search for it goes as far as it.
+    return tuple(takewhile(lambda name: name not in known, after)) if ADJUSTER in after else ()
 
 
 def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setting | None:
@@ -383,14 +363,13 @@ def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setti
 
 def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
     """Return quantities as JSON values; what has no limit has none."""
-    records = [
-        {one.name: getattr(known, one.name) for one in fields(Quantity)} for known in quantities
-    ]
-    for record in records:
-        ranges = {key: ends for key, ends in record.items() if isinstance(ends, tuple)}
-        for key, ends in ranges.items():
-            record[key] = [end if math.isfinite(end) else None for end in ends]
-    return records
+
+    def value(of: Any) -> Any:
+        is_range = isinstance(of, tuple)
+        return [end if math.isfinite(end) else None for end in of] if is_range else of
+
+    names = [one.name for one in fields(Quantity)]
+    return [{name: value(getattr(known, name)) for name in names} for known in quantities]
 
 
 def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tuple[Quantity, ...]:
@@ -400,10 +379,9 @@ def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tupl
     say what there is.
     """
     records = facts.get("quantities")
-    try:
+    found: tuple[Quantity, ...] = ()
+    with suppress(KeyError, TypeError, ValueError):
         found = tuple(map(_quantity, records)) if isinstance(records, list) else ()
-    except (KeyError, TypeError, ValueError):
-        found = ()
     seen = [name.removesuffix("_status") for name in columns if name.endswith("_status")]
     if not found and not {one.name for one in PAPER_QUANTITIES}.issuperset(seen):
         found = tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in seen)
@@ -414,16 +392,12 @@ def _quantity(record: Mapping[str, Any]) -> Quantity:
     known = {one.name: record[one.name] for one in fields(Quantity) if one.name in record}
     for key, ends in known.items():
         if isinstance(ends, list):
-            low, high = ends
-            known[key] = (
-                -math.inf if low is None else float(low),
-                math.inf if high is None else float(high),
-            )
+            limits = zip(ends, (-math.inf, math.inf), strict=True)
+            known[key] = tuple(none if end is None else float(end) for end, none in limits)
     return Quantity(**known)
 
 
 def values_from(quantities: tuple[Quantity, ...], numbers: Sequence[float]) -> Values:
     """Return values read from a table."""
     is_paper = quantities == PAPER_QUANTITIES
-    kind = PURDY_DAMPER.values_type if is_paper else values_type(quantities)
-    return kind(*numbers)
+    return (PURDY_DAMPER.values_type if is_paper else values_type(quantities))(*numbers)

@@ -78,19 +78,17 @@ class LogSignals(NamedTuple):
 
 def read_facts(path: Path) -> dict[str, Any]:
     """Return what a Parquet table tells of the run that wrote it; empty where it tells nothing."""
-    try:
+    with suppress(OSError, ValueError, pa.ArrowException):
         return facts_of(pq.read_schema(regular(path)))
-    except (OSError, ValueError, pa.ArrowException):
-        return {}
+    return {}
 
 
 def facts_of(schema: pa.Schema) -> dict[str, Any]:
     """Return what the schema of a table tells of the run that made it."""
-    try:
+    with suppress(ValueError, RecursionError):
         facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
-    except (ValueError, RecursionError):
-        return {}
-    return facts if isinstance(facts, dict) else {}
+        return facts if isinstance(facts, dict) else {}
+    return {}
 
 
 def read_arrow(path: Path) -> pa.Table:
@@ -381,30 +379,33 @@ def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
     quantities = quantities_in(record)
     adjusters = adjusters_in(table.column_names, quantities)
     # A setting is text here: what it was in the run, the record tells.
-    told = (one["setting"] for one in record.get("uncertainty") or () if "setting" in one)
-    known = {str(cell): cell for cell in told}
-
-    def setting(row: dict[str, Any]) -> Setting:
-        if len(adjusters) > 1:
-            return Setting(tuple((name, parse_place(row[name])) for name in adjusters))
-        return Setting.of(known.get(row["setting"], row["setting"]))
-
+    cells = (one["setting"] for one in record.get("uncertainty") or () if "setting" in one)
+    known = {str(cell): cell for cell in cells}
     rows = [row for row in table.to_pylist() if not row["error_kind"]]
-    return record, quantities, tuple({**row, "setting": setting(row)} for row in rows)
+    for row in rows:
+        row["setting"] = (
+            Setting(tuple((name, parse_place(row[name])) for name in adjusters))
+            if len(adjusters) > 1
+            else Setting.of(known.get(row["setting"], row["setting"]))
+        )
+    return record, quantities, tuple(rows)
+
+
+def _serial_folder(place: Path) -> Path | None:
+    """Of a part, or of a folder of parts; None of other results."""
+    return None if not is_part(place) else place if place.is_dir() else place.parent
 
 
 def written_of(place: Path, name: str) -> Path:
     """Return where what is made of results goes: of a fleet's part beside all parts."""
-    if not is_part(place):
-        return place
-    serial = place if place.is_dir() else place.parent
+    serial = _serial_folder(place)
     # Readers of a folder of Parquet leave out what begins with an underscore.
-    return serial.parent / f"_{name}" / serial.name
+    return place if serial is None else serial.parent / f"_{name}" / serial.name
 
 
 def title_of(place: Path) -> str:
     """Return whose results these are, for a heading."""
-    if not is_part(place):
+    serial = _serial_folder(place)
+    if serial is None:
         return place.resolve().name or str(place)
-    serial = place if place.is_dir() else place.parent
     return unquote(serial_in(serial), errors="replace")

@@ -54,13 +54,7 @@ def _cells(columns: Iterable[Column], one: object) -> dict[str, Any]:
 
 
 def grade(mse_percent: float) -> str:
-    """Return the paper's word for an MSE in per cent: excellent < 1, good < 5, else poor.
-
-    Examples
-    --------
-    >>> grade(0.3), grade(3.0), grade(float("nan"))
-    ('excellent', 'good', 'poor')
-    """
+    """Return the paper's word for an MSE in per cent: excellent < 1, good < 5, else poor."""
     if mse_percent < EXCELLENT:
         return "excellent"
     return "good" if mse_percent < _GOOD else "poor"
@@ -84,23 +78,41 @@ def make_tables(
         setting: "; ".join(one.sentence for one in why)
         for setting, why in assessment.objections.items()
     }
-    known = {one.setting: one.intervals for one in assessment.uncertainties}
-    parameters = {
-        fit.setting: _parameter_row(fit, assessment, known.get(fit.setting, {}))
-        | {
-            "grade": WITHHELD if reasons.get(fit.setting) else grade(fit.mse_percent),
-            "grade_reason": reasons.get(fit.setting),
-        }
-        for fit in campaign.fits
-    }
+    intervals = {one.setting: one.intervals for one in assessment.uncertainties}
+    parameters, errors = {}, []
+
+    def add_error(setting: Setting, one: Any, role: str = "fitted") -> None:
+        trace = getattr(one, "trace", None)  # of a log
+        errors.append(
+            {
+                "setting": setting,
+                "log": "" if trace is None else trace.name,
+                "mse_percent": one.mse_percent,
+                "noise_floor_percent": one.noise_floor_percent,
+                "grade": WITHHELD if setting in reasons else grade(one.mse_percent),
+                "n_samples": one.n_samples if trace is None else trace.n_samples,
+                "role": role,
+            }
+        )
+
+    for fit in campaign.fits:
+        row = _parameter_row(fit, assessment, intervals.get(fit.setting, {}))
+        reason = reasons.get(fit.setting)
+        row |= {"grade": WITHHELD if reason else grade(fit.mse_percent), "grade_reason": reason}
+        parameters[fit.setting] = row
+        for one in (fit, *fit.logs):
+            add_error(fit.setting, one)
+        for prediction in predictions:
+            if prediction.setting == fit.setting:
+                add_error(fit.setting, prediction, "held_out")
+    for prediction in predictions:
+        if prediction.is_unseen:
+            add_error(prediction.setting, prediction, "held_out")
     for setting in expected:
         parameters.setdefault(setting, {"setting": setting, "outcome": MISSING})
     rows: dict[str, Sequence[Mapping[str, Any]]] = {
         "parameters": [parameters[setting] for setting in sorted(parameters)],
-        "mse": [
-            row | ({"grade": WITHHELD} if row["setting"] in reasons else {})
-            for row in _mse_rows(campaign, predictions)
-        ],
+        "mse": errors,
         "adjustment": adjustment_rows(adjustment.forces, adjustment.clicks),
     }
     quantities = campaign.quantities or PAPER_QUANTITIES
@@ -122,46 +134,18 @@ def _parameter_row(
             row |= {f"{name}_se": interval.error, f"{name}_misfit_se": interval.misfit}
         row |= {f"{name}_ci_low": low, f"{name}_ci_high": high}
         row[f"{name}_status"] = fit.status[name].value
-    return row | {
-        **{name: getattr(fit, name) for name in ("mse_percent", "n_samples", "n_cycles")},
-        "evaluations": fit.evaluations,
-        "outcome": fit.outcome.value,
-        "n_logs": len(fit.logs),
-        "lowest_pressure_chamber": fit.cavitation.chamber or None,
-    }
-
-
-def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
-    """Yield for each setting the row of the whole, of each log fitted, of each held out."""
-    rows: list[tuple[Setting, str, Any]] = []
-    for fit in campaign.fits:
-        rows += [(fit.setting, "fitted", one) for one in (fit, *fit.logs)]
-        held_out = (one for one in predictions if one.setting == fit.setting)
-        rows += [(fit.setting, "held_out", one) for one in held_out]
-    rows += [(one.setting, "held_out", one) for one in predictions if one.is_unseen]
-    for setting, role, one in rows:
-        trace = getattr(one, "trace", None)
-        yield {
-            "setting": setting,
-            "log": "" if trace is None else trace.name,
-            "mse_percent": one.mse_percent,
-            "noise_floor_percent": one.noise_floor_percent,
-            "grade": grade(one.mse_percent),
-            "n_samples": one.n_samples if trace is None else trace.n_samples,
-            "role": role,
-        }
+    for name in ("mse_percent", "n_samples", "n_cycles", "evaluations"):
+        row[name] = getattr(fit, name)
+    row |= {"outcome": fit.outcome.value, "n_logs": len(fit.logs)}
+    return row | {"lowest_pressure_chamber": fit.cavitation.chamber or None}
 
 
 def profile_rows(profiles: Iterable[MisfitProfile]) -> list[dict[str, Any]]:
     """Return the rows of the table "profiles", one a point."""
     return [
-        {
-            "setting": profile.setting,
-            "parameter": profile.name,
-            "value": point.value,
-            "misfit_rise": point.rise,
-            **{name: getattr(point.parameters, name) for name in point.parameters.names},
-        }
+        {"setting": profile.setting, "parameter": profile.name}
+        | {"value": point.value, "misfit_rise": point.rise}
+        | {name: getattr(point.parameters, name) for name in point.parameters.names}
         for profile in profiles
         for point in profile.points
     ]
@@ -182,15 +166,10 @@ def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[di
     for one in forces:
         seen = one.measured
         tare = one.tare if seen is not None and one.measured_force != seen.force else 0.0
-        row = {
-            "setting": one.setting,
-            "speed_m_per_s": one.speed,
-            "stroke": one.stroke,
-            **_cells(FORCE, one),
-            "origin": one.origin,
-            "tested": "yes" if one.is_tested else "no",
-            "measured_as": None if seen is None else seen.kind,
-        }
+        row = {"setting": one.setting, "speed_m_per_s": one.speed, "stroke": one.stroke}
+        row |= {**_cells(FORCE, one), "origin": one.origin}
+        row |= {"tested": "yes" if one.is_tested else "no"}
+        row |= {"measured_as": None if seen is None else seen.kind}
         for part in ("opening", "closing", "peak"):
             force = None if seen is None else getattr(seen, part) - tare
             row[f"measured_{part}_N"] = finite(force)
@@ -200,17 +179,10 @@ def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[di
 
 def signals_of(setting: Setting, trace: Trace, seen: SimulatedLog) -> LogSignals:
     """Return the signals of a log where it is compared."""
-    part = trace.compared
-    return LogSignals(
-        setting,
-        trace.name,
-        seen.response.time[part],
-        trace.displacement[part],
-        trace.velocity[part],
-        trace.force[part],
-        seen.force[part],
-        seen.response.pressures[:, part],
-    )
+    part, response = trace.compared, seen.response
+    measured = trace.displacement[part], trace.velocity[part], trace.force[part]
+    simulated = seen.force[part], response.pressures[:, part]
+    return LogSignals(setting, trace.name, response.time[part], *measured, *simulated)
 
 
 # What a dyno's software reads off each stretch, as rows: measured beside simulated.
@@ -251,16 +223,13 @@ def _stretch_rows(
 ) -> Iterator[dict[str, Any]]:
     edges = counted_edges(stretch)
     part = slice(int(edges[0]), int(edges[-1]))
-    velocity, begins = trace.velocity[part], edges[:-1] - edges[0]
     gas = damper.rest_force(trace.displacement[part])
     level = {} if gas is None else {"mean_gas_force_N": mean_of(gas)}
-    forces = {("measured", ""): trace.force[part], ("simulated", ""): simulated[part]}
-    if gas is not None:
-        forces = {
-            (whose, suffix): force - gas if suffix else force
-            for (whose, _), force in forces.items()
-            for suffix in ("", "_without_gas")
-        }
+    forces = {
+        (whose, suffix): force if gas is None or not suffix else force - gas
+        for whose, force in (("measured", trace.force[part]), ("simulated", simulated[part]))
+        for suffix in (("",) if gas is None else ("", "_without_gas"))
+    }
     stacked = np.stack(list(forces.values()))
     measured = figures_in(trace, stretch)
     top = min(measured.peak_speed_rebound, measured.peak_speed_bump)
@@ -268,7 +237,7 @@ def _stretch_rows(
     speeds = [speed for speed in speeds if speed < top] if stretch.n_cycles else []
     passed = sorted({*speeds, half}) if stretch.n_cycles else []
     # By speed and force: of each stroke the opening and the closing branch.
-    both = in_both_strokes(velocity, stacked, passed)[1]
+    both = in_both_strokes(trace.velocity[part], stacked, passed)[1]
     branches = dict(zip(passed, np.transpose(both, (2, 3, 0, 1)).tolist(), strict=True))
 
     def cells(pairs: Iterable[Sequence[float]], ends: Iterable[Any]) -> dict[str, Any]:
@@ -283,7 +252,7 @@ def _stretch_rows(
                     row[f"{whose}_hysteresis_{stroke}_N"] = opening - closing
         return row
 
-    extremes = zip(*mean_extremes(stacked, begins), strict=True)
+    extremes = zip(*mean_extremes(stacked, edges[:-1] - edges[0]), strict=True)
     yield {
         **level,
         "point": "peak",
@@ -300,25 +269,20 @@ def _stretch_rows(
     for speed in speeds:
         names = ("speed_rebound_m_per_s", "speed_bump_m_per_s", "hysteresis_speed_m_per_s")
         means = [[0.5 * sum(ends) for ends in of] for of in branches[speed]]
-        yield {**level, "point": "speed", **dict.fromkeys(names, speed)} | cells(
-            means, branches[speed]
-        )
+        row = {**level, "point": "speed", **dict.fromkeys(names, speed)}
+        yield row | cells(means, branches[speed])
 
 
 def valve_rows(setting: Setting, valves: Iterable[ValveCharacteristic]) -> Iterator[dict[str, Any]]:
     """Yield the rows of a setting: of each valve what was measured, its law, its opening."""
     for valve in valves:
-        measured = zip(valve.drop.tolist(), valve.flow.tolist(), strict=True)
-        law = zip(valve.law_drop.tolist(), valve.law_flow.tolist(), strict=True)
-        points = [("measured", *point) for point in measured] + [("law", *point) for point in law]
-        if valve.opening is not None:
-            points.append(("opening", valve.opening, None))
-        for curve, pressure, flow in points:
-            yield {
-                "setting": setting,
-                "stroke": valve.stroke,
-                "curve": curve,
-                "pressure_Pa": pressure,
-                "flow_m3_per_s": flow,
-                "valve_force_N": pressure * valve.area,
-            }
+        curves = {
+            "measured": zip(valve.drop.tolist(), valve.flow.tolist(), strict=True),
+            "law": zip(valve.law_drop.tolist(), valve.law_flow.tolist(), strict=True),
+            "opening": [] if valve.opening is None else [(valve.opening, None)],
+        }
+        for curve, points in curves.items():
+            for pressure, flow in points:
+                row = {"setting": setting, "stroke": valve.stroke, "curve": curve}
+                row |= {"pressure_Pa": pressure, "flow_m3_per_s": flow}
+                yield row | {"valve_force_N": pressure * valve.area}
