@@ -28,7 +28,6 @@ from _pytest.doctest import DoctestModule
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 TESTS = Path(__file__).parent
-BENCHMARKS = TESTS / "benchmarks"
 PACKAGE = TESTS.parent / "damperfit"
 
 
@@ -39,14 +38,6 @@ def _children_find_the_tests():
 
     begin = f"import sys; sys.path.append({str(TESTS.parent)!r})\n"
     child_process._CHILD = begin + child_process._CHILD
-
-
-def pytest_ignore_collect(collection_path, config):
-    """Leave the benchmarks out, unless the command line names them."""
-    if collection_path != BENCHMARKS:
-        return None
-    asked = [Path(config.invocation_params.dir, arg.split("::")[0]) for arg in config.args]
-    return None if any(BENCHMARKS in (path, *path.parents) for path in asked) else True
 
 
 @pytest.hookimpl(wrapper=True)

@@ -106,14 +106,6 @@ def test_errors_of_the_settings_own_parameters_add_up() -> None:
         assert click.percent > 0.0  # harder, in rebound and in bump alike
 
 
-def test_clicks_join_neighbours_over_gaps() -> None:
-    found = forces(*(stage(n) for n in (1, 5, 6)))
-    assert [(c.first, c.second, c.stroke) for c in clicks(found)] == [
-        (a, b, stroke) for a, b in ((1, 5), (5, 6)) for stroke in ("rebound", "bump")
-    ]
-    assert clicks(found[:2]) == ()
-
-
 def assessed(known):
     return SimpleNamespace(uncertainties=(known,), plausible_limits=lambda *_: (None, None))
 

@@ -63,15 +63,6 @@ def test_without_it_nothing_is_off() -> None:
     assert [off(trend) for trend in reference_trends(ALL[:-1], seed=1).values()] == [[], [], []]
 
 
-def test_k_e_is_erratic_about_the_quadratic_of_the_paper() -> None:
-    trend = reference_trends(ALL, seed=0)["k_e"]
-    assert (trend.scale, trend.degree) == ("linear", 2)
-    assert trend.is_erratic
-    assert 0.07 < trend.scatter < 0.13
-    assert "it is erratic" in trend.sentence
-    assert not reference_trends(ALL, seed=0)["r_m1"].is_erratic
-
-
 @pytest.mark.parametrize(
     ("error", "swing", "is_erratic"),
     [

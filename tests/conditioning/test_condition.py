@@ -115,23 +115,6 @@ def test_shifted_time_changes_nothing(shift):
     assert there.start_time - here.start_time == pytest.approx(shift, abs=1e-9)
 
 
-def test_whole_cycles_dropped_from_the_start_and_the_rate_change_nothing():
-    log = sine_log(cycles=18.0)
-    channels = {name: getattr(log, name)[2000:] for name in ("time", "displacement", "force")}
-    expected = pytest.approx(fitted_law(condition(log)), rel=1e-9)
-    assert fitted_law(condition(replace(log, **channels))) == expected
-    for rate in (300.0, 1000.0, 5000.0):
-        assert fitted_law(condition(sine_log(rate=rate))) == pytest.approx(LAW, rel=1e-5)
-
-
-def test_temperature_is_the_mean_over_the_window():
-    log = sine_log()
-    trace = condition(replace(log, temperature=20.0 + log.time))
-    middle = trace.start_time + 0.5 * (trace.fastest.first + trace.fastest.stop) * trace.interval
-    assert trace.temperature == pytest.approx(20.0 + middle, abs=2e-3)
-    assert condition(log).temperature is None
-
-
 LOG = sine_log()
 NOISE = np.random.default_rng(7).normal(size=len(LOG.time))
 LONG = {"frequency": 29.0, "amplitude": 0.002, "cycles": 90.0, "rate": 500.0}

@@ -23,41 +23,17 @@ from damperfit.conditioning.filters import (
     completed,
     fading_samples,
     fitting_corner,
-    gain_at,
-    settling_samples,
     with_corner,
 )
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import found, sine_log
-from tests.oracles.filtering import butterworth_gain
 
 rates = st.floats(100.0, 5000.0)
-orders = st.integers(1, 6)
 seeds = st.integers(0, 2**31)
 
 
 def noise(seed, n=400):
     return np.random.default_rng(seed).normal(size=n)
-
-
-@given(rate=rates, order=orders, share=st.floats(0.01, 0.95))
-def test_the_gain_is_the_formula_and_forward_backward_doubles_the_order(rate, order, share):
-    frequency = share * rate / 2.0
-    one = butterworth_gain(frequency, corner=30.0, sample_rate=rate, order=order)
-    causal = design_filter("causal", 30.0, sample_rate=rate, order=order)
-    assert gain_at(causal, frequency, sample_rate=rate) == pytest.approx(one, rel=1e-6, abs=1e-12)
-    both = gain_at(completed(causal, 30.0, order), frequency, sample_rate=rate)
-    assert both == pytest.approx(one**2, rel=1e-6, abs=1e-12)
-
-
-@given(seed=seeds, rate=st.sampled_from([300.0, 1000.0, 5000.0]))
-def test_an_end_of_the_log_is_forgotten_after_the_settling_time(seed, rate):
-    design = design_filter("zero_phase", 30.0, sample_rate=rate)
-    edge = settling_samples(design)
-    signal = noise(seed, 4 * edge)
-    whole = apply_filter(design, signal)[2 * edge : 3 * edge]
-    cut = apply_filter(design, signal[edge:])[edge : 2 * edge]
-    assert np.abs(whole - cut).max() < 1e-6 * np.abs(signal).max()
 
 
 @given(seed=seeds)

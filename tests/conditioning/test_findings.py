@@ -145,15 +145,6 @@ def test_a_clean_log_gives_no_warning(rate, wave, noise, bits):
     )
 
 
-def test_stamps_that_are_right_are_a_note_however_uneven():
-    t = LOG.time + np.random.default_rng(4).uniform(-0.3, 0.3, len(LOG.time)) * 0.002
-    x, v = moved("sine", t)
-    f = incompressible_force(reference_parameters(10), PURDY_DAMPER, x, v)
-    assert (
-        found(replace(LOG, time=t, displacement=x, force=f), OPTIONS)["jitter"].severity == "note"
-    )
-
-
 def test_spikes_are_bridged_only_when_declared():
     """Also where one is beyond the limits of a log."""
     clean, bridge = condition(LOG, OPTIONS), replace(OPTIONS, spikes="bridge")
@@ -309,14 +300,6 @@ def test_a_force_that_is_smoothed_alone_is_told_where_it_does_harm(order, corner
         log = replace(raw, force=mean)
     assert ("force_smoothed" in found(log)) is is_told
     assert "rig_filter" not in found(log)
-
-
-@pytest.mark.parametrize("frequency", [1.0, 2.0, 3.0, 4.0, 5.0, 7.0])
-@pytest.mark.parametrize("cycles", [5, 12])
-def test_a_cut_of_a_record_was_not_filtered_in_the_rig(frequency, cycles):
-    crank = ((1, 1.0), (2, 0.03), (3, 0.003), (4, 0.001))
-    x = 0.02 * sum(size * sine(k * frequency, 1.0, k * cycles) for k, size in crank)
-    assert "rig_filter" not in warned(logged(x, noise=(1e-6, 1.0)))
 
 
 # A copy is told by its noise: tests of an adjuster that does nothing are tests of their own.

@@ -10,7 +10,7 @@ import pytest
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, noise_floor
 from damperfit.conditioning.noise import noise_beside_motion
 from tests import fakes
-from tests.conditioning.logs import found, logged, sine, sine_log, static_force
+from tests.conditioning.logs import sine_log
 
 PERIOD = 200
 
@@ -101,13 +101,3 @@ def test_a_displacement_and_the_square_of_a_speed_explain_a_force_that_differs()
     ):
         assert noise_beside_motion(both) < 0.01 * noise_floor(both)
     assert noise_floor(condition(smooth_log(15.0, 1000.0))) < 1e-9
-
-
-@pytest.mark.parametrize(("share", "drifts"), [(0.0, False), (0.001, False), (0.02, True)])
-def test_the_noise_floor_of_a_motion_that_drifts_says_so(share, drifts):
-    x = sine(1.5, 0.03, 20) * (1.0 + share * np.linspace(-0.5, 0.5, 13333))
-    log = logged(x, lambda x, v: static_force(v) - 3000.0 * x, noise=(2e-6, 3.0))
-    floor = found(log)["noise_floor"]
-    assert ("but the motion differs too" in floor.sentence) is drifts
-    if drifts:
-        assert noise_beside_motion(condition(log)) == pytest.approx(0.00027, rel=0.3)

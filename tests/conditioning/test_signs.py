@@ -11,7 +11,6 @@ from damperfit.conditioning import ConditionOptions, GasFacts, OffsetFacts, cond
 from damperfit.conditioning.polarity import force_level
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
 from damperfit.uncertainty.grades import LIMITS, offset_mismatch
 from tests.conditioning.logs import RATE, found, logged, moving, recording, sine, sine_log
@@ -84,26 +83,6 @@ def test_every_sign_convention_gives_the_same_trace(setting, mirror) -> None:
     assert put_right(trace) == ["displacement"] * (x < 0) + ["force"] * (f < 0)
 
 
-@pytest.mark.one_in(5)
-@pytest.mark.parametrize("mirror", MIRRORS)
-@pytest.mark.parametrize(
-    ("damper", "parameters", "amplitude"),
-    [
-        (replace(PURDY_DAMPER, gas_pressure=1e6), reference_parameters(10), 0.032),
-        (replace(PURDY_DAMPER, gas_pressure=2e6), reference_parameters(20), 0.032),
-        (PURDY_DAMPER, replace(reference_parameters(10), k_e=3e8), 0.032),
-        (PURDY_DAMPER, replace(reference_parameters(5), f_f=300.0), 0.032),
-        (PURDY_DAMPER, reference_parameters(10), 0.010),
-        (SLIM, SLIM_SETTING, 0.020),
-    ],
-)
-def test_other_gas_oil_seals_strokes_and_dampers(damper, parameters, amplitude, mirror) -> None:
-    log = log_of(1, parameters, damper=damper, amplitude=amplitude)
-    options = ConditionOptions(gas=gas_of(damper))
-    plain, trace = condition(log, options), condition(mirrored(log, MIRRORS[mirror]), options)
-    assert trace.force[trace.compared] == pytest.approx(plain.force[plain.compared], abs=1e-6)
-
-
 def test_the_level_is_the_gas_force_at_every_setting() -> None:
     for setting in (1, 7, 14, 20):
         level = force_level(condition(log_of(setting)), gas_of(PURDY_DAMPER))
@@ -174,16 +153,6 @@ def test_a_damper_without_such_valves_is_never_reversed(level) -> None:
     assert ("direction" in found(trace)) == (level > 0.0)
     with pytest.raises(ConditioningError, match="does not show which of the two"):
         condition(replace(log, force=-log.force), PURDY)
-
-
-@pytest.mark.parametrize("setting", [1, 10, 20])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_swapped_channels_are_named(setting, sign) -> None:
-    """Force in millimetres, displacement in newtons: the columns the wrong way round."""
-    log = log_of(setting)
-    log = replace(log, displacement=sign * 1e-3 * log.force, force=1e3 * log.displacement)
-    with pytest.raises(ConditioningError, match=r"look swapped: .*rig\.columns"):
-        condition(log, PURDY)
 
 
 def test_crank_and_triangle_are_not_taken_for_swapped_channels() -> None:
@@ -315,13 +284,6 @@ def test_preloads_that_are_unlike_are_no_offset(with_gas) -> None:
     # An offset that no preload explains is told still.
     fit.parameters.f_0 = 1000.0
     assert offset_mismatch(fit, "f_0", with_gas.gas)[0] > LIMITS.offset
-
-
-def test_a_level_is_told_where_nothing_is_held(with_gas) -> None:
-    law = preloaded(60.0, 60.0, slope=2300.0)
-    level = force_level(condition(logged(sine(2.5, 0.02, 20), law), with_gas), with_gas.gas)
-    assert level.held == 0.0
-    assert level.force == pytest.approx(level.expected, abs=15.0)
 
 
 @pytest.mark.parametrize(("rebound", "bump"), [(700.0, 100.0), (700.0, 30.0)])

@@ -40,13 +40,6 @@ def test_stamps_rounded_to_a_millisecond_keep_the_rate(rate, shift, n):
     assert log.start_time == pytest.approx(shift, abs=1e-3)
 
 
-def test_a_rate_just_below_the_resolution_is_no_lost_row():
-    t = np.arange(9000) / 952.0
-    log = make_uniform(logged(t, np.round(t, 3)))
-    assert len(log.force) == 9000
-    assert [(one.name, one.severity) for one in log.findings] == [("rounded_time", "note")]
-
-
 def test_exact_stamps_are_taken_as_they_are():
     t = np.arange(3000) / 300.0
     source = logged(t, t)

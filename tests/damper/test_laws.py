@@ -214,13 +214,6 @@ def test_r_m3_lies_fifteen_per_cent_below_cavitation(setting):
     assert np.any(above == 0.0)
 
 
-def test_no_setting_cavitates_and_force_grows_with_the_setting_in_both_strokes():
-    loops = [steady_cycle(reference_parameters(setting)) for setting in range(1, 21)]
-    assert all(np.all(pressures > 0) for *_, pressures in loops)
-    peaks = np.array([(force.max(), -force.min()) for _, _, force, _ in loops])
-    assert np.all(np.diff(peaks, axis=0) > 0)
-
-
 def test_a_stroke_without_room_is_a_named_error():
     with pytest.raises(SimulationError, match="no volume in a chamber"):
         simulate(SET_M, PURDY_DAMPER, Motion(1e-3, np.linspace(0.0, 0.2, 500), np.full(500, 0.4)))

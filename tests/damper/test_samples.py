@@ -10,7 +10,6 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import damperfit.synthetic as logs_of_samples
-from damperfit.cli import main
 from damperfit.conditioning import condition
 from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -202,11 +201,3 @@ def test_the_truth_simulates_the_logs_of_valves(tmp_path: Path, name: str) -> No
 def test_a_monotube_does_not_run_empty_in_bump() -> None:
     values = made_up_values(Monotube(), 20, 0.3)
     assert values.compression_opening / 0.4 <= 0.6 * Monotube().gas_pressure * (1.0 + 1e-12)
-
-
-def test_the_command_makes_logs_of_a_model(tmp_path: Path, capsys) -> None:
-    command = ["samples", str(tmp_path / "a"), "--settings", "3", "--cycles", "4", "--quiet"]
-    assert main([*command, "--model", "twin_tube"]) == 0
-    assert set(truth_in(tmp_path / "a")[3]) == set(MODELS["twin_tube"]().names)
-    assert main([*command, "--model", "no_such"]) == 2
-    assert "no_such" in capsys.readouterr().err

@@ -79,16 +79,6 @@ def test_without_a_lag_it_is_the_network_and_with_it_the_force_is_late(kind):
     np.testing.assert_array_equal(simulate(same, on_time, motion()).force, bare)
 
 
-def test_the_rest_force_is_that_of_the_gas_against_the_ambient_pressure():
-    model = ThroughFlow(mounting=Mounting("none"))
-    values = model.values({**VALVES, "f_f": 1e-3, "f_0": 0.0, "k_e": 1e9})
-    still = dataclasses.replace(motion(), displacement=np.zeros(50), velocity=np.zeros(50))
-    at_rest = simulate(values, model, still).force[-1]
-    assert model.rest_force(0.0) == pytest.approx(at_rest, rel=1e-6)
-    assert model.rest_force(0.0) == pytest.approx(model.rod_area * (101325.0 - 5e5), rel=1e-12)
-    assert model.rest_force(-0.02) < model.rest_force(0.0) < model.rest_force(0.02)
-
-
 # A valve's characteristic, read off loops, lies on the law that made them and off a wrong one.
 
 

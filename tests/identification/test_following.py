@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from damperfit.damper.model import values_type
 from damperfit.damper.quantity import OFFSET, Quantity
@@ -14,12 +13,10 @@ from damperfit.identification import (
     FitOptions,
     Outcome,
     Status,
-    compare,
     identify,
     unlimited_in,
     values_from_others,
 )
-from damperfit.identification.sharing import Unknown
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, assess, predict
@@ -57,64 +54,6 @@ def test_what_one_adjuster_moves_is_told_without_a_second() -> None:
     sharing = identify(logs, DAMPER, FOUND).sharing
     assert not sharing.follows
     assert set(sharing.jointly) == {"rebound_opening", "rebound_slope", "k_e", "f_f"}
-
-
-def test_it_is_the_minimum_of_one_big_least_squares(found: Campaign) -> None:
-    logs = adjusted.logs()
-    unknowns = [*found.sharing.unknowns, *(Unknown("f_0", one.places) for one in SETTINGS)]
-    fits = {fit.setting: fit for fit in found.fits}
-
-    def values(vector, setting):
-        y = {}
-        for one, number in zip(unknowns, vector, strict=True):
-            if one.holds_at(setting):
-                y[one.name] = number if one.name == "f_0" else float(np.exp(number))
-        return fits[setting].parameters.replace(y)
-
-    def number_of(one):
-        fit = next(fit for fit in found.fits if one.holds_at(fit.setting))
-        number = getattr(fit.parameters, one.name)
-        return number if one.name == "f_0" else np.log(number)
-
-    def residuals(vector):
-        parts = []
-        for fit, one in zip(found.fits, logs, strict=True):
-            force = compare(values(vector, one.setting), one, DAMPER, solver=FINE).force
-            rms = np.sqrt(fit.mse_percent / 100) * np.std(one.force[one.compared])
-            parts.append((force - one.force)[one.compared] / rms)
-        return np.concatenate(parts)
-
-    start = np.array([number_of(one) for one in unknowns])
-    big = least_squares(residuals, start, diff_step=1e-5, x_scale=1e-2, xtol=1e-10, ftol=1e-10)
-    errors = np.sqrt(np.diag(np.linalg.inv(big.jac.T @ big.jac)))
-    assert np.all(np.abs(big.x - start) < 0.2 * errors)
-    known = {one.setting: one for one in assess(found, DAMPER).uncertainties}
-    for one, error in zip(unknowns, errors, strict=True):
-        setting = next(s for s in SETTINGS if one.holds_at(s))
-        printed = known[setting].intervals[one.name].error
-        value = 1.0 if one.name == "f_0" else getattr(fits[setting].parameters, one.name)
-        # Behind the filter of 30 Hz samples of 500 Hz are not independent: some 7 count as one.
-        assert 1.5 < printed / value / error < 6.0, one.label
-
-
-def test_what_settings_share_has_one_interval(found: Campaign) -> None:
-    judged = assess(found, DAMPER)
-    known = {one.setting: one for one in judged.uncertainties}
-
-    def ends(name):
-        intervals = [known[one].intervals[name] for one in SETTINGS]
-        return [(one.low, one.high) for one in intervals]
-
-    low = ends("rebound_bleed")
-    assert low[0] == pytest.approx(low[1])
-    assert low[2] == pytest.approx(low[3])
-    assert low[0][0] > 1.5 * low[2][1]
-    assert np.ptp(ends("k_e"), axis=0) == pytest.approx(0.0, abs=1.0)
-    # Between settings only what all of them share cancels.
-    assert known[SETTINGS[0]].shared == ("rebound_slope", "k_e", "f_f")
-    said = judged.verdicts(found)[at(14, 3)]
-    assert said["rebound_opening"].startswith("shared by all settings at high_speed 3")
-    assert said["k_e"].startswith("shared by all settings, 95 %")
 
 
 def test_a_setting_that_does_not_tell_it_takes_it_from_others() -> None:

@@ -1,6 +1,5 @@
 """Known parameters come back: noise-free to 1e-6, noisy to the bars of the paper's procedure."""
 
-import itertools
 import math
 from dataclasses import replace
 
@@ -244,7 +243,6 @@ def test_a_setting_that_cavitates_says_where_and_what_it_takes() -> None:
 # Logs in which the oil does not give way: fitted like any other, K_e with a lower limit alone.
 
 SOLVER, LIMIT = SolverOptions(tolerance=1e-2), 1.959964**2
-GRID = list(itertools.product((1, 10, 20), (0.032, 0.01, 0.003), (0.0, 0.5, 2.0, 4.0)))
 STIFF = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
 
 
@@ -281,12 +279,6 @@ def test_rigid_oil_is_fitted_and_has_no_upper_limit(setting, amplitude, noise) -
     said = next(str(one) for one in undetermined if one.values["quantity"] == "k_e")
     assert f"not identifiable upward: at least {low:.4g} Pa (95 %)" in said
     assert said in map(str, assessment.doubts(campaign))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("setting", "amplitude", "noise"), GRID)
-def test_rigid_oil_over_the_grid(setting, amplitude, noise) -> None:
-    test_rigid_oil_is_fitted_and_has_no_upper_limit(setting, amplitude, noise)
 
 
 def test_friction_is_told_by_logs_of_rigid_oil() -> None:

@@ -4,8 +4,6 @@ import json
 
 import pytest
 
-from damperfit.damper.valve_dampers import Monotube, TwinTube
-from damperfit.laws.description import opening_force
 from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, log_text, moved
 
 
@@ -117,11 +115,3 @@ def test_identify_takes_the_law_that_the_logs_tell(logs, run_once, tmp_path):
     assert held["mse_percent"] < 0.02
     assert document["parameters"][0]["play"] == pytest.approx(VALUES["play"], rel=0.1)
     assert "the logs support through flow: bleed and blow-off; elastic mounting, play" in err
-
-
-def test_an_opening_is_a_force_by_the_area_it_acts_on():
-    kinds = (TwinTube, "rod_area"), (Monotube, "annulus_area"), (type(damper()), "piston_area")
-    for kind, area in kinds:
-        one = kind()
-        assert opening_force(one, "compression", 1e5) == 1e5 * getattr(one, area)
-        assert opening_force(one, "rebound", 1e5) == 1e5 * one.annulus_area

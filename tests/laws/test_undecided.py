@@ -111,34 +111,11 @@ def test_what_moves_with_the_load_cell_is_asked_for_where_a_kilogram_is_felt() -
     assert asked(0.5, weighed) == ()
 
 
-def test_an_unopened_blow_off_asks_for_a_faster_test_and_names_its_settings() -> None:
-    fits = [fit(1), fit(2, undetermined=("compression_opening", "compression_slope"))]
-    (said,) = told(fits, 1.0, 2.0)
-    assert said == (
-        "Where the blow-off opens in compression, and how it goes on at setting 2: a test faster "
-        "than the 0.25 m/s of these would decide it."
-    )
-
-
 @pytest.mark.parametrize("name", [n for n in FREE if n != "f_0"] + ["gas_volume", "k_e", "drag"])
 def test_whatever_is_not_told_has_a_test_that_decides_it(name: str) -> None:
     (said,) = told([fit(at_bound=(name,))], 1.0, 2.0)
     assert said.endswith("would decide it.")
     assert " at setting" not in said  # there is one
-
-
-@pytest.mark.parametrize(("stiffness", "said"), [
-    (FIT, "How stiff the oil is beside its mounting: a test on a stiffer mounting"),
-    (5e5, "How stiff the oil is beside its mounting: a test on a stiffer mounting"),
-    (NONE, "How stiff the oil is: a test faster than the 0.25 m/s of these"),
-])  # fmt: skip
-def test_only_an_elastic_mounting_hides_the_oil(stiffness: str | float, said: str) -> None:
-    """A rigid one with a lag asked for "a stiffer mounting"."""
-    model = TwinTube(mounting=Mounting(stiffness, NONE, FIT))
-    names = tuple(one.name for one in model.quantities if one.default is None)
-    values = model.values({one.name: one.default or 1e5 for one in model.quantities})
-    one = fit(model=model, values=values, free=names, undetermined=("k_e",))
-    assert told([one], 1.0, 2.0) == (f"{said} would decide it.",)
 
 
 def test_a_monotube_is_told_by_a_rod_side_without_oil() -> None:
@@ -227,24 +204,6 @@ def found(setting: int, opening: float, undetermined: tuple[str, ...] = ()) -> L
     return LawFit(
         own, PLAIN, values, NAMES, (), 0.01, (0.01,), math.nan, "", (np.zeros(3),), 9, undetermined
     )
-
-
-@pytest.mark.parametrize(
-    ("times", "same"),
-    [
-        (1.25, "4 bar, an exponent of 1.04 or a rod 0.946 times as thick"),
-        (1.5, "3.33 bar or a rod 0.904 times as thick"),  # no gas has 0.87
-        (0.8, "6.25 bar, an exponent of 1.62 or a rod 1.06 times as thick"),
-    ],
-)
-def test_a_gas_volume_that_was_found_says_what_else_would_be_as_soft(times, same: str) -> None:
-    one = found(1, 5e5)
-    soft = replace(one, values=one.values.replace({"gas_volume": times * PLAIN.gas_volume}))
-    assert physics_seen([soft])[-1] == (
-        f"The gas spring is that of {30 * times:.3g} cm3 at 5 bar; [damper] has 30 cm3; {same} "
-        "would do the same: measure with gauge and callipers."
-    )
-    assert "The gas spring" not in " ".join(physics_seen([one]))
 
 
 @pytest.mark.parametrize(("flat", "are_told"), [("opening", False), ("bleed", True)])

@@ -100,15 +100,6 @@ def test_the_mean_friction_is_followed_at_each_setting_that_it_is_a_mean_of() ->
     assert "profile" not in judged.verdicts(campaign)[1]["f_f"]
 
 
-def test_an_offset_may_be_followed_through_zero() -> None:
-    options = FitOptions("plain", (*FREE, "f_0"), KNOWN)
-    _, judged = profiled([short_trace(5, noise=4.0, duration=5.0)], "f_0", options=options)
-    profile = judged.profiles[-1]
-    low, high = sandwich(judged, profile)
-    assert profile.low < 0.0 < profile.high
-    assert profile.high - profile.low == pytest.approx(high - low, rel=0.02)
-
-
 def test_a_short_slow_stroke_leaves_the_bulk_modulus_flat_upward() -> None:
     # 2 mm at 1.5 Hz: the oil gives way by less than the noise, so that it may as well be rigid.
     log = short_trace(10, noise=4.0, amplitude=0.002)
