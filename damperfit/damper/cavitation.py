@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.simulation import Motion, SolverOptions, motion_of, simulate
+from damperfit.simulation import SolverOptions, motion_of, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -75,38 +76,34 @@ def describe_cavitation(
     Of what the fitted model shows; in settings that are doubted it does not match the logs, where
     its empty chamber is no evidence, and nothing is advised against it.
     """
-    said = []
+    sentences = []
     for setting, one in sorted((s, one) for s, one in settings.items() if one.fraction > 0.0):
-        sentence = (
-            f"setting {setting}: {_share(one.fraction)} of the cycle with chamber {one.chamber} at "
-            f"zero pressure, from {one.moment}"
-        )
+        text = f"setting {setting}: {_share(one.fraction)} of the cycle with chamber {one.chamber} "
+        text += f"at zero pressure, from {one.moment}"
         if setting in doubted:
-            sentence += "; the model does not match these logs, so the damper itself may be full"
+            text += "; the model does not match these logs, so the damper itself may be full"
         elif not math.isnan(one.safe_gas_pressure):
-            lower = f", or R_m3 lower by {_share(-one.r_m3_margin)},"
-            sentence += (
-                f"; it takes a gas pressure of {one.safe_gas_pressure / 1e5:.2f} bar absolute"
-                f"{'' if math.isnan(one.r_m3_margin) else lower} to keep it full"
-            )
-        said.append(sentence)
+            text += f"; it takes a gas pressure of {one.safe_gas_pressure / 1e5:.2f} bar absolute"
+            if not math.isnan(one.r_m3_margin):
+                text += f", or R_m3 lower by {_share(-one.r_m3_margin)},"
+            text += " to keep it full"
+        sentences.append(text)
     full = {setting: one for setting, one in settings.items() if one.fraction == 0.0}
     if full:  # by the one that is nearest to it
-        setting = min(full, key=lambda setting: full[setting].lowest_pressure)
-        one = full[setting]
-        sentence = (
-            f"{'elsewhere none does' if said else 'no chamber cavitates'}; lowest pressure "
+        setting, one = min(full.items(), key=lambda item: item[1].lowest_pressure)
+        text = (
+            f"{'elsewhere none does' if sentences else 'no chamber cavitates'}; lowest pressure "
             f"{one.lowest_pressure / 1e5:.2f} bar absolute, in chamber {one.chamber} of setting "
             f"{setting}, at {one.moment}"
         )
         if not math.isnan(one.r_m3_margin + one.safe_gas_pressure):
-            sentence += (
+            text += (
                 f"; there R_m3 may rise by {_share(one.r_m3_margin)}, or the gas pressure "
                 f"fall to {one.safe_gas_pressure / 1e5:.2f} bar absolute, until a chamber "
                 "cavitates on this motion"
             )
-        said.append(sentence)
-    return tuple(said)
+        sentences.append(text)
+    return tuple(sentences)
 
 
 def _share(fraction: float) -> str:
@@ -150,24 +147,26 @@ def examine_cavitation(
     """
     shown, trace, response, moment = _lowest(seen)
     line = _nearness(parameters, trace, response, damper)
-    motion, n = _shortest(trace, moment)
+    # The motion that leads there: of steady cycles the last, and as much before as it takes to
+    # forget the start.
+    stretch = next(one for one in trace.stretches if one.first <= moment < one.stop)
+    first, n = 0, stretch.n_samples
+    if stretch.n_cycles:
+        n = round(n / stretch.n_cycles)
+        first = max(0, stretch.stop - n - min(n, math.ceil(_SETTLING / trace.interval)))
+    motion = motion_of(trace).until(first, stretch.stop)
 
-    def lowest(trial: Values, gas: float) -> float:
-        at = damper if gas == damper.gas_pressure else replace(damper, gas_pressure=gas)
+    def lowest(r_m3: float, gas: float) -> float:
+        trial = parameters.replace(r_m3=r_m3 * parameters.r_m3)
+        at = damper if gas == 1.0 else replace(damper, gas_pressure=gas * damper.gas_pressure)
         filled = simulate(trial, at, motion, options=solver).pressures[:2, -n:]
         # The pressure is clamped at zero; the share of time spent there gives the root a slope.
-        least = float(filled.min())
-        return least if least > 0.0 else -gas * float(np.mean((filled <= 0.0).any(axis=0)))
+        least, empty = float(filled.min()), (filled <= 0.0).any(axis=0)
+        return least if least > 0.0 else -at.gas_pressure * float(np.mean(empty))
 
     known = float(response.pressures[:2, trace.compared].min())
-    margin = _root(
-        lambda factor: lowest(
-            parameters.replace(r_m3=factor * parameters.r_m3), damper.gas_pressure
-        ),
-        1.0 / line,
-        known,
-    )
-    safe = _root(lambda factor: lowest(parameters, factor * damper.gas_pressure), line, known)
+    margin = _root(lambda factor: lowest(factor, 1.0), 1.0 / line, known)
+    safe = _root(lambda factor: lowest(1.0, factor), line, known)
     return replace(shown, r_m3_margin=margin - 1.0, safe_gas_pressure=safe * damper.gas_pressure)
 
 
@@ -191,13 +190,7 @@ def _root(lowest: Callable[[float], float], guess: float, known: float = math.na
     """
     if not 1.0 / _WIDEST_FACTOR <= guess <= _WIDEST_FACTOR:
         return math.nan
-    seen: dict[float, float] = {}
-
-    def at(factor: float) -> float:
-        if factor not in seen:
-            seen[factor] = lowest(factor)
-        return seen[factor]
-
+    at = cache(lowest)
     try:
         near = guess / (1.0 + math.copysign(_FIRST_STEP, guess - 1.0))
         low, high = sorted((near, guess * guess / near))
@@ -233,16 +226,3 @@ def _root_between(
             low, at_low = end, at_end
             at_high, moved = (0.5 * at_high if moved < 0 else at_high), -1
     return end
-
-
-def _shortest(trace: Trace, moment: int) -> tuple[Motion, int]:
-    """The motion that leads to a moment of a trace, and how many of its last samples count.
-
-    Of steady cycles the last, and as much before as it takes to forget the start.
-    """
-    stretch = next(one for one in trace.stretches if one.first <= moment < one.stop)
-    first, n = 0, stretch.n_samples
-    if stretch.n_cycles:
-        n = round(n / stretch.n_cycles)
-        first = max(0, stretch.stop - n - min(n, math.ceil(_SETTLING / trace.interval)))
-    return motion_of(trace).until(first, stretch.stop), n

@@ -118,9 +118,8 @@ def as_read(
         if "lag" in sensitivities:
             read = force if late is not rows else None
             slopes["lag"] = lag_slope(before, motion.interval, lag, read=read)
-    return replace(
-        response, force=force, sensitivities={name: slopes[name] for name in sensitivities}
-    )
+    ordered = {name: slopes[name] for name in sensitivities}
+    return replace(response, force=force, sensitivities=ordered)
 
 
 def before_load_cell(trace: Trace, *, moving_mass: float = 0.0, lag: float = 0.0) -> Trace:

@@ -244,14 +244,13 @@ class Valve:
         kinds = (self.bleed, BLEEDS, "bleed"), (self.blow_off, BLOW_OFFS, "blow-off")
         for kind, known, what in kinds:
             if kind not in known:
-                raise ConfigurationError(
-                    f"no {what} {kind!r}; there are {', '.join(known)}.{did_you_mean(kind, known)}",
-                    code="unknown-law",
+                text = (
+                    f"no {what} {kind!r}; there are {', '.join(known)}.{did_you_mean(kind, known)}"
                 )
+                raise ConfigurationError(text, code="unknown-law")
         if not self.parts:
-            raise ConfigurationError(
-                "a valve needs a bleed or a blow-off; both are 'none'", code="no-passage"
-            )
+            text = "a valve needs a bleed or a blow-off; both are 'none'"
+            raise ConfigurationError(text, code="no-passage")
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -262,12 +261,9 @@ class Valve:
         self, start: int, end: int, stroke: str, *, is_two_way: bool = True
     ) -> tuple[Passage, ...]:
         """Return its passages; a bleed lets oil back, a blow-off does not."""
-        ways = ((BLEEDS[self.bleed], is_two_way), (BLOW_OFFS[self.blow_off], False))
-        return tuple(
-            Passage.of_parts(start, end, stroke, parts, is_two_way=both)
-            for parts, both in ways
-            if parts
-        )
+        bleed = Passage.of_parts(start, end, stroke, BLEEDS[self.bleed], is_two_way=is_two_way)
+        blow_off = Passage.of_parts(start, end, stroke, BLOW_OFFS[self.blow_off])
+        return tuple(one for one in (bleed, blow_off) if any(one.numbers))
 
 
 @lru_cache(maxsize=8)  # a fit asks for it at every simulation
@@ -288,31 +284,27 @@ def law_flow(parts: Mapping[str, float], drop: FloatArray, density: float) -> Fl
     >>> law_flow({"opening": 1e5, "slope": 1e6}, np.array([5e4, 1e5, 3e5]), 850.0) * 850.0
     array([0. , 0. , 0.2])
     """
+
+    def through(pressed: FloatArray, linear: float, root: float) -> FloatArray:
+        """The mass flow w of pressed = linear w + (root w)^2."""
+        below = linear + np.sqrt(linear**2 + 4.0 * root**2 * pressed)
+        return 2.0 * pressed / np.maximum(below, 1e-300)
+
     total = np.zeros_like(drop)
     if "bleed" in parts or "leak" in parts:
-        total += _through(drop, parts.get("leak", 0.0), parts.get("bleed", 0.0))
+        total += through(drop, parts.get("leak", 0.0), parts.get("bleed", 0.0))
     if "slope" in parts:
-        beyond = _beyond(drop, parts["opening"], parts.get("width", 0.0))
+        opening, width = parts["opening"], parts.get("width", 0.0)
+        beyond = np.maximum(drop - opening, 0.0)
+        if width:  # a stack of discs lifts gradually
+            lifted = np.logaddexp(0.0, (drop - opening) / width)
+            beyond = width * np.maximum(lifted - np.logaddexp(0.0, -opening / width), 0.0)
         beyond = _S_0 * (beyond / _S_0) ** (1.0 / parts.get("power", 1.0))
-        total += _through(beyond, parts["slope"], parts.get("port", 0.0))
+        total += through(beyond, parts["slope"], parts.get("port", 0.0))
     return np.asarray(total / density)
 
 
 _S_0 = 1e6  # Pa, where a power changes nothing
-
-
-def _beyond(drop: FloatArray, opening: float, width: float) -> FloatArray:
-    """What presses beyond an opening; a stack of discs lifts gradually over a width."""
-    if width == 0.0:
-        return np.maximum(drop - opening, 0.0)
-    lifted = np.logaddexp(0.0, (drop - opening) / width) - np.logaddexp(0.0, -opening / width)
-    return np.asarray(width * np.maximum(lifted, 0.0))
-
-
-def _through(pressed: FloatArray, linear: float, root: float) -> FloatArray:
-    """The mass flow w of pressed = linear w + (root w)^2."""
-    below = linear + np.sqrt(linear**2 + 4.0 * root**2 * pressed)
-    return 2.0 * pressed / np.maximum(below, 1e-300)
 
 
 def simulate_network(
@@ -405,8 +397,6 @@ def simulate_network(
 def _layout(network: Network) -> tuple[dict[str, int], NDArray[np.intc]]:
     """Where each number stands, and the passages as the core reads them."""
     place = {name: k for k, name in enumerate(network.numbers)}
-    passages = [
-        [p.start, p.end, *(place.get(name, -1) for name in p.numbers), p.is_two_way]
-        for p in network.passages
-    ]
-    return place, np.array(passages, dtype=np.intc)
+    numbers = ([place.get(name, -1) for name in p.numbers] for p in network.passages)
+    rows = zip(network.passages, numbers, strict=True)
+    return place, np.array([[p.start, p.end, *own, p.is_two_way] for p, own in rows], dtype=np.intc)

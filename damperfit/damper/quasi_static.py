@@ -116,10 +116,10 @@ def quasi_static(
         )
     values = _as_declared(damper, values)
     ideal = ideal_values(damper, values, with_tare=with_tare)
+    offsets = [one.name for one in values.quantities if one.is_offset]
     gas = damper.rest_force(displacement)
     is_out = {one.name for one in damper.quantities if one.ideal is not None}
-    if gas is not None and not with_tare:
-        is_out |= {one.name for one in values.quantities if one.is_offset}
+    is_out |= {*offsets} if gas is not None and not with_tare else set()
     seals = [one.name for one in values.quantities if one.role == FRICTION]
     seals += [name for name in _FRICTION_PARTS if name in values.names]
     wanted = tuple(dict.fromkeys((*(n for n in sensitivities if n not in is_out), *seals)))
@@ -139,19 +139,17 @@ def quasi_static(
             # By u: y of a linear quantity, ln y of another.
             scale = getattr(ideal, name) if values.quantity(name).is_logarithmic else 1.0
             rows[name][places] = scale * seen.sensitivities[name][at]
-    offset = sum(float(getattr(ideal, one.name)) for one in values.quantities if one.is_offset)
+    offset = sum(float(getattr(ideal, name)) for name in offsets)
     return QuasiStatic(
         speeds=asked,
         forces=forces,
         rest=offset if gas is None else float(np.asarray(gas).reshape(-1)[0]),
         knows_gas=gas is not None,
         tare=0.0 if gas is None else offset,
-        friction=np.sum([np.zeros(len(asked)), *(rows[name] for name in seals)], axis=0),
+        friction=sum((rows[name] for name in seals), np.zeros(len(asked))),
         pressures=pressures,
         sensitivities=tuple(sensitivities),
-        slopes=np.array([rows[name] for name in sensitivities]).reshape(
-            len(sensitivities), len(asked)
-        ),
+        slopes=np.array([rows[n] for n in sensitivities]).reshape(len(sensitivities), len(asked)),
     )
 
 
@@ -163,11 +161,9 @@ def _as_declared(damper: Model, values: Values) -> Values:
 
 
 def _steps(speeds: FloatArray, end: float, leg: float) -> tuple[Motion, NDArray[np.intp]]:
-    """Return a motion through rising speeds of one stroke, and the last but one sample of each.
-
-    The last is accelerated, which some models have a law for. What a cavitating chamber lacks at
-    one speed it lacks at the next.
-    """
+    """Return a motion through rising speeds of one stroke, and the last but one sample of each."""
+    # The last is accelerated, which some models have a law for. What a cavitating chamber lacks at
+    # one speed it lacks at the next.
     interval = leg / _SAMPLES
     v = np.repeat(speeds, _SAMPLES)
     x = interval * np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]))])

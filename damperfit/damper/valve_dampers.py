@@ -32,7 +32,7 @@ direction is two passages.
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import ChainMap, Counter
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -170,14 +170,11 @@ class ValveDamper(Cylinder):
         """What each valve is made of: "rebound", "rebound.bleed", "rebound.blow_off"."""
         words: dict[str, tuple[str, ...]] = {}
         for stroke in STROKES:
-            names = tuple(name for name in self.names if name.startswith(f"{stroke}_"))
-            own = [q for q in self.quantities if q.stroke == stroke]
-            words[stroke] = names
+            names = words[stroke] = tuple(n for n in self.names if n.startswith(f"{stroke}_"))
             for group in ("bleed", "blow_off"):
-                words[f"{stroke}.{group}"] = tuple(q.name for q in own if q.group == group)
-            words |= {
-                name.replace("_", ".", 1): (name,) for name in names if not name.endswith("_bleed")
-            }
+                own = (q for q in self.quantities if q.stroke == stroke and q.group == group)
+                words[f"{stroke}.{group}"] = tuple(q.name for q in own)
+            words |= {n.replace("_", ".", 1): (n,) for n in names if not n.endswith("_bleed")}
         return {word: names for word, names in words.items() if names}
 
     @property
@@ -337,12 +334,10 @@ def declared_passages(tables: Iterable[Mapping[str, Any]]) -> tuple[DeclaredPass
 
 def _faults(table: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Code and text of what is wrong with a declared passage; only the first is good for any."""
-    for key in table:
-        if key not in _KEYS:
-            known = f"there are {', '.join(_KEYS)}.{did_you_mean(key, _KEYS)}"
-            yield "unknown-key", f"no key {key!r}; {known}"
-    missing = [key for key in _KEYS if key not in table and key != "two_way"]
-    if missing:
+    for key in (key for key in table if key not in _KEYS):
+        known = f"there are {', '.join(_KEYS)}.{did_you_mean(key, _KEYS)}"
+        yield "unknown-key", f"no key {key!r}; {known}"
+    if missing := [key for key in _KEYS if key not in table and key != "two_way"]:
         yield "missing-key", f"lacks {', '.join(missing)}"
     law, name, two_way = table["law"], table["name"], table.get("two_way", False)
     for key in ("from", "to"):
@@ -388,12 +383,10 @@ class DeclaredNetwork(ValveDamper):
     def __post_init__(self) -> None:
         """Refuse what is no damper."""
         Cylinder.__post_init__(self)
-        ends = [{passage.start, passage.end} for passage in self.passages]
-        code, fault = "", ""
+        ends, code, fault = [{one.start, one.end} for one in self.passages], "bad-passage", ""
         if self.floating_piston and {2, 3} in ends:
             place = ends.index({2, 3}) + 1
             fault = f"passage {place} joins 2 and 3, which are one behind a floating piston"
-            code = "bad-passage"
         elif not any(1 in both for both in ends):
             code, fault = "no-passage", "none leads to or from chamber 1, the rod side"
         if fault:
@@ -420,13 +413,11 @@ class DeclaredNetwork(ValveDamper):
     @property
     def _preset(self) -> ValveDamper:
         """The preset that presses alike: from its loops the valves are read."""
-        kind: type[ValveDamper] = ThroughFlow
-        if self.floating_piston:
-            kind = Monotube
-        elif any({one.start, one.end} == {1, 2} for one in self.passages):
-            kind = TwinTube
-        shared = (*VALVE_RANGES, "mounting", "friction")
-        return kind(**{name: getattr(self, name) for name in shared})
+        joins_both = any({one.start, one.end} == {1, 2} for one in self.passages)
+        kind = Monotube if self.floating_piston else TwinTube if joins_both else ThroughFlow
+        return kind(
+            **{name: getattr(self, name) for name in (*VALVE_RANGES, "mounting", "friction")}
+        )
 
     def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
         """Start from the valves of the preset that presses alike, shared out among the passages."""
@@ -438,19 +429,14 @@ class DeclaredNetwork(ValveDamper):
             pair = [Valve("long", kind if chamber in opens else "none") for chamber in _STROKE_OF]
             made = replace(self._preset, rebound=pair[0], compression=pair[1])
             points.append(valve_points(made, traces, fixed))
-        alike = (
-            {k: v for point in many for k, v in point.items()} for many in zip(*points, strict=True)
-        )
+        alike = (ChainMap(*reversed(many)) for many in zip(*points, strict=True))
         return tuple(self._from_point(point, fixed) for point in alike)
 
     def _from_point(self, point: Mapping[str, float], fixed: Mapping[str, float]) -> Values:
         from damperfit.damper.valves import within_plausible
 
-        def place(passage: DeclaredPassage) -> tuple[int, bool]:
-            return passage.start, passage.law in BLOW_OFFS
-
         valves = [p for p in self.passages if p.law != "check" and p.start in _STROKE_OF]
-        beside = Counter(map(place, valves))
+        beside = Counter((p.start, p.law in BLOW_OFFS) for p in valves)
         own = dict(point)
         for passage in self.passages:
             for part in LAWS[passage.law]:
@@ -458,7 +444,7 @@ class DeclaredNetwork(ValveDamper):
                 if passage in valves:
                     # Passages beside each other share the flow, at one pressure.
                     is_flow = PARTS[part].unit in {ROOT, LINEAR}
-                    n = beside[place(passage)] if is_flow else 1
+                    n = beside[passage.start, passage.law in BLOW_OFFS] if is_flow else 1
                     number = n * point[f"{_STROKE_OF[passage.start]}_{part}"]
                 own[f"{passage.name}_{part}"] = number
         return within_plausible(self, own, fixed)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -169,20 +170,17 @@ def read_valves(
     half = 0.5 * float(np.ptp(whole.force))
     sides = ((1.0, rebound), (-1.0, compression))
 
+    def misfit(at: tuple[float, float]) -> tuple[float, float, float]:
+        """That of the flows, each stroke's in units of its own."""
+        rows = [_rows(whole, sign, side, *at) for sign, side in sides]
+        return (sum(math.inf if of is None else of.solve()[1] for of in rows), *at)
+
     def best_of(frictions: Sequence[float], offsets: Sequence[float]) -> tuple[float, float]:
-        """The least misfit of the flows, each stroke's in units of its own."""
-        tried = []
-        for f in frictions:
-            for o in offsets:
-                rows = [_rows(whole, sign, side, f, o) for sign, side in sides]
-                misfit = sum(math.inf if of is None else of.solve()[1] for of in rows)
-                tried.append((misfit, f, o))
-        return min(tried)[1:]
+        return min(map(misfit, product(frictions, offsets)))[1:]
 
     offsets = [half * share for share in _OFFSETS] if offset is None else [offset]
     frictions = [half * share for share in _FRICTIONS] if friction is None else [friction]
-    best = best_of(frictions, offsets)
-    width = np.array(_FINER)
+    best, width = best_of(frictions, offsets), np.array(_FINER)
     if friction is None:
         frictions = (best[0] * (1.0 + width)).tolist()
     if offset is None:
@@ -343,11 +341,10 @@ def valve_points(
     least_friction = _FRICTION * float(np.std(force))
     area, length = damper.annulus_area, damper.chamber_1_length
     oil = length / (area * 1e9)  # what the oil alone gives, m/N
-    sides = tuple(zip(STROKES, _sides(damper, {}), strict=True))
 
     def valves(reading: ValveReading, guess: Sequence[float | None]) -> dict[str, float]:
         numbers: dict[str, float] = {}
-        for (stroke, side), share in zip(sides, guess, strict=True):
+        for stroke, side, share in zip(STROKES, _sides(damper, {}), guess, strict=True):
             valve, curve = getattr(damper, stroke), getattr(reading, stroke)
             parts = _parts(valve, curve, side.area * speed, damper.oil_density, share)
             numbers |= {f"{stroke}_{part}": value for part, value in parts.items()}
@@ -373,13 +370,10 @@ def read_loops(
     """Return the valves as the loops show them: the same for every kind of valve in a layout."""
     mass = damper.mounting.moving_mass
     known = 0.0 if isinstance(mass, str) else float(mass)
-    loops = [
-        loop_of(
-            before_load_cell(trace, moving_mass=known),
-            damper.filled_to(trace.gas_pressure).rest_force(trace.displacement),
-        )
-        for trace in traces
-    ]
+    loops = []
+    for trace in traces:
+        level = damper.filled_to(trace.gas_pressure).rest_force(trace.displacement)
+        loops.append(loop_of(before_load_cell(trace, moving_mass=known), level))
     half = 0.5 * max(float(np.ptp(loop.force)) for loop in loops)
     at = ((fixed.get("f_0", offset), fixed.get("f_f", share * half)) for offset, share in _READ_AT)
     return [
@@ -390,12 +384,13 @@ def read_loops(
 
 def _sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]:
     """Return what presses through the rebound valve and through that of compression."""
-    rebound, compression = damper.pressed_areas
-    if damper.filled is None:
-        return Side(rebound), Side(compression)
-    resistance = fixed.get("return_slope", damper.quantity("return_slope").default or 0.0)
-    drags = [resistance * damper.oil_density * getattr(damper, area) ** 2 for area in damper.filled]
-    return Side(rebound, drags[0]), Side(compression, drags[1])
+    drags = [0.0, 0.0]
+    if damper.filled is not None:
+        resistance = fixed.get("return_slope", damper.quantity("return_slope").default or 0.0)
+        by_area = resistance * damper.oil_density
+        drags = [by_area * getattr(damper, area) ** 2 for area in damper.filled]
+    rebound, compression = map(Side, damper.pressed_areas, drags)
+    return rebound, compression
 
 
 def _parts(
@@ -405,26 +400,24 @@ def _parts(
     top = max(curve.highest, 1e4)
     opening = curve.opening if share is None else share * top
     opening = min(max(opening, 0.02 * top), top)
-    if share is None:
-        root, conductance = curve.root, curve.conductance
-    else:
+    root, conductance = curve.root, curve.conductance
+    if share is not None:
         root = _HALF * most / math.sqrt(opening)
         conductance = _HALF * most / max(top - opening, 0.1 * top)
+    least_root = _LEAST * most / math.sqrt(top)
     if valve.blow_off == "none":  # the bleed carries all
         root, opening = most / math.sqrt(top), top
     elif valve.bleed == "none":
         conductance = most / max(top - opening, 0.1 * top)
-    root = max(root, _LEAST * most / math.sqrt(top))
-    conductance = max(conductance, _LEAST * most / top)
-    slope = 1.0 / (density * conductance)
+    root, conductance = max(root, least_root), max(conductance, _LEAST * most / top)
+    slope, flow = 1.0 / (density * conductance), density * most
     leak = math.sqrt(opening) / (density * root)
     own = {"bleed": 1.0 / (density * root), "leak": leak if valve.bleed == "leak" else 0.3 * leak}
     if valve.blow_off == "port" and share is None and (ported := curve.ported):
         through, opening, behind = ported
-        own["bleed"] = 1.0 / (density * max(through, _LEAST * most / math.sqrt(top)))
+        own["bleed"] = 1.0 / (density * max(through, least_root))
         own["port"] = 1.0 / (density * behind)
         slope = _BESIDE_A_PORT * own["port"] ** 2 * density * most
-    flow = density * most
     return {
         part: own[part] if part in own else PARTS[part].guess(opening, slope, top, flow)
         for part in valve.parts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain, combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,8 +37,6 @@ _BEYOND_ONSET = (1.9, 6.0)
 # What a start holds until the others have settled: at stiff settings R_m1 carries the rebound, and
 # one that is off in K_e lets R_m3 run into cavitation.
 REBOUND = frozenset({"r_m3", "f_f"})
-_FLAT = 1e-12  # a slope that is zero to the last digits, beside columns and values of length 1
-_MOST_ROUNDS = 100
 
 
 def starts(
@@ -133,10 +132,10 @@ def _stack(traces: Sequence[Trace], damper: Damper) -> tuple[FloatArray, FloatAr
 
 
 def nonnegative_least_squares(columns: FloatArray, values: FloatArray) -> FloatArray:
-    """Return x >= 0 that makes |columns x - values| least; columns (n, k) of about one length.
+    """Return x >= 0 that makes |columns x - values| least; few columns (n, k) of about one length.
 
-    Lawson and Hanson, "Solving Least Squares Problems", 1974, chapter 23: `scipy.optimize` takes
-    longer to load than all starts take.
+    The best of all choices of columns that has no negative number: `scipy.optimize` takes longer to
+    load than all starts take.
 
     Examples
     --------
@@ -145,30 +144,11 @@ def nonnegative_least_squares(columns: FloatArray, values: FloatArray) -> FloatA
     """
     triangle = np.asarray(np.linalg.qr(np.column_stack([columns, values]), mode="r"))
     a, b = triangle[:, :-1], triangle[:, -1]
-    least = _FLAT * float(np.linalg.norm(a, axis=0).max(initial=0.0) * np.linalg.norm(b))
-    solution = np.zeros(a.shape[1])
-    is_free = np.zeros(a.shape[1], dtype=bool)
-
-    def unbounded() -> FloatArray:
-        trial = np.zeros(a.shape[1])
-        if is_free.any():
-            trial[is_free] = np.linalg.lstsq(a[:, is_free], b, rcond=None)[0]
-        return trial
-
-    for _ in range(_MOST_ROUNDS):
-        slope = np.where(is_free, -np.inf, a.T @ (b - a @ solution))
-        best = int(np.argmax(slope))
-        if not slope[best] > least:
-            break
-        is_free[best] = True
-        trial = unbounded()
-        while np.any(is_free & (trial <= 0.0)):
-            # As far as the first that would turn negative; it is held at nothing from there on.
-            out = np.flatnonzero(is_free & (trial <= 0.0))
-            share = float(np.min(solution[out] / np.maximum(solution[out] - trial[out], 1e-300)))
-            solution += share * (trial - solution)
-            is_free &= solution > _FLAT * float(solution.max())
-            solution[~is_free] = 0.0
-            trial = unbounded()
-        solution = trial
-    return solution
+    best, least, places = np.zeros(a.shape[1]), float(b @ b), range(a.shape[1])
+    for some in chain.from_iterable(combinations(places, size + 1) for size in places):
+        solution = np.linalg.lstsq(a[:, some], b, rcond=None)[0]
+        rest = a[:, some] @ solution - b
+        if np.all(solution >= 0.0) and rest @ rest < least:
+            best, least = np.zeros(a.shape[1]), float(rest @ rest)
+            best[list(some)] = solution
+    return best
