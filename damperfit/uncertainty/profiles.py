@@ -190,51 +190,52 @@ def _unit(fit: Fit, name: str) -> float:
     return 1.0 if quantity.is_logarithmic else quantity.size
 
 
-# Where a parameter is walked: at one setting, or over all of a joint fit
+# A parameter is walked along its line, at one setting or over all of a joint fit.
 
 
-class _Walker:
-    """Refits with one parameter held at a place along its line; `points` are where it was."""
+class _Place(NamedTuple):
+    """Where a walk is: what is needed to go on, what the misfit has risen by, all values there."""
 
-    error: float  # standard error of u as printed; where nothing is known, infinity
-    spent: int = 0  # simulations
-    centre: Any  # the best fit,
-    state: Any  # and the last: from where to go on
+    state: Any
+    rise: float
+    at: Mapping[Setting, Values]
+    spent: int  # simulations
 
-    def __init__(self, quantity: Quantity, best: float, at: Mapping[Setting, Values]) -> None:
-        self.quantity, self.best = quantity, best
-        self.points: list[tuple[float, float, Mapping[Setting, Values]]] = [(0.0, 0.0, at)]
 
-    def note(self, along: float, rise: float, at: Mapping[Setting, Values]) -> float:
-        """Keep a point; return its sqrt(rise)."""
-        root = math.copysign(math.sqrt(abs(rise)), rise)
-        self.points.append((along, root, at))
+class _Walk:
+    """Refits with one parameter held at places along its line."""
+
+    def __init__(
+        self,
+        quantity: Quantity,
+        best: float,
+        error: float,  # standard error of u as printed; where nothing is known, infinity
+        centre: _Place,  # the best fit
+        refit: Callable[[Any, float, int], _Place],  # from a state, to a place, with so many left
+    ) -> None:
+        self.quantity, self.best, self.error = quantity, best, error
+        self.centre, self.here, self.refit, self.spent = centre, centre, refit, centre.spent
+        self.points: list[tuple[float, float, Mapping[Setting, Values]]] = [(0.0, 0.0, centre.at)]
+
+    def look(self, along: float, stride: Stride) -> float:
+        """Refit, going on from the place before; return the sqrt(rise) there."""
+        self.here = self.refit(self.here.state, along, stride.budget - self.spent)
+        self.spent += self.here.spent
+        root = math.copysign(math.sqrt(abs(self.here.rise)), self.here.rise)
+        self.points.append((along, root, self.here.at))
         return root
 
-    def refit(self, along: float) -> float:
-        """Refit, going on from the place before; return the sqrt(rise) there."""
-        raise NotImplementedError
-
-    def value_at(self, along: float) -> float:
-        """The parameter at a place along its line."""
-        if self.quantity.is_logarithmic:
-            return self.best * math.exp(along)
-        return self.best + self.quantity.size * along
-
     def profiles(self, stride: Stride) -> dict[Setting, MisfitProfile]:
-        """Walk both sides; return the profile of every setting that has the parameter."""
+        """Walk both sides; return the profile of every setting."""
         low, high = self.quantity.plausible
         if self.quantity.is_logarithmic:
             edges = math.log(low / self.best), math.log(high / self.best)
         else:
             down, up = ((end - self.best) / self.quantity.size for end in (low, high))
             edges = max(down, -_LINEAR_EDGE), min(up, _LINEAR_EDGE)
-        limits, is_complete = [], True
-        for side in (-1.0, 1.0):
-            self.state = self.centre
-            limit, is_known = self._side(side, stride, edges)
-            limits.append(None if limit is None else self.value_at(limit))
-            is_complete &= is_known
+        (low_at, is_low_known), (high_at, is_high_known) = (
+            self._side(side, stride, edges) for side in (-1.0, 1.0)
+        )
         name, points = self.quantity.name, sorted(self.points, key=lambda point: point[0])
         return {
             setting: MisfitProfile(
@@ -244,9 +245,9 @@ class _Walker:
                     ProfilePoint(float(getattr(at[setting], name)), root * abs(root), at[setting])
                     for _, root, at in points
                 ),
-                low=limits[0],
-                high=limits[1],
-                is_complete=is_complete,
+                low=None if low_at is None else _moved(self.quantity, self.best, low_at),
+                high=None if high_at is None else _moved(self.quantity, self.best, high_at),
+                is_complete=is_low_known and is_high_known,
                 evaluations=self.spent,
             )
             for setting in points[0][2]
@@ -256,6 +257,7 @@ class _Walker:
         self, side: float, stride: Stride, edges: tuple[float, float]
     ) -> tuple[float | None, bool]:
         """Walk one side; return where the limit is (None: not reached), and whether it is known."""
+        self.here = self.centre
         edge, other_edge = edges[side > 0.0], edges[side < 0.0]
         if edge * side <= 0.0:
             return None, True
@@ -268,7 +270,7 @@ class _Walker:
                 if self.spent >= stride.budget:
                     return limit, limit is not None
                 along = side * min(abs(along) + step, abs(edge))
-                found = self.refit(along)
+                found = self.look(along, stride)
                 if limit is None and found >= NORMAL_95:
                     # Between the outermost points around it, nearer and nearer.
                     for looks in range(_MAX_LOOKS + 1):
@@ -276,7 +278,7 @@ class _Walker:
                         limit, is_near = _interpolated_limit(places, side)
                         if is_near or looks == _MAX_LOOKS or self.spent >= stride.budget:
                             break
-                        self.refit(limit)
+                        self.look(limit, stride)
                 # Aim for the wanted distance in sqrt(rise), a few times as far at most.
                 aimed = min(stride.step, max(stride.reach - found, 0.2 * stride.step) * 1.05)
                 grown = aimed / max(found - root, 1e-3)
@@ -285,6 +287,11 @@ class _Walker:
         except SimulationError:
             return limit, limit is not None
         return limit, True
+
+
+def _moved(quantity: Quantity, best: float, along: float) -> float:
+    """A parameter at a place along its line."""
+    return best * math.exp(along) if quantity.is_logarithmic else best + quantity.size * along
 
 
 def _interpolated_limit(places: Sequence[tuple[float, float]], side: float) -> tuple[float, bool]:
@@ -309,70 +316,56 @@ class _State(NamedTuple):
     jacobian: FloatArray
 
 
-class _OwnWalker(_Walker):
-    """The walker of one setting: along one of the misfit's free parameters."""
+def _own_walk(fit: Fit, name: str, misfit: Block, scale: float, error: float, budget: int) -> _Walk:
+    """The walk at one setting: along one of the misfit's free parameters; L is in 1/N^2."""
+    free, packing, quantity = misfit.free, misfit.common_variables, fit.parameters.quantity(name)
+    bounds = [packing.pack(edges) for edges in misfit.bounds]
+    place, every = free.index(name), np.arange(len(free), dtype=np.intp)
+    others = np.delete(every, place)
 
-    def __init__(
-        self,
-        one: Linearisation,
-        name: str,
-        misfit: Block,
-        scale: float,  # L of the module's docstring, 1/N^2
-        error: float,
-        budget: int,
-    ) -> None:
-        self.setting, self.start, self.misfit = one.fit.setting, one.fit.parameters, misfit
-        self.scale, self.error, self.budget = scale, error, budget
-        self.variables = misfit.common_variables
-        ranges = np.array([self.start.quantity(free).plausible for free in misfit.free])
-        self.bounds = self.variables.pack(ranges[:, 0]), self.variables.pack(ranges[:, 1])
-        self.place = misfit.free.index(name)
-        every = np.arange(len(misfit.free), dtype=np.intp)
-        self.others = np.delete(every, self.place)
-        start = self.variables.pack(values_of(misfit.free, self.start))
-        # From the edge of its range the profiled one would leave it.
-        is_stuck = is_at_edge(self.start, name)
-        self.centre, self.least = self._settled(start, self.others if is_stuck else every)
-        best = float(getattr(self.centre.parameters, name))
-        super().__init__(self.start.quantity(name), best, {self.setting: self.centre.parameters})
-
-    def refit(self, along: float) -> float:
-        """Go along the line, the others along their tangent, and settle there."""
-        state, place, others = self.state, self.place, self.others
-        moved = state.variables.copy()
-        moved[place] = self.centre.variables[place] + along
-        shift = moved[place] - state.variables[place]
-        ahead = state.residuals + state.jacobian[:, place] * shift
-        change = _full_step(DenseSystem(ahead, state.jacobian[:, others])).change
-        length = float(np.max(np.abs(change), initial=0.0))
-        moved[others] += change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
-        self.state, cost = self._settled(moved, others)
-        rise = self.scale * (cost - self.least)
-        return self.note(along, rise, {self.setting: self.state.parameters})
-
-    def _settled(self, start: FloatArray, moving: NDArray[np.intp]) -> tuple[_State, float]:
-        """Refit the moving ones; returns the state and the least cost that is promised there."""
-        misfit = self.misfit
+    def settled(
+        start: FloatArray, moving: NDArray[np.intp], left: int
+    ) -> tuple[_State, float, int]:
+        """Refit the moving ones: the state, the least cost that is promised there, simulations."""
 
         def point_at(part: FloatArray) -> tuple[DenseSystem, _State]:
-            self.spent += 1
             variables = start.copy()
             variables[moving] = part
-            parameters = with_values(self.start, misfit.free, self.variables.unpack(variables))
+            parameters = with_values(fit.parameters, free, packing.unpack(variables))
             residuals, jacobian = linearise(misfit, parameters)
             system = DenseSystem(residuals, jacobian[:, moving])
             return system, _State(variables, parameters, residuals, jacobian)
 
         stopping = Stopping(
             step_tolerance=_STEP_TOLERANCE,
-            max_evaluations=max(1, min(_MAX_REFITS, self.budget - self.spent)),
-            least_gain=_SETTLED / self.scale if self.scale > 0.0 else math.inf,
+            max_evaluations=max(1, min(_MAX_REFITS, left)),
+            least_gain=_SETTLED / scale if scale > 0.0 else math.inf,
             longest_step=_LONGEST_STEP,
         )
-        bounds = self.bounds[0][moving], self.bounds[1][moving]
-        ended = iterate(point_at, start[moving], stopping, bounds)
+        ended = iterate(point_at, start[moving], stopping, (bounds[0][moving], bounds[1][moving]))
         system = ended.system.without(ended.is_held) if ended.is_held.any() else ended.system
-        return ended.extra, ended.system.cost - _full_step(system).effect
+        cost = ended.system.cost - _full_step(system).effect
+        return ended.extra, cost, ended.evaluations
+
+    # From the edge of its range the profiled one would leave it.
+    moving = others if is_at_edge(fit.parameters, name) else every
+    centre, least, spent = settled(packing.pack(values_of(free, fit.parameters)), moving, budget)
+
+    def refit(state: _State, along: float, left: int) -> _Place:
+        """Go along the line, the others along their tangent, and settle there."""
+        moved = state.variables.copy()
+        moved[place] = centre.variables[place] + along
+        shift = moved[place] - state.variables[place]
+        ahead = state.residuals + state.jacobian[:, place] * shift
+        change = _full_step(DenseSystem(ahead, state.jacobian[:, others])).change
+        length = float(np.max(np.abs(change), initial=0.0))
+        moved[others] += change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
+        ended, cost, spent = settled(moved, others, left)
+        return _Place(ended, scale * (cost - least), {fit.setting: ended.parameters}, spent)
+
+    best = float(getattr(centre.parameters, name))
+    start = _Place(centre, 0.0, {fit.setting: centre.parameters}, spent)
+    return _Walk(quantity, best, error, start, refit)
 
 
 def _full_step(system: LinearSystem) -> Step:
@@ -380,34 +373,24 @@ def _full_step(system: LinearSystem) -> Step:
     return system.scaled(lengths).step(_UNSEEN)
 
 
-class _JointWalker(_Walker):
-    """The walker over all settings of a joint fit."""
+def _joint_walk(
+    problem: FitProblem, unknown: Unknown, centre: Minimum[Point], scale: float, error: float
+) -> _Walk:
+    """The walk over all settings of a joint fit."""
+    at = centre.extra.values
+    first = next(values for setting, values in at.items() if unknown.holds_at(setting))
+    quantity, best = first.quantity(unknown.name), float(getattr(first, unknown.name))
 
-    def __init__(
-        self,
-        problem: FitProblem,
-        unknown: Unknown,
-        best: Minimum[Point],
-        scale: float,
-        error: float,
-    ) -> None:
-        self.problem, self.unknown, self.centre, self.scale = problem, unknown, best, scale
-        having = [at for setting, at in best.extra.values.items() if unknown.holds_at(setting)]
-        own, value = having[0].quantity(unknown.name), float(getattr(having[0], unknown.name))
-        self.error = error
-        super().__init__(own, value, best.extra.values)
+    def refit(state: Point, along: float, left: int) -> _Place:
+        del left  # a joint fit is not cut short
+        held = {unknown.name: _moved(quantity, best, along)}
+        starts = {s: x.replace(held) if unknown.holds_at(s) else x for s, x in state.values.items()}
+        tried = replace(problem, gas=state.gas, weights=centre.extra.weights)
+        ended = fit_jointly(tried, starts)
+        rise = scale * (ended.cost - centre.cost)
+        return _Place(ended.extra, rise, ended.extra.values, ended.evaluations)
 
-    def refit(self, along: float) -> float:
-        held = {self.unknown.name: self.value_at(along)}
-        starts = {
-            setting: at.replace(held) if self.unknown.holds_at(setting) else at
-            for setting, at in self.state.extra.values.items()
-        }
-        problem = replace(self.problem, gas=self.state.extra.gas, weights=self.centre.extra.weights)
-        self.state = fit_jointly(problem, starts)
-        self.spent += self.state.evaluations
-        rise = self.scale * (self.state.cost - self.centre.cost)
-        return self.note(along, rise, self.state.extra.values)
+    return _Walk(quantity, best, error, _Place(centre.extra, 0.0, at, 0), refit)
 
 
 def profile_at(
@@ -455,9 +438,9 @@ def profile_at(
         scale = float(row[one.names.index(name)]) / variance
         error = math.sqrt(variance) / _unit(fit, name)
     misfit = bench.misfit(fit, tuple(free))
-    walker = _OwnWalker(one, name, misfit, scale, error, stride.budget)
+    walk = _own_walk(fit, name, misfit, scale, error, stride.budget)
     return replace(
-        walker.profiles(stride)[setting],
+        walk.profiles(stride)[setting],
         is_shared=name in sharing.found,
         is_partial=sharing.is_mean(name),
         is_doubtful=is_doubtful(name, fit, known),
@@ -515,7 +498,7 @@ def profile_jointly(
     error = known.whole_error(unknown.name)
     curvature = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)]
     scaled = error / _unit(fits[0], unknown.name)
-    profiles = _JointWalker(held, unknown, best, curvature / error**2, scaled).profiles(stride)
+    profiles = _joint_walk(held, unknown, best, curvature / error**2, scaled).profiles(stride)
     return tuple(
         replace(profiles[setting], is_shared=True)
         for setting in sorted(profiles)
