@@ -56,7 +56,6 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.damper.mounting import other_turns, with_pressed_seal
-from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import SimulationError, sparing
 from damperfit.identification.logs import compare, fast_length, weights
 from damperfit.identification.outcome import Status
@@ -521,7 +520,9 @@ def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
 
     window = _flat_topped(lag, n)
     total = windowed(window)
-    if lag and not _is_positive(total):
+    scale = np.sqrt(np.maximum(total.diagonal(), 0.0))
+    is_positive = bool(np.all(scale > 0.0))  # NaN is not
+    if lag and not (is_positive and np.linalg.eigvalsh(total / np.outer(scale, scale))[0] > 0.0):
         # A misfit that repeats with the cycle can do that; a triangle never gives a negative sum.
         total = windowed(1.0 - np.arange(len(window)) / (2.0 * lag + 1.0))
     return total
@@ -564,14 +565,6 @@ def _frequency_weights(taps: bytes, length: int) -> FloatArray:
     if length % 2 == 0:
         weight[-1] *= 0.5
     return np.repeat(weight, 2)
-
-
-def _is_positive(matrix: FloatArray) -> bool:
-    variances = matrix.diagonal()
-    if not all(variance > 0.0 for variance in variances.tolist()):  # NaN is not
-        return False
-    scale = np.sqrt(variances)
-    return bool(np.linalg.eigvalsh(matrix / (scale[:, None] * scale))[0] > 0.0)
 
 
 def larger(one: FloatArray, other: FloatArray) -> FloatArray:
@@ -764,28 +757,36 @@ def linearise_settings(
     return tuple(found)
 
 
-def linearise_at_fit(
+def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best read whole
     fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()
 ) -> Linearisation:
     """Take the derivative of a fit's logs by every parameter, on mean cycles where they repeat."""
     values = fit.parameters
     own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
     scales = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
-    n, errors = len(own), _ignorance(fit)
+    n, errors = len(own), np.zeros(len(own))
+    # One standard error of what stands at a default that nobody has measured.
+    for row, one in enumerate(values.quantities):
+        value = getattr(values, one.name)
+        if fit.status[one.name] is Status.FIXED and value == one.default:
+            errors[row] = one.ignorance * (1.0 if one.may_vanish else value)
     information, covariance, gradient = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     supposed: FloatArray | None = None
     cycles: list[FloatArray] = []
     counted: list[tuple[int, float, int]] = []
     logs: list[LogLinearisation] = []
-    pressed: dict[str, float] = {}
-    squares = 0.0
+    network, squares = getattr(damper.plain, "network", None), 0.0
+    passages = () if network is None else network.passages
+    # One that lifts gradually lets oil through below its opening.
+    pressed = {one.opening: 0.0 for one in passages if one.opening and not one.width}
     for log, weight in zip(fit.logs, weights([log.trace for log in fit.logs]), strict=True):
         trace, part = log.trace, log.trace.compared
         seen, names = log.cycles_of(values, damper, solver), (*damper.names, *damper.conditions)
         force, pressures, rows, rounding = _responses(log, seen, values, damper, solver, names)
         others = _other_frictions(log, seen, values, damper, solver, rows)
-        for name, here in _pressed_on(damper, pressures[:, part]).items():
-            pressed[name] = max(here, pressed.get(name, here))
+        for one in (one for one in passages if one.opening in pressed):
+            here = pressures[one.start - 1, part] - pressures[one.end - 1, part]
+            pressed[one.opening] = max(float(here.max()), pressed[one.opening])
         own_weights = np.ones(trace.n_samples) if weight is None else weight
         residuals = trace.force[part] - force[part]
         squares += float(np.sum((own_weights * residuals) ** 2))
@@ -814,17 +815,9 @@ def linearise_at_fit(
             gradient += scores.sum(axis=0)
             cycles.append(sums_by_cycle(scores, stretch.cycle_starts - stretch.first))
             counted.append((len(rest), independent_samples(trace.model_filter, len(rest)), lag))
-        whole = np.vstack(by)
-        logs.append(
-            LogLinearisation(
-                residuals=residuals,
-                weights=own_weights,
-                jacobian=whole[:, :n],
-                gas=whole[:, n:],
-                force=force[part],
-                rounding=tuple(rounding),
-            )
-        )
+        slopes, gas = np.split(np.vstack(by), [n], axis=1)
+        seen_log = residuals, own_weights, slopes, gas, force[part], tuple(rounding)
+        logs.append(LogLinearisation(*seen_log))
     wider = widening(counted, sum(status in _FOUND for status in fit.status.values()))
     return Linearisation(
         fit=fit,
@@ -896,33 +889,6 @@ def _slopes(trace: Trace, seen: SimulatedLog) -> FloatArray:
     return apply_filter(trace.model_filter, rows)
 
 
-def _pressed_on(damper: Model, pressures: NDArray[np.floating[Any]]) -> dict[str, float]:
-    """The highest pressure across each passage that opens at once, Pa, by its opening's name."""
-    own = damper.damper if isinstance(damper, WithTemperature) else damper
-    network = getattr(own, "network", None)
-    most: dict[str, float] = {}
-    for one in () if network is None else network.passages:
-        if one.opening and not one.width:  # one that lifts gradually lets oil through below it
-            here = float((pressures[one.start - 1] - pressures[one.end - 1]).max())
-            most[one.opening] = max(here, most.get(one.opening, 0.0))
-    return most
-
-
-# What a fit supposes and nobody has measured: defaults of the model, each by one standard error;
-# the form in which friction turns; what the pressure on the seal adds to it.
-
-
-def _ignorance(fit: Fit) -> FloatArray:
-    """Return one standard error of what stands at a default that nobody has measured, (k,)."""
-    values = fit.parameters
-    errors = np.zeros(len(values.names))
-    for place, one in enumerate(values.quantities):
-        value = getattr(values, one.name)
-        if fit.status[one.name] is Status.FIXED and value == one.default:
-            errors[place] = one.ignorance * (1.0 if one.may_vanish else value)
-    return errors
-
-
 def _other_frictions(
     log: LogFit,
     cycles: Sequence[SettledCycle],
@@ -943,9 +909,8 @@ def _other_frictions(
     for share, law, at in turns:
         for into, there in zip(more, _responses(log, cycles, at, law, solver)[2], strict=True):
             into[0] += share * there[0]
-    if turns:
-        for into, now in zip(more, here, strict=True):
-            into[0] -= now[0]
+    for into, now in zip(more, here, strict=True):
+        into[0] -= now[0] if turns else 0.0
     if pressed is not None:
         own = next(place for place, one in enumerate(values.quantities) if one.is_friction)
         at_rest = pressed[1].seal_area * values.gas_pressure
@@ -959,27 +924,22 @@ def _misfit_scores(linearised: Linearisation) -> tuple[FloatArray, FloatArray]:
     """The matrix M of a setting's repeating misfit, and its pulls; see the module's docstring."""
     pulls: list[FloatArray] = []
     for stretch, residuals, squares, jacobian in linearised.stretches():
-        block, repeating = _blocks(stretch, residuals)
+        n = len(residuals)
+        block, repeating = np.arange(n) * _BLOCKS // n, residuals
+        if stretch.n_cycles > 1:  # without what differs between cycles
+            starts = stretch.cycle_starts - stretch.first
+            phase = np.interp(np.arange(n), starts, np.arange(len(starts))) % 1.0
+            n_bins = max(_BLOCKS, round(float(np.mean(np.diff(starts)))))
+            bins = np.minimum((phase * n_bins).astype(np.int64), n_bins - 1)
+            counts = np.maximum(np.bincount(bins, minlength=n_bins), 1)
+            mean = np.bincount(bins, weights=residuals, minlength=n_bins) / counts
+            block, repeating = bins * _BLOCKS // n_bins, mean[bins]
         scores = jacobian * (squares * repeating)[:, None]
         pulls.extend(scores[block == k].sum(axis=0) for k in range(_BLOCKS))
     table = np.array(pulls)
     few = len(table) / max(len(table) - len(linearised.names), 1)
     by_phase = table.reshape(-1, _BLOCKS, table.shape[1]).sum(axis=0)
     return np.asarray(few * table.T @ table), np.asarray(math.sqrt(few) * by_phase)
-
-
-def _blocks(stretch: Stretch, residuals: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the block of each sample, and the residual without what differs between cycles."""
-    n = len(residuals)
-    if stretch.n_cycles < 2:
-        return np.arange(n) * _BLOCKS // n, residuals
-    starts = stretch.cycle_starts - stretch.first
-    phase = np.interp(np.arange(n), starts, np.arange(len(starts))) % 1.0
-    n_bins = max(_BLOCKS, round(float(np.mean(np.diff(starts)))))
-    bins = np.minimum((phase * n_bins).astype(np.int64), n_bins - 1)
-    counts = np.maximum(np.bincount(bins, minlength=n_bins), 1)
-    mean = np.bincount(bins, weights=residuals, minlength=n_bins) / counts
-    return bins * _BLOCKS // n_bins, mean[bins]
 
 
 def _drift_pull(linearised: Linearisation) -> FloatArray:
@@ -990,12 +950,11 @@ def _drift_pull(linearised: Linearisation) -> FloatArray:
             continue
         starts = np.rint(stretch.cycle_starts - stretch.first).astype(np.intp)
         starts = np.clip(starts, 0, len(residuals))
-        sums = np.add.reduceat(residuals[: starts[-1]], starts[:-1])
-        phase = np.linspace(-0.5, 0.5, len(sums))
-        means = sums / np.diff(starts)
-        drift = float(phase @ means / (phase @ phase))
+        means = np.add.reduceat(residuals[: starts[-1]], starts[:-1]) / np.diff(starts)
+        phase = np.linspace(-0.5, 0.5, len(means))
+        power = phase @ phase
+        drift = float(phase @ means / power)
         rest = means - means.mean() - drift * phase
-        error = math.sqrt(float(rest @ rest / (phase @ phase)) / (len(means) - 2))
-        if abs(drift) > _SURE * error:
+        if abs(drift) > _SURE * math.sqrt(float(rest @ rest / power) / (len(means) - 2)):
             pull += drift * (jacobian.T @ squares)
     return pull

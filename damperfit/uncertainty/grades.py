@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 
     from damperfit.conditioning import GasFacts
     from damperfit.damper.model import Model
-    from damperfit.damper.quantity import Quantity
-    from damperfit.identification import Campaign, Fit, FitOptions, SimulatedLog
+    from damperfit.identification import Campaign, Fit, FitOptions, LogFit, SimulatedLog
     from damperfit.recording import Stretch, Trace
     from damperfit.uncertainty.assessment import Assessment
     from damperfit.uncertainty.residuals import Diagnosis
@@ -72,6 +71,7 @@ class GradeLimits(NamedTuple):
 
 
 LIMITS = GradeLimits()
+_FOUND = frozenset({Status.FITTED, Status.SHARED})
 
 # What the level of the force may be wrong by, in its own uncertainty and in gas forces.
 _OF_UNCERTAINTY, _OF_GAS = 1.5, 0.25
@@ -106,14 +106,11 @@ def objections(
     """
     diagnoses = {one.setting: one for one in assessment.diagnoses}
     doubted = _doubted_dimensions(campaign, diagnoses, assumed)
-    found = {
-        fit.setting: (
-            *_of_fit(fit, diagnoses.get(fit.setting), gas),
-            *doubted.get(fit.setting, ()),
-        )
+    reasons = {
+        fit.setting: (*_of_fit(fit, diagnoses.get(fit.setting), gas), *doubted.get(fit.setting, ()))
         for fit in campaign.fits
     }
-    return {setting: reasons for setting, reasons in found.items() if reasons}
+    return {setting: why for setting, why in reasons.items() if why}
 
 
 def doubted_cavitation(said: Mapping[Setting, Sequence[Objection]]) -> frozenset[Setting]:
@@ -126,24 +123,22 @@ def doubted_cavitation(said: Mapping[Setting, Sequence[Objection]]) -> frozenset
 def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
     fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None
 ) -> Iterator[Objection]:
-    values, findings = (
-        fit.parameters,
-        [(f, log.trace) for log in fit.logs for f in log.trace.findings],
-    )
-    found = [
-        (one, getattr(values, one.name))
-        for one in values.quantities
-        if fit.status[one.name] in {Status.FITTED, Status.SHARED}
-    ]
+    values = fit.parameters
+    findings = [(f, log.trace) for log in fit.logs for f in log.trace.findings]
     for one in values.quantities:
         if fit.status[one.name] == Status.AT_BOUND:
             side, edge = edge_of(values, one.name)
             text = f"{one.symbol} is at a bound of its range ({side} {edge:.3g} {one.unit})"
             yield Objection("bound", one.name, text)
-    for one, value in found:
-        low, high = one.believable
-        if not low <= value <= high:
-            yield Objection("beyond", one.name, _beyond(one, value))
+    found = [one for one in values.quantities if fit.status[one.name] in _FOUND]
+    for one in found:
+        value, scale, unit = values[one.name], 10.0**-one.power, one.shown_unit
+        if not one.believable[0] <= value <= one.believable[1]:
+            low, high = (scale * edge for edge in one.believable)
+            most = f" to {high:g} {unit}" if math.isfinite(high) else f" {unit} or more"
+            because = f": {one.belief}" if one.belief else ""
+            text = f"{one.symbol} = {scale * value:.3g} {unit} is beyond {low:g}{most}{because}"
+            yield Objection("beyond", one.name, text)
     cut = [
         (one.value, one.name.partition("_")[0], trace.name)
         for one, trace in findings
@@ -171,37 +166,23 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
     seen = fit.cavitation
     is_doubted = is_missed or (diagnosis is not None and _repeats(diagnosis))
     if is_doubted and seen.fraction > LIMITS.cavitation:
-        yield Objection(
-            "cavitation",
-            "",
-            f"chamber {seen.chamber} cavitates for {100.0 * seen.fraction:.0f} % of the cycle in a "
-            "model that does not match the log: no evidence supports it",
+        text = (
+            f"chamber {seen.chamber} cavitates for {100.0 * seen.fraction:.0f} % of the cycle in "
         )
+        text += "a model that does not match the log: no evidence supports it"
+        yield Objection("cavitation", "", text)
     if not is_missed:
         return
     for one in values.quantities:
-        if one.is_offset and gas is not None:
-            apart = offset_mismatch(fit, one.name, gas)
-            if apart is not None and apart[0] > LIMITS.offset:
-                value = getattr(values, one.name)
-                text = f"{one.symbol} is {value:.0f} N where the log shows {apart[1]:.0f} N"
-                yield Objection("offset", one.name, text)
-    for one, value in found:
+        apart = offset_mismatch(fit, one.name, gas) if one.is_offset and gas is not None else None
+        if apart is not None and apart[0] > LIMITS.offset:
+            text = f"{one.symbol} is {values[one.name]:.0f} N where the log shows {apart[1]:.0f} N"
+            yield Objection("offset", one.name, text)
+    for one in found:
+        value = values[one.name]
         if one.is_friction and (ratio := jump_ratio(fit, value)) > LIMITS.jump:
-            text = (
-                f"{one.symbol} = {value:.3g} N would need a jump of the force at each reversal "
-                f"{ratio:.2g} times that of the log"
-            )
-            yield Objection("friction", one.name, text)
-
-
-def _beyond(one: Quantity, value: float) -> str:
-    """Say of a value that no damper or rig has it."""
-    low, high = (10.0**-one.power * edge for edge in one.believable)
-    unit = one.shown_unit
-    span = f"{low:g} to {high:g} {unit}" if math.isfinite(high) else f"{low:g} {unit} or more"
-    because = f": {one.belief}" if one.belief else ""
-    return f"{one.symbol} = {10.0**-one.power * value:.3g} {unit} is beyond {span}{because}"
+            text = f"{one.symbol} = {value:.3g} N would need a jump of the force at each reversal "
+            yield Objection("friction", one.name, f"{text}{ratio:.2g} times that of the log")
 
 
 def _repeats(diagnosis: Diagnosis) -> bool:
@@ -213,36 +194,27 @@ def _repeats(diagnosis: Diagnosis) -> bool:
 def _doubted_dimensions(
     campaign: Campaign, diagnoses: Mapping[Setting, Diagnosis], assumed: str
 ) -> dict[Setting, tuple[Objection]]:
-    """Where what repeats is that of other dimensions, or of dimensions that nobody gave.
-
-    Dimensions are the damper's: where one setting has shown them to be wrong, the others in which
-    the same repeats are bent by them too, however little it is there.
-    """
+    """Where what repeats is that of other dimensions, or of dimensions that nobody gave."""
 
     def is_of_gas(one: Diagnosis, *names: str) -> bool:
         """Whether nearly all that repeats is as of another gas spring."""
         is_named = bool(one.hints) and one.hints[0].name.startswith(("gas_", *names))
         return is_named and one.hints[0].share > LIMITS.dimensions
 
-    bent = [
-        diagnoses[fit.setting]
-        for fit in campaign.fits
-        if fit.setting in diagnoses
-        and _repeats(diagnoses[fit.setting])
-        and fit.mse_percent > LIMITS.nothing_percent
-    ]
+    # Dimensions are the damper's: where one setting has shown them to be wrong, the others in which
+    # the same repeats are bent by them too, however little it is there.
+    missed = (f.setting for f in campaign.fits if f.mse_percent > LIMITS.nothing_percent)
+    bent = [diagnoses[s] for s in missed if s in diagnoses and _repeats(diagnoses[s])]
     # What a wrong gas pressure does is an offset at soft settings.
     is_gas_wrong = any(is_of_gas(one, "offset") for one in bent)
     found = {}
     for setting, one in diagnoses.items() if bent else ():
-        words = (
-            f"the MSE is {one.mse_percent:.2g} %, of which only {one.noise_percent:.2g} % is noise"
-        )
         if not one.is_structured or not (assumed or (is_gas_wrong and is_of_gas(one))):
             continue
-        words = f"{assumed} {words}" if assumed else f"{words}, and the rest is as from "
-        words += "" if assumed else one.hints[0].words
-        found[setting] = (Objection("dimensions", "", f"{words}: declare the damper as it is"),)
+        text = f"the MSE is {one.mse_percent:.2g} %, of which only {one.noise_percent:.2g} % is "
+        because = "noise" if assumed else f"noise, and the rest is as from {one.hints[0].words}"
+        text = f"{assumed} {text}{because}: declare the damper as it is".lstrip()
+        found[setting] = (Objection("dimensions", "", text),)
     return found
 
 
@@ -269,8 +241,24 @@ def jump_ratio(fit: Fit, friction: float) -> float:
     """
     if what_spreads(fit):
         return math.nan
-    ratios = [_jumps(log.trace, friction, _lag(fit)) for log in fit.logs if log.trace.n_cycles]
-    return max((ratio for ratio in ratios if math.isfinite(ratio)), default=math.nan)
+    ratios = []
+    for trace in (log.trace for log in fit.logs if log.trace.n_cycles):
+        v = trace.drive.velocity
+        (turning,) = behind_lag(friction * np.sign(v)[None], trace.interval, _lag(fit))
+        jump = apply_filter(trace.model_filter, turning)
+        reach = max(1, round(_REVERSAL / trace.interval))
+        places = np.flatnonzero(np.signbit(v[:-1]) != np.signbit(v[1:]))
+        inside = np.zeros(len(v), dtype=bool)
+        inside[trace.compared] = True
+        places = places[(places >= reach) & (places + 1 + reach < len(v))]
+        before = places[inside[places - reach] & inside[places + 1 + reach]] - reach
+        after = before + 2 * reach + 1
+        sign = np.sign(v[after])
+        # Against the motion where the force is late or of the other sign.
+        seen = sign @ (trace.force[after] - trace.force[before])
+        if seen > 0.0:
+            ratios.append(float(sign @ (jump[after] - jump[before]) / seen))
+    return max(ratios, default=math.nan)
 
 
 def what_spreads(fit: Fit) -> str:
@@ -287,27 +275,6 @@ def _lag(fit: Fit) -> float:
     """Lag of the force channel, s; 0 in a model without one."""
     lags = [one.name for one in fit.parameters.quantities if one.unit == "s"]
     return sum(float(getattr(fit.parameters, name)) for name in lags)
-
-
-def _jumps(trace: Trace, friction: float, lag: float) -> float:
-    v = trace.drive.velocity
-    (turning,) = behind_lag(friction * np.sign(v)[None], trace.interval, lag)
-    jump = apply_filter(trace.model_filter, turning)
-    reach = max(1, round(_REVERSAL / trace.interval))
-    places = np.flatnonzero(np.signbit(v[:-1]) != np.signbit(v[1:]))
-    inside = np.zeros(len(v), dtype=bool)
-    inside[trace.compared] = True
-    places = places[(places >= reach) & (places + 1 + reach < len(v))]
-    places = places[inside[places - reach] & inside[places + 1 + reach]]
-    if not len(places):
-        return math.nan
-    sign = np.sign(v[places + 1 + reach])
-
-    def over(signal: FloatArray) -> float:
-        return float(np.mean(sign * (signal[places + 1 + reach] - signal[places - reach])))
-
-    seen = over(trace.force)  # against the motion where the force is late or of the other sign
-    return over(jump) / seen if seen > 0.0 else math.nan
 
 
 # The air on the rod, which the paper's equation leaves out, where the logs show that it is there.
@@ -336,11 +303,10 @@ def air_objections(
         return {}
     inside = replace(damper.plain, ambient_pressure=AMBIENT)  # type: ignore[type-var]
     with_air: Model = inside if damper.plain is damper else replace(damper, damper=inside)  # type: ignore[type-var]
+    held = {Status.FIXED, Status.ABSENT}
     free = {
         fit.setting: {
-            name: getattr(fit.parameters, name)
-            for name, status in fit.status.items()
-            if status not in {Status.FIXED, Status.ABSENT}
+            n: fit.parameters[n] for n, status in fit.status.items() if status not in held
         }
         for fit in campaign.fits
     }
@@ -353,12 +319,20 @@ def air_objections(
     others = {fit.setting: fit for fit in again.fits}
     pairs = [(fit, others[fit.setting]) for fit in campaign.fits if fit.setting in others]
     noise = {one.setting: one.noise_percent for one in assessment.diagnoses}
-    gains = [
-        gain
-        for fit, other in pairs
-        if other.mse_percent <= _OF_NOISE * noise.get(fit.setting, math.nan)
-        for gain in _gains((fit, damper), (other, with_air), options.solver)
-    ]
+
+    def squares(fit: Fit, log: LogFit, law: Model) -> FloatArray:
+        modelled = log.compared(fit.parameters, law, options.solver).force
+        return np.asarray((log.trace.force - modelled) ** 2)
+
+    gains: list[float] = []  # by how much the squares are less with the air, N^2, cycle by cycle
+    for fit, other in pairs:
+        if not other.mse_percent <= _OF_NOISE * noise.get(fit.setting, math.nan):
+            continue
+        for first, second in zip(fit.logs, other.logs, strict=True):
+            fall = squares(fit, first, damper) - squares(other, second, with_air)
+            for one in first.trace.stretches:
+                cycles = np.array_split(fall[one.window], max(one.n_cycles, 1))
+                gains += [float(np.sum(cycle)) for cycle in cycles]
     if not is_certain(gains):
         return {}
     return {
@@ -372,21 +346,6 @@ def air_objections(
         )
         for fit, other in pairs
     }
-
-
-def _gains(
-    without: tuple[Fit, Model], with_air: tuple[Fit, Model], solver: SolverOptions
-) -> Iterator[float]:
-    """Yield by how much the squares are less with the air, N^2, cycle by cycle."""
-    for first, second in zip(without[0].logs, with_air[0].logs, strict=True):
-        squares = [
-            (log.trace.force - log.compared(fit.parameters, damper, solver).force) ** 2
-            for log, (fit, damper) in ((first, without), (second, with_air))
-        ]
-        for stretch in first.trace.stretches:
-            fall = (squares[0] - squares[1])[stretch.window]
-            for cycle in np.array_split(fall, max(stretch.n_cycles, 1)):
-                yield float(np.sum(cycle))
 
 
 def is_certain(gains: Sequence[float]) -> bool:
@@ -449,13 +408,12 @@ class SegmentRange:
         is_speed = self.dimension == "velocity"
         return self.low <= (segment.peak_speed if is_speed else segment.frequency) <= self.high
 
-    def split(self, trace: Trace) -> tuple[Trace | None, ...]:
+    def split(self, trace: Trace) -> tuple[Trace | None, Trace | None]:
         """Return a log without the segments within the limits, and these alone; None for none."""
-        parts = []
-        for is_held in (False, True):
-            kept = tuple(part for part in trace.stretches if self.holds(part) is is_held)
-            parts.append(replace(trace, stretches=kept) if kept else None)
-        return tuple(parts)
+        held = tuple(part for part in trace.stretches if self.holds(part))
+        rest = tuple(part for part in trace.stretches if not self.holds(part))
+        without, alone = (replace(trace, stretches=kept) if kept else None for kept in (rest, held))
+        return without, alone
 
 
 def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
@@ -557,11 +515,9 @@ class Prediction:
     @property
     def cycles(self) -> str:
         """Which of the log's steady cycles, in words; "transients": what moves beside them."""
-        if not self.is_part:
-            return "all"
-        if self.trace.n_cycles and not self.is_same_motion:
-            return f"{self.trace.n_cycles} of other segments"
-        return f"last {self.trace.n_cycles}" if self.trace.n_cycles else TRANSIENTS
+        n = self.trace.n_cycles
+        words = f"last {n}" if self.is_same_motion else f"{n} of other segments"
+        return "all" if not self.is_part else words if n else TRANSIENTS
 
     @property
     def verdict(self) -> str:
@@ -570,8 +526,8 @@ class Prediction:
             share = 100.0 * (1.0 - self.tested_share)
             words = (
                 f"no test: {share:.0f} % of the force's variance lies where the speed is within "
-                "its noise"
             )
+            words += "its noise"
         elif self.is_failed and self.ratio >= _NOT_PREDICTED:
             words = f"not predicted: {float(f'{self.ratio:.2g}'):.0f} times the expected MSE"
         elif self.is_failed:
@@ -582,16 +538,16 @@ class Prediction:
         else:
             words = f"predicted within the expected {self.expected_mse_percent:.2g} %"
         if self.is_unseen:
-            words = f"{words}; parameters combined from settings that share its clicks"
+            words += "; parameters combined from settings that share its clicks"
             names = ", ".join(self.unlimited)
             return f"{words}, whose logs do not determine {names}" if names else words
         if self.is_same_motion:
             return f"{words}; same stroke and speed as the fitted logs, so no test of the model"
         own = float(f"{self.own_offset:.2g}")
         if abs(own) >= _TOLD_OFFSET:
-            words = f"{words}; with its own force offset, {own:+g} N from the fitted"
+            words += f"; with its own force offset, {own:+g} N from the fitted"
         if self.is_same_speed:
-            words = f"{words}; peak speeds are those of the fitted logs, so it proves little"
+            words += "; peak speeds are those of the fitted logs, so it proves little"
         return words
 
     def describe(self) -> dict[str, Any]:
@@ -635,12 +591,11 @@ def predict(
     noise = {one.setting: _known(one.noise_percent) for one in assessment.diagnoses}
     unlimited = {fit.setting: assessment.unlimited(fit) for fit in campaign.fits}
     lacks = [max(fit.mse_percent - noise.get(fit.setting, 0.0), 0.0) for fit in campaign.fits]
-    found = []
+    predictions = []
     for trace in traces:
         if trace.setting is None:
             continue
-        setting = Setting.of(trace.setting)
-        fit = fits.get(trace.setting)
+        setting, fit = Setting.of(trace.setting), fits.get(trace.setting)
         values = values_from_others(parameters, setting) if fit is None else fit.parameters
         if values is None:
             continue
@@ -649,13 +604,13 @@ def predict(
         except SimulationError:
             continue
         if fit is not None:
-            found.append(_prediction(fit, trace, seen, noise.get(fit.setting, 0.0)))
+            predictions.append(_prediction(fit, trace, seen, noise.get(fit.setting, 0.0)))
             continue
         measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
         if any(one.is_offset for one in values.quantities):
             simulated = simulated + float(np.mean(measured - simulated))
-        lack = float(np.mean(lacks))
-        found.append(
+        expected = float(np.mean(lacks)) + _noise(trace, measured - simulated, 0.0)
+        predictions.append(
             Prediction(
                 setting=setting,
                 trace=trace,
@@ -663,12 +618,12 @@ def predict(
                 mse_percent=normalised_mse(measured, simulated),
                 noise_floor_percent=noise_floor(trace),
                 fitted_mse_percent=float(np.mean([fit.mse_percent for fit in campaign.fits])),
-                expected_mse_percent=_expected(lack + _noise(trace, measured - simulated, 0.0)),
+                expected_mse_percent=_expected(expected),
                 is_unseen=True,
                 unlimited=unlimited_in(values, parameters, unlimited),
             )
         )
-    return tuple(sorted(found, key=lambda prediction: prediction.setting))
+    return tuple(sorted(predictions, key=lambda prediction: prediction.setting))
 
 
 def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float) -> Prediction:
@@ -768,26 +723,20 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[Problem, ...
     if not failed:
         return ()
     worst = max(failed, key=lambda one: one.ratio)
-    what = (
-        "repeats of fitted tests differ from them: the rig or the damper has drifted"
-        if worst.is_same_motion
-        else "the parameters hold for the tests that were fitted, not for the damper"
-    )
+    code, what = "not-predicted", "the parameters hold for the tests that were fitted, not for the "
+    what += "damper"
+    if worst.is_same_motion:
+        code = "drifted"
+        what = "repeats of fitted tests differ from them: the rig or the damper has drifted"
     which = "{n_failed} of {n} held-out logs are predicted worse than the fitted ones, most {log}: "
     if all(one.cycles == TRANSIENTS for one in failed):
         which = (
             "transients, which are not fitted, are predicted worse than the steady cycles in "
             "{n_failed} of {n} logs, most in {log}: "
         )
-    found = warning(
-        "drifted" if worst.is_same_motion else "not-predicted",
-        which + "{verdict}; " + what,
-        n_failed=len(failed),
-        n=len(predictions),
-        log=worst.trace.name,
-        verdict=worst.verdict,
-    )
-    return (found,)
+    counts = {"n_failed": len(failed), "n": len(predictions)}
+    text = which + "{verdict}; " + what
+    return (warning(code, text, **counts, log=worst.trace.name, verdict=worst.verdict),)
 
 
 def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objection]:
@@ -795,12 +744,7 @@ def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objec
 
     Of fitted settings and of other motions: a repeat that is missed tells of drift, not of the law.
     """
-
-    def percent(value: float) -> str:
-        """Two digits, and no power of ten."""
-        return f"{value:.2g}" if value < 100.0 else f"{float(f'{value:.2g}'):.0f}"
-
-    found = {}
+    missed = {}
     for one in sorted(predictions, key=lambda missed: missed.mse_percent):
         is_much = one.mse_percent > LIMITS.predicted_percent and one.ratio > LIMITS.predicted_times
         if not is_much or one.is_same_motion or one.is_unseen:
@@ -809,10 +753,13 @@ def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objec
         if one.cycles == TRANSIENTS:
             what = f"the run-up, coast-down or changes of speed of {what}"
             was, is_missed = "were", "are"
-        text = (
-            f"{what}, which {was} not fitted, {is_missed} predicted with an MSE of "
-            f"{percent(one.mse_percent)} % where {percent(one.expected_mse_percent)} % is "
-            "expected: the numbers hold for the motion that was fitted"
+        there, expected = (  # two digits, and no power of ten
+            f"{x:.2g}" if x < 100.0 else f"{float(f'{x:.2g}'):.0f}"
+            for x in (one.mse_percent, one.expected_mse_percent)
         )
-        found[one.setting] = Objection("prediction", "", text)  # the worst, last, stands
-    return found
+        text = (
+            f"{what}, which {was} not fitted, {is_missed} predicted with an MSE of {there} % where "
+            f"{expected} % is expected: the numbers hold for the motion that was fitted"
+        )
+        missed[one.setting] = Objection("prediction", "", text)  # the worst, last, stands
+    return missed
