@@ -71,11 +71,6 @@ _COARSE = 2e-4
 # then kept to this share of the misfit, or of the tolerance where less than that is left.
 _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
-# A fit that meets none of MINPACK's tests has still reached its minimum when the residual is this
-# close to a right angle with every direction of the Jacobian; a misfit with kinks may stop at so
-# many times the cosine that the least promised fall would have.
-_RIGHT_ANGLE = 1e-3
-_AMONG_KINKS = 1.5
 # Weights of settings beside each other that are this near those of the end move nothing.
 _SAME_WEIGHT = 1.5
 _ALONE = Setting(())
@@ -161,11 +156,6 @@ class Block:
     def scatter(self) -> float:
         """The sum of squares that no model takes away, as far as it is known, scaled."""
         return 0.0 if self.cycles is None else self.cycles.scatter * self.scale**2
-
-    @property
-    def right_angle(self) -> float:
-        """Largest cosine between residuals and Jacobian at a minimum."""
-        return max(_RIGHT_ANGLE, _AMONG_KINKS * math.sqrt(self.model.kinks))
 
     @property
     def solvers_percent(self) -> float:
@@ -435,16 +425,22 @@ class _Stacked:
         self, setting: Setting, rows: FloatArray, values: Values, gas: GasLaw | None
     ) -> LinearSystem | FloatArray:
         """A setting's residuals and derivatives by u: a system, or a block of the bordered one."""
+        free, n_own = self.problem.free, len(self.own)
         with np.errstate(over="ignore", invalid="ignore"):
-            numbers = values_of(self.problem.free, values)
-            jacobian = rows[1:].T * self.transformation.slopes(numbers)
+            jacobian = rows[1:].T * self.transformation.slopes(values_of(free, values))
         if self.is_alone:
             return finite_system(rows[0], jacobian)
-        if gas is not None:
-            jacobian = jacobian @ self._by_law(values, gas.share(setting))
-        columns = np.zeros((len(jacobian), len(self.own) + self.n_border))
-        columns[:, : len(self.own)] = jacobian[:, self.own]
-        columns[:, len(self.own) + self.places[setting]] = jacobian[:, self.moving[setting]]
+        if gas is not None:  # by the setting's variables, logarithms both
+            by_law = np.array(
+                [[float(name == by) for by in self.problem.variables] for name in free]
+            )
+            if is_within(values, (GAS_FOLLOWER,)):  # beyond its range nothing changes any more
+                share = gas.share(setting)
+                by_law[free.index(GAS_FOLLOWER), -len(GAS_NAMES) :] = (-share, 1.0 - share)
+            jacobian = jacobian @ by_law
+        columns = np.zeros((len(jacobian), n_own + self.n_border))
+        columns[:, :n_own] = jacobian[:, self.own]
+        columns[:, n_own + self.places[setting]] = jacobian[:, self.moving[setting]]
         return reduced(rows[0], columns)
 
     def _values(
@@ -465,14 +461,6 @@ class _Stacked:
             values = values.replace({GAS_FOLLOWER: gas.modulus(setting)})
         return kept_within(values, free), None
 
-    def _by_law(self, values: Values, share: float) -> FloatArray:
-        """Derivative of a setting's free parameters by its variables, logarithms both."""
-        free, variables = self.problem.free, self.problem.variables
-        slopes = np.array([[float(name == by) for by in variables] for name in free])
-        if is_within(values, (GAS_FOLLOWER,)):  # beyond its range nothing changes any more
-            slopes[free.index(GAS_FOLLOWER), -len(GAS_NAMES) :] = (-share, 1.0 - share)
-        return slopes
-
 
 def _is_empty(
     response: Response, compared: slice | NDArray[np.intp], weight: FloatArray | None
@@ -481,8 +469,7 @@ def _is_empty(
     oil = response.pressures[:2, compared]
     if not np.minimum.reduce(oil, axis=None) <= 0.0:
         return False
-    is_empty = (oil <= 0.0).any(axis=0)
-    return bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
+    return bool(((oil <= 0.0) if weight is None else (oil <= 0.0) & (weight > 0.0)).any())
 
 
 def linearise(block: Block, values: Values) -> tuple[FloatArray, FloatArray]:

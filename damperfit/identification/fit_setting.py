@@ -88,6 +88,11 @@ NOT_FOUND = 0.5
 NOT_FIT_TO_SHARE = 1.0 / 3.0
 # Friction below this share of the force's deviation that the logs do not fix has run to zero.
 _NO_FRICTION = 1e-2
+# A fit that meets none of MINPACK's tests has still reached its minimum when the residual is this
+# close to a right angle with every direction of the Jacobian; a misfit with kinks may stop at so
+# many times the cosine that the least promised fall would have.
+_RIGHT_ANGLE = 1e-3
+_AMONG_KINKS = 1.5
 # A fit that no step makes better, while the full step promises less than half an error, is at its
 # minimum as far as anyone sees: the integrator's own error and kinks let no step lead further.
 _NO_ERROR = 0.5
@@ -167,17 +172,21 @@ class Fit:
 def minimised(block: Block, start: Values, *, spent: int = 0) -> FitResult:
     """The minimum that a start leads to, judged; evaluations already spent are added."""
     result = _ended(block, start)
-    variance = result.mse_percent / 100.0 / result.n_independent
-    errors = np.sqrt(np.diag(inverse_information(result.jacobian)) * variance)
+    cost, n, jacobian = result.mse_percent / 100.0, result.n_independent, result.jacobian
+    errors = np.sqrt(np.diag(inverse_information(jacobian)) * (cost / n))
     by_name = dict(zip(block.free, errors.tolist(), strict=True))
     status = _statuses(block, result, by_name)
-    is_minimum = result.gradient_cosine < block.right_angle or result.mse_percent < 1e-8
-    is_minimum = is_minimum or _promised_errors(result) < _NO_ERROR
+    # How many standard errors the full step is long that is left.
+    lengths = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
+    along = np.linalg.lstsq((jacobian / lengths).T, result.gradient / lengths, rcond=None)[0]
+    promised = math.sqrt(float(along @ along) * n / max(cost, 1e-300))
+    right_angle = max(_RIGHT_ANGLE, _AMONG_KINKS * math.sqrt(block.model.kinks))
+    is_minimum = result.gradient_cosine < right_angle or result.mse_percent < 1e-8
     applies = {
         Outcome.AT_BOUND: Status.AT_BOUND in status.values(),
         Outcome.NOT_IDENTIFIABLE: Status.NOT_IDENTIFIABLE in status.values(),
         Outcome.CAVITATING: result.is_cavitating,
-        Outcome.CONVERGED: is_minimum,
+        Outcome.CONVERGED: is_minimum or promised < _NO_ERROR,
         Outcome.EVALUATION_LIMIT: result.ending == _LIMIT,
         Outcome.NOT_FINITE: result.failed_trials > 0,
         Outcome.NO_DESCENT: True,
@@ -189,8 +198,20 @@ def minimised(block: Block, start: Values, *, spent: int = 0) -> FitResult:
 def _ended(block: Block, start: Values) -> FitResult:
     if block.cycles is None or block.max_evaluations == 1:
         return _on_logs(block.whole, start)
-    try:  # one evaluation is left to the logs
-        near = _on_cycles(replace(block, max_evaluations=block.max_evaluations - 1), start)
+    # The minimum of the mean cycles, or where a small step from there is left to the logs, which
+    # have one evaluation more.
+    cycles = replace(block, max_evaluations=block.max_evaluations - 1)
+    try:
+        near = descended(cycles, start, _NEAR._replace(near=_SMALL))
+        small = None if near.ending == _LIMIT else _stepped(cycles, near, left=_LEFT_TO_LOGS)
+        if small is None and near.ending != _LIMIT:
+            stepped = _stepped(cycles, near) or near
+            rest = replace(
+                cycles, max_evaluations=max(cycles.max_evaluations - near.evaluations, 1)
+            )
+            small = descended(rest, stepped.values, _NEAR)
+            small = small.after(near.evaluations, near.failed_trials)
+        near = small or near
     except SimulationError:
         return _on_logs(block.whole, start)
     left = max(block.max_evaluations - near.evaluations, 1)
@@ -200,19 +221,6 @@ def _ended(block: Block, start: Values) -> FitResult:
     ended = None if near.ending == _LIMIT else _last_step(logs, near.values)
     ended = ended or _on_logs(logs, near.values)
     return ended.after(near.evaluations, near.failed_trials)
-
-
-def _on_cycles(block: Block, start: Values) -> FitResult:
-    """The minimum of the mean cycles, or where a small step from there is left to the logs."""
-    near = descended(block, start, _NEAR._replace(near=_SMALL))
-    if near.ending == _LIMIT:
-        return near
-    stepped = _stepped(block, near, left=_LEFT_TO_LOGS)
-    if stepped is not None:
-        return stepped
-    stepped = _stepped(block, near) or near
-    rest = replace(block, max_evaluations=max(block.max_evaluations - near.evaluations, 1))
-    return descended(rest, stepped.values, _NEAR).after(near.evaluations, near.failed_trials)
 
 
 def _on_logs(block: Block, start: Values) -> FitResult:
@@ -281,9 +289,8 @@ def _stepped(
     squared = gain * near.n_independent / cost
     if squared > errors**2 or squared * largest**2 > left**2 or not largest <= _SMALL:
         return None
-    variables = block.variables
-    numbers = variables.unpack(variables.pack(values_of(free, near.values)) + step)
-    values = with_values(near.values, free, numbers)
+    numbers = block.variables.pack(values_of(free, near.values)) + step
+    values = with_values(near.values, free, block.variables.unpack(numbers))
     if not is_within(values, free):
         return None
     rest = near.gradient + jacobian.T @ moved
@@ -326,15 +333,6 @@ def _statuses(block: Block, result: FitResult, errors: Mapping[str, float]) -> d
         if status.get(first) is Status.NOT_IDENTIFIABLE:
             status |= {name: status[first] for name in others if name in block.free}
     return status
-
-
-def _promised_errors(result: FitResult) -> float:
-    """How many standard errors the full step is long that is left at a point."""
-    lengths = np.maximum(np.sqrt(np.sum(result.jacobian**2, axis=0)), 1e-300)
-    columns, pull = result.jacobian / lengths, result.gradient / lengths
-    along = np.linalg.lstsq(columns.T, pull, rcond=None)[0]
-    cost = max(result.mse_percent / 100.0, 1e-300)
-    return math.sqrt(float(along @ along) * result.n_independent / cost)
 
 
 def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:
@@ -673,11 +671,11 @@ def _grouped(ends: Sequence[FitResult], block: Block) -> list[list[FitResult]]:
     """Ends of one minimum together, best first; sound minima before the others."""
     groups: list[list[FitResult]] = []
     for end in sorted(ends, key=lambda one: one.mse_percent):
-        same = next((group for group in groups if _is_same(group[0], end, block)), None)
-        if same is None:
-            groups.append([end])
+        for group in (group for group in groups if _is_same(group[0], end, block)):
+            group.append(end)
+            break
         else:
-            same.append(end)
+            groups.append([end])
     return sorted(groups, key=lambda group: (not group[0].is_sound, group[0].mse_percent))
 
 

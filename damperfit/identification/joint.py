@@ -190,8 +190,7 @@ def declared_sharing(
     whole = {name: each if damper.quantity(name).scope == SETTING else () for name in moving}
     whole |= _known(damper, moving, adjusters)
     whole |= {n: tuple(a for a in adjusters if a in follows[n]) for n in moving if n in follows}
-    whole |= dict.fromkeys(untied, adjusters)
-    return _sharing(moving, whole, adjusters)
+    return _sharing(moving, whole | dict.fromkeys(untied, adjusters), adjusters)
 
 
 def _sharing(
@@ -399,34 +398,21 @@ class JointResult(NamedTuple):
     evaluations: int  # simulations of each setting
     warnings: tuple[Problem, ...]
 
-    def start(self, fit: Fit, block: Block) -> Values:
+    def start(self, setting: Setting, block: Block, alone: Fit | None) -> Values:
         """Where a setting's own fit starts: the joint result, or its own with what is shared."""
-        if fit.setting in self.at.values:
-            return self.at.values[fit.setting]
+        if alone is None or setting in self.at.values:
+            return self.at.values[setting]
         held = {
             name: getattr(values, name)
             for name in self.sharing.jointly
             for other, values in self.at.values.items()
-            if unknown_at(name, self.sharing.follows, fit.setting).holds_at(other)
+            if unknown_at(name, self.sharing.follows, setting).holds_at(other)
         }
-        parameters = fit.parameters.replace(held)
+        parameters = alone.parameters.replace(held)
         if self.at.gas is None:
             return parameters
-        pressure = working_pressure(block, parameters)
-        law = self.at.gas._replace(pressures={fit.setting: pressure})
-        return parameters.replace({GAS_FOLLOWER: law.modulus(fit.setting)})
-
-    def own_at(self, setting: Setting) -> tuple[str, ...]:
-        """What is left to a setting's own fit: its own, and what follows a click of it alone."""
-        lost = {*self.sharing.found_at(setting), *([GAS_FOLLOWER] if self.at.gas else [])}
-        return tuple(name for name in self.sharing.free if name not in lost)
-
-    def status_at(self, setting: Setting) -> dict[str, Status]:
-        """The status of what a setting shares."""
-        return {
-            name: self.status[unknown_at(name, self.sharing.follows, setting)]
-            for name in self.sharing.found_at(setting)
-        }
+        law = self.at.gas._replace(pressures={setting: working_pressure(block, parameters)})
+        return parameters.replace({GAS_FOLLOWER: law.modulus(setting)})
 
 
 def fit_settings_jointly(

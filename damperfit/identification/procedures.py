@@ -53,7 +53,7 @@ from damperfit.identification.joint import (
 from damperfit.identification.logs import SettledLogs, settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.outcome import Outcome, Status, attempted
-from damperfit.identification.sharing import Sharing, of_settings
+from damperfit.identification.sharing import GAS_FOLLOWER, Sharing, of_settings, unknown_at
 from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Trace, natural_order
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
@@ -614,16 +614,19 @@ def _plain(given: ProcedureInput) -> Campaign:
 
 def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
+    damper, fixed, said = given.damper, given.options.fixed, given.options.start
     sharing, moving = _sharing_of(given)
-    said, quiet = given.options.start, replace(given, on_fit=lambda _fit: None)
     is_ended = said.is_of_one_model and all(one in said.by_setting for one in given.settings)
     if sharing is not None and sharing.jointly and is_ended:
         with suppress(SimulationError):
-            return _from_one_model(given, sharing)
-    name = "paper" if "paper" in given.damper.procedures else "plain"
+            first = damper.start(next(iter(given.settings.values())), fixed)[0]
+            starts = {one: with_given(given, one, first, fixed) for one in given.settings}
+            once = replace(given, options=replace(given.options, starts=1))
+            return _each_beside(once, fit_from_one_model(given, sharing, starts))
+    quiet = replace(given, on_fit=lambda _fit: None)
+    name = "paper" if "paper" in damper.procedures else "plain"
     by_paper = {TAKEN, MEAN} if name == "paper" and not (sharing and sharing.follows) else set()
-    names = shared_names(given.options, given.damper) if sharing is None else sharing.jointly
-    shared = set(names)
+    shared = {*(shared_names(given.options, damper) if sharing is None else sharing.jointly)}
     free = tuple(one for one in moving if one not in by_paper & shared)
     options = replace(given.options, free=free, starts=1, is_leaving_out=False)
     if BETA.name in free and len(given.settings) > 1:
@@ -648,64 +651,41 @@ def _joint(given: ProcedureInput) -> Campaign:
                 f"are the results of procedure {name}."
             )
             warnings = (*warnings, warning("not-joint", text))
-        return replace(
-            before,
-            procedure="joint",
-            fits=tuple(fit for fit in before.fits if fit.setting not in failed),
-            failures=tuple(failed[setting] for setting in sorted(failed)),
-            warnings=warnings,
-        )
-    fits = {fit.setting: fit for fit in before.fits}
-    campaign = _each_beside(
-        given,
-        together,
-        lambda setting, block: together.start(fits[setting], block),
-        {setting: fit.evaluations for setting, fit in fits.items()},
-        warnings=before.warnings,
-        known=failed,
-    )
-    if any(given.damper.quantity(one).is_friction for one in shared):
+        fits = tuple(fit for fit in before.fits if fit.setting not in failed)
+        failures = tuple(failed[setting] for setting in sorted(failed))
+        return replace(before, procedure="joint", fits=fits, failures=failures, warnings=warnings)
+    campaign = _each_beside(given, together, before.fits, before.warnings, known=failed)
+    if any(damper.quantity(one).is_friction for one in shared):
         spread, is_certain = before.sharing.spread, before.sharing.is_spread_certain
         sharing = replace(campaign.sharing, spread=spread, is_spread_certain=is_certain)
         return replace(campaign, sharing=sharing)
     return campaign
 
 
-def _from_one_model(given: ProcedureInput, sharing: Sharing) -> Campaign:
-    """All settings together from where one model of them has ended."""
-    fixed = given.options.fixed
-    first = given.damper.start(next(iter(given.settings.values())), fixed)[0]
-    starts = {setting: with_given(given, setting, first, fixed) for setting in given.settings}
-    together = fit_from_one_model(given, sharing, starts)
-    once = replace(given, options=replace(given.options, starts=1))
-    return _each_beside(once, together, lambda s, _: together.at.values[s], {})
-
-
 def _each_beside(
     given: ProcedureInput,
     together: JointResult,
-    start: Callable[[Setting, Block], Values],
-    spent: Mapping[Setting, int],
-    *,
+    before: Sequence[Fit] = (),
     warnings: Iterable[Problem] = (),
+    *,
     known: Mapping[Setting, Failure] = MappingProxyType({}),
 ) -> Campaign:
     """What is each setting's own, fitted beside what a joint fit has found."""
+    sharing, alone = together.sharing, {fit.setting: fit for fit in before}
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        block = given.block(setting, together.own_at(setting))
-        result, search = fit_from(
-            setting,
-            block,
-            start(setting, block),
-            starts=given.options.starts,
-            spent=spent.get(setting, 0) + together.evaluations,
-        )
-        result = result.with_status(together.status_at(setting))
+        shared = {n: unknown_at(n, sharing.follows, setting) for n in sharing.found_at(setting)}
+        lost = {*shared, *([GAS_FOLLOWER] if together.at.gas else [])}
+        block = given.block(setting, (name for name in sharing.free if name not in lost))
+        first = alone.get(setting)
+        spent = together.evaluations + (0 if first is None else first.evaluations)
+        start = together.start(setting, block, first)
+        result, search = fit_from(setting, block, start, starts=given.options.starts, spent=spent)
+        result = result.with_status({name: together.status[one] for name, one in shared.items()})
         return describe_fit(setting, result, block), search
 
     campaign = fit_every_setting(given, fit, (*warnings, *together.warnings), known=known)
-    return replace(campaign, sharing=together.sharing)
+    return replace(campaign, sharing=sharing)
 
 
 def _sharing_of(given: ProcedureInput) -> tuple[Sharing | None, tuple[str, ...]]:

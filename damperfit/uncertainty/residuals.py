@@ -143,8 +143,7 @@ def signatures(
     stiffnesses; `friction` the part of the force that is friction.
     """
     x, v = trace.displacement, trace.velocity
-    peak = float(np.max(np.abs(v[trace.compared])))
-    stroke = float(np.max(np.abs(x[trace.compared])))
+    peak, stroke = (float(np.max(np.abs(channel[trace.compared]))) for channel in (v, x))
     turned = np.tanh(v / 1e-3)
 
     def passed(values: FloatArray) -> FloatArray:
@@ -156,7 +155,9 @@ def signatures(
     pressing = (force - friction) - np.mean(force - friction)
     largest = max(float(np.max(np.abs(pressing))), 1e-300)
     seals = (np.abs(pressing), np.maximum(pressing, 0.0), np.maximum(-pressing, 0.0))
-    found = {
+    pressure = np.abs(force - force.mean())
+    share = pressure / max(float(pressure.max()), 1e-300)
+    return {
         "delay": [-rate],
         "gas_volume": [passed(x / stroke)],
         "offset": [np.ones(len(force))],
@@ -165,12 +166,8 @@ def signatures(
         "friction_with_pressure": [passed(turned) * pressed / largest for pressed in seals],
         "valve_law_rebound": [passed(np.maximum(v, 0.0) ** 2 / peak**2)],
         "valve_law_bump": [passed(np.minimum(v, 0.0) ** 2 / peak**2)],
+        **({"compressibility": [column * share for column in stiff]} if stiff else {}),
     }
-    if stiff:
-        pressure = np.abs(force - force.mean())
-        share = pressure / max(float(pressure.max()), 1e-300)
-        found["compressibility"] = [column * share for column in stiff]
-    return found
 
 
 def _at_low_speed(trace: Trace) -> list[FloatArray]:
@@ -300,8 +297,7 @@ def _absorbed(linearised: Linearisation, statuses: set[str]) -> FloatArray:
     places = [j for j, name in enumerate(linearised.names) if status[name] in statuses]
     whole = linearised.jacobian[:, places] * linearised.counts[:, None]
     lengths = np.sqrt(np.sum(whole * whole, axis=0))
-    basis, _ = np.linalg.qr(whole[:, lengths > 0.0] / lengths[lengths > 0.0])
-    return np.asarray(basis)
+    return np.asarray(np.linalg.qr(whole[:, lengths > 0.0] / lengths[lengths > 0.0])[0])
 
 
 def _as_stiffness(hint: Hint) -> Hint:
@@ -506,15 +502,22 @@ def diagnose(
         return hint.name == "delay" and any(abs(hint.amount - skew) > allowed for skew in skews)
 
     hints = tuple(hint for hint in hints if not is_contradicted(hint))
-    runs, of_noise = (
-        sum(_sign_changes(getattr(part, rows)) for part in parts) for rows in ("folded", "about")
-    )
+    runs, of_noise, correlations = 0, 0, [math.nan]
+    for part in parts:
+        runs += int(np.count_nonzero(np.diff(np.signbit(part.folded))))
+        of_noise += int(np.count_nonzero(np.diff(np.signbit(part.about))))
+        rest, n = part.residuals, len(part.residuals)
+        period = round(1.0 / (part.stretch.frequency * part.interval))
+        if 2 * period < n:
+            power = max(float(rest @ rest), 1e-300)
+            repeated = float(rest[:-period] @ rest[period:]) / power * n / (n - period)
+            correlations.append(repeated)
     found = Diagnosis(
         setting=fit.setting,
         mse_percent=fit.mse_percent,
         noise_percent=float(min(100.0 * noise / variance, fit.mse_percent)),
         is_structured=is_structured,
-        correlation=max(filter(math.isfinite, map(_cycle_correlation, parts)), default=math.nan),
+        correlation=max(filter(math.isfinite, correlations), default=math.nan),
         runs_ratio=runs / of_noise if of_noise else math.nan,
         hints=hints,
         sentence="",
@@ -608,21 +611,6 @@ def _fold(residuals: FloatArray, stretch: Stretch) -> FloatArray:
     nearest = starts[:-1, None] + lengths[:, None] * (np.arange(n_phases) / n_phases)
     # Beyond an end it is the last sample.
     return residuals.take(np.rint(nearest).astype(np.intp), mode="clip")
-
-
-def _cycle_correlation(part: StretchResiduals) -> float:
-    """Autocorrelation at a lag of one cycle; NaN of less than two."""
-    residuals, n = part.residuals, len(part.residuals)
-    period = round(1.0 / (part.stretch.frequency * part.interval))
-    if 2 * period >= n:
-        return math.nan
-    power = max(float(residuals @ residuals), 1e-300)
-    return float(residuals[:-period] @ residuals[period:]) / power * n / (n - period)
-
-
-def _sign_changes(rows: FloatArray) -> int:
-    negative = np.signbit(rows)
-    return int(np.count_nonzero(negative[:, 1:] != negative[:, :-1]))
 
 
 # The settings of a run beside each other, and words

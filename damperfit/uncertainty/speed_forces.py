@@ -67,9 +67,8 @@ class MeasuredForce:
     closing: float
     peak: float  # of a peak: the largest force of the stroke; NaN of a loop
     kind: str  # `PVP` or `CVP`
-    between: tuple[
-        float, float
-    ]  # speeds of the segments around it, m/s; the same where it is at one
+    # Speeds of the segments around it, m/s; the same where it is at one.
+    between: tuple[float, float]
 
     @property
     def as_read(self) -> MeasuredForce:
@@ -107,9 +106,8 @@ class SpeedForces:
         low, high = self.speeds[0] / (1.0 + _REPEATS), self.speeds[-1] * (1.0 + _REPEATS)
         if not low <= speed <= high:
             return None
-        nearest = min(range(len(self.speeds)), key=lambda k: abs(self.speeds[k] - speed))
-        before = after = nearest
-        if len(self.speeds) > 1 and abs(speed / self.speeds[nearest] - 1.0) > _IS_AT:
+        before = after = min(range(len(self.speeds)), key=lambda k: abs(self.speeds[k] - speed))
+        if len(self.speeds) > 1 and abs(speed / self.speeds[before] - 1.0) > _IS_AT:
             before = min(max(bisect_right(self.speeds, speed), 1), len(self.speeds) - 1) - 1
             after = before + 1
         ends = self.speeds[before], self.speeds[after]
@@ -167,6 +165,16 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
         tests[-1].append(segment)
     half_range = 0.5 * max(float(np.ptp(one.force)) for one in segments)
     is_loop = len(tests) == 1
+
+    def misfit(speed: float, sign: float) -> float:
+        """The root mean square of what repeats in a stroke at speeds like this, N."""
+        squares = []
+        for one in segments if is_structured else ():
+            along = sign * one.velocity
+            alike = one.residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
+            squares += [float(np.mean(alike**2)) - one.noise] if len(alike) else []
+        return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0
+
     forces = []
     for place, (stroke, sign) in enumerate((("rebound", 1.0), ("bump", -1.0))):
         rows = np.array([_mean([one.peaks[place] for one in test]) for test in tests]).T
@@ -184,7 +192,7 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
                 measured=force,
                 measured_se=error,
                 difference=difference,
-                misfit=tuple(_misfit(segments, at, sign) if is_structured else 0.0 for at in speed),
+                misfit=tuple(misfit(at, sign) for at in speed),
                 kind=CVP if is_loop else PVP,
                 rounding=back,
                 opening=opening if is_loop else (),
@@ -216,6 +224,7 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
             # The change of speed in a sample where it passes zero.
             turns = np.flatnonzero(velocity[:-1] * velocity[1:] <= 0.0)
             slope = median(np.abs(np.diff(velocity)[turns])) if len(turns) else 0.0
+            slowest = slope / trace.interval * _NEAR_A_REVERSAL / corner
             edges = counted_edges(one) - one.first
             clean = slice(max(int(edges[0]), 0), int(edges[-1]))
             signals, begins = np.stack([force, residuals])[:, clean], edges[:-1] - edges[0]
@@ -227,15 +236,9 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
                 )
                 largest = sign * float(np.mean(np.maximum.reduceat(sign * signals[0], begins)))
                 peaks.append([speed, at_peak, errors[1], residual, 0.0, at_peak, at_peak, largest])
+            noise = noise if math.isfinite(noise) else 0.0
             yield _Segment(
-                one,
-                velocity,
-                force,
-                residuals,
-                noise if math.isfinite(noise) else 0.0,
-                rounding,
-                slope / trace.interval * _NEAR_A_REVERSAL / corner,
-                np.array(peaks),
+                one, velocity, force, residuals, noise, rounding, slowest, np.array(peaks)
             )
 
 
@@ -261,14 +264,3 @@ def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
         whole = [speeds, branches.mean(axis=0), error, difference, back.mean(axis=0)]
         rows.append(np.array([*whole, *branches, nothing]))
     return _mean(rows)
-
-
-def _misfit(segments: Sequence[_Segment], speed: float, sign: float) -> float:
-    """Return the root mean square of what repeats in a stroke at speeds like this, N."""
-    squares = []
-    for one in segments:
-        along = sign * one.velocity
-        alike = one.residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
-        if len(alike):
-            squares.append(float(np.mean(alike**2)) - one.noise)
-    return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0
