@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.quantity import Quantity
-    from damperfit.damper.valves import ValveCharacteristic
+    from damperfit.damper.valve_dampers import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 

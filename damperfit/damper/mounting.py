@@ -209,17 +209,6 @@ class Friction(_Parts):
             )
 
 
-# Friction of seals in forms that nobody has excluded: how much it counts that they are not known.
-#
-# Pressed: a lip that is pressed on the rod rubs with a_s P_1. In rebound that looks like a larger
-# piston, in bump like a smaller one: valves, of which only opening times area is seen, take it up
-# with no misfit left. So does Coulomb's friction what the gas adds at rest.
-#
-# Turning: within which speed seals turn, and in what form, is seldom known: at once, in a
-# straight line up to a speed, or like the hyperbolic tangent of tests on seals. Slow passages
-# tell one from the other; elsewhere the difference looks like a drag of the seals, of the
-# opposite sign to the friction's.
-
 # m2, one standard error: a lip of 0.5 mm on a rod of 12 mm is 19 mm2, of which oil leaves a tenth
 # or two to friction.
 _AREA = 3e-6

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.model import FurtherStart, Names, Values
-    from damperfit.damper.valves import ValveCharacteristic
+    from damperfit.damper.valve_dampers import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 

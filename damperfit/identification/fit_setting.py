@@ -382,11 +382,6 @@ def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:
     )
 
 
-# Where fits start: the model's own starts, what was given, neighbours, a Latin cube.
-#
-# The cube lies over the logarithms of the free parameters, a factor of ten to both sides of the
-# first result (an offset: 300 N), the same in every run of one setting.
-
 # Structures are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
 COMPARING = Stopping(
     cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf, near=5e-3

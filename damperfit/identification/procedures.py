@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from damperfit.damper.network import BLOW_OFF_PARTS
-from damperfit.damper.purdy.starting import REBOUND, cavitation_limit, starting_values
+from damperfit.damper.purdy.parameters import REBOUND, cavitation_limit, starting_values
 from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
 from damperfit.damper.temperature_law import BETA
 from damperfit.errors import (

@@ -37,8 +37,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.quantity import DAMPER, RIG
-from damperfit.damper.valve_dampers import ValveDamper
-from damperfit.damper.valves import read_loops, valve_starts
+from damperfit.damper.valve_dampers import ValveDamper, read_loops, valve_starts
 from damperfit.errors import SimulationError
 from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
@@ -88,7 +87,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
     from damperfit.damper.model import Model, Values
-    from damperfit.damper.valves import ValveReading
+    from damperfit.damper.valve_dampers import ValveReading
     from damperfit.identification.least_squares import Minimum
     from damperfit.identification.sharing import Follows, Unknown
     from damperfit.laws.law_fit import SettingLogs

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment.clicks import Click
     from damperfit.adjustment.force_at import Force
     from damperfit.damper.model import Model
-    from damperfit.damper.valves import ValveCharacteristic
+    from damperfit.damper.valve_dampers import ValveCharacteristic
     from damperfit.identification import Campaign, Fit, SimulatedLog
     from damperfit.recording import Stretch, Trace
     from damperfit.tables.columns import Column

@@ -399,32 +399,6 @@ def gas_content(linearised: Sequence[Linearisation], sharing: Sharing) -> GasCon
     )
 
 
-# A fit made linear at its end: what the logs of one setting say there about all parameters.
-#
-# One more simulation of the setting, with every sensitivity; of its mean cycles alone, where it
-# was fitted on them. In u (ln y; an offset in N), with the residual r = f - f_hat in N and its
-# Jacobian J = d f_hat/du, both behind the filter, and the weights w of the stretches (1 where
-# their noise is alike)::
-#
-#     information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t
-#
-# A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f. The
-# covariance of sum g has four terms, which `damperfit.uncertainty.covariance` carries to the
-# parameters of all settings: noise (`Linearisation.scores`), lack of fit that repeats (`misfit`),
-# what is held at a default that nobody has measured (`supposed`), and flaws that explain what
-# repeats (`flawed`).
-#
-# Noise differs from cycle to cycle; what repeats does so in every one, and no number of cycles
-# makes it less. Had the test been another (other speeds, another stroke), it would weigh
-# otherwise. How much otherwise is seen inside the cycle: its blocks of phase pull the parameters
-# to and fro, and their pulls, which cancel at the minimum, are taken for independent::
-#
-#     M = B/(B - k) sum over blocks of s_b s_b'        s_b = sum over the block of w^2 J r_repeating
-#
-# A law that is not the damper's misses every log alike. Their pulls in the same block of phase
-# are therefore summed, over the logs and over the settings, before they are squared, too; the
-# larger of the two errors is given.
-
 # How residuals are correlated, and the variance of sums of correlated numbers.
 #
 # The error of a fit is linear in its scores g_t = J_t r_t (one row of the Jacobian times its

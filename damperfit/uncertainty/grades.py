@@ -354,13 +354,6 @@ def is_certain(gains: Sequence[float]) -> bool:
     return n > 1 and bool(np.mean(gains) > _CERTAIN * np.std(gains, ddof=1) / math.sqrt(n))
 
 
-# What was held out: which logs, segments and cycles, and how the parameters predict them.
-#
-# A low MSE is no proof of a model: at one amplitude and frequency a wrong one bends its
-# parameters until it fits. It shows where nothing was bent: at another amplitude or frequency.
-# What is held out and missed withholds a grade, which is then one of the tests, not of the
-# damper.
-
 # What is held out
 
 

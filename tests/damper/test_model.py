@@ -13,14 +13,16 @@ from scipy.optimize import nnls
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import Values, values_type
 from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import DAMPER_RANGES, PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.purdy.starting import (
+from damperfit.damper.purdy.parameters import (
+    DAMPER_RANGES,
+    PURDY_DAMPER,
+    Damper,
+    Parameters,
     cavitation_limit,
-    further_starts,
     nonnegative_least_squares,
     starting_values,
 )
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quantity import Quantity
 from damperfit.damper.rivals import BoucWen, Linear
 from damperfit.damper.temperature_law import WithTemperature, at_temperature
@@ -150,11 +152,10 @@ def test_a_fit_also_begins_below_the_onset_of_cavitation() -> None:
     start, one = reference_parameters(10), fakes.trace(10)
     limit = cavitation_limit([one], PURDY_DAMPER)
     for r_m3, below in ((0.5 * limit, 0.5 * limit), (3.0 * limit, limit)):
-        first, *_ = further_starts(
-            start.replace(r_m3=r_m3), [one], PURDY_DAMPER, PURDY_DAMPER.names
-        )
+        begin = start.replace(r_m3=r_m3)
+        first, *_ = PURDY_DAMPER.further_starts(begin, [one], PURDY_DAMPER.names)
         assert first.start.r_m3 == pytest.approx(below)
-    assert further_starts(start, [one], PURDY_DAMPER, ("r_m1",)) == ()
+    assert PURDY_DAMPER.further_starts(start, [one], ("r_m1",)) == ()
 
 
 def test_columns_that_are_one_another_are_shared_out_and_negative_ones_left() -> None:

@@ -9,8 +9,7 @@ import pytest
 from damperfit.damper.load_cell import acceleration, before_load_cell, behind_lag, lag_slope
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Valve
-from damperfit.damper.valve_dampers import ThroughFlow, TwinTube
-from damperfit.damper.valves import valve_starts
+from damperfit.damper.valve_dampers import ThroughFlow, TwinTube, valve_starts
 from damperfit.errors import ConfigurationError
 from damperfit.simulation import Motion, SolverOptions, sine_motion, triangle_motion
 from tests import fakes

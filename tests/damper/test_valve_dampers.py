@@ -18,8 +18,8 @@ from damperfit.damper.valve_dampers import (
     ThroughFlow,
     TwinTube,
     declared_passages,
+    valve_characteristics,
 )
-from damperfit.damper.valves import valve_characteristics
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace

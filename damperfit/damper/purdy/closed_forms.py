@@ -105,22 +105,6 @@ def incompressible_force(
 
 
 # The appendices.
-#
-# **Appendix 1**, eqs (23) to (30): the effective bulk modulus of oil with some gas in it inside
-# an elastic tube. Oil, gas bubbles and tube wall give way together, like springs in series; V_r
-# is the volume of bubbles over that of liquid, K_g, K_B and K_c the moduli of gas, liquid and
-# tube, C = 1 + K_B/K_c. The paper prints K_e K_B as the numerator of (25) and (26); (23) gives
-# K_g K_B, used here.
-#
-# **Appendix 2**, eqs (31) to (39), the simple model: oil that cannot be compressed, no friction,
-# all valves linear. The flows Q_1 (chamber 1 to 3), Q_2 (2 to 1) and Q_3 (3 to 2) in m3/s follow
-# from v alone, eta of the gas piston (positive: gas compressed) from x, and with it P_3, eq.
-# (37), as `closed_forms.gas_pressure`; x, v, f > 0 in rebound. P = R_v Q, R_v in Pa s/m3: a valve
-# of the full model that is linear in mass flow has R_v = rho_0 R_m. (33) and (35) print eta with
-# the sign opposite to (16), and (16) is kept.
-#
-# All functions take floats or arrays that broadcast against each other, in SI. Source: D. J.
-# Purdy, Proc. IMechE D, 2000.
 
 
 class Tube(NamedTuple):
