@@ -78,19 +78,18 @@ _LONG = 10.0  # s of a record
 _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
 _USEFUL, _NOTICED = 0.8, 0.99  # of the interval: what a test that helps, or hardly helps, leaves
-_SPOILT = 1e6  # times the largest plausible value
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
 
 
 class Limits(NamedTuple):
-    """What the rig can do: amplitude (m), peak speed (m/s), force (N), frequency (Hz), minutes."""
+    """What the rig can do: amplitude (m), speed (m/s), force (N), frequency (Hz), minutes, W."""
 
     stroke: float
     speed: float
-    force: float = math.inf
-    frequency: float = 10.0
-    minutes: float = 2.0
-    heat: float = math.inf  # mean power, W
+    force: float
+    frequency: float
+    minutes: float
+    heat: float
 
 
 class Question(NamedTuple):
@@ -100,24 +99,35 @@ class Question(NamedTuple):
     speed: float = math.nan
 
     @classmethod
-    def of(cls, text: str) -> Question:
+    def of(cls, text: str, run: Run) -> Question:
         """Read "k_e" or "force@0.05m/s"."""
         name, at, speed = text.strip().lower().partition("@")
-        if name != "force":
-            return cls(name)
-        if not at:
+        where, known = Option("for_", text), [name.lower() for name in run.damper.names]
+        if name == "force" and at:
+            return cls(speed=parse_quantity(speed, "velocity", option=Option("for_")))
+        if at or name not in {LAW, *known}:
+            expected = f"expected law, force@SPEED or one of {', '.join(known)}"
+            if name == "force":
+                expected = "expected a speed with it, as in force@0.05m/s"
             raise ConfigurationError(
-                "found 'force'; expected a speed with it, as in force@0.05m/s",
-                where=Option("for_", text),
+                f"found {text!r}; {expected}.{did_you_mean(name, known)}",
+                where=where,
                 code="question",
             )
-        return cls(speed=parse_quantity(speed, "velocity", option=Option("for_")))
+        return cls(name)
 
     @property
     def title(self) -> str:
         """As in a sentence."""
         stroke = "rebound" if self.speed >= 0.0 else "compression"
         return self.quantity or f"the {stroke} force at {abs(self.speed):g} m/s"
+
+    def gradient(self, run: Run, setting: SettingResult) -> FloatArray:
+        """By u of the setting's values that have an error."""
+        if self.quantity:
+            return np.array([float(name == self.quantity) for name in setting.names])
+        how: Any = {"sensitivities": tuple(setting.names)}
+        return quasi_static(run.damper, setting.parameters, [self.speed], **how).slopes[:, 0]
 
 
 class NextTest(NamedTuple):
@@ -126,7 +136,7 @@ class NextTest(NamedTuple):
     amplitude: float  # of a sine, m
     frequency: float  # Hz
     cycles: int  # steady cycles that are evaluated
-    minutes: float  # of the rig, all settings
+    minutes: float = 0.0  # of the rig, all settings
     # Interval after the test as a share of that before it, by setting; the worst over the
     # intervals of the values.
     shares: dict[str, float] = {}  # noqa: RUF012 - never changed
@@ -175,6 +185,19 @@ class NextTest(NamedTuple):
         }
 
 
+_MOTION = (
+    Column("amplitude", "mm", lambda test: f"{1e3 * test.amplitude:.3g}"),
+    Column("frequency", "Hz", lambda test: f"{test.frequency:.3g}"),
+    Column("speed", "m/s", lambda test: f"{test.speed:.3g}"),
+    Column("cycles", "", lambda test: str(test.cycles)),
+    Column("rig", "min", lambda test: f"{test.minutes:.1f}"),
+)
+_INTERVALS = (
+    Column("interval", "% of now", lambda test: f"{100.0 * test.share:.3g}"),
+    Column("worst setting", "% of now", lambda test: f"{100 * max(test.shares.values()):.3g}"),
+)
+
+
 @dataclass(frozen=True, repr=False, eq=False, kw_only=True)
 class Advice(Answer):
     """Candidate tests by rank, and what is known today.
@@ -193,8 +216,7 @@ class Advice(Answer):
     tests: tuple[NextTest, ...]
     known: dict[str, Any]
     remarks: tuple[str, ...] = ()
-    columns: tuple[Column, ...] = ()  # of what the tests promise; none: no test is any use
-    note: str = ""
+    tables: tuple[Sheet, ...] = ()  # of the candidates; none: no test is any use
 
     def document(self) -> dict[str, Any]:
         """Return the answer as JSON values."""
@@ -203,32 +225,23 @@ class Advice(Answer):
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return the candidates as a table."""
-        motion = (
-            Column("amplitude", "mm", lambda test: f"{1e3 * test.amplitude:.3g}"),
-            Column("frequency", "Hz", lambda test: f"{test.frequency:.3g}"),
-            Column("speed", "m/s", lambda test: f"{test.speed:.3g}"),
-            Column("cycles", "", lambda test: str(test.cycles)),
-            Column("rig", "min", lambda test: f"{test.minutes:.1f}"),
-        )
-        notes = filter(None, [self.note])
-        return (laid_out(self.tests, (*motion, *self.columns), *notes),) if self.columns else ()
+        return self.tables
 
 
 def advise(
     run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
 ) -> Advice:
     """Return which sine tells most about a question, at the settings together."""
-    known = [_Known(run, one, question) for one in settings if _has_errors(one)]
-    known = [one for one in known if one.now > 0.0]
-    title = question.title
-    if not known:
+    if question.quantity == LAW:
+        return _advise_law(run, limits, settings)
+    title, rig = question.title, _Rig(run, question, limits, settings)
+    if not rig.known:
         raise ConfigurationError(
             f"{run.name}: no setting has an error of {title}: it is held, or the fit "
             "found no minimum; fit it first",
             code="nothing-to-narrow",
         )
-    rig = _Rig(run, limits, known)
-    screened = [test for motion in _candidates(limits) if (test := rig.screened(*motion))]
+    screened = [test for motion in rig.candidates() if (test := rig.screened(motion))]
     best = sorted(screened, key=lambda test: test.rank)[:_FOLLOWED]
     recorded = [rig.recorded(test, question.quantity) for test in best]
     tests = tuple(sorted(recorded, key=lambda test: test.rank))
@@ -236,23 +249,19 @@ def advise(
     if not tests:
         sentence = f"no test is within the limits of the rig, so none narrows {title}"
     elif tests[0].share <= _USEFUL:
-        n, left = len(known), f"{100.0 * tests[0].share:.2g} % of today's"
+        n, left = len(rig.known), f"{100.0 * tests[0].share:.2g} % of today's"
         left += f" (median of {n} settings)" if n > 1 else ""
         sentence = f"{tests[0].sentence}: the interval of {title} shrinks to {left}"
     else:
         why = "the force hardly depends on it at any motion within the limits"
-        if median(one.floor / one.now for one in known) > _USEFUL:
+        if median(one.floor / one.now for one in rig.known) > _USEFUL:
             why = (
                 "most of the interval is lack of fit or an assumed default, which another test "
                 "of this kind repeats"
             )
         most = f" by more than {100.0 * (1.0 - tests[0].share):.0f} %" if is_any_use else ""
         sentence = f"no test within these limits narrows the interval of {title}{most}: {why}"
-    columns = (
-        Column("interval", "% of now", lambda test: f"{100.0 * test.share:.3g}"),
-        Column("worst setting", "% of now", lambda test: f"{100 * max(test.shares.values()):.3g}"),
-    )
-    speed, tested = abs(question.speed), max(one.result.top_speed for one in known)
+    speed, tested = abs(question.speed), max(one.result.top_speed for one in rig.known)
     remark = (
         f"{speed:g} m/s was never tested (up to {tested:.3g} m/s): the force there is the model's, "
         "extrapolated, and so is its interval"
@@ -261,27 +270,26 @@ def advise(
         title=title,
         sentence=sentence,
         tests=tests,
-        known={"interval_now": {one.result.label: one.now for one in known}},
+        known={"interval_now": {one.result.label: one.now for one in rig.known}},
         remarks=(*run.remarks, *[remark] * (speed > tested)),
-        columns=columns if is_any_use else (),
+        tables=(laid_out(tests, (*_MOTION, *_INTERVALS)),) if is_any_use else (),
     )
 
 
-def advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> Advice:
+def _advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> Advice:
     """Return in which sine the structures that a run's logs leave open differ most."""
     rivals, choice = remaining(run), run.record["law_choice"]
     undecided = tuple(map(str, listed_in(choice, "undecided")))
     chosen, titles = choice.get("chosen", ""), [rival.title for rival in rivals]
-    known = [_Known(run, one, Question(LAW)) for one in settings if _has_errors(one)]
+    names = {title: f"structure {k}" for k, title in enumerate(titles, 1)}
     tests: tuple[NextTest, ...] = ()
-    if rivals and known:
-        rig, counted = _Rig(run, limits, known), choice.get("effective_samples")
+    if rivals and (rig := _Rig(run, Question(LAW), limits, settings)).known:
+        counted = choice.get("effective_samples")
         n = sum(part.get("n_samples") or 0 for part in entries_in(run.record, "stretches"))
         worth = n / counted if isinstance(counted, float) and counted > 0.0 else rig.worth
-        found = (rig.decided(rivals, motion, worth) for motion in _candidates(limits))
+        found = (rig.decided(rivals, motion, worth) for motion in rig.candidates())
         tests = tuple(sorted(filter(None, found), key=lambda test: test.rank)[:_FOLLOWED])
-    names = {title: f"structure {k}" for k, title in enumerate(titles, 1)}
-    remarks = tuple(f"{name}: {title}" for title, name in names.items()) or undecided
+    listed = ", ".join(names[title] for title in (tests and tests[0].decided) or titles)
     if not rivals and undecided:
         sentence = (
             f"no other structure that was tried comes near {chosen}; what these logs leave open, "
@@ -290,33 +298,22 @@ def advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> A
     elif not rivals:
         sentence = f"these logs have decided: no other structure comes near {chosen}"
     elif not tests or not tests[0].decided:
-        listed = ", ".join(names.values())
         sentence = f"no test within these limits distinguishes the chosen structure from {listed}"
     else:
-        listed = ", ".join(names[title] for title in tests[0].decided)
         sentence = f"{tests[0].sentence}: it distinguishes the chosen structure from {listed}"
 
     def against(title: str) -> Column:
         return Column(names[title], "2 ln LR", lambda test: f"{test.evidence[title]:.3g}")
 
+    note = "evidence against a structure that remains, the chosen one fitted anew; 27 decides"
     return Advice(
         title=LAW,
         sentence=sentence,
         tests=tests,
         known={"chosen": chosen, "remaining": titles},
-        remarks=remarks,
-        columns=tuple(map(against, titles)),
-        note="evidence against a structure that remains, the chosen one fitted anew; 27 decides",
+        remarks=tuple(f"{name}: {title}" for title, name in names.items()) or undecided,
+        tables=(laid_out(tests, (*_MOTION, *map(against, titles)), note),) if rivals else (),
     )
-
-
-def _has_errors(setting: SettingResult) -> bool:
-    """Whether a setting has errors, and no number of a table that somebody has spoilt."""
-    values, errors = setting.parameters, setting.covariance
-    if errors is None or not setting.names or not np.isfinite(errors).all():
-        return False
-    known = ((one, getattr(values, one.name)) for one in values.quantities)
-    return all(abs(value) < _SPOILT * max(map(abs, one.plausible)) for one, value in known)
 
 
 class Rival(NamedTuple):
@@ -331,16 +328,12 @@ def remaining(run: Run) -> tuple[Rival, ...]:
     """Return the structures that the logs of a run have not decided against."""
     choice = run.record.get("law_choice")
     if not isinstance(choice, dict) or "remaining" not in choice:
-        why = (
-            "an earlier damperfit chose its model and did not keep which structures remain; "
-            "identify the logs again with {model}"
-        )
-        if not isinstance(choice, dict) or "chosen" not in choice:
-            why = (
-                "its model was not chosen by the logs, so no structures remain to tell apart; "
-                "identify the logs with {model}"
-            )
-        model, text = Option("model", "auto"), f"{run.name or 'this run'}: {why}"
+        why = "its model was not chosen by the logs, so no structures remain to tell apart"
+        again = "identify the logs with {model}"
+        if isinstance(choice, dict) and "chosen" in choice:
+            why = "an earlier damperfit chose its model and did not keep which structures remain"
+            again = "identify the logs again with {model}"
+        text, model = f"{run.name or 'this run'}: {why}; {again}", Option("model", "auto")
         raise ConfigurationError(text, model=model, code="no-structures")
     rivals = []
     for entry in entries_in(choice, "remaining"):
@@ -358,56 +351,40 @@ def remaining(run: Run) -> tuple[Rival, ...]:
     return tuple(rivals)
 
 
-def half_interval(run: Run, setting: SettingResult, question: Question) -> float:
-    """Return half of the 95 % interval: relative for a quantity, N for a force."""
-    return _Known(run, setting, question).now
-
-
-def _candidates(limits: Limits) -> Iterator[tuple[float, float, int]]:
-    """Yield amplitude, frequency and steady cycles of tests within the limits."""
-    slowest = min(_SLOWEST, limits.frequency)
-    for amplitude in np.geomspace(limits.stroke / _SMALLEST, limits.stroke, _AMPLITUDES):
-        for frequency in np.geomspace(slowest, limits.frequency, _FREQUENCIES):
-            seconds = 60.0 * limits.minutes - _BETWEEN
-            cycles = min(_MOST_CYCLES, int(seconds * frequency) - _RUN_IN)
-            is_slow = 2.0 * math.pi * amplitude * frequency <= limits.speed * (1.0 + 1e-9)
-            if is_slow and cycles >= _FEWEST_CYCLES:
-                yield float(amplitude), float(frequency), cycles
-
-
 class _Known:
     """What a run knows of one setting; vectors and matrices are by u of the values in error."""
 
     def __init__(self, run: Run, setting: SettingResult, question: Question) -> None:
-        names, whole = setting.names, setting.covariance
+        whole = setting.covariance
         assert whole is not None
-        self.result = setting
-        self.gradient = _gradient(run, setting, question)
+        self.result, self.gradient = setting, question.gradient(run, setting)
         total = max(float(self.gradient @ whole @ self.gradient), 0.0)
-        errors = np.array([setting.misfits.get(name, 0.0) for name in names])
-        misfit = np.diag((errors / _scales(setting.parameters, names)) ** 2)
+        errors = np.array([setting.misfits.get(name, 0.0) for name in setting.names])
+        misfit = np.diag((errors / _scales(setting.parameters, setting.names)) ** 2)
         fixed = min(float(self.gradient @ misfit @ self.gradient), total)
         self.covariance = whole - misfit  # of noise alone
         if np.linalg.eigvalsh(self.covariance).min() <= 0.0:
             # Rounding: keep the shape, lose the part.
             self.covariance = whole * max(1.0 - fixed / total, 1e-6) if total else misfit
         self.now, self.floor = NORMAL_95 * math.sqrt(total), NORMAL_95 * math.sqrt(fixed)
-        segments = [
-            segment
-            for segment in entries_in(run.record, "stretches")
-            if segment.get("setting") == setting.setting.cell
-            and segment.get("noise_N")
-            and segment.get("frequency_Hz")
-        ]
-        if not segments:
+        self.segments = sorted(
+            (
+                segment
+                for segment in entries_in(run.record, "stretches")
+                if segment.get("setting") == setting.setting.cell
+                and segment.get("noise_N")
+                and segment.get("frequency_Hz")
+            ),
+            key=lambda segment: float(segment["noise_N"]),
+        )
+        if not self.segments:
             raise ConfigurationError(
                 f"{run.name}: run.json does not have the noise of setting {setting.label}; "
                 "identify logs with steady cycles",
                 code="no-noise",
             )
-        self.segments = sorted(segments, key=lambda segment: float(segment["noise_N"]))
-        # Of the filtered force between cycles, N.
-        self.noise = float(self.segments[len(segments) // 2]["noise_N"])
+        self.typical = self.segments[len(self.segments) // 2]
+        self.noise = float(self.typical["noise_N"])  # of the filtered force between cycles
 
     def share_after(self, before: FloatArray, after: FloatArray, scores: FloatArray) -> float:
         """Interval after a test, as a share of that before: H, H + G and S of all settings."""
@@ -416,53 +393,27 @@ class _Known:
         half = NORMAL_95 * math.sqrt(max(variance, 0.0))
         return math.hypot(half, self.floor) / self.now
 
-    def values_at(self, quantity: str, end: int) -> Values:
-        """The fitted values, with a quantity at an end of its interval (0: the lower one)."""
-        limit = self.result.intervals.get(quantity, (None, None))[end]
-        if limit is None or limit <= 0.0:
-            return self.result.parameters
-        return self.result.parameters.replace({quantity: limit})
-
-
-def _gradient(run: Run, setting: SettingResult, question: Question) -> FloatArray:
-    """The question by u of the setting's values that have an error."""
-    names, known = setting.names, [name.lower() for name in run.damper.names]
-    if not question.quantity:
-        speeds = [question.speed]
-        forces = quasi_static(run.damper, setting.parameters, speeds, sensitivities=tuple(names))
-        return forces.slopes[:, 0]
-    if question.quantity not in {LAW, *known}:
-        raise ConfigurationError(
-            f"found {question.quantity!r}; expected law, force@SPEED or one of "
-            f"{', '.join(known)}.{did_you_mean(question.quantity, known)}",
-            where=Option("for_", question.quantity),
-            code="question",
-        )
-    return np.array([float(name == question.quantity) for name in names])
-
 
 def _scales(values: Values, names: Sequence[str]) -> FloatArray:
     """dy/du: y of quantities taken by their logarithm."""
-    return np.array(
-        [values[name] if values.quantity(name).is_logarithmic else 1.0 for name in names]
-    )
+    return np.array([values[n] if values.quantity(n).is_logarithmic else 1.0 for n in names])
 
 
 class _Rig:
     """What tests tell on a rig. Matrices are by u, in the noise s of a setting as the unit."""
 
-    def __init__(self, run: Run, limits: Limits, known: Sequence[_Known]) -> None:
-        self.run, self.limits, self.known = run, limits, known
-        options, inputs = run.configuration.conditioning, entries_in(run.record, "inputs")
-        self.filter = (options.filter, options.filter_corner, options.filter_order)
-        if options.rig_filter != "none":
-            kind, corner = options.rig_filter, options.rig_filter_corner
-            self.filter = (kind, corner, options.rig_filter_order)
+    def __init__(
+        self, run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
+    ) -> None:
+        self.run, self.limits = run, limits
+        known = [_Known(run, one, question) for one in settings if one.covariance is not None]
+        self.known = [one for one in known if one.now > 0.0 or question.quantity == LAW]
+        self.options, inputs = run.configuration.conditioning, entries_in(run.record, "inputs")
         rates = [float(log["sample_rate_Hz"]) for log in inputs if log.get("sample_rate_Hz")]
         self.rate = median(rates) if rates else 1000.0  # of the logs, Hz
         # Samples to one that counts, of white noise behind the filter, from 10 s.
         samples = round(10.0 * self.rate)
-        self.worth = samples / independent_samples(self._design(self.rate), samples)
+        self.worth = samples / independent_samples(self._filter(self.rate), samples)
         noises = [
             parse_quantity(f"{finding['value']}{finding['unit']}", "length")
             for log in inputs
@@ -471,38 +422,49 @@ class _Rig:
         ]
         self.displacement_noise = median(noises) if noises else 0.0  # m
         self.told = []  # J'J of the logs of each setting
-        for one in known:
+        for one in self.known:
             told = np.zeros((len(one.result.names),) * 2)
             for log in one.segments:
-                motion = (log["amplitude_m"], log["frequency_Hz"])
-                per_sample = self._steady(one, one.result.parameters, *motion, has_been=True)
+                motion = NextTest(log["amplitude_m"], log["frequency_Hz"], 0)
+                per_sample = self._steady(one, one.result.parameters, motion, has_been=True)
                 assert per_sample is not None
                 told += log["n_samples"] * per_sample
             self.told.append(told)
 
-    def _design(self, rate: float) -> Any:
-        kind, corner, order = self.filter
+    def _filter(self, rate: float) -> Any:
+        own = self.options
+        kind, corner, order = own.filter, own.filter_corner, own.filter_order
+        if own.rig_filter != "none":
+            kind, corner, order = own.rig_filter, own.rig_filter_corner, own.rig_filter_order
         return design_filter(kind, corner, sample_rate=rate, order=order)
 
-    def _test(self, amplitude: float, frequency: float, cycles: int, **promise: Any) -> NextTest:
-        seconds = len(self.known) * ((cycles + _RUN_IN) / frequency + _BETWEEN)
-        return NextTest(amplitude, frequency, cycles, seconds / 60.0, **promise)
+    def candidates(self) -> Iterator[NextTest]:
+        """Yield sines within the limits, as far as they are known without a simulation."""
+        limits, slowest = self.limits, min(_SLOWEST, self.limits.frequency)
+        for amplitude in np.geomspace(limits.stroke / _SMALLEST, limits.stroke, _AMPLITUDES):
+            for frequency in np.geomspace(slowest, limits.frequency, _FREQUENCIES):
+                seconds = 60.0 * limits.minutes - _BETWEEN
+                cycles = min(_MOST_CYCLES, int(seconds * frequency) - _RUN_IN)
+                whole = len(self.known) * ((cycles + _RUN_IN) / frequency + _BETWEEN)
+                test = NextTest(float(amplitude), float(frequency), cycles, whole / 60.0)
+                if test.speed <= limits.speed * (1.0 + 1e-9) and cycles >= _FEWEST_CYCLES:
+                    yield test
 
-    def screened(
-        self, amplitude: float, frequency: float, cycles: int, quantity: str = "", end: int = 0
-    ) -> NextTest | None:
+    def screened(self, test: NextTest, quantity: str = "", end: int = 0) -> NextTest | None:
         """A test by one steady cycle; None: a limit of the rig or the damper forbids it.
 
         With a quantity, that one at an end of its interval.
         """
-        n = cycles / frequency * self.rate
-        added = []
+        n, added = test.cycles / test.frequency * self.rate, []
         for one in self.known:
-            per_sample = self._steady(one, one.values_at(quantity, end), amplitude, frequency)
-            if per_sample is None:
+            values = one.result.parameters
+            limit = one.result.intervals.get(quantity, (None, None))[end]
+            if limit is not None and limit > 0.0:
+                values = values.replace({quantity: limit})
+            if (per_sample := self._steady(one, values, test)) is None:
                 return None
             added.append((n * per_sample, n * per_sample * self.worth))
-        return self._test(amplitude, frequency, cycles, shares=self._shares(added))
+        return test._replace(shares=self._shares(added))
 
     def recorded(self, test: NextTest, quantity: str) -> NextTest:
         """The same test as the rig would record it, the worst over the interval of a quantity."""
@@ -510,75 +472,64 @@ class _Rig:
         records = [self._record(one, test) for one in self.known]
         shares = self._shares([(n * gained, n * scores) for gained, scores in records])
         for end in (0, 1) if quantity else ():
-            if at_end := self.screened(*test[:3], quantity, end):
+            if at_end := self.screened(test, quantity, end):
                 for label, share in test.shares.items():
                     shares[label] *= max(1.0, at_end.shares[label] / share)
         return test._replace(shares={label: min(share, 1.0) for label, share in shares.items()})
 
-    def decided(
-        self, rivals: Sequence[Rival], motion: tuple[float, float, int], worth: float
-    ) -> NextTest | None:
+    def decided(self, rivals: Sequence[Rival], test: NextTest, worth: float) -> NextTest | None:
         """What a test tells of structures that remain; None: it is beyond rig or damper.
 
         Of `worth` samples one counts, as in the choice of the structure.
         """
-        amplitude, frequency, cycles = motion
         evidence = dict.fromkeys([rival.title for rival in rivals], 0.0)
-        n = cycles / frequency * self.rate / max(worth, self.worth)
+        n = test.cycles / test.frequency * self.rate / max(worth, self.worth)
         for one in self.known:
-            values, names = one.result.parameters, one.result.names
-            own = self._cycle(self.run.damper, values, amplitude, frequency, names)
+            own = self._cycle(self.run.damper, one.result.parameters, test, one.result.names)
             if own is None:
                 return None
-            jacobian = own[1:].T * _scales(values, names) / one.noise
+            jacobian = own[1] / one.noise
             weight = n / len(jacobian)
             after = weight * jacobian.T @ jacobian + np.linalg.pinv(one.covariance)
             for rival in (rival for rival in rivals if one.result.label in rival.values):
-                known = rival.values[one.result.label]
-                other = self._cycle(rival.damper, known, amplitude, frequency)
+                other = self._cycle(rival.damper, rival.values[one.result.label], test)
                 if other is None:
                     return None
                 d = (other[0] - own[0]) / one.noise
                 b = weight * jacobian.T @ d
                 left = float(weight * d @ d - b @ np.linalg.solve(after, b))
                 evidence[rival.title] += n * math.log1p(max(left, 0.0) / n)
-        return self._test(*motion, evidence=evidence)
+        return test._replace(evidence=evidence)
 
     def _steady(
-        self,
-        known: _Known,
-        values: Values,
-        amplitude: float,
-        frequency: float,
-        *,
-        has_been: bool = False,
+        self, known: _Known, values: Values, test: NextTest, *, has_been: bool = False
     ) -> FloatArray | None:
         """J'J a sample, from one steady cycle; None: beyond the rig or the damper."""
-        names = known.result.names
-        cycle = self._cycle(self.run.damper, values, amplitude, frequency, names, has_been=has_been)
+        names, damper = known.result.names, self.run.damper
+        cycle = self._cycle(damper, values, test, names, has_been=has_been)
         if cycle is None:
             return None
-        jacobian = cycle[1:].T * _scales(values, names)
-        return np.asarray(jacobian.T @ jacobian / (len(jacobian) * known.noise**2))
+        return np.asarray(cycle[1].T @ cycle[1] / (len(cycle[1]) * known.noise**2))
 
     def _cycle(
         self,
         damper: Model,
         values: Values,
-        amplitude: float,
-        frequency: float,
+        test: NextTest,
         names: Sequence[str] = (),
         *,
         has_been: bool = False,
-    ) -> FloatArray | None:
-        """Force of one steady cycle behind the filter, and its slopes.
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Force of one steady cycle behind the filter, and its Jacobian.
 
         None: it cannot be simulated, or takes too much force or heat. A test that has been is
         beyond nothing, whatever the limits of the next one are.
         """
-        per_cycle = max(_SAMPLES, math.ceil(4.0 * self.filter[1] / frequency))
+        own, frequency = self.options, test.frequency
+        corner = own.filter_corner if own.rig_filter == "none" else own.rig_filter_corner
+        per_cycle = max(_SAMPLES, math.ceil(4.0 * corner / frequency))
         rate = per_cycle * frequency
-        motion = sine_motion(amplitude, frequency, cycles=_RUN_IN + 2, sample_rate=rate)
+        motion = sine_motion(test.amplitude, frequency, cycles=_RUN_IN + 2, sample_rate=rate)
         try:
             seen = damper.simulate(values, motion, sensitivities=names, options=self.run.solver)
         except SimulationError:
@@ -591,22 +542,24 @@ class _Rig:
         if is_beyond and not has_been:
             return None
         rows = np.stack([seen.force, *(seen.sensitivities[name] for name in names)])
-        return np.asarray(apply_filter(self._design(rate), rows)[:, steady])
+        force, *slopes = apply_filter(self._filter(rate), rows)[:, steady]
+        return force, np.reshape(slopes, (len(names), -1)).T * _scales(values, names)
 
     def _record(self, known: _Known, test: NextTest) -> tuple[FloatArray, FloatArray]:
         """J'J and the covariance of the scores, a sample, of a record; none where it is no log."""
-        values, names, noise = known.result.parameters, known.result.names, known.noise
-        segment = known.segments[len(known.segments) // 2]
-        today = (segment["amplitude_m"], segment["frequency_Hz"], _RUN_IN + 6)
+        noise, typical = known.noise, known.typical
+        today = NextTest(typical["amplitude_m"], typical["frequency_Hz"], 6)
         cycles = min(max(_FEWEST_CYCLES, round(_LONG * test.frequency)), test.cycles)
         try:
             # White noise of the force: what the scatter holds beside that of the displacement.
-            _, moved = self._recorded(values, today, 0.0)
+            _, moved = self._log(known, today, 0.0)
             white = max(noise**2 - float(np.var(moved)), 0.01 * noise**2) * self.worth
-            motion = (test.amplitude, test.frequency, cycles)
-            jacobian, residuals = self._recorded(values, motion, math.sqrt(white), names)
+            short = test._replace(cycles=cycles)
+            jacobian, residuals = self._log(known, short, math.sqrt(white), known.result.names)
         except (SimulationError, ConditioningError):
-            return np.zeros((len(names),) * 2), np.zeros((len(names),) * 2)
+            return np.zeros((len(known.result.names),) * 2), np.zeros(
+                (len(known.result.names),) * 2
+            )
         lag = correlation_length(residuals, longest=round(0.25 / test.frequency * self.rate))
         scores = larger(
             score_covariance(jacobian * residuals[:, None], lag),
@@ -615,29 +568,29 @@ class _Rig:
         n = len(jacobian)
         return jacobian.T @ jacobian / (n * noise**2), scores / (n * noise**4)
 
-    def _recorded(
-        self,
-        values: Values,
-        test: tuple[float, float, int],
-        white: float,
-        names: Sequence[str] = (),
+    def _log(
+        self, known: _Known, test: NextTest, white: float, names: Sequence[str] = ()
     ) -> tuple[FloatArray, FloatArray]:
-        """Jacobian and residuals of a log of a test; the same noise in every call."""
-        random = np.random.default_rng(1)
-        amplitude, frequency, cycles = test
-        motion = sine_motion(amplitude, frequency, cycles=cycles + _RUN_IN, sample_rate=self.rate)
+        """Jacobian and residuals of a log as the rig writes it; the same noise in every call."""
+        random, values = np.random.default_rng(1), known.result.parameters
+        cycles, rate = test.cycles + _RUN_IN, self.rate
+        motion = sine_motion(test.amplitude, test.frequency, cycles=cycles, sample_rate=rate)
         damper, solver = self.run.damper, self.run.solver
         force = damper.simulate(values, motion, sensitivities=(), options=solver).force
         n = len(motion.displacement)
+        logged = np.stack([motion.displacement, force])
+        logged += np.array([[self.displacement_noise], [white]]) * random.standard_normal((2, n))
+        if self.options.rig_filter != "none":
+            logged = apply_filter(self._filter(rate), logged)
         recording = Recording(
             *("advised test", "", "", None),
-            time=np.arange(n) / self.rate,
-            displacement=motion.displacement + self.displacement_noise * random.standard_normal(n),
-            force=force + white * random.standard_normal(n),
+            time=np.arange(n) / rate,
+            displacement=logged[0],
+            force=logged[1],
             reverse_displacement=False,
             reverse_force=False,
         )
-        trace = condition(recording, self.run.configuration.conditioning)
+        trace = condition(recording, self.options)
         seen = compare(values, trace, damper, sensitivities=names, solver=solver)
         part = trace.compared
         jacobian = (seen.sensitivities[:, part].T * _scales(values, names)).astype(float)
@@ -655,20 +608,18 @@ class _Rig:
             after, n = before + gained, len(one.result.own)
             roles = [one.result.parameters.quantity(name).role for name in one.result.shared]
             lends = np.array([not is_paper or role == FRICTION for role in roles], dtype=float)
-            whole.append([part.copy() for part in (before, after, scores)])
-            pairs = ((before, before), (after, after), (after, scores))
             left = []  # the scores of shared values once a setting's own are fitted
-            for h, s in pairs:
+            for h, s in ((before, before), (after, after), (after, scores)):
                 own = h[:n, :n] + 1e-9 * np.eye(n)
                 rows = np.hstack([-np.linalg.solve(own, h[:n, n:]).T, np.eye(len(h) - n)])
                 left.append((rows @ s @ rows.T) * np.outer(lends, lends))
-            lent.append(left)
+            whole.append(np.stack([before, after, scores]))
+            lent.append(np.stack(left))
         shares = {}
         for one, mine in zip(self.known, whole, strict=True):
             n = len(one.result.own)
-            for other, parts in zip(self.known, lent, strict=True):
+            for other, more in zip(self.known, lent, strict=True):
                 if other is not one and other.result.shared == one.result.shared:
-                    for part, more in zip(mine, parts, strict=True):
-                        part[n:, n:] += more
+                    mine[:, n:, n:] += more
             shares[one.result.label] = one.share_after(*mine)
         return shares

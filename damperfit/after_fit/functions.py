@@ -87,10 +87,7 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
         rig.minutes if minutes is None else _above_zero("minutes", minutes),
         positive(max_heat, "power", "max_heat") or rig.max_heat or math.inf,
     )
-    question, settings = module.Question.of(for_), _settings(run, setting)
-    if question.quantity == module.LAW:
-        return module.advise_law(run, limits, settings)
-    return module.advise(run, question, limits, settings)
+    return module.advise(run, module.Question.of(for_, run), limits, _settings(run, setting))
 
 
 @public
@@ -127,10 +124,14 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
     run = run_of(results, "damperfit.valves", config)
     texts = [None if one is None else str(one) for one in (force, velocity)]
     asked = parse_question(force=texts[0], velocity=texts[1], stroke=stroke)
-    if asked.force is None and (velocity is not None or stroke is not None):
-        text = "{where} has no effect: at which force? Give {force} too"
-        where = Option("velocity", velocity) if velocity is not None else Option("stroke", stroke)
-        raise ConfigurationError(text, where=where, force=Option("force"), code="no-effect")
+    for option, value in {"velocity": velocity, "stroke": stroke}.items():
+        if asked.force is None and value is not None:
+            raise ConfigurationError(
+                "{where} has no effect: at which force? Give {force} too",
+                where=Option(option, value),
+                force=Option("force"),
+                code="no-effect",
+            )
     found = read_valves(
         run,
         discharge=cd,
@@ -174,6 +175,7 @@ def ride(
     car: str | Path | Mapping[str, Any] | None = None,
     stroke: str | Path | None = None,
     setting: str | None = None,
+    plot: str | Path | None = None,
     config: str | Path | None = None,
 ) -> Ride | DrivenStroke:
     """Show comfort and wheel load of each setting on a road, or its work along a measured stroke.
@@ -184,8 +186,13 @@ def ride(
         [car] in TOML, or its keys: masses, spring, tyre, motion ratio, road, speed.
     stroke : path
         Log of time and damper displacement from a car, in place of the road.
+    plot : path, optional
+        Where to draw its `picture`: wheel load against comfort, or the stroke's speeds below the
+        force curves.
     """
     from damperfit.after_fit.ride import drive_along, read_car, read_stroke, ride_on_road
+    from damperfit.reporting.drawing import FIXED_METADATA, draw_plot
+    from damperfit.store import check_writable, file_set
 
     run = run_of(results, "damperfit.ride", config)
     wanted = _settings(run, setting)
@@ -196,9 +203,23 @@ def ride(
             stroke=Option("stroke"),
             code="car-or-stroke",
         )
+    picture = None if plot is None else Path(plot)
+    if picture is not None:
+        if picture.suffix[1:].lower() not in FIXED_METADATA:
+            text = f"expected a name that ends in .{', .'.join(FIXED_METADATA)}"
+            raise ConfigurationError(text, where=Option("plot", picture), code="wrong-suffix")
+        check_writable(picture.parent)
+    answer: Ride | DrivenStroke
     if stroke is not None:
-        return drive_along(run, read_stroke(Path(stroke)), wanted)
-    return ride_on_road(run, read_car(car if isinstance(car, Mapping) else Path(str(car))), wanted)
+        answer = drive_along(run, read_stroke(Path(stroke)), wanted)
+    else:
+        given = car if isinstance(car, Mapping) else Path(str(car))
+        answer = ride_on_road(run, read_car(given), wanted)
+    if picture is not None:
+        with file_set(picture.parent) as files:
+            kind = picture.suffix[1:].lower()
+            draw_plot(files.path(picture.name), answer.picture, kind=kind)
+    return answer
 
 
 @public
@@ -236,21 +257,21 @@ def watch(
     from damperfit.configuration.loading import load_configuration
     from damperfit.store import check_writable
 
-    place = path_of(folder, "damperfit.watch", "the path of a folder")
+    place = path_of(folder, "damperfit.watch", "the path of a folder").resolve()
     own, results = (None if one is None else Path(one) for one in (config, out))
     earlier = _reference(reference, "damperfit.watch", load_configuration(own).damper.name)
     if not place.is_dir():
-        raise ConfigurationError("no such folder", subject=place, code="no-folder")
+        raise ConfigurationError("no such folder", subject=folder, code="no-folder")
     if results is not None:
-        if place.resolve().is_relative_to(results.resolve()):
+        if place.is_relative_to(results.resolve()):
             raise ConfigurationError(
                 "the results would stand among the logs; give another folder, such as "
-                f"{place / 'results'}",
+                f"{Path(folder) / 'results'}",
                 where=Option("out", results),
                 code="out-is-watched",
             )
         check_writable(results)
-    return watched(place.resolve(), results, earlier, own, stop or Event())
+    return watched(place, results, earlier, own, stop or Event())
 
 
 def run_of(
@@ -261,10 +282,8 @@ def run_of(
     from damperfit.results import Run
     from damperfit.tables.reading import is_part
 
-    run = results
-    if not isinstance(run, Run):
-        own = None if config is None else Path(config)
-        run = Run.load(folder_of(results, call), config=own)
+    own = None if config is None else Path(config)
+    run = results if isinstance(results, Run) else Run.load(folder_of(results, call), config=own)
     if not takes_parts and run.place is not None and is_part(run.place):
         raise ConfigurationError(
             "is a part of a fleet, which keeps neither clicks nor the noise of its logs; identify "
@@ -288,10 +307,8 @@ def _reference(given: object, call: str, model: str) -> Run | None:
 
 
 def _settings(run: Run, setting: str | None) -> tuple[SettingResult, ...]:
-    if setting is None:
-        return run.settings
     try:
-        return (run.setting(setting),)
+        return run.settings if setting is None else (run.setting(setting),)
     except ConfigurationError as error:
         raise error.at(Option("setting", setting)) from None
 

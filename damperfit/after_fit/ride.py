@@ -26,15 +26,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from damperfit.conditioning.filters import apply_filter, design_filter, differentiate
+from damperfit.damper.quantity import RIG
+from damperfit.damper.quasi_static import quasi_static
+from damperfit.damper.stepping import without_rig
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.io import ReadOptions, read_log
 from damperfit.io.files import read_text
 from damperfit.reporting.answer import Answer
+from damperfit.reporting.figures import Line, Panel, Plot, setting_colours
 from damperfit.reporting.sheet import Column, Sheet, laid_out
 from damperfit.simulation import Motion
 from damperfit.statistics import NORMAL_95
 from damperfit.tables.files import json_values
-from damperfit.units.quantities import parse_quantity
+from damperfit.units.quantities import QuantityError, parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,9 +61,12 @@ _FRICTION_BAND = 5e-3  # m/s, as in an exported FMU: with the fit's a car at res
 _LIFTS = 0.33  # rms of the dynamic load over the static one: three deviations lift the wheel
 _LEAD = 1.0  # s that the damper runs in, before the period
 _EDGES = (0.0, 0.025, 0.05, 0.1, 0.2, 0.5, np.inf)  # m/s, of bands of speed
-_FEWEST = 10  # samples of a stroke
+_FEWEST, _BINS = 10, 40  # samples of a stroke, bins of its speed
 # Hz, of a stroke: a wheel hops at 10 to 20. Sampled less than so many times faster it is as logged.
 _STROKE_CORNER, _STROKE_RATE = 40.0, 4.0
+
+
+# What a number of [car] is, where it is no bare number.
 _DIMENSIONS = {
     **dict.fromkeys(("sprung_mass", "unsprung_mass"), "mass"),
     **dict.fromkeys(("spring", "tyre"), "stiffness"),
@@ -107,12 +114,12 @@ class Ride(Answer):
     @property
     def pareto(self) -> tuple[str, ...]:
         """Settings that no other one beats in comfort and wheel load."""
-
-        def is_beaten(one: RideOfSetting) -> bool:
-            better = (two for two in self.settings if two.comfort < one.comfort)
-            return any(two.wheel_load < one.wheel_load for two in better)
-
-        return tuple(one.setting for one in self.settings if not is_beaten(one))
+        numbers = [(one.comfort, one.wheel_load) for one in self.settings]
+        return tuple(
+            one.setting
+            for one in self.settings
+            if not any(c < one.comfort and load < one.wheel_load for c, load in numbers)
+        )
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
@@ -120,22 +127,21 @@ class Ride(Answer):
         softest = min(self.settings, key=lambda one: one.comfort)
         safest = min(self.settings, key=lambda one: one.wheel_load)
         comfort, load = f"{softest.comfort:.3g} m/s2 weighted", f"{safest.wheel_load:.3g} N rms"
-        text = f"road {self.car.road} at {self.car.speed:.3g} m/s"
+        text = (
+            f": setting {softest.setting} is most comfortable ({comfort}), setting "
+            f"{safest.setting} holds the road best ({load}); no other beats "
+            f"{', '.join(self.pareto)} in both"
+        )
         if len(self.settings) == 1:
-            text += f", setting {softest.setting}: {comfort}, wheel load {load}"
-        else:
-            text += (
-                f": setting {softest.setting} is most comfortable ({comfort}), setting "
-                f"{safest.setting} holds the road best ({load}); no other beats "
-                f"{', '.join(self.pareto)} in both"
-            )
+            text = f", setting {softest.setting}: {comfort}, wheel load {load}"
         if flying := [one.setting for one in self.settings if one.load_share > _LIFTS]:
             text += (
                 f"; the wheel leaves the road now and then at setting {', '.join(flying)}, where a "
                 "linear tyre says nothing"
             )
-        lost = f"; not settled, left out: setting {', '.join(self.lost)}"
-        return text + (lost if self.lost else "")
+        if self.lost:
+            text += f"; not settled, left out: setting {', '.join(self.lost)}"
+        return f"road {self.car.road} at {self.car.speed:.3g} m/s{text}"
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
@@ -149,7 +155,6 @@ class Ride(Answer):
 
     def sheets(self) -> tuple[Sheet]:
         """Return the table."""
-        best = set(self.pareto)
 
         def numbers(heading: str, unit: str, name: str, digits: int = 4, size: float = 1) -> Column:
             def cell(row: RideOfSetting) -> str:
@@ -165,51 +170,66 @@ class Ride(Answer):
             Column("of static", "%", lambda row: f"{100.0 * row.load_share:.3g}"),
             numbers("stroke", "mm rms ±95 %", "stroke", 3, 1e3),
             Column("untested", "s of 16", lambda row: f"{row.outside_s:.2g}"),
-            Column("", "", lambda row: "*" * (row.setting in best), is_number=False),
+            Column("", "", lambda row: "*" * (row.setting in self.pareto), is_number=False),
         )
         note = "*: no other setting is better in comfort and wheel load"
         return (laid_out(self.settings, columns, note),)
 
+    @property
+    def picture(self) -> Plot:
+        """Wheel load against body acceleration, the settings that none beats joined."""
+
+        def line(settings: Sequence[RideOfSetting], label: str, style: str, colour: str) -> Line:
+            x, y, error = np.array(
+                [(one.comfort, one.wheel_load, one.wheel_load_error) for one in settings]
+            ).T
+            return Line(x, y, label, colour, style=style, low=y - error, high=y + error)
+
+        best = sorted(
+            (one for one in self.settings if one.setting in self.pareto),
+            key=lambda one: one.comfort,
+        )
+        rest = [one for one in self.settings if one.setting not in self.pareto]
+        lines = [line(best, f"no other is better: {', '.join(self.pareto)}", "dot_line", "ink")]
+        lines += [line([one], f"setting {one.setting}", "points", "muted") for one in rest]
+        axes = ("body acceleration W_k, rms", "m/s2", "dynamic wheel load, rms", "N")
+        return Plot("ride", self.sentence, (Panel(*axes, tuple(lines)),))
+
 
 def read_car(given: Path | Mapping[str, Any]) -> Car:
     """Read [car] of a TOML file, or its keys."""
-
-    def wrong(text: str) -> ConfigurationError:
+    try:
+        table: Any = tomllib.loads(read_text(given)) if isinstance(given, Path) else given
+        section = table.get("car", table)
+        section = section if isinstance(section, Mapping) else {}
+        needed = {*Car._fields} - {*Car._field_defaults}
+        problems = {"unknown": {*section} - {*Car._fields}, "missing": needed - {*section}}
+        words = [f"{word} {', '.join(sorted(keys))}" for word, keys in problems.items() if keys]
+        if words:
+            text = f"[car]: {'; '.join(words)}; expected {', '.join(Car._fields)}"
+            raise QuantityError(text)
+        return Car(**{name: _read(name, value) for name, value in section.items()})
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        if isinstance(error, tomllib.TOMLDecodeError):
+            why = f"not a TOML file: {why}"
         subject = given if isinstance(given, Path) else ""
-        return ConfigurationError(text, subject=subject, code="car")
+        raise ConfigurationError(why, subject=subject, code="car") from None
 
-    table: Any = given
-    if isinstance(given, Path):
-        if not given.is_file():
-            raise wrong("no such file")
-        try:
-            table = tomllib.loads(read_text(given))
-        except (OSError, ValueError) as error:
-            raise wrong(f"not a TOML file: {error}") from None
-    section = table.get("car", table)
-    section = section if isinstance(section, Mapping) else {}
-    needed = set(Car._fields) - Car._field_defaults.keys()
-    problems = {"unknown": {*section} - {*Car._fields}, "missing": needed - {*section}}
-    if any(problems.values()):
-        words = (f"{word} {', '.join(sorted(keys))}; " for word, keys in problems.items() if keys)
-        raise wrong(f"[car]: {''.join(words)}expected {', '.join(Car._fields)}")
-    values: dict[str, Any] = {}
-    for name, text in section.items():
+
+def _read(name: str, given: Any) -> Any:
+    try:
+        if name == "road" and (road := str(given).upper()) in _ROUGHNESS:
+            return road
         if name == "road":
-            values[name] = str(text).upper()
-            if values[name] not in _ROUGHNESS:
-                raise wrong(
-                    f"car.road: found {values[name]!r}; expected a class of ISO 8608, A to H"
-                )
-            continue
-        try:
-            dimension = _DIMENSIONS.get(name)
-            values[name] = parse_quantity(str(text), dimension) if dimension else float(text)
-        except (TypeError, ValueError) as error:
-            raise wrong(f"car.{name}: {error}") from None
-        if not 0.0 < values[name] < math.inf and name != "tyre_damping":
-            raise wrong(f"car.{name}: found {values[name]:g}; expected more than 0")
-    return Car(**values)
+            raise QuantityError(f"found {given!r}; expected a class of ISO 8608, A to H")
+        dimension = _DIMENSIONS.get(name)
+        value = parse_quantity(str(given), dimension) if dimension else float(given)
+        if not (0.0 if name == "tyre_damping" else 1e-300) <= value < math.inf:
+            raise QuantityError(f"found {given!r}; expected more than 0")
+    except (TypeError, ValueError) as error:
+        raise QuantityError(f"car.{name}: {error}") from None
+    return value
 
 
 def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
@@ -265,40 +285,41 @@ class _Road:
 
     def ride(self, setting: SettingResult) -> RideOfSetting:
         """The setting's numbers with their errors."""
-        values = setting.parameters
+        values = without_rig(setting.parameters)
         numbers, rest, c, speed = self._solve(values)
-        errors = np.zeros(3)
-        if setting.covariance is not None and len(setting.names):
-            slopes = []
-            for name in setting.names:
-                quantity = values.quantity(name)
-                if quantity.is_logarithmic:
-                    step, moved = _STEP, values[name] * math.exp(_STEP)
-                else:
-                    step = _STEP * quantity.size
-                    moved = values[name] + step
-                changed, *_ = self._solve(values.replace({name: moved}), (rest, c))
-                slopes.append((changed - numbers) / step)
+        errors, names = np.zeros(3), setting.names if setting.covariance is not None else ()
+        slopes = np.zeros((len(names), 3))
+        for place, quantity in enumerate(map(values.quantity, names)):
+            if quantity.scope == RIG or quantity.is_offset:  # of which the car feels nothing
+                continue
+            step = _STEP * (1.0 if quantity.is_logarithmic else quantity.size)
+            value = values[quantity.name]
+            moved = value * math.exp(step) if quantity.is_logarithmic else value + step
+            changed, *_ = self._solve(values.replace({quantity.name: moved}), (rest, c))
+            slopes[place] = (changed - numbers) / step
+        if len(names):
             variances = np.einsum("ik,ij,jk->k", slopes, setting.covariance, slopes)
             errors = NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))
         errors = np.hypot(errors, _AGREED * numbers)  # what the iteration leaves
         static = (self.car.sprung_mass + self.car.unsprung_mass) * 9.81
         outside = np.count_nonzero(np.abs(speed) > setting.top_speed) / _RATE
         comfort, load, stroke = numbers.tolist()
-        shown = (comfort, load, load / static, stroke, *errors.tolist(), outside)
-        return RideOfSetting._make((setting.label, *shown, _SECONDS))
+        return RideOfSetting(
+            setting.label, comfort, load, load / static, stroke, *errors.tolist(), outside
+        )
 
     def _solve(
         self, values: Values, start: tuple[FloatArray, float] | None = None
     ) -> tuple[FloatArray, FloatArray, float, FloatArray]:
         """Comfort, wheel load and stroke (rms); D and c of the damper; its speed.
 
-        The fixed point of D is found by Anderson mixing: a stiff damper is no small disturbance of
-        a linear one.
+        The fixed point of D is found by Anderson mixing (the least residual of the last points,
+        combined linearly): a stiff damper is no small disturbance of a linear one.
         """
         car, ratio, s = self.car, self.car.motion_ratio, self.s
         rest, c = start or (np.zeros(self.n), 0.6 * math.sqrt(car.spring * car.sprung_mass))
-        tried: list[tuple[FloatArray, FloatArray]] = []
+        points: list[FloatArray] = []
+        residuals: list[FloatArray] = []
         left = math.inf
         for round_ in range(_ROUNDS):
             body, axle = self._linear(c, rest)
@@ -313,8 +334,14 @@ class _Road:
             left = float(np.std(residual) / np.std(force))
             if left <= _AGREED:
                 break
-            tried.append((rest, residual))
-            rest = _mixed(tried[-_DEPTH:])
+            points, residuals = [*points[1 - _DEPTH :], rest], [*residuals[1 - _DEPTH :], residual]
+            rest = rest + residual
+            if len(points) > 1:
+                moved, changed = (
+                    np.stack([row[-1] - one for one in row[:-1]]).T for row in (points, residuals)
+                )
+                weights = np.linalg.lstsq(changed, residual, rcond=1e-8)[0]
+                rest = rest - (moved + changed) @ weights
         else:
             raise SimulationError(
                 f"the damper in the car did not settle within {_ROUNDS} rounds; the last change "
@@ -345,19 +372,6 @@ class _Road:
         return force - float(np.mean(force))
 
 
-def _mixed(tried: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """The next point of Anderson mixing: least residual of the last ones, combined linearly."""
-    point, residual = tried[-1]
-    if len(tried) < 2:
-        return point + residual
-    points, residuals = (
-        np.stack([last - other[k] for other in tried[:-1]], axis=1)
-        for k, last in enumerate(tried[-1])
-    )
-    weights = np.linalg.lstsq(residuals, residual, rcond=1e-8)[0]
-    return np.asarray(point + residual - (points + residuals) @ weights)
-
-
 class Band(NamedTuple):
     """One band of speed: share of the time in it, and the mean power of each setting there, W."""
 
@@ -374,6 +388,7 @@ class DrivenStroke(Answer):
     seconds: float
     bands: tuple[Band, ...]
     outside: dict[str, float]
+    picture: Plot  # the velocity histogram below the curves
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
@@ -425,14 +440,24 @@ def drive_along(run: Run, motion: Motion, settings: Sequence[SettingResult]) -> 
         for ends, part in zip(pairwise(_EDGES), inside, strict=True)
     ]
     outside: dict[str, float] = {}
+    counts, edges = np.histogram(motion.velocity, _BINS)
+    speeds = 0.5 * (edges[1:] + edges[:-1])
+    colours, curves = setting_colours([setting.setting for setting in settings]), []
+    rest = run.damper.rest_force(motion.displacement)
     for setting in settings:
-        seen = run.damper.simulate(setting.parameters, motion, sensitivities=(), options=run.solver)
-        rest = run.damper.rest_force(motion.displacement)
+        label, values = setting.label, without_rig(setting.parameters)
+        seen = run.damper.simulate(values, motion, sensitivities=(), options=run.solver)
         work = (seen.force - (0.0 if rest is None else rest)) * motion.velocity
         for band, part in zip(bands, inside, strict=True):
-            band.powers[setting.label] = float(work[part].sum() / len(speed))
-        outside[setting.label] = float(np.sum(speed > setting.top_speed) * motion.interval)
-    return DrivenStroke(len(speed) * motion.interval, tuple(bands), outside)
+            band.powers[label] = float(work[part].sum() / len(speed))
+        outside[label] = float(np.sum(speed > setting.top_speed) * motion.interval)
+        force = quasi_static(run.damper, values, speeds).forces
+        curves.append(Line(speeds, force, f"setting {label}", colours[setting.setting]))
+    share = Line(speeds, 100.0 * counts / len(speed), "share of the time", "ink", style="dot_line")
+    axis = ("velocity (positive: rebound)", "m/s")
+    panels = (Panel(*axis, "force", "N", tuple(curves)), Panel(*axis, "time", "%", (share,)))
+    picture = Plot("stroke", "Forces by setting, and time at each speed", panels)
+    return DrivenStroke(len(speed) * motion.interval, tuple(bands), outside, picture)
 
 
 def read_stroke(path: Path) -> Motion:

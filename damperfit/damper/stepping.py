@@ -30,6 +30,12 @@ class Step(Motion):
     state: bytearray = field(default_factory=lambda: bytearray(_ROOM))
 
 
+def without_rig(values: Values) -> Values:
+    """Return the values of the damper alone, as it is in a car: without mounting and tare."""
+    rig = [one.name for one in values.quantities if one.scope == RIG or one.is_offset]
+    return values.replace(dict.fromkeys({*rig, *OF_LOAD_CELL}.intersection(values.names), 0.0))
+
+
 class SteppedDamper:
     """One setting, stepped by a program of the user's, as by the solver of a car.
 
@@ -68,11 +74,9 @@ class SteppedDamper:
                 f"the model {damper.name} has no chambers that could be stepped; simulate it",
                 code="other-model",
             )
-        out = set(OF_LOAD_CELL)
-        if not with_rig:
-            out |= {one.name for one in values.quantities if one.scope == RIG or one.is_offset}
-        values = values.replace({name: 0.0 for name in values.names if name in out})
-        self._how = (damper, values, options)
+        own = values if with_rig else without_rig(values)
+        own = own.replace({name: 0.0 for name in values.names if name in OF_LOAD_CELL})
+        self._how = (damper, own, options)
         self._at = (x, 0.0)
         self._state = bytearray(_ROOM)
         self.force, self.pressures = self._run(1.0, [x], [0.0])
