@@ -196,6 +196,8 @@ _ROWS: dict[str, dict[str, tuple[Any, ...]]] = {
             "Also write the tables and one page of the fleet: _fleet/fleet.html."),
         "figures": ("text", "KIND", "Write the figures as files: png, svg or pdf.", "--plots"),
         "plot": ("path", "FILE", "Draw the loops: .png, .svg or .pdf."),
+        "ride.plot": ("path", "FILE",
+            "Draw wheel load against comfort, or the speeds of the stroke: .png, .svg or .pdf."),
         "to": ("text", "TARGET", "What to write; --list shows them."),
         "schema": ("flag", "",
             "Print the JSON schema of configuration files, for an editor, and exit."),

@@ -406,7 +406,9 @@ class _Rig:
         self, run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
     ) -> None:
         self.run, self.limits = run, limits
-        known = [_Known(run, one, question) for one in settings if one.covariance is not None]
+        judged = (one for one in settings if one.covariance is not None and len(one.names))
+        sound = (one for one in judged if np.isfinite([one.values[n] for n in one.names]).all())
+        known = [_Known(run, one, question) for one in sound]
         self.known = [one for one in known if one.now > 0.0 or question.quantity == LAW]
         self.options, inputs = run.configuration.conditioning, entries_in(run.record, "inputs")
         rates = [float(log["sample_rate_Hz"]) for log in inputs if log.get("sample_rate_Hz")]
@@ -542,8 +544,8 @@ class _Rig:
         if is_beyond and not has_been:
             return None
         rows = np.stack([seen.force, *(seen.sensitivities[name] for name in names)])
-        force, *slopes = apply_filter(self._filter(rate), rows)[:, steady]
-        return force, np.reshape(slopes, (len(names), -1)).T * _scales(values, names)
+        rows = apply_filter(self._filter(rate), rows)[:, steady]
+        return rows[0], rows[1:].T * _scales(values, names)
 
     def _record(self, known: _Known, test: NextTest) -> tuple[FloatArray, FloatArray]:
         """J'J and the covariance of the scores, a sample, of a record; none where it is no log."""

@@ -650,11 +650,10 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     }
     # Key by key, so that no two forms of all of it stand beside each other.
     record = {key: json_values(document.pop(key)) for key in list(document)}
-    run = Run(record, quantities=quantities, tables=tables, signals=signals)
     with suppress(ConfigurationError):  # a model without orifices and openings
-        known = {one.label: one.setting for one in run.settings}
-        parts = [{**row, "setting": known[row["setting"]]} for row in run.valves().rows]
-        run.tables["valve_parts"] = lay_out("valve_parts", parts, facts=facts, settings=settings)
+        parts = Run(record, quantities=quantities, tables=tables).valves().rows
+        tables["valve_parts"] = lay_out("valve_parts", parts, facts=facts, settings=settings)
+    run = Run(record, quantities=quantities, tables=tables, signals=signals)
     run.report_text = markdown_report(run)
     return run, failures
 

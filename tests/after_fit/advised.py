@@ -71,9 +71,7 @@ def compared(damper: int, place: Path):
     def fitted(logs: list[str]):
         config = place / "rig.toml"
         config.write_text(f"[rig]\n{rig}")
-        return damperfit.identify(
-            logs, procedure="joint" if damper % 2 else "paper", config=config
-        )
+        return damperfit.identify(logs, procedure="joint" if damper % 2 else "paper", config=config)
 
     logs = made("old", "", damper, 15.0)
     old = fitted(logs)
@@ -81,14 +79,18 @@ def compared(damper: int, place: Path):
         test = old.advise(question, max_speed=0.7).tests[0]
         motion = f"amplitude = {test.amplitude}\nfrequency = {test.frequency}\n"
         name = f"new_{QUESTIONS.index(question)}"
-        both = fitted([*logs, *made(name, motion, damper + 1000, test.cycles + 1)])
-        yield question, test, {
-            setting: (
-                test.shares[str(setting)],
-                half_interval(both, setting, question) / half_interval(old, setting, question),
-            )
-            for setting in SETTINGS
-        }
+        both = fitted([*logs, *made(name, motion, damper + 1000, test.cycles + 2)])
+        yield (
+            question,
+            test,
+            {
+                setting: (
+                    test.shares[str(setting)],
+                    half_interval(both, setting, question) / half_interval(old, setting, question),
+                )
+                for setting in SETTINGS
+            },
+        )
 
 
 def off(promised: float, measured: float) -> float:
@@ -104,7 +106,7 @@ def main() -> None:
     for damper in range(given.first, given.first + given.dampers):
         with TemporaryDirectory() as place:
             for question, test, shares in compared(damper, Path(place)):
-                promised, measured = (median(column) for column in zip(*shares.values()))
+                promised, measured = (median(column) for column in zip(*shares.values(), strict=True))
                 whole.append(off(promised, measured))
                 single += [off(*pair) for pair in shares.values()]
                 each = " ".join(f"{b / a:.2f}" for a, b in shares.values())

@@ -111,18 +111,23 @@ def test_logs_beyond_a_limit_of_the_next_test_still_count(fitted, limit) -> None
 
 
 def test_the_adjuster_as_one_hole_passes_the_flow_of_its_resistance(fitted) -> None:
-    holes = {hole.setting: hole for hole in fitted.valves(cd=0.7, cd_spread=0.0).holes}
+    holes = {hole["setting"]: hole for hole in fitted.valves(cd=0.7, cd_spread=0.0).holes}
     density = fitted.damper.oil_density
     for setting in fitted.settings:
-        hole = holes[setting.label]
-        flow = 0.7 * hole.area * math.sqrt(2.0 * density * 1e5)
+        hole = holes[setting.setting]
+        flow = 0.7 * hole["area_m2"] * math.sqrt(2.0 * density * 1e5)
         assert flow == pytest.approx(math.sqrt(1e5) / setting.values["r_m1"])
-        assert hole.area_low < hole.area < hole.area_high
+        assert hole["area_ci_low_m2"] < hole["area_m2"] < hole["area_ci_high_m2"]
 
 
-def test_the_page_and_the_report_have_the_valves(fitted) -> None:
+def test_the_page_and_the_command_show_the_stored_valves(fitted) -> None:
     (section,) = (one for one in report_sections(fitted) if "Valves" in one.title)
     assert section.sheets[0].rows == fitted.valves().sheets()[0].rows
+    assert fitted.valves().rows == fitted.rows("valve_parts")
+    made = fitted.valves(cd_spread=0.1 + 1e-9).rows  # not the stored coefficient
+    names = ("area_m2", "diameter_m", "area_change_m2")
+    for row, stored in zip(made, fitted.rows("valve_parts"), strict=True):
+        assert [row[name] for name in names] == pytest.approx([stored[name] for name in names])
 
 
 def test_the_sensitivity_is_the_slope_of_the_force(fitted) -> None:
@@ -139,11 +144,11 @@ def test_the_sensitivity_is_the_slope_of_the_force(fitted) -> None:
 
 def test_a_part_is_sized_for_a_force(fitted) -> None:
     found = fitted.valves(force="900N", velocity="0.2m/s")
-    (row,) = (one for one in found.sized if one.setting == "12")
-    now, following = (one for one in found.holes if one.setting in {"12", "13"})
-    assert following.area < row.wanted < now.area  # 12.4, says `settings`
-    assert row.now == now.area
-    assert row.diameter == pytest.approx(math.sqrt(4.0 * row.wanted / math.pi))
+    (row,) = (one for one in found.sized if one["setting"] == 12)
+    now, following = (one["area_m2"] for one in found.holes if one["setting"] in {12, 13})
+    assert following < row["wanted"] < now  # 12.4, says `settings`
+    assert row["now"] == now
+    assert row["diameter_m"] == pytest.approx(math.sqrt(4.0 * row["wanted"] / math.pi))
     assert "at 20 of 20 settings" in repr(found)
     assert not fitted.valves(force="-900N", velocity="0.2m/s", stroke="rebound").sized
 

@@ -46,7 +46,8 @@ def test_a_passport_in_place_of_results_is_named_so(short, tmp_path, capsys, wor
 def test_an_edited_resistance_that_no_hole_has_is_left_out(
     edited, capsys, command, code, edited_to
 ) -> None:
-    (edited / "parameters.parquet").unlink()
+    for name in ("parameters.parquet", "valve_parts.parquet", "valve_parts.csv"):
+        (edited / name).unlink()
     table = edited / "parameters.csv"
     head, first, *others = table.read_text(encoding="utf-8").splitlines()
     cells = first.split(",")
