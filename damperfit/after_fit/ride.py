@@ -297,16 +297,15 @@ class _Road:
             moved = value * math.exp(step) if quantity.is_logarithmic else value + step
             changed, *_ = self._solve(values.replace({quantity.name: moved}), (rest, c))
             slopes[place] = (changed - numbers) / step
-        if len(names):
+        if setting.covariance is not None:
             variances = np.einsum("ik,ij,jk->k", slopes, setting.covariance, slopes)
             errors = NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))
         errors = np.hypot(errors, _AGREED * numbers)  # what the iteration leaves
         static = (self.car.sprung_mass + self.car.unsprung_mass) * 9.81
         outside = np.count_nonzero(np.abs(speed) > setting.top_speed) / _RATE
         comfort, load, stroke = numbers.tolist()
-        return RideOfSetting(
-            setting.label, comfort, load, load / static, stroke, *errors.tolist(), outside
-        )
+        shown = (setting.label, comfort, load, load / static, stroke, *errors.tolist(), outside)
+        return RideOfSetting._make((*shown, _SECONDS))
 
     def _solve(
         self, values: Values, start: tuple[FloatArray, float] | None = None

@@ -144,7 +144,7 @@ def read_valves(
     for quantity in run.damper.quantities:
         if quantity.part != _OPENING and quantity.unit != _ORIFICE:
             continue
-        mine = [row for row in stored if row["quantity"] == quantity.name]
+        mine: list[Row] = [row for row in stored if row["quantity"] == quantity.name]
         mine = mine or list(_rows(run, quantity, discharge, discharge_spread / discharge))
         shown = {row["setting"] for row in mine}
         remarks += (

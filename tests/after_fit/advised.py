@@ -106,7 +106,9 @@ def main() -> None:
     for damper in range(given.first, given.first + given.dampers):
         with TemporaryDirectory() as place:
             for question, test, shares in compared(damper, Path(place)):
-                promised, measured = (median(column) for column in zip(*shares.values(), strict=True))
+                promised, measured = (
+                    median(column) for column in zip(*shares.values(), strict=True)
+                )
                 whole.append(off(promised, measured))
                 single += [off(*pair) for pair in shares.values()]
                 each = " ".join(f"{b / a:.2f}" for a, b in shares.values())
