@@ -177,23 +177,30 @@ class Ride(Answer):
 
     @property
     def picture(self) -> Plot:
-        """Wheel load against body acceleration, the settings that none beats joined."""
+        """Wheel load against body acceleration."""
 
-        def line(settings: Sequence[RideOfSetting], label: str, style: str, colour: str) -> Line:
+        def points(settings: Sequence[RideOfSetting], colour: str, **how: Any) -> Line:
             x, y, error = np.array(
                 [(one.comfort, one.wheel_load, one.wheel_load_error) for one in settings]
             ).T
-            return Line(x, y, label, colour, style=style, low=y - error, high=y + error)
+            return Line(x, y, "", colour, low=y - error, high=y + error, in_legend=False, **how)
 
-        best = sorted(
-            (one for one in self.settings if one.setting in self.pareto),
-            key=lambda one: one.comfort,
+        best = set(self.pareto)
+        joined = sorted(
+            (one for one in self.settings if one.setting in best), key=lambda r: r.comfort
         )
-        rest = [one for one in self.settings if one.setting not in self.pareto]
-        lines = [line(best, f"no other is better: {', '.join(self.pareto)}", "dot_line", "ink")]
-        lines += [line([one], f"setting {one.setting}", "points", "muted") for one in rest]
+        lines = [points(joined, "ink", style="dot_line")]
+        lines += (
+            points(
+                [one], "ink" if one.setting in best else "muted", style="points", tag=one.setting
+            )
+            for one in self.settings
+        )
         axes = ("body acceleration W_k, rms", "m/s2", "dynamic wheel load, rms", "N")
-        return Plot("ride", self.sentence, (Panel(*axes, tuple(lines)),))
+        title = (
+            f"Road {self.car.road} at {self.car.speed:.3g} m/s; joined: beaten by no other setting"
+        )
+        return Plot("ride", title, (Panel(*axes, tuple(lines)),))
 
 
 def read_car(given: Path | Mapping[str, Any]) -> Car:

@@ -11,7 +11,10 @@ import damperfit
 from damperfit.after_fit import ride
 from damperfit.after_fit.ride import Car, weighting_k
 from damperfit.cli import main
+from damperfit.configuration.damper_section import damper_record
 from damperfit.errors import DamperfitError
+from damperfit.tested.setting import Setting
+from tests.laws.valve_logs import VALUES, damper
 
 CAR = Car(300.0, 40.0, 25e3, 200e3, tyre_damping=20.0, motion_ratio=0.9, road="B", speed=15.0)
 
@@ -152,3 +155,28 @@ def test_steps_of_the_converter_are_no_speed(tmp_path) -> None:
     path.write_text("time_s,stroke_mm\n" + "".join(rows))
     motion = ride.read_stroke(path)
     assert np.abs(motion.velocity[500:-500]).max() < 1.3 * 5e-3 / 0.16
+
+
+def test_the_rig_is_no_part_of_the_car() -> None:
+    """Elasticity, play and lag of the rig change nothing on the road."""
+    rigid = {"k_s": 0.0, "play": 0.0, "lag": 0.0, "f_0": 0.0}
+    ridden = []
+    for values in (VALUES, VALUES | rigid):
+        record = {"configuration": {"damper": damper_record(damper())}}
+        row = {"setting": Setting.of(1), **dict(damper().values(values))}
+        run = damperfit.Run(record, {"parameters": [row]}, quantities=damper().quantities)
+        ridden.append(ride.ride_on_road(run, CAR, run.settings).settings)
+    assert ridden[0] == ridden[1]
+
+
+@pytest.mark.parametrize("name", ["picture.svg", "new/picture.png"])
+def test_a_ride_and_a_stroke_are_drawn(fitted, tmp_path, name) -> None:
+    given = {"car": CAR._asdict(), "setting": 5}
+    if name.endswith("svg"):
+        given = {"stroke": tmp_path / "lap.csv", "setting": 5}
+        rows = (f"{k / 200:.3f},{5.0 * math.sin(k / 9):.4f}" for k in range(800))
+        given["stroke"].write_text("\n".join(["time_s,displacement_mm", *rows]))
+    damperfit.ride(fitted, plot=tmp_path / name, **given)
+    assert (tmp_path / name).stat().st_size > 5000
+    with pytest.raises(DamperfitError, match="ends in"):
+        damperfit.ride(fitted, plot=tmp_path / "x.jpg", **given)
