@@ -8,7 +8,6 @@ Positions are fractional samples, from the cubic Hermite piece of (x, v).
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, insort
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -50,29 +49,25 @@ def find_cycles(
     displacement: FloatArray, velocity: FloatArray, *, steadiness: float
 ) -> Cycles | None:
     """Return the steady cycles of a motion (m, and metres per sample), or None without any."""
-    speed = np.abs(velocity)
-    moving = displacement[speed > 0.5 * np.sqrt(mean_of(velocity**2))]
+    x, speed = displacement, np.abs(velocity)
+    moving = x[speed > 0.5 * np.sqrt(mean_of(velocity**2))]
     if not len(moving):
         return None
     low, level, high = percentiles(moving, 5.0, 50.0, 95.0)
     amplitude = 0.5 * (high - low)
     run = None
     for _ in range(3):  # the first level is a guess; the second is exact to rounding
-        run = _steady_run(displacement, velocity, level, _HYSTERESIS * amplitude, steadiness)
+        run = _steady_run(x, velocity, level, _HYSTERESIS * amplitude, steadiness)
         if run is None:
             return None
-        middle, level, amplitude = run.centre, level + run.centre, run.amplitude
-        if abs(middle) < 1e-6 * amplitude:
+        off, level, amplitude = run.centre, level + run.centre, run.amplitude
+        if abs(off) < 1e-6 * amplitude:
             break
     assert run is not None
+    period, steady, begin, end = run.period, run.rising, run.begin, run.end
     rising, falling = (
-        crossings(displacement, velocity, _HYSTERESIS * amplitude, level=level, sign=sign)
+        crossings(x, velocity, _HYSTERESIS * amplitude, level=level, sign=sign)
         for sign in (1.0, -1.0)
-    )
-    first = max(run.rising[0] - 0.75 * run.period, run.begin - 1.0)
-    last = min(run.rising[-1] + 0.75 * run.period, run.end + 1.0)
-    between, begin, end = _falling_of(
-        falling[(falling > first) & (falling < last)], run, steadiness
     )
     # Ahead of the first and behind the last crossing, up to half a cycle is motion that the log's
     # ends cut; more is rest, run-up or coast-down. The last crossing is not seen until the
@@ -80,14 +75,22 @@ def find_cycles(
     marks = np.sort(np.concatenate([rising, falling]))
     ends = float(marks[0]), len(speed) - float(marks[-1])
     length = float(marks[-1] - marks[0])
-    length += sum(part for part in ends if part <= 0.55 * run.period + 1.0)
-    return run._replace(
-        falling=between,
-        centre=float(level),
-        n_found=int(length / run.period + 0.02),
-        begin=begin,
-        end=end,
-    )
+    length += sum(part for part in ends if part <= 0.55 * period + 1.0)
+    first = max(steady[0] - 0.75 * period, begin - 1.0)
+    last = min(steady[-1] + 0.75 * period, end + 1.0)
+    falling = falling[(falling > first) & (falling < last)]
+    # The first and the last may stand half a cycle outside of the rising ones: there half of the
+    # difference that a cycle may have is enough.
+    allowed = 0.5 * _allowed(np.diff(steady), _PERIOD, steadiness, lag=1) * period
+    inside = falling[(falling > steady[0]) & (falling < steady[-1])]
+    if len(inside):
+        ahead, behind = inside[0] - falling[0], falling[-1] - inside[-1]
+        if ahead > 0.0 and abs(ahead - period) > allowed:
+            falling, begin = falling[1:], float(steady[0])
+        if behind > 0.0 and abs(behind - period) > allowed:
+            falling, end = falling[:-1], float(steady[-1])
+    n_found = int(length / period + 0.02)
+    return run._replace(falling=falling, centre=float(level), n_found=n_found, begin=begin, end=end)
 
 
 def _steady_run(
@@ -98,8 +101,9 @@ def _steady_run(
     if len(boundaries) < 2:
         return None
     periods = np.diff(boundaries)
-    tops = _tops(x, velocity, boundaries, level)
-    bottoms = -_tops(x, velocity, boundaries, level, sign=-1.0)
+    tops, bottoms = (
+        sign * _tops(x, velocity, boundaries, level, sign=sign) for sign in (1.0, -1.0)
+    )
     amplitudes = 0.5 * (tops - bottoms)
     is_steady = np.ones(len(periods), dtype=bool)
     for values in (periods, amplitudes):
@@ -114,15 +118,14 @@ def _steady_run(
         return None
     before, behind = int(np.sum(is_steady[:first])), int(np.sum(is_steady[stop:]))
     # Cycles at both ends that lead over to another test are left out.
-    is_off = np.zeros(stop - first, dtype=bool)
-    for values, least in ((periods, _PERIOD), (amplitudes, _AMPLITUDE)):
-        inside, middle = values[first:stop], median(values[first:stop])
-        allowed = _allowed(inside, least, steadiness, lag=1)
-        is_off |= np.abs(inside - middle) > allowed * middle
-    like = np.flatnonzero(~is_off)
-    begin, end = (first + int(like[0]), first + int(like[-1]) + 1) if len(like) else (first, stop)
-    steady = slice(begin, end)
-    nearest = boundaries[end] if behind >= before else boundaries[begin]
+    channels = [
+        (values, _allowed(values[first:stop], least, steadiness, lag=1))
+        for values, least in ((periods, _PERIOD), (amplitudes, _AMPLITUDE))
+    ]
+    begin, end = _trimmed(channels, first, stop)
+    if begin == end:
+        begin, end = first, stop
+    steady, nearest = slice(begin, end), boundaries[end] if behind >= before else boundaries[begin]
     return Cycles(
         rising=boundaries[begin : end + 1],
         falling=boundaries[:0],
@@ -135,26 +138,6 @@ def _steady_run(
         begin=float(boundaries[begin]) if begin > first else -math.inf,
         end=float(boundaries[end]) if end < stop else math.inf,
     )
-
-
-def _falling_of(
-    falling: FloatArray, run: Cycles, steadiness: float
-) -> tuple[FloatArray, float, float]:
-    """The falling passages of a run, and where it begins and ends by them."""
-    begin, end = run.begin, run.end
-    rising = run.rising
-    # The first and the last may stand half a cycle outside of the rising ones: there half of the
-    # difference that a cycle may have is enough.
-    allowed = 0.5 * _allowed(np.diff(rising), _PERIOD, steadiness, lag=1) * run.period
-    inside = falling[(falling > rising[0]) & (falling < rising[-1])]
-    if not len(inside):
-        return falling, begin, end
-    ahead, behind = inside[0] - falling[0], falling[-1] - inside[-1]
-    if ahead > 0.0 and abs(ahead - run.period) > allowed:
-        falling, begin = falling[1:], float(rising[0])
-    if behind > 0.0 and abs(behind - run.period) > allowed:
-        falling, end = falling[:-1], float(rising[-1])
-    return falling, begin, end
 
 
 def crossings(
@@ -280,31 +263,26 @@ def cycles_of(x: FloatArray) -> Turns:
     """Return the cycles of a displacement, m."""
     turns = turning_points(x, TURN * float(np.ptp(x)))
     at_turns = x[turns]
-    passages = _passages(x, turns)
+    passages = np.empty(0)
+    if len(turns) > 1:  # where the motion first passes the middle between its turns
+        begin, end = turns[:-1], turns[1:]
+        sign = np.where(x[end] > x[begin], 1.0, -1.0)
+        middle = 0.5 * (x[begin] + x[end])
+        own = np.repeat(np.arange(len(begin)), end - begin)  # of each sample behind a turn
+        beyond = sign[own] * (x[turns[0] + 1 : turns[-1] + 1] - middle[own])
+        passed = np.flatnonzero(beyond >= 0.0)
+        at = turns[0] + 1 + passed[np.searchsorted(passed, begin - turns[0])]
+        here, before = sign * (x[at] - middle), sign * (x[at - 1] - middle)
+        passages = np.asarray(at - here / (here - before))
     strokes = np.abs(np.diff(at_turns))
     return Turns(
         turns,
         at_turns,
         passages,
-        np.asarray(passages[2:] - passages[: max(len(passages) - 2, 0)]),
-        0.25 * (strokes[:-2] + strokes[1:-1]),
-        0.25 * (at_turns[:-3] + 2.0 * at_turns[1:-2] + at_turns[2:-1]),
+        period=passages[2:] - passages[: max(len(passages) - 2, 0)],
+        amplitude=0.25 * (strokes[:-2] + strokes[1:-1]),
+        middle=0.25 * (at_turns[:-3] + 2.0 * at_turns[1:-2] + at_turns[2:-1]),
     )
-
-
-def _passages(x: FloatArray, turns: IntArray) -> FloatArray:
-    """Return where the motion first passes the middle between its turns, fractional samples."""
-    begin, end = turns[:-1], turns[1:]
-    if not len(begin):
-        return np.empty(0)
-    sign = np.where(x[end] > x[begin], 1.0, -1.0)
-    middle = 0.5 * (x[begin] + x[end])
-    own = np.repeat(np.arange(len(begin)), end - begin)  # of each sample behind a turn
-    beyond = sign[own] * (x[turns[0] + 1 : turns[-1] + 1] - middle[own])
-    passed = np.flatnonzero(beyond >= 0.0)
-    at = turns[0] + 1 + passed[np.searchsorted(passed, begin - turns[0])]
-    here, before = sign * (x[at] - middle), sign * (x[at - 1] - middle)
-    return np.asarray(at - here / (here - before))
 
 
 def runs_of(seen: Turns, steadiness: float, *, near: float) -> Iterator[SteadyRun]:
@@ -336,19 +314,20 @@ def ends_in_motion(
     runs = list(runs_of(cycles_of(displacement), steadiness, near=1.0))
     if not runs:
         return None, None
-    ahead, behind = runs[0].first, len(displacement) - 1.0 - runs[-1].last
+
+    def own_period(x: FloatArray, ahead: float, run: SteadyRun) -> float | None:
+        """The run's, where what is ahead of its first passage is of the same motion."""
+        n, period = math.ceil(ahead), round(run.period)
+        if ahead > _CUT * run.period or n + period >= len(x):
+            return None
+        off = float(np.abs(x[: n + 1] - x[period : period + n + 1]).max())
+        return run.period if off < _ALIKE * run.amplitude else None
+
+    behind = len(displacement) - 1.0 - runs[-1].last
     return (
-        runs[0].period if _repeats(displacement, ahead, runs[0]) else None,
-        runs[-1].period if _repeats(displacement[::-1], behind, runs[-1]) else None,
+        own_period(displacement, runs[0].first, runs[0]),
+        own_period(displacement[::-1], behind, runs[-1]),
     )
-
-
-def _repeats(x: FloatArray, ahead: float, run: SteadyRun) -> bool:
-    """Whether what is ahead of a run's first passage is of the same motion: no rest, no run-up."""
-    n, period = math.ceil(ahead), round(run.period)
-    if ahead > _CUT * run.period or n + period >= len(x):
-        return False
-    return float(np.abs(x[: n + 1] - x[period : period + n + 1]).max()) < _ALIKE * run.amplitude
 
 
 def fastest_frequency(displacement: FloatArray, steadiness: float) -> float:
@@ -385,21 +364,35 @@ def _level_parts(
     period: FloatArray, amplitude: FloatArray, steadiness: float
 ) -> Sequence[tuple[int, int]]:
     """Return first and stop of the parts of a run that are steady tests."""
-    if len(period) < _FEWEST:
+    n = len(period)
+    if n < _FEWEST:
         return ()
     channels = [
         (values, _allowed(values, least, steadiness))
         for values, least in ((period, _PERIOD), (amplitude, _AMPLITUDE))
     ]
+    cuts = [0]  # where a cycle is off the median of the last ones since the last cut
+    for k in range(1, n):
+        recent = slice(max(cuts[-1], k - _RECENT), k)
+        if any(abs(row[k] / median(row[recent]) - 1.0) > share for row, share in channels):
+            cuts.append(k)
+
+    def keeps_level(part: FloatArray, allowed: float) -> bool:
+        """Whether a straight line through a part stays within its allowance."""
+        place = np.arange(len(part)) - 0.5 * (len(part) - 1)
+        slope = float(place @ part) / float(place @ place)
+        return abs(slope) * (len(part) - 1) <= _KEPT * allowed * median(part)
+
+    parts = [_trimmed(channels, *ends) for ends in pairwise([*cuts, n])]
     parts = [
-        part
-        for cut in _cut(channels)
-        if (part := _trimmed(channels, *cut))[1] - part[0] >= _FEWEST
-        and all(_keeps_level(values[slice(*part)], allowed) for values, allowed in channels)
+        (first, stop)
+        for first, stop in parts
+        if stop - first >= _FEWEST
+        and all(keeps_level(row[first:stop], allowed) for row, allowed in channels)
     ]
-    if sum(stop - first for first, stop in parts) >= _SHARE * len(period):
+    if sum(stop - first for first, stop in parts) >= _SHARE * n:
         return parts
-    whole = _trimmed(channels, 0, len(period))
+    whole = _trimmed(channels, 0, n)
     inside = period[slice(*whole)]
     if len(inside) < _FEWEST or np.log(inside.max() / inside.min()) > 2.0 * steadiness:
         return ()
@@ -416,33 +409,6 @@ def _allowed(values: FloatArray, least: float, steadiness: float, *, lag: int = 
     return min(max(least, _USUAL * scatter), steadiness)
 
 
-def _cut(channels: Sequence[tuple[FloatArray, float]]) -> list[tuple[int, int]]:
-    """Cut a run where a cycle is off the median of the last ones since the last cut."""
-    of = [(values.tolist(), share) for values, share in channels]
-    n = len(of[0][0])
-    # In order at all times: a median sought anew for each cycle takes far longer.
-    recent: list[list[float]] = [[] for _ in of]
-    cuts = [0]
-    for k in range(n):
-        if k > cuts[-1] and any(
-            abs(values[k] / _middle(order) - 1.0) > share
-            for (values, share), order in zip(of, recent, strict=True)
-        ):
-            cuts.append(k)
-            recent = [[] for _ in of]
-        for (values, _), order in zip(of, recent, strict=True):
-            insort(order, values[k])
-            if k - cuts[-1] >= _RECENT:
-                del order[bisect_left(order, values[k - _RECENT])]
-    return list(pairwise([*cuts, n]))
-
-
-def _middle(order: list[float]) -> float:
-    """Return the median of values in order."""
-    half = len(order) // 2
-    return order[half] if len(order) % 2 else 0.5 * (order[half - 1] + order[half])
-
-
 def _trimmed(
     channels: Sequence[tuple[FloatArray, float]], first: int, stop: int
 ) -> tuple[int, int]:
@@ -453,13 +419,6 @@ def _trimmed(
         is_off |= np.abs(values[first:stop] - middle) > share * middle
     like = np.flatnonzero(~is_off)
     return (first + int(like[0]), first + int(like[-1]) + 1) if len(like) else (stop, stop)
-
-
-def _keeps_level(part: FloatArray, allowed: float) -> bool:
-    """Whether a straight line through a part stays within its allowance."""
-    place = np.arange(len(part)) - 0.5 * (len(part) - 1)
-    slope = float(place @ part) / float(place @ place)
-    return abs(slope) * (len(part) - 1) <= _KEPT * allowed * median(part)
 
 
 def _like_halves(seen: Turns, first: int, stop: int, *, near: float) -> slice:

@@ -1,9 +1,8 @@
 """What the data of a log show of its quality: findings with a severity, never a change of the data.
 
-`examine` looks at a log whose cycles are known, `examine_raw` at one that was refused. One function
-makes one finding; `_FINDINGS` says in which order they are told. Those of the stamps are made in
-`damperfit.conditioning.timebase`, of one channel in `channels`, of signs, tare and skew in
-`polarity`.
+`examine` looks at a log whose cycles are known, `examine_raw` at one that was refused. Findings of
+the stamps are made in `damperfit.conditioning.timebase`, of one channel in `channels`, of signs,
+tare and skew in `polarity` and `delay`.
 
 Limits, and what the faults cost near them (`python -m tests.conditioning.limits`; the largest error
 at settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
@@ -24,7 +23,7 @@ curve of second degree through them is taken off before they are said to scatter
 from __future__ import annotations
 
 import math
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -49,7 +48,7 @@ from damperfit.statistics import mean_of, median, percentiles
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
     from damperfit.conditioning.cycles import Cycles
     from damperfit.conditioning.options import ConditionOptions
@@ -58,20 +57,14 @@ if TYPE_CHECKING:
     from damperfit.recording import Recording, Stretch, Trace
 
 
-class _Seen:
+class _Seen(NamedTuple):
     """A log, and what has become of it."""
 
-    def __init__(
-        self,
-        recording: Recording,
-        log: UniformLog,
-        trace: Trace,
-        cycles: Cycles | None,
-        options: ConditionOptions,
-    ) -> None:
-        self.recording, self.log, self.trace = recording, log, trace
-        self.cycles, self.options = cycles, options  # None: no single steady run
-        self.rate = 1.0 / trace.interval
+    recording: Recording
+    log: UniformLog
+    trace: Trace
+    cycles: Cycles | None  # None: no single steady run
+    options: ConditionOptions
 
     def rows(self, first: Stretch, last: Stretch) -> slice:
         """Return the rows from the beginning of a stretch to the end of another."""
@@ -82,65 +75,14 @@ class _Seen:
         begin, stop = np.searchsorted(self.recording.time, times)
         return slice(int(begin), int(stop) + 1)
 
-    def longest(self, *, fewest: int) -> Stretch | None:
-        """Return the longest stretch of so many cycles, if there is one."""
-        steady = [one for one in self.trace.stretches if one.n_cycles >= fewest]
-        return max(steady, key=lambda one: one.n_samples, default=None)
-
-    def starts_in_log(self, stretch: Stretch) -> FloatArray:
-        """Return where the cycles of a stretch begin, in samples of the log."""
-        ahead = (self.trace.start_time - self.log.start_time) / self.log.interval
-        return stretch.cycle_starts + round(ahead)
-
-    @cached_property
-    def starts(self) -> FloatArray:
-        """Boundaries of the clean cycles of the fastest stretch, samples; none: nothing repeats."""
-        fastest = self.trace.fastest
-        return clean_cycles(fastest) if fastest.n_cycles else fastest.cycle_starts
-
-    def extremes(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the highest and the lowest value of each of these cycles."""
-        edges = np.rint(self.starts).astype(np.int64)
-        inside = values[: edges[-1]]
-        return np.maximum.reduceat(inside, edges[:-1]), np.minimum.reduceat(inside, edges[:-1])
-
-    @cached_property
-    def floor(self) -> float:
-        """Noise floor, %; NaN where no two cycles tell it."""
-        return noise_floor(self.trace) if len(self.starts) >= 3 else math.nan
-
-    @cached_property
-    def peaks(self) -> tuple[_Peaks, _Peaks]:
-        """How the peaks of rebound and of bump repeat."""
-        tops, bottoms = self.extremes(self.trace.force)
-        return _peaks(tops), _peaks(bottoms)
-
-    @property
-    def peak_size(self) -> float:
-        """Size of the larger of both, N: a smaller one scatters more in per cent, not worse."""
-        return max(abs(one.mean) for one in self.peaks)
-
-    @cached_property
-    def is_trending(self) -> bool:
-        """Whether the peaks go one way; both move the same way where the zero drifts."""
-        if not math.isfinite(self.floor):
-            return False
-        up, down = (one.trend or (0.0, 0.0) for one in self.peaks)
-        fall = 0.5 * abs(up[1] - up[0] - down[1] + down[0])
-        return 100.0 * fall / self.peak_size > _FALL
-
-    @cached_property
-    def warming(self) -> tuple[float, float] | None:
-        """Temperature of the first and of the last cycle, degC, where it changes."""
-        recording, trace = self.recording, self.trace
-        if recording.temperature is None:
-            return None
-        ends = []
-        for edges in (self.starts[:2], self.starts[-2:]):
-            begin, end = trace.start_time + trace.interval * edges
-            inside = (recording.time >= begin) & (recording.time <= end)
-            ends.append(mean_of(recording.temperature[inside]))
-        return (ends[0], ends[1]) if abs(ends[1] - ends[0]) >= _WARMER else None
+    def longest(self, *, fewest: int) -> tuple[Stretch | None, FloatArray]:
+        """Return the longest stretch of so many cycles, and where these begin in the log."""
+        steady = [stretch for stretch in self.trace.stretches if stretch.n_cycles >= fewest]
+        if not steady:
+            return None, np.empty(0)
+        longest = max(steady, key=lambda stretch: stretch.n_samples)
+        ahead = round((self.trace.start_time - self.log.start_time) / self.log.interval)
+        return longest, longest.cycle_starts + ahead
 
 
 def examine(
@@ -152,12 +94,22 @@ def examine(
 ) -> tuple[Finding, ...]:
     """Return what is remarkable in a log, and in its cycles where it is one steady run."""
     seen = _Seen(recording, log, trace, cycles, options)
-    found = [*recording.findings, *log.findings]
-    for look in _FINDINGS:
-        found.extend(look(seen))
-    warned = {one.name for one in found if one.severity == "warning"}
+    found = [
+        *recording.findings,
+        *log.findings,
+        *_rows(seen),
+        *_rate_and_filter(seen),
+        *_drive(seen),
+        *(_stretches(seen) if cycles is None else _one_run(seen, cycles)),
+        *_size(seen),
+        *_repetition(trace, recording),
+        *_temperature(seen),
+        *_filtered_in_the_rig(seen),
+        *_lines_off_harmonics(seen),
+    ]
+    warned = {finding.name for finding in found if finding.severity == "warning"}
     beside = set().union(*(_MADE_BY[name] for name in warned & _MADE_BY.keys()))
-    return tuple(one for one in found if one.name not in beside)
+    return tuple(finding for finding in found if finding.name not in beside)
 
 
 # What else a fault of the record looks like: it is told once, by its cause.
@@ -185,29 +137,18 @@ def _judged(name: str, text: str, value: float, unit: str = "", *, fault: str = 
     return Finding(name, "warning" if fault else "note", text + fault, value, unit)
 
 
-def _s(n: int) -> str:
-    return "s" if n > 1 else ""
-
-
-# The rows.
-
 _FROZEN_ROWS, _JUMP = 5, 5.0
 
 
-def _both_channels(seen: _Seen) -> Iterator[Finding]:
-    trace = seen.trace
-    compared = seen.rows(trace.fastest, trace.fastest)
+def _rows(seen: _Seen) -> Iterator[Finding]:
+    """Both channels; a logger that drops out repeats its last row: a rest ends in no jump."""
+    recording, trace = seen.recording, seen.trace
     # The model is driven through what stands between stretches, too.
     driven = seen.rows(trace.stretches[0], trace.stretches[-1])
-    period = samples_a_cycle(trace)
-    return examine_channels(seen.recording, driven, compared, period=period)
-
-
-def _frozen_rows(seen: _Seen) -> Iterator[Finding]:
-    """A logger that drops out repeats its last row; a rest ends at a speed, not in a jump."""
-    time = seen.recording.time
-    steps = np.abs(np.diff(seen.recording.displacement))
-    is_still = (steps == 0.0) & (np.diff(seen.recording.force) == 0.0)
+    compared = seen.rows(trace.fastest, trace.fastest)
+    yield from examine_channels(recording, driven, compared, period=samples_a_cycle(trace))
+    steps = np.abs(np.diff(recording.displacement))
+    is_still = (steps == 0.0) & (np.diff(recording.force) == 0.0)
     if not is_still.any() or is_still.all():
         return
     begins, ends = parts_where(is_still)
@@ -215,15 +156,14 @@ def _frozen_rows(seen: _Seen) -> Iterator[Finding]:
     is_frozen = ends - begins >= _FROZEN_ROWS
     is_frozen &= steps[ends] > _JUMP * median(steps[~is_still])
     begins, ends = begins[is_frozen], ends[is_frozen]
-    if not len(begins):
-        return
-    text = (
-        f"rows are frozen: both channels stand still {len(begins)} time{_s(len(begins))}, for "
-        f"{1e3 * median(time[ends] - time[begins]):.3g} ms, and jump then, first from row "
-        f"{int(begins[0]) + 1} of the data; the logger drops out: record again, or cut these parts "
-        "out"
-    )
-    yield Finding("frozen_rows", "warning", text, float(len(begins)))
+    if n := len(begins):
+        lasting = 1e3 * median(recording.time[ends] - recording.time[begins])
+        text = (
+            f"rows are frozen: both channels stand still {n} time{'s' * (n > 1)}, for "
+            f"{lasting:.3g} ms, and jump then, first from row {int(begins[0]) + 1} of the data; "
+            "the logger drops out: record again, or cut these parts out"
+        )
+        yield Finding("frozen_rows", "warning", text, float(n))
 
 
 # Rate, filter and what drives the model.
@@ -234,20 +174,19 @@ _VELOCITY_NOISE = 0.35  # % of the peak velocity
 _BEYOND_HALF = 2.0  # % of the speed; noise of 8 um makes far less, a triangle far more
 
 
-def _sample_rate(seen: _Seen) -> Iterator[Finding]:
-    period = seen.rate / seen.trace.frequency
-    text = f"sampled at {seen.rate:.4g} Hz, {period:.4g} samples a cycle"
-    if math.isfinite(corner := seen.options.passed_corner):
-        text += f", {seen.rate / corner:.3g} times the filter's corner"
+def _rate_and_filter(seen: _Seen) -> Iterator[Finding]:
+    trace, log, options = seen.trace, seen.log, seen.options
+    rate, frequency = 1.0 / trace.interval, trace.frequency
+    period = rate / frequency
+    text = f"sampled at {rate:.4g} Hz, {period:.4g} samples a cycle"
+    if math.isfinite(options.passed_corner):
+        text += f", {rate / options.passed_corner:.3g} times the filter's corner"
     lost = (2.0 * math.pi / period) ** 4 / 180.0
     if lost > 1e-3:
         text += f": velocity is {100.0 * lost:.2g} % low; sample faster"
-    yield Finding("sample_rate", "warning" if lost > 1e-2 else "note", text, seen.rate, "Hz")
+    yield Finding("sample_rate", "warning" if lost > 1e-2 else "note", text, rate, "Hz")
 
-
-def _filter_loss(seen: _Seen) -> Iterator[Finding]:
-    frequency = seen.trace.frequency
-    lost = 1.0 - float(gain_at(seen.trace.model_filter, frequency, sample_rate=seen.rate))
+    lost = 1.0 - float(gain_at(trace.model_filter, frequency, sample_rate=rate))
     if lost > 1e-3:
         text = (
             f"the filter takes {100.0 * lost:.2g} % off the motion at {frequency:.3g} Hz: "
@@ -257,51 +196,45 @@ def _filter_loss(seen: _Seen) -> Iterator[Finding]:
         severity = "warning" if lost > 1e-2 else "note"
         yield Finding("filter_loss", severity, text, 100.0 * lost, "%")
 
-
-def _few_harmonics(seen: _Seen) -> Iterator[Finding]:
-    """A fast motion has its knees and play hidden by a corner for slow ones."""
-    trace, corner = seen.trace, seen.options.filter_corner
-    if not seen.options.is_ours or not trace.fastest.n_cycles:
-        return
-    passed, fits = corner / trace.frequency, fitting_corner(trace.frequency, seen.rate)
-    if passed < _HARMONICS and fits > 1.5 * corner:
+    # A fast motion has its knees and play hidden by a corner for slow ones.
+    corner, fits = options.filter_corner, fitting_corner(frequency, rate)
+    has_few = corner / frequency < _HARMONICS and fits > 1.5 * corner
+    if options.is_ours and trace.fastest.n_cycles and has_few:
+        passed = corner / frequency
         text = (
-            f"{corner:g} Hz let the first {passed:.1f} harmonics of {trace.frequency:.3g} Hz pass: "
+            f"{corner:g} Hz let the first {passed:.1f} harmonics of {frequency:.3g} Hz pass: "
             "knees of the valves and play may be hidden; conditioning.filter_corner = 'auto' takes "
             f"{fits:g} Hz"
         )
         yield Finding("filter_corner", "note", text, passed)
 
-
-def _displacement_noise(seen: _Seen) -> Iterator[Finding]:
-    trace, log, options = seen.trace, seen.log, seen.options
-    if options.rig_filter != "none" or 1.0 / (trace.frequency * trace.interval) < _TELLING:
-        return  # the rig's filter has taken most of it; at few samples a cycle motion looks alike
-    first = round((trace.start_time - log.start_time) / log.interval) + trace.fastest.first
-    first = max(first, 0)  # where the log is continued, a few samples of it may lie before
-    noise = noise_of(log.displacement[first : first + trace.fastest.n_samples])
-    corner = min(options.passed_corner, 0.5 * seen.rate)
-    passed = noise * math.sqrt(2.0 * corner / seen.rate) * corner / math.sqrt(3.0)
-    share = 100.0 * passed / (trace.frequency * trace.amplitude)
-    text = (
-        f"noise of the displacement {1e6 * noise:.3g} um, {share:.2g} % of the peak velocity "
-        "behind the filter"
-    )
-    fault = "; K_e comes out too low by more than 1 % at soft settings; use a quieter sensor"
-    fault *= not share <= _VELOCITY_NOISE
-    yield _judged("displacement_noise", text, 1e6 * noise, "um", fault=fault)
+    # The rig's filter has taken most of the noise; at few samples a cycle motion looks alike.
+    if options.rig_filter == "none" and 1.0 / (frequency * trace.interval) >= _TELLING:
+        first = round((trace.start_time - log.start_time) / log.interval) + trace.fastest.first
+        first = max(first, 0)  # where the log is continued, a few samples of it may lie before
+        noise = noise_of(log.displacement[first : first + trace.fastest.n_samples])
+        corner = min(options.passed_corner, 0.5 * rate)
+        passed = noise * math.sqrt(2.0 * corner / rate) * corner / math.sqrt(3.0)
+        share = 100.0 * passed / (frequency * trace.amplitude)
+        text = (
+            f"noise of the displacement {1e6 * noise:.3g} um, {share:.2g} % of the peak velocity "
+            "behind the filter"
+        )
+        fault = "; K_e comes out too low by more than 1 % at soft settings; use a quieter sensor"
+        fault *= not share <= _VELOCITY_NOISE
+        yield _judged("displacement_noise", text, 1e6 * noise, "um", fault=fault)
 
 
 def _drive(seen: _Seen) -> Iterator[Finding]:
     """What drives the model where it is not what is compared, or not what the damper saw."""
     trace, options = seen.trace, seen.options
-    corner = options.filter_corner
-    n_jumps, n_bridged = len(trace.drive.jumps), len(trace.model_filter.bridged)
+    corner, drive = options.filter_corner, trace.drive
+    n_jumps, n_bridged = len(drive.jumps), len(trace.model_filter.bridged)
     if options.rig_filter != "none":
         half = 0.5 * options.rig_filter_corner
         share = 100.0 * max(
-            content_beyond(trace.displacement[one.window], trace.interval, half)
-            for one in trace.stretches
+            content_beyond(trace.displacement[stretch.window], trace.interval, half)
+            for stretch in trace.stretches
         )
         if share > _BEYOND_HALF:
             text = (
@@ -310,7 +243,7 @@ def _drive(seen: _Seen) -> Iterator[Finding]:
                 "log without that filter"
             )
             yield Finding("drive", "warning", text, share, "%")
-    elif trace.drive.displacement is trace.displacement or trace.drive.corner <= corner:
+    elif drive.displacement is trace.displacement or drive.corner <= corner:
         if n_bridged:
             text = (
                 "the motion reverses on its samples, where noise decides the sign of friction: "
@@ -326,24 +259,18 @@ def _drive(seen: _Seen) -> Iterator[Finding]:
     else:
         text = (
             f"the motion has content beyond {corner:g} Hz: the model is driven by the displacement "
-            f"with the noise above {trace.drive.corner:.3g} Hz taken off"
+            f"with the noise above {drive.corner:.3g} Hz taken off"
         )
-        yield Finding("drive", "note", text, trace.drive.corner, "Hz")
+        yield Finding("drive", "note", text, drive.corner, "Hz")
 
-
-def _rests(seen: _Seen) -> Iterator[Finding]:
-    """Friction is not known where the compared motion rests."""
-    trace = seen.trace
-    lengths = [
-        n for one in trace.stretches for n in dwell_lengths(trace.drive.velocity[one.window])
-    ]
-    if lengths:
+    rests = [n for one in trace.stretches for n in dwell_lengths(drive.velocity[one.window])]
+    if rests:
         text = (
-            f"the motion rests {len(lengths)} time{_s(len(lengths))} where it is compared, "
-            f"for {max(lengths) * trace.interval:.2g} s at most: what friction holds there is not "
+            f"the motion rests {len(rests)} time{'s' * (len(rests) > 1)} where it is compared, "
+            f"for {max(rests) * trace.interval:.2g} s at most: what friction holds there is not "
             "known, and the model has none"
         )
-        yield Finding("rests", "note", text, float(len(lengths)))
+        yield Finding("rests", "note", text, float(len(rests)))
 
 
 # What was found of cycles and stretches.
@@ -351,28 +278,44 @@ def _rests(seen: _Seen) -> Iterator[Finding]:
 _OTHER_FORCE = 0.2  # of the larger; a damper that warms up within a log changes by less
 _SOON, _SAME = 3.0, 0.01  # cycles; of frequency and amplitude
 _MANY_ELSEWHERE = 2  # steady cycles beyond a break; one may be chance in a run-up
+_DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
+_NEAR = 0.2  # of the nominal test: further off another test was meant
 
 
 def _stretches(seen: _Seen) -> Iterator[Finding]:
-    trace = seen.trace
+    """What is compared; a run that something broke; a motion that comes back with another force."""
+    trace, stretches = seen.trace, seen.trace.stretches
     parts = ", ".join(
         f"{one.n_cycles} cycles of {one.frequency:.3g} Hz to {one.peak_speed:.3g} m/s"
         if one.n_cycles
         else f"{one.n_samples * trace.interval:.3g} s of motion that does not repeat, to "
         f"{one.peak_speed:.3g} m/s"
-        for one in trace.stretches
+        for one in stretches
     )
-    n = len(trace.stretches)
+    n = len(stretches)
     text = f"{n} stretch{'es' * (n > 1)} evaluated: {parts}"
     yield Finding("stretches", "note", text, float(n))
 
+    peaks = {
+        one.first: (one.figures.peak_force_rebound, one.figures.peak_force_bump)
+        for one in stretches
+        if one.figures
+    }
 
-def _broken(seen: _Seen) -> Iterator[Finding]:
-    """A run goes on after a moment as it was before: something broke it."""
-    trace = seen.trace
-    for before, behind in pairwise(trace.stretches):
+    def is_one_motion(first: Stretch, other: Stretch) -> bool:
+        if not first.n_cycles or not other.n_cycles:
+            return False
+        ratios = other.frequency / first.frequency, other.amplitude / first.amplitude
+        return max(abs(ratio - 1.0) for ratio in ratios) < _SAME
+
+    def is_other_force(first: Stretch, other: Stretch) -> bool:
+        """Whether two stretches are of two settings, and not of a damper that warms up."""
+        pairs = np.array([peaks[first.first], peaks[other.first]])
+        return bool(np.abs(pairs[0] - pairs[1]).max() > _OTHER_FORCE * np.abs(pairs).max())
+
+    for before, behind in pairwise(stretches):
         gap = (behind.first - before.stop) * trace.interval * before.frequency
-        if _are_one_motion(before, behind) and gap < _SOON and not _is_other_force(before, behind):
+        if is_one_motion(before, behind) and gap < _SOON and not is_other_force(before, behind):
             time = trace.start_time + 0.5 * (before.stop + behind.first) * trace.interval
             text = (
                 f"the steady run is broken: {behind.n_cycles} more steady cycles lie beyond a "
@@ -380,60 +323,30 @@ def _broken(seen: _Seen) -> Iterator[Finding]:
             )
             yield Finding("unsteady_cycles", "warning", text, float(behind.n_cycles))
 
-
-def _another_force(seen: _Seen) -> Iterator[Finding]:
-    """A motion comes back with another force: two settings in one record."""
-    trace = seen.trace
-    for first, other in combinations(trace.stretches, 2):
-        if _are_one_motion(first, other) and _is_other_force(first, other):
+    for first, other in combinations(stretches, 2):
+        if is_one_motion(first, other) and is_other_force(first, other):
             time = trace.start_time + other.first * trace.interval
-            forces = [
-                f"{one.figures.peak_force_rebound:.4g} and {one.figures.peak_force_bump:.4g} N"
-                for one in (other, first)
-                if one.figures
-            ]
+            forces = ["{:.4g} and {:.4g} N".format(*peaks[one.first]) for one in (other, first)]
             text = (
                 f"the motion of {first.frequency:.4g} Hz comes back at time {time:.4g} s with "
                 f"another force, {' for '.join(forces)}: two settings in one record are two tests; "
                 "split the log there and name each setting, or repair what changed"
             )
             yield Finding("another_force", "warning", text, time, "s")
-            return
+            break
 
 
-def _are_one_motion(first: Stretch, other: Stretch) -> bool:
-    """Whether two stretches repeat one motion."""
-    if not first.n_cycles or not other.n_cycles:
-        return False
-    ratios = other.frequency / first.frequency, other.amplitude / first.amplitude
-    return max(abs(ratio - 1.0) for ratio in ratios) < _SAME
-
-
-def _is_other_force(first: Stretch, other: Stretch) -> bool:
-    """Whether two stretches of one motion are of two settings, and not of a warm damper."""
-    if first.figures is None or other.figures is None:
-        return False
-    pairs = (
-        (first.figures.peak_force_rebound, other.figures.peak_force_rebound),
-        (first.figures.peak_force_bump, other.figures.peak_force_bump),
-    )
-    size = max(abs(force) for pair in pairs for force in pair)
-    return max(abs(a - b) for a, b in pairs) > _OTHER_FORCE * size
-
-
-def _cycles(seen: _Seen) -> Iterator[Finding]:
-    n = seen.trace.n_cycles
+def _one_run(seen: _Seen, cycles: Cycles) -> Iterator[Finding]:
+    """Its cycles; frequency and amplitude beside the log's preamble and the nominal test."""
+    trace, nominal = seen.trace, seen.options.nominal
+    n = trace.n_cycles
     text = (
-        f"{n} of {seen.trace.n_cycles_found} whole cycles evaluated (left out: run-in, "
+        f"{n} of {trace.n_cycles_found} whole cycles evaluated (left out: run-in, "
         "filter edges, unsteady cycles)"
     )
     fault = "; one cycle cannot show how well the test repeats; record a longer log" * (n <= 1)
     yield _judged("cycles", text, float(n), fault=fault)
 
-
-def _unsteady(seen: _Seen) -> Iterator[Finding]:
-    trace, cycles = seen.trace, seen.cycles
-    assert cycles is not None
     steady, found = len(cycles.rising) - 1, cycles.n_found
     if steady + 1 < 0.5 * found:  # one more: the cycles at the log's ends may be cut
         begin = trace.start_time + trace.fastest.cycle_starts[0] * trace.interval
@@ -450,42 +363,24 @@ def _unsteady(seen: _Seen) -> Iterator[Finding]:
         )
         yield Finding("unsteady_cycles", "warning", text, float(cycles.n_elsewhere))
 
-
-def _of_cycles(seen: _Seen) -> Iterator[Finding]:
-    """What is told of one steady run, and what of several stretches."""
-    looks = (_stretches, _broken, _another_force)
-    if seen.cycles is not None:
-        looks = (_cycles, _unsteady, _frequency_and_amplitude)
-    for look in looks:
-        yield from look(seen)
-
-
-_DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
-_NEAR = 0.2  # of the nominal test: further off another test was meant
-
-
-def _frequency_and_amplitude(seen: _Seen) -> Iterator[Finding]:
-    """Beside what the log's preamble says, and beside the nominal test."""
-    trace, nominal = seen.trace, seen.options.nominal
     for name, value, unit, factor, meant, prefix, doubt in (
         ("frequency", trace.frequency, "Hz", 1.0, nominal.frequency, "", "clock and sample rate"),
         ("amplitude", trace.amplitude, "mm", 1e3, nominal.amplitude, "amplitude ",
          "the displacement's unit"),
     ):  # fmt: skip
-        found = factor * value
-        text = f"{prefix}{found:.5g} {unit} found"
-        fault = ""
+        number = factor * value
+        text, fault = f"{prefix}{number:.5g} {unit} found", ""
         declared = _declared(seen.recording.metadata, name, unit)
+        off = 0.0 if meant is None else number / (factor * meant) - 1.0
+        shown = "" if meant is None else f"{factor * meant:.5g} {unit} of the configuration"
         if declared is not None and abs(value / declared - 1.0) > _DECLARED:
             fault = f", but the log's preamble says {factor * declared:.5g} {unit}; check {doubt}"
-        elif meant is not None and abs(off := found / (factor * meant) - 1.0) > _NEAR:
-            shown = f"{factor * meant:.5g} {unit}"
-            text += f", a different test from the {shown} of the configuration"
-        elif meant is not None and abs(off) > 0.005:
+        elif abs(off) > _NEAR:
+            text += f", a different test from the {shown}"
+        elif abs(off) > 0.005:
             side = "above" if off > 0.0 else "below"
-            shown = f"{factor * meant:.5g} {unit}"
-            text += f", {abs(100.0 * off):.2g} % {side} the {shown} of the configuration"
-        yield _judged(name, text, found, unit, fault=fault)
+            text += f", {abs(100.0 * off):.2g} % {side} the {shown}"
+        yield _judged(name, text, number, unit, fault=fault)
 
 
 def _declared(metadata: Mapping[str, str], name: str, unit: str) -> float | None:
@@ -506,7 +401,11 @@ def _declared(metadata: Mapping[str, str], name: str, unit: str) -> float | None
     return None
 
 
-def _trimmed(seen: _Seen) -> Iterator[Finding]:
+_LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is as much
+
+
+def _size(seen: _Seen) -> Iterator[Finding]:
+    """How long, how large, and of which shape what is evaluated is."""
     trace, log = seen.trace, seen.log
     first, last = trace.stretches[0], trace.stretches[-1]
     begin = float(first.cycle_starts[0]) if first.n_cycles else first.first
@@ -520,33 +419,24 @@ def _trimmed(seen: _Seen) -> Iterator[Finding]:
     )
     yield Finding("trimmed", "note", text, ahead + behind, "s")
 
-
-_LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is as much
-
-
-def _force_range(seen: _Seen) -> Iterator[Finding]:
-    half = 0.5 * float(np.ptp(seen.trace.force[seen.trace.compared]))
+    half = 0.5 * float(np.ptp(trace.force[trace.compared]))
     if half < _LITTLE:
         text = f"the force swings by +-{half:.3g} N, little for a damper; was kN read as N?"
         yield Finding("force_range", "warning", text, half, "N")
 
-
-def _harmonics(seen: _Seen) -> Iterator[Finding]:
-    trace = seen.trace
-    if not trace.fastest.n_cycles:
-        return
-    first, *higher = harmonic_powers(trace.fastest, trace.displacement, 3).tolist()
-    second, third = (100.0 * math.sqrt(power / first) for power in higher)
-    shape = ""
-    if second < 2.0 and 9.0 < third < 13.0:
-        shape = ", as of a triangle wave"
-    elif second > 1.0 and third < 0.5 * second:
-        shape = ", as of a crank"
-    text = (
-        f"2nd harmonic of the displacement {second:.2g} %, 3rd {third:.2g} %{shape}; the model is "
-        "driven by the measured displacement"
-    )
-    yield Finding("harmonics", "note", text, max(second, third), "%")
+    if trace.fastest.n_cycles:
+        powers = harmonic_powers(trace.fastest, trace.displacement, 3).tolist()
+        second, third = (100.0 * math.sqrt(power / powers[0]) for power in powers[1:])
+        shape = ""
+        if second < 2.0 and 9.0 < third < 13.0:
+            shape = ", as of a triangle wave"
+        elif second > 1.0 and third < 0.5 * second:
+            shape = ", as of a crank"
+        text = (
+            f"2nd harmonic of the displacement {second:.2g} %, 3rd {third:.2g} %{shape}; the model "
+            "is driven by the measured displacement"
+        )
+        yield Finding("harmonics", "note", text, max(second, third), "%")
 
 
 # How well the cycles of a test repeat.
@@ -564,12 +454,90 @@ _WARMER = 1.0  # K
 _OF_MOTION = 0.7  # of the noise floor, below which the motion explains some of it
 
 
+def _repetition(  # noqa: PLR0915 - in the order in which it is told
+    trace: Trace, recording: Recording
+) -> Iterator[Finding]:
+    starts = clean_cycles(trace.fastest)
+    if len(starts) < 3:
+        return
+    edges = np.rint(starts).astype(np.int64)
+
+    def extremes(values: FloatArray) -> FloatArray:
+        """Return the highest and the lowest value of each cycle, (2, n)."""
+        inside = values[: edges[-1]]
+        return np.array([each.reduceat(inside, edges[:-1]) for each in (np.maximum, np.minimum)])
+
+    peaks, has_enough = extremes(trace.force), len(starts) > _ENOUGH
+    if has_enough:
+        yield from _stepped_force(trace, starts, peaks)
+    is_trending, warming = False, _warming(trace, recording, starts)
+    floor = noise_floor(trace)
+    if math.isfinite(floor):
+        up, down = map(_peaks, peaks)
+        # A smaller one scatters more in per cent, not worse.
+        size = max(abs(up.mean), abs(down.mean))
+        text = (
+            f"peak force scatters by {up.scatter:.2g} % (rebound) and {down.scatter:.2g} % "
+            "(compression) over the cycles"
+        )
+        text += ", their trend taken off" * bool(up.trend or down.trend)
+        # The standard deviation of n cycles is itself uncertain by 1/sqrt(2(n-1)).
+        sure = _SCATTER * (1.0 + 2.0 / math.sqrt(2.0 * (len(starts) - 2)))
+        fault = f"; a good rig has {_SCATTER:g} % or less: check play, temperature, air in the oil"
+        worst = 100.0 * max(up.deviation, down.deviation) / size
+        yield _judged("cycle_scatter", text, worst, "%", fault=fault * (not worst <= sure))
+        # Both move the same way where the zero drifts.
+        ends = [peak.trend or (0.0, 0.0) for peak in (up, down)]
+        fall = 0.5 * abs(ends[0][1] - ends[0][0] - ends[1][1] + ends[1][0])
+        if is_trending := 100.0 * fall / size > _FALL:
+            yield _force_trend(up, down, warming)
+        text = f"the force differs from cycle to cycle by {floor:.2g} % of its variance"
+        beside = noise_beside_motion(trace)
+        if beside < _OF_MOTION * floor:
+            text += (
+                f", but the motion differs too: beside that it is {beside:.2g} %, and a right "
+                "model, driven by the motion as it was, would reach about that MSE"
+            )
+        else:
+            text += ": a right model would reach about this MSE"
+        yield Finding("noise_floor", "note", text, floor, "%")
+    if not has_enough:
+        return
+    if float(np.ptp(trace.force[trace.compared])) > 0.0:
+        sums = cycle_energies(np.ones_like(trace.force), trace.force, starts, 1.0)
+        drift, error = _drift(sums / np.diff(starts))
+        share = 100.0 * drift / (0.5 * (mean_of(peaks[0]) - mean_of(peaks[1])))
+        text = (
+            f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the "
+            "peak"
+        )
+        fault = ""
+        if not (abs(share) <= _FORCE_DRIFT or abs(drift) <= _SURE * error):
+            if is_trending and warming:
+                text += ", as the peaks change with the temperature"
+            else:
+                fault = "; K_e is off by about as much; check amplifier and temperature"
+        yield _judged("force_drift", text, share, "%", fault=fault)
+
+    tops, bottoms = extremes(trace.displacement)
+    middle, swing = _drift(0.5 * (tops + bottoms)), _drift(0.5 * (tops - bottoms))
+    text = (
+        f"mid-stroke drifts by {1e3 * middle[0]:+.2g} mm and the amplitude by "
+        f"{1e3 * swing[0]:+.2g} mm over the cycles"
+    )
+    drift, error = max(middle, swing, key=lambda pair: abs(pair[0]))
+    share = 100.0 * drift / trace.amplitude
+    fault = f", {abs(share):.2g} % of the amplitude; check the sensor's fixing"
+    is_sound = abs(share) <= _STROKE_DRIFT or abs(drift) <= _SURE * error
+    yield _judged("stroke_drift", text, share, "%", fault="" if is_sound else fault)
+
+
 class _Peaks(NamedTuple):
     """Mean of peaks, their deviation about their trend, and the trend's ends; None: no trend."""
 
     mean: float
     deviation: float
-    trend: tuple[float, float] | None
+    trend: tuple[float, float] | None = None
 
     @property
     def scatter(self) -> float:
@@ -580,7 +548,7 @@ class _Peaks(NamedTuple):
 def _peaks(peaks: FloatArray) -> _Peaks:
     n, mean, deviation = len(peaks), mean_of(peaks), float(np.std(peaks, ddof=1))
     if n < _ENOUGH:
-        return _Peaks(mean, deviation, None)
+        return _Peaks(mean, deviation)
     degree = 2 if n >= _CURVED else 1
     basis = _polynomials(n, degree)
     line = basis @ (peaks @ basis)
@@ -591,7 +559,7 @@ def _peaks(peaks: FloatArray) -> _Peaks:
     if goes and gain > _TREND * rest / (n - 1 - degree):
         trend = float(line[0]), float(line[-1])
         return _Peaks(mean, math.sqrt(rest / (n - 1 - degree)), trend)
-    return _Peaks(mean, deviation, None)
+    return _Peaks(mean, deviation)
 
 
 @lru_cache(maxsize=64)
@@ -600,12 +568,8 @@ def _polynomials(n: int, degree: int) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), degree + 1))[0])
 
 
-def _stepped_force(seen: _Seen) -> Iterator[Finding]:
+def _stepped_force(trace: Trace, starts: FloatArray, peaks: FloatArray) -> Iterator[Finding]:
     """The force steps from one steady cycle to the next: another setting begins."""
-    if len(seen.starts) <= _ENOUGH:
-        return
-    trace = seen.trace
-    peaks = np.array(seen.extremes(trace.force))
     size = float(np.abs(peaks).max())
     jumps = np.flatnonzero(np.abs(np.diff(peaks)).max(axis=0) > _STEP * size) + 1
     groups = np.split(np.arange(peaks.shape[1]), jumps)
@@ -618,7 +582,7 @@ def _stepped_force(seen: _Seen) -> Iterator[Finding]:
     wander = max(float(np.ptp(peaks[:, group], axis=1).max()) for group in inner)
     if min(moves) < max(_STEP * size, _STEPS_OVER * wander):
         return
-    times = [trace.start_time + trace.interval * seen.starts[group[0]] for group in steady]
+    times = [trace.start_time + trace.interval * starts[group[0]] for group in steady]
     forces = "; then ".join(f"{up:.4g} and {down:.4g} N" for up, down in levels)
     text = (
         f"the force steps at time {', '.join(f'{time:.4g} s' for time in times[1:])} while the "
@@ -628,97 +592,34 @@ def _stepped_force(seen: _Seen) -> Iterator[Finding]:
     yield Finding("another_force", "warning", text, times[1], "s")
 
 
-def _cycle_scatter(seen: _Seen) -> Iterator[Finding]:
-    if not math.isfinite(seen.floor):
-        return
-    up, down = seen.peaks
-    worst = 100.0 * max(up.deviation, down.deviation) / seen.peak_size
-    text = (
-        f"peak force scatters by {up.scatter:.2g} % (rebound) and {down.scatter:.2g} % "
-        "(compression) over the cycles"
-    )
-    if up.trend or down.trend:
-        text += ", their trend taken off"
-    # The standard deviation of n cycles is itself uncertain by 1/sqrt(2(n-1)).
-    sure = _SCATTER * (1.0 + 2.0 / math.sqrt(2.0 * (len(seen.starts) - 2)))
-    fault = f"; a good rig has {_SCATTER:g} % or less: check play, temperature, air in the oil"
-    yield _judged("cycle_scatter", text, worst, "%", fault=fault * (not worst <= sure))
+def _warming(trace: Trace, recording: Recording, starts: FloatArray) -> tuple[float, float] | None:
+    """Return the temperature of the first and of the last cycle, degC, where it changes."""
+    if recording.temperature is None:
+        return None
+    ends = []
+    for edges in (starts[:2], starts[-2:]):
+        begin, end = trace.start_time + trace.interval * edges
+        inside = (recording.time >= begin) & (recording.time <= end)
+        ends.append(mean_of(recording.temperature[inside]))
+    return (ends[0], ends[1]) if abs(ends[1] - ends[0]) >= _WARMER else None
 
 
-def _force_trend(seen: _Seen) -> Iterator[Finding]:
-    """The damper itself changed during the test."""
-    if not seen.is_trending:
-        return
+def _force_trend(up: _Peaks, down: _Peaks, warming: tuple[float, float] | None) -> Finding:
+    """Say that the damper itself changed during the test."""
     trends = [
-        (*one.trend, word)
-        for one, word in zip(seen.peaks, ("rebound", "compression"), strict=True)
-        if one.trend
+        (*peak.trend, word) for peak, word in ((up, "rebound"), (down, "compression")) if peak.trend
     ]
     ends = [f"from {first:.3g} to {last:.3g} N ({word})" for first, last, word in trends]
     first, last, _ = max(trends, key=lambda trend: abs(trend[0]))
     share = 100.0 * (abs(last) - abs(first)) / max(abs(first), 1e-300)
     text = f"the peak force goes {' and '.join(ends)} over the cycles"
-    if seen.warming:
-        begin, end = seen.warming
-        text += f" while the temperature goes from {begin:.3g} to {end:.3g} degC"
+    if warming:
+        text += " while the temperature goes from {:.3g} to {:.3g} degC".format(*warming)
     text += ": a trend, not scatter; the parameters are a mean over it: let the damper settle, or "
     text += "fit shorter parts of the log"
-    if seen.warming:
-        text += ", all of them at once with {covariate}"
+    text += ", all of them at once with {covariate}" * bool(warming)
     values = {"covariate": Option("covariate", "temperature")}
-    yield Finding("force_trend", "warning", text, share, "%", values=values)
-
-
-def _noise_floor(seen: _Seen) -> Iterator[Finding]:
-    if not math.isfinite(seen.floor):
-        return
-    text = f"the force differs from cycle to cycle by {seen.floor:.2g} % of its variance"
-    beside = noise_beside_motion(seen.trace)
-    if beside < _OF_MOTION * seen.floor:
-        text += (
-            f", but the motion differs too: beside that it is {beside:.2g} %, and a right model, "
-            "driven by the motion as it was, would reach about that MSE"
-        )
-    else:
-        text += ": a right model would reach about this MSE"
-    yield Finding("noise_floor", "note", text, seen.floor, "%")
-
-
-def _force_drift(seen: _Seen) -> Iterator[Finding]:
-    trace, force = seen.trace, seen.trace.force
-    if len(seen.starts) <= _ENOUGH or not float(np.ptp(force[trace.compared])) > 0.0:
-        return
-    sums = cycle_energies(np.ones_like(force), force, seen.starts, 1.0)
-    drift, error = _drift(sums / np.diff(seen.starts))
-    tops, bottoms = seen.extremes(force)
-    share = 100.0 * drift / (0.5 * (mean_of(tops) - mean_of(bottoms)))
-    text = (
-        f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the peak"
-    )
-    fault = ""
-    if not (abs(share) <= _FORCE_DRIFT or abs(drift) <= _SURE * error):
-        if seen.is_trending and seen.warming:
-            text += ", as the peaks change with the temperature"
-        else:
-            fault = "; K_e is off by about as much; check amplifier and temperature"
-    yield _judged("force_drift", text, share, "%", fault=fault)
-
-
-def _stroke_drift(seen: _Seen) -> Iterator[Finding]:
-    if len(seen.starts) <= _ENOUGH:
-        return
-    tops, bottoms = seen.extremes(seen.trace.displacement)
-    middle, swing = _drift(0.5 * (tops + bottoms)), _drift(0.5 * (tops - bottoms))
-    text = (
-        f"mid-stroke drifts by {1e3 * middle[0]:+.2g} mm and the amplitude by "
-        f"{1e3 * swing[0]:+.2g} mm over the cycles"
-    )
-    drift, error = max(middle, swing, key=lambda pair: abs(pair[0]))
-    share = 100.0 * drift / seen.trace.amplitude
-    fault = ""
-    if not (abs(share) <= _STROKE_DRIFT or abs(drift) <= _SURE * error):
-        fault = f", {abs(share):.2g} % of the amplitude; check the sensor's fixing"
-    yield _judged("stroke_drift", text, share, "%", fault=fault)
+    return Finding("force_trend", "warning", text, share, "%", values=values)
 
 
 def _drift(values: FloatArray) -> tuple[float, float]:
@@ -751,8 +652,7 @@ def _temperature(seen: _Seen) -> Iterator[Finding]:
             yield Finding("temperature_missing", "warning", text)
         return
     values = seen.recording.temperature[seen.rows(trace.fastest, trace.fastest)]
-    mean = mean_of(values)
-    fault = ""
+    mean, fault = mean_of(values), ""
     if is_asked and not abs(mean - nominal) <= tolerance:
         fault = (
             f", outside {wanted}; forces fall as the oil warms: hold the temperature, or set "
@@ -777,11 +677,11 @@ _SMOOTHED, _NOT_SMOOTHED = 30.0, 10.0
 _HARMFUL_BAND, _HARMFUL = (50.0, 80.0), 3.0
 
 
-def _rig_filter(seen: _Seen) -> Iterator[Finding]:
+def _filtered_in_the_rig(seen: _Seen) -> Iterator[Finding]:
     log = seen.log
     if seen.options.rig_filter != "none":
         return
-    longest = seen.longest(fewest=1)
+    longest, starts = seen.longest(fewest=1)
     text = (
         "both channels look as if the rig had filtered them: if so, set rig.filter = "
         "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
@@ -791,7 +691,6 @@ def _rig_filter(seen: _Seen) -> Iterator[Finding]:
             text += ", and errors are too small: noise is read where that filter takes it away"
             yield Finding("rig_filter", "warning", text)
         return
-    starts = seen.starts_in_log(longest)
     motion, force = (
         noise_ratio(channel, starts, log.interval) for channel in (log.displacement, log.force)
     )
@@ -801,9 +700,11 @@ def _rig_filter(seen: _Seen) -> Iterator[Finding]:
         yield Finding("rig_filter", "note", text)
     elif motion > _SMOOTHED and force > _FILTERED:
         yield Finding("rig_filter", "warning", text, force)
-    elif force > _SMOOTHED and motion < _NOT_SMOOTHED:
-        if not noise_ratio(log.force, starts, log.interval, beyond=_HARMFUL_BAND) > _HARMFUL:
-            return
+    elif (
+        force > _SMOOTHED
+        and motion < _NOT_SMOOTHED
+        and noise_ratio(log.force, starts, log.interval, beyond=_HARMFUL_BAND) > _HARMFUL
+    ):
         text = (
             f"the force is smoothed and the displacement is not: its noise is {force:.0f} times "
             "stronger below 25 Hz than far above, as behind a running mean or an amplifier's "
@@ -818,15 +719,13 @@ _FEWEST_FOR_TONES = 5  # cycles
 
 def _lines_off_harmonics(seen: _Seen) -> Iterator[Finding]:
     log, options = seen.log, seen.options
-    longest = seen.longest(fewest=_FEWEST_FOR_TONES)
+    longest, starts = seen.longest(fewest=_FEWEST_FOR_TONES)
     if longest is None or options.rig_filter != "none":
         return
     corner = options.filter_corner if options.is_ours else _HARMFUL_BAND[0]
-    for name, unit, factor, signal in (
-        ("displacement", "mm", 1e3, log.displacement),
-        ("force", "N", 1.0, log.force),
-    ):
-        frequency, size = tone(signal, seen.starts_in_log(longest), log.interval, corner)
+    for name, unit, factor in (("displacement", "mm", 1e3), ("force", "N", 1.0)):
+        signal = getattr(log, name)
+        frequency, size = tone(signal, starts, log.interval, corner)
         if size > _TONE_SIZE * 0.5 * float(np.ptp(signal[longest.window])):
             text = (
                 f"the {name} has a line at {frequency:.3g} Hz, {factor * size:.2g} {unit}, which "
@@ -834,31 +733,6 @@ def _lines_off_harmonics(seen: _Seen) -> Iterator[Finding]:
                 "source, for errors of what is fitted count it as noise"
             )
             yield Finding(f"{name}_line", "warning", text, frequency, "Hz")
-
-
-_FINDINGS: tuple[Callable[[_Seen], Iterator[Finding]], ...] = (
-    _both_channels,
-    _frozen_rows,
-    _sample_rate,
-    _filter_loss,
-    _few_harmonics,
-    _displacement_noise,
-    _drive,
-    _rests,
-    _of_cycles,
-    _trimmed,
-    _force_range,
-    _harmonics,
-    _stepped_force,
-    _cycle_scatter,
-    _force_trend,
-    _noise_floor,
-    _force_drift,
-    _stroke_drift,
-    _temperature,
-    _rig_filter,
-    _lines_off_harmonics,
-)
 
 
 # The logged velocity beside the slope of the displacement: checked, never used.
@@ -891,10 +765,9 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
     is_opposite = ratio.real < 0.0
     phase = np.angle(-ratio if is_opposite else ratio)
     lag = float(-phase / (2.0 * math.pi * trace.frequency))
-    sign = ", with the opposite sign" if is_opposite else ""
     text = (
         f"the logged velocity is {abs(ratio):.3g} times the slope of the displacement and "
-        f"{1e3 * lag:.1f} ms late{sign}; it is not used"
+        f"{1e3 * lag:.1f} ms late{', with the opposite sign' * is_opposite}; it is not used"
     )
     if abs(abs(ratio) - 1.0) <= _SCALE:
         return (Finding("velocity_channel", "note", text, lag, "s"),)
