@@ -75,14 +75,13 @@ class _Seen(NamedTuple):
         begin, stop = np.searchsorted(self.recording.time, times)
         return slice(int(begin), int(stop) + 1)
 
-    def longest(self, *, fewest: int) -> tuple[Stretch | None, FloatArray]:
-        """Return the longest stretch of so many cycles, and where these begin in the log."""
+    def longest_run(self, *, fewest: int) -> FloatArray | None:
+        """Return where the cycles of the longest stretch of so many begin, samples of the log."""
         steady = [stretch for stretch in self.trace.stretches if stretch.n_cycles >= fewest]
         if not steady:
-            return None, np.empty(0)
-        longest = max(steady, key=lambda stretch: stretch.n_samples)
+            return None
         ahead = round((self.trace.start_time - self.log.start_time) / self.log.interval)
-        return longest, longest.cycle_starts + ahead
+        return max(steady, key=lambda stretch: stretch.n_samples).cycle_starts + ahead
 
 
 def examine(
@@ -681,12 +680,12 @@ def _filtered_in_the_rig(seen: _Seen) -> Iterator[Finding]:
     log = seen.log
     if seen.options.rig_filter != "none":
         return
-    longest, starts = seen.longest(fewest=1)
+    starts = seen.longest_run(fewest=1)
     text = (
         "both channels look as if the rig had filtered them: if so, set rig.filter = "
         "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
     )
-    if longest is None:
+    if starts is None:
         if falls_off(log.displacement, log.force, log.interval):
             text += ", and errors are too small: noise is read where that filter takes it away"
             yield Finding("rig_filter", "warning", text)
@@ -719,14 +718,15 @@ _FEWEST_FOR_TONES = 5  # cycles
 
 def _lines_off_harmonics(seen: _Seen) -> Iterator[Finding]:
     log, options = seen.log, seen.options
-    longest, starts = seen.longest(fewest=_FEWEST_FOR_TONES)
-    if longest is None or options.rig_filter != "none":
+    starts = seen.longest_run(fewest=_FEWEST_FOR_TONES)
+    if starts is None or options.rig_filter != "none":
         return
+    run = slice(round(starts[0]), round(starts[-1]))
     corner = options.filter_corner if options.is_ours else _HARMFUL_BAND[0]
     for name, unit, factor in (("displacement", "mm", 1e3), ("force", "N", 1.0)):
         signal = getattr(log, name)
         frequency, size = tone(signal, starts, log.interval, corner)
-        if size > _TONE_SIZE * 0.5 * float(np.ptp(signal[longest.window])):
+        if size > _TONE_SIZE * 0.5 * float(np.ptp(signal[run])):
             text = (
                 f"the {name} has a line at {frequency:.3g} Hz, {factor * size:.2g} {unit}, which "
                 "is no harmonic of the motion: hum, a pump or a resonance of the rig; find its "

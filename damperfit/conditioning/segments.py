@@ -131,16 +131,22 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     one = _one_run(motion) if motion.is_one_run else None
     if one and _n_cycles(one.found) >= MIN_CYCLES:
         return one
-    found, n_found, cycles = _several(motion), motion.n_cycles, motion.cycles
+    found, n_found, cycles = _steady_runs(motion), motion.n_cycles, motion.cycles
+    if not found:
+        # Noise of a sensor at rest is no motion: nearly all of its speed is far up.
+        corner = min(0.5 * options.declared_corner, 0.1 / log.interval)
+        if content_beyond(motion.seen.displacement, log.interval, corner) <= _NOISE:
+            found = _moving(motion)
     several = _kept(motion.seen, found, n_found, None) if found else None
+    is_moving = bool(found) and found[0].stretch.kind == "moving"
     if one is None:
-        if several and found[0].stretch.kind == "moving":
+        if several and is_moving:
             return several
         if several and len(found) > 1:
             return _continued(motion, found, n_found, None) or several
         one = _one_run(motion)
     # A run between its breaks may have more cycles than behind a run-in and edges.
-    is_longer = len(found) == 1 and found[0].stretch.kind != "moving" and n_found >= MIN_CYCLES
+    is_longer = len(found) == 1 and not is_moving and n_found >= MIN_CYCLES
     if one and not (is_longer and _n_cycles(found) > _n_cycles(one.found)):
         return one
     if cycles and cycles.n_found >= MIN_CYCLES:
@@ -208,27 +214,14 @@ def _continued(
     if cycles is not None and len(more) == 1:
         _refuse_fast(motion, cycles)
         single = continued.cycles and continued.cycles._replace(n_found=n_found)
-    where = " and ".join(
-        word for word, at in (("beginning", begin), ("end", end)) if at is not None
-    )
+    ends = (("beginning", begin), ("end", end))
+    where = " and ".join(word for word, at in ends if at is not None)
     text = (
         f"there are few cycles at the {where} of the log: it is continued there by its own cycles "
         "for run-in and filter; only what was logged is compared"
     )
     finding = Finding("continued", "note", text)
     return _kept(continued.seen, more, n_found, single)._replace(findings=(finding,))
-
-
-def _several(motion: _Motion) -> tuple[FoundStretch, ...]:
-    """The stretches of a log that is not one steady run; none where it is."""
-    if found := _steady_runs(motion):
-        return found
-    # Noise of a sensor at rest is no motion: nearly all of its speed is far up.
-    interval = motion.log.interval
-    corner = min(0.5 * motion.options.declared_corner, 0.1 / interval)
-    if content_beyond(motion.seen.displacement, interval, corner) > _NOISE:
-        return ()
-    return _moving(motion)
 
 
 def _window(motion: _Motion) -> FloatArray:
@@ -299,17 +292,17 @@ def _steady_runs(motion: _Motion) -> tuple[FoundStretch, ...]:
     """Return the steady runs of a log in order of time; none where hardly anything repeats."""
     found: list[FoundStretch] = []
     for run in motion.runs if motion.repeats else ():
-        one = _of_run(run, motion)
-        if one is None:
+        part = _of_run(run, motion)
+        if part is None:
             continue
         if found:
-            first, stop = one.stretch.first, found[-1].stretch.stop
+            first, stop = part.stretch.first, found[-1].stretch.stop
             if stop - first > 2.0 * _ROUNDING * run.period + 1.0:
                 # Two runs may both claim the cycle that leads over from one to the other.
-                one = max(one, found.pop(), key=lambda each: each.stretch.n_samples)
+                part = max(part, found.pop(), key=lambda each: each.stretch.n_samples)
             else:  # the same passage may be a little off in both
-                one = one._replace(stretch=replace(one.stretch, first=max(first, stop)))
-        found.append(one)
+                part = part._replace(stretch=replace(part.stretch, first=max(first, stop)))
+        found.append(part)
     return tuple(found)
 
 
@@ -321,14 +314,14 @@ def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
     low = max(0, math.floor(run.first - 0.7 * period))
     high = min(n, math.ceil(run.last + 0.7 * period))
     x, v = displacement[low:high], velocity[low:high] * motion.log.interval
-    rising, falling = (
+    directions = [
         _belonging(
             low + crossings(x, v, _HYSTERESIS * run.amplitude, level=run.middle, sign=sign),
             run, displacement, moved=moved,
         )
         for sign in (1.0, -1.0)
-    )  # fmt: skip
-    marks = np.sort(np.concatenate([rising, falling]))
+    ]  # fmt: skip
+    marks = np.sort(np.concatenate(directions))
     if len(marks) < 3:
         return None
     is_first, is_last = marks[0] <= 0.6 * period, n - 1.0 - marks[-1] <= 0.6 * period
@@ -341,15 +334,26 @@ def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
         inner_low = period + edge if motion.first is None else motion.first - slack
     if is_last:
         inner_high = n - 1.0 - edge if motion.stop is None else motion.stop + slack
-    clear = begin + edge, end - edge
-    rising, falling = (_unsmeared(at, period, *clear) for at in (rising, falling))
-    starts = _whole(rising, falling, period, inner_low, inner_high)
-    if starts is None:
-        return None
+    n_cycles = math.floor((inner_high - inner_low) / period + 1e-9)
+    for at in directions:
+        # Passages that the filter has moved are put where the nearest of the others says.
+        clear = at[(at >= begin + edge) & (at <= end - edge)]
+        if len(clear):
+            nearest = clear[np.argmin(np.abs(at[:, None] - clear), axis=1)]
+            at = nearest + period * np.rint((at - nearest) / period)  # noqa: PLW2901
+        starts = at[(at >= inner_low) & (at <= inner_high)]
+        if len(starts) > max(n_cycles, 1):
+            break
+    else:
+        if n_cycles < 1:
+            return None
+        # They fit when they are cut elsewhere: at the same phase of each.
+        slack = 0.5 * (inner_high - inner_low - n_cycles * period)
+        starts = inner_low + slack + period * np.arange(n_cycles + 1, dtype=np.float64)
     stretch = _steady_stretch(starts, seen, run.amplitude)
     smeared = (
-        max(0, math.ceil(clear[0]) - stretch.first) if not is_first else 0,
-        max(0, stretch.stop - math.floor(clear[1])) if not is_last else 0,
+        0 if is_first else max(0, math.ceil(begin + edge) - stretch.first),
+        0 if is_last else max(0, stretch.stop - math.floor(end - edge)),
     )
     stretch = replace(stretch, smeared=smeared)
     clean = np.rint(clean_cycles(stretch)).astype(np.int64)
@@ -377,31 +381,6 @@ def _belonging(at: FloatArray, run: SteadyRun, x: FloatArray, *, moved: float) -
 
     first, last = float(inside[0]), float(inside[-1])
     return np.concatenate([more(first, first - run.period), inside, more(last, last + run.period)])
-
-
-def _unsmeared(at: FloatArray, period: float, first: float, last: float) -> FloatArray:
-    """Put passages that the filter has moved where the nearest of the others says."""
-    inner = at[(at >= first) & (at <= last)]
-    if not len(inner):
-        return at
-    nearest = inner[np.argmin(np.abs(at[:, None] - inner), axis=1)]
-    return np.asarray(nearest + period * np.rint((at - nearest) / period))
-
-
-def _whole(
-    rising: FloatArray, falling: FloatArray, period: float, low: float, high: float
-) -> FloatArray | None:
-    """Return boundaries of the most whole cycles between two samples; None where none fits."""
-    n_cycles = math.floor((high - low) / period + 1e-9)
-    for marks in (rising, falling):
-        inside = marks[(marks >= low) & (marks <= high)]
-        if len(inside) > max(n_cycles, 1):
-            return inside
-    if n_cycles < 1:
-        return None
-    # They fit when they are cut elsewhere: at the same phase of each.
-    slack = 0.5 * (high - low - n_cycles * period)
-    return np.asarray(low + slack + period * np.arange(n_cycles + 1, dtype=np.float64))
 
 
 def _steady_stretch(starts: FloatArray, seen: FilteredLog, amplitude: float) -> Stretch:
@@ -496,19 +475,18 @@ _ALIKE = 0.05
 def transients(trace: Trace) -> Trace | None:
     """Return a log with what moves beside its stretches as stretches; None where nothing does."""
     seen = trace if trace.whole is None else trace.whole
-    slow = _AT_REST * max(one.peak_speed for one in seen.stretches)
-    longest = max(one.amplitude for one in seen.stretches)
+    slow = _AT_REST * max(stretch.peak_speed for stretch in seen.stretches)
+    longest = max(stretch.amplitude for stretch in seen.stretches)
     counts = np.zeros(len(seen.force), dtype=bool)
-    moving = _moving_parts(seen.velocity, slow, seen.interval)
-    for first, stop in zip(*moving, strict=True):
+    for first, stop in zip(*_moving_parts(seen.velocity, slow, seen.interval), strict=True):
         counts[first:stop] = True
     # What is before the first counts only where the log begins at rest: else the model's state is
     # not yet that of the damper.
     lead = max(1, round(_LEAD / seen.interval))
     if not float(np.max(np.abs(seen.velocity[:lead]))) < slow:
         counts[: seen.stretches[0].first] = False
-    for one in seen.stretches:
-        counts[one.window] = False
+    for stretch in seen.stretches:
+        counts[stretch.window] = False
     if not _lasting(counts, seen.interval):  # most logs: no look at each passage
         return None
     found = []
@@ -519,16 +497,9 @@ def transients(trace: Trace) -> Trace | None:
             found.append(stretch)
     if not found:
         return None
-    return replace(
-        seen,
-        name=trace.name,
-        setting=trace.setting,
-        gas_pressure=trace.gas_pressure,
-        temperature=trace.temperature,
-        findings=trace.findings,
-        stretches=tuple(found),
-        whole=None,
-    )
+    names = ("name", "setting", "gas_pressure", "temperature", "findings")
+    of_trace = {name: getattr(trace, name) for name in names}
+    return replace(seen, **of_trace, stretches=tuple(found), whole=None)
 
 
 def _lasting(counts: BoolArray, interval: float) -> list[tuple[int, int]]:
@@ -540,19 +511,16 @@ def _lasting(counts: BoolArray, interval: float) -> list[tuple[int, int]]:
 def _is_steady(trace: Trace) -> BoolArray:
     """Where a passage from turn to turn is one of the steady motion's."""
     last = len(trace.force) - 1
-    found = np.zeros(last + 1, dtype=bool)
     turns = turning_points(trace.displacement, TURN * float(np.ptp(trace.displacement)))
     ends = np.concatenate([[0], turns, [last]])
     ends = ends[np.concatenate([[True], np.diff(ends) > 0])]
     strokes = np.abs(np.diff(trace.displacement[ends]))
     speed = np.abs(trace.velocity)
     fastest = np.maximum(np.maximum.reduceat(speed[:last], ends[:-1]), speed[ends[1:]])
-    is_part = np.zeros(len(strokes), dtype=bool)
+    is_part, is_like = np.zeros((2, len(strokes)), dtype=bool)
     is_part[[0, -1]] = True  # from rest or to it
-    is_like = np.zeros(len(strokes), dtype=bool)
-    for one in trace.stretches:
-        if one.n_cycles:
-            has_its_stroke = is_part | (np.abs(0.5 * strokes / one.amplitude - 1.0) < _ALIKE)
-            is_like |= has_its_stroke & (np.abs(fastest / one.peak_speed - 1.0) < _ALIKE)
-    found[:last] = np.repeat(is_like, np.diff(ends))
-    return found
+    for stretch in trace.stretches:
+        if stretch.n_cycles:
+            has_its_stroke = is_part | (np.abs(0.5 * strokes / stretch.amplitude - 1.0) < _ALIKE)
+            is_like |= has_its_stroke & (np.abs(fastest / stretch.peak_speed - 1.0) < _ALIKE)
+    return np.append(np.repeat(is_like, np.diff(ends)), False)
