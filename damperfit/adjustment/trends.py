@@ -39,7 +39,7 @@ from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -220,12 +220,20 @@ def choose(
         for scale in SCALES:
             highest = min((n - 1) // _SETTINGS_PER_DEGREE, _HIGHEST[scale])
             families += [(scale, degree) for degree in range(1, highest + 1)]
-    candidates = [
-        (_criterion(points, curve, left_out), curve, left_out)
-        for scale, degree in families
-        for curve, left_out in _curves(points, scale, degree)
-    ]
-    for _, curve, left_out in sorted(candidates, key=lambda one: one[0]):
+    allowed = 0 if n < LEAST_FOR_OUTLIERS else 2 if n >= _LEAST_FOR_TWO else 1
+    candidates = []
+    for scale, degree in families:
+        best: list[tuple[int, ...]] = [()]  # to leave out, for each number of settings
+        most, tau = min(allowed, n - degree - 1 - _LEAST_FREEDOM), LEAST_SCATTER
+        if most >= 1:
+            for _ in range(2):  # with the scatter that is left when the worst are out
+                worst = _worst(points, scale, degree, tau=tau, n=most)
+                tau = fit_curve(points.without(worst), scale, degree).scatter
+            best += [_worst(points, scale, degree, tau=tau, n=k) for k in range(1, most + 1)]
+        for left_out in best:
+            curve = fit_curve(points.without(left_out), scale, degree)
+            candidates.append((_criterion(points, curve, left_out), curve, left_out))
+    for _, curve, left_out in sorted(candidates, key=lambda candidate: candidate[0]):
         share = 1.0 - 0.5 * _FALSE_ALARM / n / math.comb(n, len(left_out))
         if all(
             _distance(points, curve, place) > student_quantile(curve.freedom, share)
@@ -234,23 +242,6 @@ def choose(
         ):
             return curve, left_out
     raise AssertionError("a curve without outliers is always among the candidates")
-
-
-def _curves(points: Points, scale: str, degree: int) -> Iterator[tuple[Curve, tuple[int, ...]]]:
-    """Yield the best curve of a family for each number of settings left out."""
-    n = points.n
-    yield fit_curve(points, scale, degree), ()
-    allowed = 0 if n < LEAST_FOR_OUTLIERS else 2 if n >= _LEAST_FOR_TWO else 1
-    most = min(allowed, n - degree - 1 - _LEAST_FREEDOM)
-    if most < 1:
-        return
-    tau = LEAST_SCATTER
-    for _ in range(2):  # with the scatter that is left when the worst are out
-        worst = _worst(points, scale, degree, tau=tau, n=most)
-        tau = fit_curve(points.without(worst), scale, degree).scatter
-    for count in range(1, most + 1):
-        left_out = _worst(points, scale, degree, tau=tau, n=count)
-        yield fit_curve(points.without(left_out), scale, degree), left_out
 
 
 def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tuple[int, ...]:
@@ -348,25 +339,25 @@ class Outlier:
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """How one parameter goes over the settings."""
+    """How one parameter goes over the settings; without a trend, where they are too few."""
 
     parameter: str
-    scale: str | None  # of `SCALES`; None where settings are too few for a trend
-    degree: int | None
-    scatter: float  # of the values about the trend, beyond their own errors, relative; or NaN
-    is_erratic: bool  # whether they scatter far beyond their errors
+    scale: str | None = None  # of `SCALES`; None without a trend
+    degree: int | None = None
+    scatter: float = math.nan  # of the values about the trend, beyond their own errors, relative
+    is_erratic: bool = False  # whether they scatter far beyond their errors
     # "rising", "falling" or "flat" with the setting, "mixed" when it turns, None without trend and
     # where errors and scatter hide it.
-    direction: str | None
+    direction: str | None = None
     # Neither the trend nor a value turns back by more than errors and scatter allow. The scatter
     # of erratic values allows nothing, but for K_e, whose trend is not judged where it is large.
-    monotone: bool | None
+    monotone: bool | None = None
     # Neighbouring settings between which the value goes against the direction.
-    reversals: tuple[tuple[int | float, int | float], ...]
-    outliers: tuple[Outlier, ...]
-    outliers_judged: bool  # False: too few settings to tell, or the values go to and fro
-    points: tuple[TrendPoint, ...]
-    sentence: str
+    reversals: tuple[tuple[int | float, int | float], ...] = ()
+    outliers: tuple[Outlier, ...] = ()
+    outliers_judged: bool = False  # False: too few settings to tell, or the values go to and fro
+    points: tuple[TrendPoint, ...] = ()
+    sentence: str = ""
     adjuster: str = ADJUSTER  # along which the settings stand
     held: str = ""  # where the other adjusters stand, for people; empty where there are none
 
@@ -398,16 +389,14 @@ def find_trends(
 
 
 def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
-    n = points.n
+    n, place = points.n, {"adjuster": line.adjuster, "held": line.held}
     if n < LEAST_FOR_TREND:
         count = f"{n} setting{'' if n == 1 else 's'} with a sound value"
         why = f"{count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
         if not line.numbers:
             why = "the settings are words, along which there is no trend"
         along = f", along {line.adjuster} with {line.held}" if line.held else ""
-        nothing = (None, None, math.nan, False, None, None, (), (), False, ())
-        sentence = f"{quantity.symbol}: {why}{along}"
-        return Trend(quantity.name, *nothing, sentence, line.adjuster, line.held)
+        return Trend(quantity.name, sentence=f"{quantity.symbol}: {why}{along}", **place)
     families = None
     if quantity.trend_degree is not None:
         degree = quantity.trend_degree if n >= _QUADRATIC_FROM else 1
@@ -440,7 +429,12 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
             spread = np.sqrt(variances[first] + variances[second])
             steps = points.logs[second] - points.logs[first]
             direction = _way(steps, curve.quantile(len(steps)) * spread)
-    reversals = _reversals(points, curve, direction, allowed)
+    # Neighbours between which the value goes back by more than errors and scatter allow.
+    variances = points.errors**2 + allowed**2
+    spread = np.sqrt(variances[1:] + variances[:-1])
+    steps = {"rising": 1.0, "falling": -1.0}.get(direction or "", 0.0) * np.diff(points.logs)
+    back = np.flatnonzero(steps < -curve.quantile(len(steps)) * spread)
+    reversals = tuple((_clicks(points.settings[k]), _clicks(points.settings[k + 1])) for k in back)
     has_direction = not quantity.is_open or curve.scatter <= _TOO_UNCERTAIN
     if direction == "flat" and math.hypot(curve.scatter, own) > _TOO_UNCERTAIN:
         direction, has_direction = None, False
@@ -458,9 +452,7 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         outliers=tuple(outliers),
         outliers_judged=n >= LEAST_FOR_OUTLIERS and not is_mixed_up,
         points=_curve_points(points, curve),
-        sentence="",
-        adjuster=line.adjuster,
-        held=line.held,
+        **place,
     )
     return replace(trend, sentence=_sentence(trend, quantity, own, n))
 
@@ -468,20 +460,6 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
 def _way(steps: FloatArray, reach: FloatArray) -> str:
     rises, falls = bool(np.any(steps > reach)), bool(np.any(steps < -reach))
     return "mixed" if rises and falls else "rising" if rises else "falling" if falls else "flat"
-
-
-def _reversals(
-    points: Points, curve: Curve, direction: str | None, allowed: float
-) -> tuple[tuple[int | float, int | float], ...]:
-    """Neighbours between which the value goes back by more than errors and scatter allow."""
-    sign = {"rising": 1.0, "falling": -1.0}.get(direction or "")
-    if sign is None:
-        return ()
-    variances = points.errors**2 + allowed**2
-    spread = np.sqrt(variances[1:] + variances[:-1])
-    steps = sign * np.diff(points.logs)
-    back = np.flatnonzero(steps < -curve.quantile(len(steps)) * spread)
-    return tuple((_clicks(points.settings[k]), _clicks(points.settings[k + 1])) for k in back)
 
 
 def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
@@ -492,10 +470,10 @@ def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
         settings = np.array(sorted({*between.tolist(), *settings.tolist()}))
     logs = curve.logs(settings)
     reach = curve.quantile(1) * curve.errors_of(curve.slopes(settings))
-    value, low, high = _exp(logs), _exp(logs - reach), _exp(logs + reach)
+    bands = (_exp(row).tolist() for row in (logs, logs - reach, logs + reach))
     return tuple(
-        TrendPoint(_clicks(s), float(y), float(a), float(b), found.get(_clicks(s)))
-        for s, y, a, b in zip(settings, value, low, high, strict=True)
+        TrendPoint(_clicks(s), *band, found.get(_clicks(s)))
+        for s, *band in zip(settings, *bands, strict=True)
     )
 
 
@@ -525,36 +503,35 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
     words = {
         "rising": f"rises with {by}",
         "falling": f"falls with {by}",
-        "flat": f"does not change with {by} by more than its errors",
+        "flat": f"does not change with {by}" + " by more than its errors" * bool(trend.degree),
         "mixed": "turns: it neither rises nor falls throughout",
         None: "shows no trend beyond its errors and scatter",
     }[trend.direction]
-    if trend.direction == "flat" and trend.degree == 0:
-        words = f"does not change with {by}"
     kind = f"{_DEGREE_NAMES[trend.degree or 0]}{_ON[trend.scale or ''] if trend.degree else ''}"
     unit = f" {quantity.unit}" if quantity.unit else ""
-    said = (
+    scatter = f"{100.0 * trend.scatter:.2g} %"
+    text = (
         f"{quantity.symbol} {words}, {engineering(first.value)}{unit} at {adjuster} "
         f"{first.setting}, {engineering(last.value)}{unit} at {last.setting} ({kind})"
     )
     if trend.held:
-        said += f" with {trend.held}"
-    scatter = f"{100.0 * trend.scatter:.2g} %"
-    said += f", within {scatter}" if not trend.is_erratic else (
-        f"; it is erratic: it scatters by {scatter} from {adjuster} to {adjuster}, "
-        f"{trend.scatter / own:.0f} times its own error"
-    )  # fmt: skip
+        text += f" with {trend.held}"
+    if trend.is_erratic:
+        text += f"; it is erratic: it scatters by {scatter} from {adjuster} to {adjuster}, "
+        text += f"{trend.scatter / own:.0f} times its own error"
+    else:
+        text += f", within {scatter}"
     for one in trend.outliers:
-        said += f"; {adjuster} {one.setting} is off the trend by {100.0 * one.deviation:+.1f} %"
+        text += f"; {adjuster} {one.setting} is off the trend by {100.0 * one.deviation:+.1f} %"
     if trend.reversals:
         pairs = [f"{a} to {b}" for a, b in trend.reversals]
         more = f" and {len(pairs) - _MOST_PAIRS} more" if len(pairs) > _MOST_PAIRS else ""
-        said += f"; against the trend from {adjuster} {', '.join(pairs[:_MOST_PAIRS])}{more}"
+        text += f"; against the trend from {adjuster} {', '.join(pairs[:_MOST_PAIRS])}{more}"
     if n < LEAST_FOR_OUTLIERS:
-        said += f"; too few settings to find one off the trend ({LEAST_FOR_OUTLIERS} are needed)"
+        text += f"; too few settings to find one off the trend ({LEAST_FOR_OUTLIERS} are needed)"
     elif not trend.outliers_judged:
-        said += "; no curve that a setting could be off: are settings mixed up?"
-    return said
+        text += "; no curve that a setting could be off: are settings mixed up?"
+    return text
 
 
 def in_few_words(sentences: Iterable[str]) -> tuple[str, ...]:

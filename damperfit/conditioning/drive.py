@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from damperfit.conditioning.filters import FilteredLog
     from damperfit.conditioning.options import ConditionOptions
     from damperfit.conditioning.segments import FoundStretch
-    from damperfit.conditioning.signals import BoolArray, FloatArray
+    from damperfit.conditioning.signals import FloatArray
     from damperfit.conditioning.timebase import UniformLog
-    from damperfit.recording import Stretch
+    from damperfit.recording import FilterDesign, Stretch
 
 
 # Where a motion rests: a dwell between strokes, in which noise of the displacement is no speed.
@@ -94,8 +94,6 @@ def dwells_of(displacement: FloatArray, interval: float) -> list[tuple[slice, fl
     slopes = np.abs(x[near[:, None] + np.arange(n)] @ forms.T)
     flat = near[(slopes <= _CLEAR * noise).all(axis=1)].tolist()
     still = [start for start in flat if _is_level(x[start : start + n], noise)]
-    if not still:
-        return []
     # Looks at one level are one rest; noise alone refuses one in 200 between.
     levels = [mean_of(x[start : start + n]) for start in still]
     breaks = [
@@ -103,14 +101,20 @@ def dwells_of(displacement: FloatArray, interval: float) -> list[tuple[slice, fl
         for k in range(1, len(still))
         if still[k] - still[k - 1] > 2 * n or abs(levels[k] - levels[k - 1]) > _CLEAR * noise
     ]
+
+    def at_level(side: FloatArray, level: float) -> int:
+        """How many come before two that are far: one alone is noise, once in 400."""
+        far = np.abs(side - level) > _CLEAR * noise
+        places = np.flatnonzero(far & np.append(far[1:], True))
+        return int(places[0]) if len(places) else len(far)
+
     found = []
-    for first, stop in pairwise([0, *breaks, len(still)]):
+    for first, stop in pairwise([0, *breaks, len(still)] if still else []):
         begin, end = still[first], still[stop - 1] + n
         # With the samples beside it that lie at its level too.
         level = mean_of(x[begin:end])
-        before = np.abs(x[max(begin - hop, 0) : begin][::-1] - level) > _CLEAR * noise
-        behind = np.abs(x[end : end + hop] - level) > _CLEAR * noise
-        rest = slice(begin - _before_two(before), end + _before_two(behind))
+        before = at_level(x[max(begin - hop, 0) : begin][::-1], level)
+        rest = slice(begin - before, end + at_level(x[end : end + hop], level))
         level = mean_of(x[rest])
         # The motion comes to it and leaves it at a speed, as far as the log goes.
         half = (rest.stop - rest.start) // 2
@@ -131,12 +135,6 @@ def _is_level(part: FloatArray, noise: float) -> bool:
     """Whether samples scatter about their mean as noise does."""
     allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * len(part))
     return float(np.std(part)) <= allowed * noise
-
-
-def _before_two(far: BoolArray) -> int:
-    """Return how many come before two that are far: one alone is noise, once in 400."""
-    places = np.flatnonzero(far & np.append(far[1:], True))
-    return int(places[0]) if len(places) else len(far)
 
 
 # Velocity that the compared filter may take away, over all of it. A sine loses less, a triangle of
@@ -162,12 +160,8 @@ _ALONE = 10.0
 _BESIDE = (4, 12)
 
 
-class _Spectrum(NamedTuple):
-    """Power of velocity by frequency, m2/s2 a line: the motion's, and the noise's."""
-
-    frequency: FloatArray
-    motion: FloatArray
-    noise: FloatArray
+# Power of velocity by frequency, m2/s2 a line: frequencies, the motion's, and the noise's.
+_Spectrum = tuple["FloatArray", "FloatArray", "FloatArray"]
 
 
 def make_drive(
@@ -195,7 +189,6 @@ def _least_in_error(
     seen: FilteredLog, found: Sequence[FoundStretch], options: ConditionOptions
 ) -> Drive:
     log, rate, lowest = seen.log, 1.0 / seen.log.interval, options.filter_corner
-    order = options.filter_order
     left_out = log.displacement - seen.displacement
     corners = [_corner(left_out, seen.velocity, one.stretch, options, rate) for one in found]
     is_whole = all(math.isinf(one.begin) and math.isinf(one.end) for one in found)
@@ -210,14 +203,16 @@ def _least_in_error(
         density = 2.0 * noise_of(log.displacement) ** 2 / rate
         wide = (3.0 * allowed**2 / max(density * 4.0 * math.pi**2, 1e-300)) ** (1.0 / 3.0)
         wide = float(max(min(wide, _HIGHEST * rate), lowest))
-    passed = {lowest: (seen.displacement, seen.velocity)}
+
+    def design(corner: float) -> FilterDesign:
+        return design_filter("zero_phase", corner, sample_rate=rate, order=options.filter_order)
 
     def behind(corner: float) -> tuple[FloatArray, FloatArray]:
-        design = design_filter("zero_phase", corner, sample_rate=rate, order=order)
-        displacement = apply_filter(design, log.displacement)
+        displacement = apply_filter(design(corner), log.displacement)
         return displacement, differentiate(displacement, log.interval)
 
-    reach = fading_samples(design_filter("zero_phase", lowest, sample_rate=rate, order=order))
+    passed = {lowest: (seen.displacement, seen.velocity)}
+    reach = fading_samples(design(lowest))
     x, v = behind(max(wide, lowest))
     for one, corner in zip(found, corners, strict=True):
         if corner not in passed:
@@ -239,19 +234,18 @@ def _corner(
 ) -> float:
     """Return the corner of the drive that errs least over a stretch, Hz."""
     if stretch.n_cycles >= 2:
-        seen = _of_cycles(left_out, stretch)
+        frequency, motion, noise = _of_cycles(left_out, stretch)
     else:
-        seen = _of_motion(left_out[stretch.window], 1.0 / rate)
+        frequency, motion, noise = _of_motion(left_out[stretch.window], 1.0 / rate)
     lowest, order = options.filter_corner, options.filter_order
-    if not float(np.sum(seen.motion)) > _LOST**2 * variance_of(velocity[stretch.window]):
+    if not float(np.sum(motion)) > _LOST**2 * variance_of(velocity[stretch.window]):
         return lowest
     highest = max(_HIGHEST * rate, lowest)
     corners = np.geomspace(lowest, highest, math.ceil(math.log2(highest / lowest) / _STEP) + 1)
-    warped = np.tan(np.pi * np.minimum(seen.frequency, 0.499 * rate) / rate) ** (2 * order)
-    errors = []
-    for bar in (np.tan(np.pi * corners / rate) ** (2 * order) / (math.sqrt(2.0) - 1.0)).tolist():
-        gain = 1.0 / (1.0 + warped / bar)
-        errors.append(float(seen.motion @ (1.0 - gain) ** 2 + seen.noise @ gain**2))
+    warped = np.tan(np.pi * np.minimum(frequency, 0.499 * rate) / rate) ** (2 * order)
+    bars = np.tan(np.pi * corners / rate) ** (2 * order) / (math.sqrt(2.0) - 1.0)
+    gains = [1.0 / (1.0 + warped / bar) for bar in bars.tolist()]
+    errors = [float(motion @ (1.0 - gain) ** 2 + noise @ gain**2) for gain in gains]
     return float(corners[int(np.argmin(errors))])
 
 
@@ -288,7 +282,7 @@ def _of_cycles(left_out: FloatArray, stretch: Stretch) -> _Spectrum:
     noise = np.repeat(between, n_cycles)
     noise = np.concatenate([noise, np.full(len(power) - len(noise), noise[-1])])
     speed = (2.0 * np.pi * frequency) ** 2
-    return _Spectrum(frequency, speed * motion, speed * noise)
+    return frequency, speed * motion, speed * noise
 
 
 def _of_motion(left_out: FloatArray, interval: float) -> _Spectrum:
@@ -314,7 +308,7 @@ def _of_motion(left_out: FloatArray, interval: float) -> _Spectrum:
     means = np.add.reduceat(kept, edges) / widths
     excess = np.maximum(means - level * (1.0 + 3.0 / math.sqrt(width)), 0.0)
     speed = (2.0 * np.pi * frequency) ** 2
-    return _Spectrum(frequency, speed * np.repeat(excess, widths), speed * level)
+    return frequency, speed * np.repeat(excess, widths), speed * level
 
 
 def _hum(spacing: float, n_lines: int) -> list[int]:
@@ -386,6 +380,11 @@ class _Line(NamedTuple):
         """Return its error there for a noise of 1."""
         return math.sqrt(1.0 / self.n + (sample - self.middle) ** 2 / self.power)
 
+    def crossing(self, other: _Line, sample: int) -> float:
+        """Return how far behind a sample it crosses another line; infinite: nowhere."""
+        step = other.slope - self.slope
+        return (self.at(sample) - other.at(sample)) / step if step else math.inf
+
 
 def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Drive | None:
     """Return the drive of a log that moves in straight lines; None where it does not.
@@ -403,10 +402,13 @@ def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Dr
             turns = _turns(x, lever, noise)
             if not turns:
                 break
-            turns = _refined(x, turns, lever)
-            lines = _lines(x, turns, noise)
+            # Noise moves the top of a long look: they turn where lines that keep off them cross.
+            for k, (line, other) in enumerate(pairwise(_lines(x, turns, lever // 2))):
+                if abs(moved := line.crossing(other, turns[k])) <= lever:
+                    turns[k] = round(turns[k] + moved)
+            lines = _lines(x, turns, 1, noise)
             jumps = _crossings(x, turns, lines, noise) if lines else None
-            if not lines or jumps is None:
+            if jumps is None:
                 continue
             whole, speed = displacement.copy(), np.zeros(len(displacement))
             # A sample at which it turns has the speed after it.
@@ -437,27 +439,14 @@ def _turns(x: FloatArray, lever: int, noise: float) -> list[int] | None:
     return turns
 
 
-def _refined(x: FloatArray, turns: list[int], lever: int) -> list[int]:
-    """Return the turns where lines that keep off them cross: noise moves the top of a long look."""
-    lines = _lines(x, turns, math.inf, margin=lever // 2)
-    if lines is None:
-        return turns
-    found = []
-    for turn, (one, two) in zip(turns, pairwise(lines), strict=True):
-        step = two.slope - one.slope
-        moved = (one.at(turn) - two.at(turn)) / step if step else math.inf
-        found.append(round(turn + moved) if abs(moved) <= lever else turn)
-    return found
-
-
-def _lines(x: FloatArray, turns: list[int], noise: float, *, margin: int = 1) -> list[_Line] | None:
-    """The lines before, between and behind turns; None where one is not straight."""
+def _lines(x: FloatArray, turns: list[int], margin: int, noise: float = math.inf) -> list[_Line]:
+    """The lines before, between and behind turns, off them; none where one is not straight."""
     lines = []
     for before, behind in pairwise([-margin - 1, *turns, len(x) + margin]):
         at = np.arange(before + margin + 1, behind - margin)
         n = len(at)
         if n < _FEWEST:
-            return None
+            return []
         middle = 0.5 * float(at[0] + at[-1])
         reach = at - middle
         power = float(reach @ reach)
@@ -465,7 +454,7 @@ def _lines(x: FloatArray, turns: list[int], noise: float, *, margin: int = 1) ->
         rest = x[at] - level - slope * reach
         allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * n)
         if math.sqrt(float(rest @ rest) / n) > allowed * noise:
-            return None
+            return []
         # A line that only seems to rise is level: friction would slide one way.
         is_level = math.isfinite(noise) and abs(slope) <= _AT_REST * noise / math.sqrt(power)
         lines.append(_Line(middle, level, 0.0 if is_level else slope, n, power))
@@ -477,17 +466,17 @@ def _crossings(
 ) -> FloatArray | None:
     """Where each line crosses the next, as in `Motion.jumps`; None where no motion turns there."""
     jumps = np.empty((len(turns), 4))
-    for k, (turn, (one, two)) in enumerate(zip(turns, pairwise(lines), strict=True)):
-        step = two.slope - one.slope
-        at = turn + (one.at(turn) - two.at(turn)) / step if step else math.inf
+    for k, (turn, (line, other)) in enumerate(zip(turns, pairwise(lines), strict=True)):
+        at = turn + line.crossing(other, turn)
         if not abs(at - turn) < _BESIDE_STRAIGHT:
             return None
         beside = np.arange(turn - 1, turn + 2)
-        there = np.where(beside < at, one.at(beside), two.at(beside))
+        there = np.where(beside < at, line.at(beside), other.at(beside))
         if np.max(np.abs(x[beside] - there)) > _FARTHEST * noise:
             return None
-        error = noise * math.hypot(one.error(at), two.error(at)) / abs(step)
+        step = abs(other.slope - line.slope)
+        error = noise * math.hypot(line.error(at), other.error(at)) / step
         if abs(at - round(at)) <= _AT_SAMPLE * error:
             at = float(round(at))
-        jumps[k] = at, 0.5 * (one.at(at) + two.at(at)), one.slope, two.slope
+        jumps[k] = at, 0.5 * (line.at(at) + other.at(at)), line.slope, other.slope
     return jumps

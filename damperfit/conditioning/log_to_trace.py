@@ -17,12 +17,7 @@ from damperfit.conditioning.findings import check_velocity, examine, samples_a_c
 from damperfit.conditioning.measured_characteristics import figures_in
 from damperfit.conditioning.noise import with_noise
 from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.polarity import (
-    describe_level,
-    find_signs,
-    level_of,
-    rest_of,
-)
+from damperfit.conditioning.polarity import describe_level, find_signs, level_of, rest_of
 from damperfit.conditioning.segments import ComparedPart, FoundStretch, choose_compared, transients
 from damperfit.conditioning.timebase import UniformLog, make_uniform, without_delay
 from damperfit.errors import ConditioningError, ConfigurationError
@@ -79,9 +74,9 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     try:
         traced = _trace(recording, options, delay)
     except ConditioningError:
-        if too_large:
-            raise ConditioningError(too_large, code="implausible") from None
-        raise
+        if too_large is None:
+            raise
+        raise too_large from None
     if (swing := traced.trace.amplitude) < options.min_amplitude:
         raise ConditioningError(
             f"displacement swings +-{1e3 * swing:.4g} mm, expected at "
@@ -91,15 +86,15 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
             code="too-small",
         )
     _refuse_swapped(traced.trace)
-    if too_large:
-        raise ConditioningError(too_large, code="implausible")
+    if too_large is not None:
+        raise too_large
     level = level_of(traced.trace, options)
     rest = rest_of(traced.logged, traced.trace, recording, options.gas)
     signs = find_signs(traced.trace, recording, level, rest)
+    for channel in signs.reversed_channels:
+        changes = {channel: -getattr(recording, channel), f"reverse_{channel}": True}
+        recording = replace(recording, **changes)
     if signs.reversed_channels:
-        for channel in signs.reversed_channels:
-            changes = {channel: -getattr(recording, channel), f"reverse_{channel}": True}
-            recording = replace(recording, **changes)
         traced = _trace(recording, options, delay)
     skew, skew_findings = find_delay(traced.log, traced.trace, options)
     if skew != 0.0:
@@ -152,9 +147,8 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         f"filtered in the rig as declared ({options.rig_filter}, {options.rig_filter_corner:g} Hz, "
         f"order {options.rig_filter_order}); no filter of our own"
     )
-    bridged = (
-        at - keep.start for at in seen.model_filter.bridged if keep.start < at < keep.stop - 1
-    )
+    inside = range(keep.start + 1, keep.stop - 1)
+    bridged = tuple(at - keep.start for at in seen.model_filter.bridged if at in inside)
     trace = Trace(
         name=recording.name,
         setting=recording.setting,
@@ -167,7 +161,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         stretches=tuple(_moved(stretch, -keep.start) for stretch in stretches),
         centre=sign * centre,
         n_cycles_found=part.n_found,
-        model_filter=seen.model_filter._replace(bridged=tuple(bridged)),
+        model_filter=seen.model_filter._replace(bridged=bridged),
         temperature=_mean_temperature(recording, seen.log, stretches),
         notes=() if options.rig_filter == "none" else (note,),
         is_filtered_by_rig=options.rig_filter == "zero_phase",
@@ -217,10 +211,8 @@ def _with_whole(
         stretches=tuple(_moved(stretch, keep.start) for stretch in trace.stretches),
     )
     beside = transients(whole)
-    kept = range(*keep.indices(len(x)))
-    if beside is None or all(
-        one.first in kept and one.stop - 1 in kept for one in beside.stretches
-    ):
+    first, stop, _ = keep.indices(len(x))
+    if beside is None or all(first <= one.first and one.stop <= stop for one in beside.stretches):
         return trace
     # Each part has the corner that errs least there, so far out as the filter reaches.
     reach = fading_samples(trace.model_filter)
@@ -265,34 +257,34 @@ _ONE_MIDDLE = 0.02
 _NEAR_ZERO = 1.0 / 3.0  # of the amplitude: a sensor that counts from its end is beyond 1
 
 
+def _middle_and_wandering(x: FloatArray) -> tuple[float, bool]:
+    """Return the middle of a motion's range, and whether it is not the same throughout."""
+    middle, *quarters = (
+        0.5 * float(part.max() + part.min()) for part in (x, *np.array_split(x, 4))
+    )
+    return middle, max(quarters) - min(quarters) > _ONE_MIDDLE * float(np.ptp(x))
+
+
 def _middle_of(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:
     """What is taken as x = 0 where nobody has declared it, in the log's own count."""
     # The middle of the widest stretch. A motion that wanders, such as a road, has none that is the
     # damper's: the log's own 0 is taken, if it lies anywhere near the middle of the range.
     widest = max(stretches, key=lambda stretch: stretch.amplitude)
-    part = displacement[widest.window]
-    middle = 0.5 * float(part.max() + part.min())
-    return 0.0 if _wanders(part) and abs(middle) <= _NEAR_ZERO * widest.amplitude else middle
-
-
-def _wanders(x: FloatArray) -> bool:
-    """Whether the middle of the motion is not the same throughout."""
-    middles = [0.5 * float(part.max() + part.min()) for part in np.array_split(x, 4)]
-    return max(middles) - min(middles) > _ONE_MIDDLE * float(np.ptp(x))
+    middle, wanders = _middle_and_wandering(displacement[widest.window])
+    return 0.0 if wanders and abs(middle) <= _NEAR_ZERO * widest.amplitude else middle
 
 
 def _describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
     """Return where mid-stroke is in the log, or how far a declared centre is from it."""
-    window = trace.displacement[trace.compared]
-    off = 0.5 * float(window.max() + window.min())
-    centre = 1e3 * trace.centre
+    off, _ = _middle_and_wandering(trace.displacement[trace.compared])
+    centre, severity = 1e3 * trace.centre, "note"
+    widest = max(trace.stretches, key=lambda stretch: stretch.amplitude)
+    wanders = _middle_and_wandering(trace.displacement[widest.window])[1]
     if options.centre is not None:
         text = f"x = 0 at {centre:.3f} mm of the log, as declared; "
         text += f"mid-stroke at x = {1e3 * off:.3f} mm"
-        return Finding("mid_stroke", "note", text, off, "m")
-    widest = max(trace.stretches, key=lambda stretch: stretch.amplitude)
-    severity = "note"
-    if widest.n_cycles or not _wanders(trace.displacement[widest.window]):
+        return Finding("mid_stroke", severity, text, off, "m")
+    if widest.n_cycles or not wanders:
         text = f"mid-stroke of the log ({round(centre, 3) + 0.0:.3f} mm) is x = 0 of the model"
         if 0.05 < abs(trace.centre) / trace.amplitude < 0.8:
             text += "; if the log's 0 is the middle of the damper, set rig.centre = '0mm'"
@@ -345,25 +337,28 @@ def _refuse_dead(recording: Recording) -> None:
             )
 
 
-def _oversize(recording: Recording, options: ConditionOptions) -> str:
-    """Return why a log is of an impossible size; empty where it is not."""
-    if (half := 0.5 * float(np.ptp(recording.displacement))) > options.max_amplitude:
+def _oversize(recording: Recording, options: ConditionOptions) -> ConditioningError | None:
+    """Return the refusal of a log of an impossible size; None where it is not."""
+    half = 0.5 * float(np.ptp(recording.displacement))
+    peak = float(np.abs(recording.force).max())
+    if half > options.max_amplitude:
         chambers = ""
         if options.chamber_lengths is not None:
             chambers = " (chambers l_1 {:g} m, l_2 {:g} m)".format(*options.chamber_lengths)
-        return (
-            f"{recording.name}: displacement swings +-{half:.4g} m, expected at most "
+        text = (
+            f"displacement swings +-{half:.4g} m, expected at most "
             f"+-{options.max_amplitude:g} m{chambers}; was mm read as m? "
             "Declare the unit or raise conditioning.max_amplitude"
         )
-    peak = float(np.abs(recording.force).max())
-    if peak > options.max_force:
-        return (
-            f"{recording.name}: force reaches {peak:.4g} N, expected at most "
+    elif peak > options.max_force:
+        text = (
+            f"force reaches {peak:.4g} N, expected at most "
             f"{options.max_force:g} N; was N read as kN? Declare the unit or raise "
             "conditioning.max_force"
         )
-    return ""
+    else:
+        return None
+    return ConditioningError(f"{recording.name}: {text}", code="implausible")
 
 
 def _refuse_swapped(trace: Trace) -> None:
@@ -374,14 +369,14 @@ def _refuse_swapped(trace: Trace) -> None:
     """
     if not trace.fastest.n_cycles:
         return  # a random motion has no harmonics
-
-    def in_harmonics(values: FloatArray) -> float:
-        """The share of a channel's power that is in harmonics 2 to 7 of the motion."""
-        power = harmonic_powers(trace.fastest, values, 7)
-        return float(np.sum(power[1:])) / max(float(np.sum(power)), 1e-300)
-
-    driven = in_harmonics(trace.displacement)
-    if driven > _ANSWERS and driven > _MORE * (answers := in_harmonics(trace.force)):
+    # The share of each channel's power that is in harmonics 2 to 7 of the motion.
+    powers = [
+        harmonic_powers(trace.fastest, values, 7) for values in (trace.displacement, trace.force)
+    ]
+    driven, answers = (
+        float(np.sum(power[1:])) / max(float(np.sum(power)), 1e-300) for power in powers
+    )
+    if driven > _ANSWERS and driven > _MORE * answers:
         raise ConditioningError(
             f"force and displacement look swapped: what is read as displacement has "
             f"{100.0 * driven:.2g} % of its power in harmonics, what is read as force "
