@@ -20,21 +20,16 @@ settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.signals import noise_of
-from damperfit.recording import Finding
+from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray, noise_of
+from damperfit.recording import Finding, Recording
 from damperfit.statistics import mean_of, median, percentiles
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray
-    from damperfit.recording import Recording
 
 
 class _Channel(NamedTuple):

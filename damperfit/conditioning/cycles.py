@@ -8,21 +8,16 @@ Positions are fractional samples, from the cubic Hermite piece of (x, v).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
-from damperfit.conditioning.signals import parts_where
+from damperfit.conditioning.signals import FloatArray, IntArray, parts_where
+from damperfit.recording import Stretch
 from damperfit.statistics import mean_of, median, percentiles
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from damperfit.conditioning.signals import FloatArray, IntArray
-    from damperfit.recording import Stretch
-
 
 MIN_CYCLES = 3  # whole ones, of a test
 _HYSTERESIS = 0.25  # of the amplitude
@@ -250,6 +245,14 @@ class SteadyRun(NamedTuple):
     period: float
     amplitude: float  # m
     middle: float
+
+
+class FoundStretch(NamedTuple):
+    """A stretch, in samples of the log, and the breaks of the motion between which it lies."""
+
+    stretch: Stretch
+    begin: float = -math.inf  # infinite where its motion begins, and ends, with the log
+    end: float = math.inf
 
 
 def turning_points(x: FloatArray, reach: float) -> IntArray:

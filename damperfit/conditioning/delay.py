@@ -25,24 +25,19 @@ is never that.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
+from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.polarity import reversals
+from damperfit.conditioning.signals import FloatArray
+from damperfit.conditioning.timebase import UniformLog
 from damperfit.problem import Option
-from damperfit.recording import Finding
+from damperfit.recording import Finding, Trace
 from damperfit.statistics import mean_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from damperfit.conditioning.options import ConditionOptions
-    from damperfit.conditioning.signals import FloatArray
-    from damperfit.conditioning.timebase import UniformLog
-    from damperfit.recording import Trace
-
 
 _REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
 _FARTHEST = 0.010  # s
@@ -71,10 +66,11 @@ def find_delay(
 ) -> tuple[float, tuple[Finding, ...]]:
     """Return by how much the force must be moved ahead, s, and what was found of the skew."""
     is_auto = options.skew == "auto"
+    known = 0.0 if is_auto else float(options.skew)
     declared: tuple[Finding, ...] = ()
-    if not is_auto and options.skew != 0.0:
-        text = f"the force is moved {1e3 * float(options.skew):g} ms ahead, as declared"
-        declared = (Finding("skew_declared", "note", text, float(options.skew), "s"),)
+    if known:
+        text = f"the force is moved {1e3 * known:g} ms ahead, as declared"
+        declared = (Finding("skew_declared", "note", text, known, "s"),)
     seen: tuple[float, float] | str = "the rig's filter rounds the friction's jump"
     if options.rig_filter == "none":
         seen = estimate_delay(log, trace)
@@ -92,8 +88,8 @@ def find_delay(
     if is_auto:
         found = Finding("skew", "note", f"{text}; corrected", delay, "s", is_correction=True)
         return delay, (found,)
-    whole = delay + float(options.skew)  # what was declared is no longer in the log looked at
-    setting = f"rig.skew = '{1e3 * whole:.1f}ms'"
+    # What was declared is no longer in the log looked at.
+    setting = f"rig.skew = '{1e3 * (delay + known):.1f}ms'"
     if delay < 0.0:
         text += f"; that affects K_e most: set {setting} if the rig is known to do so, or {{auto}}"
     else:
@@ -182,24 +178,22 @@ def estimate_delay(  # noqa: PLR0911 - one return a reason
     return middle, max(high - middle, middle - low) + lean + 0.5 * width
 
 
-def _ends(trace: Trace) -> tuple[FloatArray, FloatArray]:
+def _ends(trace: Trace) -> list[FloatArray]:
     """Return when rebound ends and when bump ends, s; on a straight line over the cycles."""
-    stretch = trace.fastest
+    stretch, ends = trace.fastest, []
     before, part, is_out = reversals(trace.velocity)
     inside = (before >= stretch.first) & (before < stretch.stop - 1)
-    at = trace.start_time + (before + part)[inside] * trace.interval
-    is_out = is_out[inside]
-    return _straight(at[is_out], trace), _straight(at[~is_out], trace)
-
-
-def _straight(at: FloatArray, trace: Trace) -> FloatArray:
-    if len(at) < 3 or not trace.fastest.n_cycles:
-        return at
-    cycle = np.rint((at - at[0]) * trace.frequency)
-    if np.ptp(cycle) == 0.0:  # a dwell crosses the end of one cycle several times
-        return at
-    off = cycle - mean_of(cycle)
-    return np.asarray(mean_of(at) + (float(off @ (at - at[0])) / float(off @ off)) * off)
+    times = trace.start_time + (before + part)[inside] * trace.interval
+    for is_end in (is_out[inside], ~is_out[inside]):
+        at = times[is_end]
+        if len(at) >= 3 and stretch.n_cycles:
+            cycle = np.rint((at - at[0]) * trace.frequency)
+            off = cycle - mean_of(cycle)
+            if np.ptp(cycle) > 0.0:  # a dwell crosses the end of one cycle several times
+                slope = float(off @ (at - at[0])) / float(off @ off)
+                at = np.asarray(mean_of(at) + slope * off)
+        ends.append(at)
+    return ends
 
 
 def _rests_at(log: UniformLog, ends: FloatArray) -> bool:

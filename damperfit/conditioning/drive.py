@@ -24,31 +24,25 @@ the drive is wider: a jump of the velocity must not be smeared into what is comp
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from damperfit.conditioning.cycles import FoundStretch
 from damperfit.conditioning.filters import (
+    FilteredLog,
     apply_filter,
     design_filter,
     differentiate,
     fading_samples,
 )
-from damperfit.conditioning.signals import noise_of, parts_where
-from damperfit.recording import Drive
+from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.signals import FloatArray, noise_of, parts_where
+from damperfit.conditioning.timebase import UniformLog
+from damperfit.recording import Drive, FilterDesign, Stretch
 from damperfit.statistics import mean_of, median, variance_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from damperfit.conditioning.filters import FilteredLog
-    from damperfit.conditioning.options import ConditionOptions
-    from damperfit.conditioning.segments import FoundStretch
-    from damperfit.conditioning.signals import FloatArray
-    from damperfit.conditioning.timebase import UniformLog
-    from damperfit.recording import FilterDesign, Stretch
-
 
 # Where a motion rests: a dwell between strokes, in which noise of the displacement is no speed.
 #

@@ -31,23 +31,17 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.cycles import fastest_frequency
-from damperfit.conditioning.options import FILTER_KINDS
-from damperfit.conditioning.timebase import make_uniform
+from damperfit.conditioning.options import FILTER_KINDS, ConditionOptions
+from damperfit.conditioning.signals import FloatArray
+from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.errors import ConditioningError, ConfigurationError, did_you_mean
-from damperfit.recording import FilterDesign, Finding
-
-if TYPE_CHECKING:
-    from damperfit.conditioning.options import ConditionOptions
-    from damperfit.conditioning.signals import FloatArray
-    from damperfit.conditioning.timebase import UniformLog
-    from damperfit.recording import Recording
-
+from damperfit.recording import FilterDesign, Finding, Recording
 
 # An edge left over at 1e-8 of the force moves no parameter by more than 1e-6.
 _SETTLED = 1e-8

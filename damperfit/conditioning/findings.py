@@ -23,14 +23,15 @@ curve of second degree through them is taken off before they are said to scatter
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from damperfit.conditioning.channels import examine_channels
-from damperfit.conditioning.cycles import clean_cycles, harmonic_powers
+from damperfit.conditioning.cycles import Cycles, clean_cycles, harmonic_powers
 from damperfit.conditioning.drive import content_beyond, dwell_lengths
 from damperfit.conditioning.filters import fitting_corner, gain_at
 from damperfit.conditioning.noise import (
@@ -40,21 +41,14 @@ from damperfit.conditioning.noise import (
     noise_ratio,
     tone,
 )
-from damperfit.conditioning.signals import noise_of, parts_where
+from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.signals import FloatArray, noise_of, parts_where
+from damperfit.conditioning.timebase import UniformLog
 from damperfit.passed_speeds import cycle_energies
 from damperfit.problem import Option
-from damperfit.recording import Finding
+from damperfit.recording import Finding, Recording, Stretch, Trace
 from damperfit.statistics import mean_of, median, percentiles
 from damperfit.units.quantities import parse_quantity
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from damperfit.conditioning.cycles import Cycles
-    from damperfit.conditioning.options import ConditionOptions
-    from damperfit.conditioning.signals import FloatArray
-    from damperfit.conditioning.timebase import UniformLog
-    from damperfit.recording import Recording, Stretch, Trace
 
 
 class _Seen(NamedTuple):

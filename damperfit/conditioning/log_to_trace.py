@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from damperfit.conditioning.channels import bridge_spikes
-from damperfit.conditioning.cycles import MIN_CYCLES, harmonic_powers
+from damperfit.conditioning.cycles import MIN_CYCLES, FoundStretch, harmonic_powers
 from damperfit.conditioning.delay import find_delay
 from damperfit.conditioning.drive import drive_of_lines, make_drive, unclear_turns
 from damperfit.conditioning.filters import FilteredLog, apply_filter, fading_samples, with_corner
@@ -18,17 +19,12 @@ from damperfit.conditioning.measured_characteristics import figures_in
 from damperfit.conditioning.noise import with_noise
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.polarity import describe_level, find_signs, level_of, rest_of
-from damperfit.conditioning.segments import ComparedPart, FoundStretch, choose_compared, transients
+from damperfit.conditioning.segments import ComparedPart, choose_compared, transients
+from damperfit.conditioning.signals import FloatArray
 from damperfit.conditioning.timebase import UniformLog, make_uniform, without_delay
 from damperfit.errors import ConditioningError, ConfigurationError
 from damperfit.recording import Drive, Finding, Recording, Stretch, Trace
 from damperfit.statistics import mean_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from damperfit.conditioning.signals import FloatArray
-
 
 _MIN_SAMPLES = 20
 _ABSURD = 1e9  # N or m; no column of any rig, in whatever unit; its squares might overflow

@@ -8,19 +8,14 @@ does not repeat the largest and the smallest force, and the energy of all of it.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.conditioning.cycles import clean_cycles
+from damperfit.conditioning.signals import FloatArray, IntArray
 from damperfit.passed_speeds import at_speeds, cycle_energies
-from damperfit.recording import StretchFigures
+from damperfit.recording import Stretch, StretchFigures, Trace
 from damperfit.statistics import median
-
-if TYPE_CHECKING:
-    from damperfit.conditioning.signals import FloatArray, IntArray
-    from damperfit.recording import Stretch, Trace
-
 
 # Of the peak speed: what is about the peak, and what lies between two strokes.
 _NEAR_PEAK, _SLOW = 0.9, 0.5

@@ -19,20 +19,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import apply_filter, settling_samples
-from damperfit.conditioning.signals import noise_of
-from damperfit.recording import FilterDesign
+from damperfit.conditioning.signals import FloatArray, IntArray, noise_of
+from damperfit.recording import FilterDesign, Stretch, Trace
 from damperfit.statistics import mean_of, median, variance_of
-
-if TYPE_CHECKING:
-    from damperfit.conditioning.signals import FloatArray, IntArray
-    from damperfit.recording import Stretch, Trace
-
 
 _FEWEST_PHASES = 8
 _TAPS = 4  # samples that a place between them is read from
@@ -64,22 +58,21 @@ def with_noise(trace: Trace, left_out: FloatArray) -> Trace:
     for one in trace.stretches:
         noise, source = math.sqrt(_scatter_between_cycles(trace, one)), _BY_CYCLES
         if not math.isfinite(noise) and len(left_out):
-            passed = float(np.sum(_impulse(_white(trace), 1) ** 2))
+            passed = float(np.sum(_impulse_of(trace, 1) ** 2))
             noise, source = noise_of(left_out[one.window]) * math.sqrt(passed), "above the filter"
         is_known = math.isfinite(noise) or len(left_out)
         stretches.append(replace(one, noise=noise, noise_source=source) if is_known else one)
     return replace(trace, stretches=tuple(stretches))
 
 
-def _white(trace: Trace) -> tuple[bytes, bool]:
-    """The filter that white noise has passed, to be kept by."""
-    return trace.model_filter.sections.tobytes(), trace.model_filter.is_zero_phase
+def _impulse_of(trace: Trace, more: int) -> FloatArray:
+    """Return what the trace's filter makes of an impulse, until it has settled and a bit more."""
+    return _impulse(trace.model_filter.sections.tobytes(), trace.model_filter.is_zero_phase, more)
 
 
 @lru_cache(maxsize=64)
-def _impulse(of: tuple[bytes, bool], more: int) -> FloatArray:
-    """Return the answer of a filter to an impulse, until it has settled and some samples more."""
-    design = FilterDesign(np.frombuffer(of[0]).reshape(-1, 6).copy(), of[1], "")
+def _impulse(sections: bytes, is_zero_phase: bool, more: int) -> FloatArray:  # noqa: FBT001
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6).copy(), is_zero_phase, "")
     reach = settling_samples(design) + more
     impulse = np.zeros(2 * reach + 1)
     impulse[reach] = 1.0
@@ -99,7 +92,7 @@ def _scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
         return math.nan
     (values,), weights = _folded(trace.force[None], starts, phases)
     scatter = float(np.mean(np.var(values, axis=0, ddof=1)))
-    answer = _impulse(_white(trace), _TAPS)
+    answer = _impulse_of(trace, _TAPS)
     sums = np.array([answer[: len(answer) - k] @ answer[k:] for k in range(_TAPS)])
     # Sums of the products of weights that stand 0, 1, 2, 3 samples apart.
     products = weights @ weights.T

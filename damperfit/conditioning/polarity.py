@@ -24,57 +24,48 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from damperfit.conditioning.drive import dwells_of
+from damperfit.conditioning.options import ConditionOptions, GasFacts
+from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray
+from damperfit.conditioning.timebase import UniformLog
 from damperfit.errors import ConditioningError
 from damperfit.passed_speeds import in_both_strokes
 from damperfit.problem import Option
-from damperfit.recording import Finding
+from damperfit.recording import Finding, Recording, Trace
 from damperfit.statistics import mean_of, median
-
-if TYPE_CHECKING:
-    from damperfit.conditioning.options import ConditionOptions, GasFacts
-    from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray
-    from damperfit.conditioning.timebase import UniformLog
-    from damperfit.recording import Recording, Trace
-
 
 # The force level of a steady test: what the gas, or a tare, adds to the force at no speed.
 #
 # At rest the force is -a_r (P_0 - P_amb). In a test it is hidden under friction, valves and the
 # elasticity of the oil. Two estimates that err in opposite ways are taken, both odd under a
-# change of signs:
+# change of signs; their mean is the level, its uncertainty half their distance, a share of the
+# hysteresis at the ends of the stroke, and a little of the gas force:
 #
 # - *branches*: the constant of a least-squares fit of ``1, x, sgn(v)`` and of v and v^2 in each
 #   stroke, the closed form of the incompressible damper without its bounds;
 # - *reversals*: the mean of the force at the two ends of the stroke, where friction and hysteresis
 #   are opposite, less the curvature of the gas spring.
 #
-# Their mean is the level. Its uncertainty is half their distance, a share of the hysteresis at
-# the ends of the stroke, and a little of the gas force. Over the reference set (4 N of noise, 500
-# Hz) the level is -130.5 to -134.3 N for -130.4 N; oil so soft that the strokes run into each
-# other spoils it, and so does cavitation. `python -m tests.conditioning.corrections_grid` prints
-# all cases.
+# Over the reference set (4 N of noise, 500 Hz) the level is -130.5 to -134.3 N for -130.4 N; oil so
+# soft that the strokes run into each other spoils it, and so does cavitation
+# (`python -m tests.conditioning.corrections_grid`).
 #
 # ``rebound_curvature`` and ``bump_curvature`` are the part of the force that grows with v^2 at
 # peak speed, over half the range of the force, positive when the stroke is progressive. The
 # model's valves make both positive and rebound's larger: a_p1^3 against a_r^3 through valve 1.
-# Those of a magneto-rheological damper are negative.
-#
-# A damper that holds its force down to low speed hardly shows a level: preloads that are unlike
-# in both strokes, behind a filter, move both estimates alike, by up to half their difference.
-# What turns faster than the filter shows, beyond a friction, says how large they may be.
+# Those of a magneto-rheological damper are negative. Such a damper, which holds its force down to
+# low speed, hardly shows a level: preloads that are unlike in both strokes, behind a filter, move
+# both estimates alike, by up to half their difference. What turns faster than the filter shows,
+# beyond a friction, says how large they may be.
 
-# Whether a damper yields before it slides, as magneto-rheological ones and dry friction do.
-#
-# A valve's force goes with its flow: while the piston slows down it falls with the speed. What
-# yields holds its force down to no speed, gives elastically behind the reversal, and slides
-# again. So the force that is left at a tenth of the peak speed *while slowing down* is looked at,
-# of both strokes together, over the force's range: a tare, the gas and elasticity in series drop
-# out.
+# Whether a damper yields before it slides, as magneto-rheological ones and dry friction do: it
+# holds its force down to no speed, where a valve's falls with the flow. So the force that is left
+# at a tenth of the peak speed *while slowing down* is looked at, of both strokes together, over the
+# force's range: a tare, the gas and elasticity in series drop out.
 
 # Share of the force's range from which it yields. Linear valves keep a tenth and friction adds its
 # own share: 0.05 to 0.17 over the reference set. Magneto-rheological logs with current have 0.59 to
@@ -129,31 +120,31 @@ _OF_PRELOADS = 0.7
 
 
 class ForceLevel(NamedTuple):
-    """The level of the force and the curvature of its strokes."""
+    """The level of the force, N, and the curvature of its strokes."""
 
-    branches: float  # the two estimates of the force at x = 0 and no speed, N
+    branches: float  # the two estimates of the force at x = 0 and no speed
     reversals: float
-    uncertainty: float  # N; about two standard errors of their mean
-    expected: float  # what the gas gives against the air, -a_r (P_0 - P_amb), N
+    uncertainty: float  # about two standard errors of their mean
+    expected: float  # what the gas gives against the air, -a_r (P_0 - P_amb)
     # Share of the force's half range that grows with v^2, positive when progressive.
     rebound_curvature: float
     bump_curvature: float
-    # N; how much of a level may be valves that open early, or what a filter took off the turns.
+    # How much of a level may be valves that open early, or what a filter took off the turns; or
+    # preloads that are unlike in both strokes.
     hidden: float = 0.0
-    # N; how much of a level may be preloads that are unlike in both strokes.
     preloads: float = 0.0
-    # N; half the force that the log holds down to low speed, where it yields: all of it may be one
+    # Half the force that the log holds down to low speed, where it yields: all of it may be one
     # stroke's, and a filter that spreads the turn makes a level of it.
     held: float = 0.0
 
     @property
     def force(self) -> float:
-        """The level, mean of both estimates, N."""
+        """The level, mean of both estimates."""
         return 0.5 * (self.branches + self.reversals)
 
     @property
     def doubt(self) -> float:
-        """By how much the level may be wrong, with all that may hide in it, N."""
+        """By how much the level may be wrong, with all that may hide in it."""
         return self.uncertainty + max(self.hidden, self.preloads) + self.held
 
     @property
@@ -167,6 +158,11 @@ class ForceLevel(NamedTuple):
             f"at zero velocity the force is {self.force - unsure:.0f} to "
             f"{self.force + unsure:.0f} N; the gas force alone is {self.expected:.0f} N"
         )
+
+    @property
+    def sentence(self) -> str:
+        """The same within the uncertainty of its signs."""
+        return self.between(self.uncertainty + self.held)
 
 
 def gas_force(gas: GasFacts, displacement: FloatArray) -> FloatArray:
@@ -185,17 +181,29 @@ def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> For
     # speed look like a level there. The curvature is that of all of them.
     alone = (replace(trace, stretches=(one,)) for one in trace.stretches)
     clearest = min((_level_of(one, gas, corner) for one in alone), key=lambda level: level.doubt)
-    return clearest._replace(
-        rebound_curvature=whole.rebound_curvature,
-        bump_curvature=whole.bump_curvature,
-    )
+    curvature = {name: getattr(whole, name) for name in ("rebound_curvature", "bump_curvature")}
+    return clearest._replace(**curvature)
 
 
 def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
     channels = trace.displacement, trace.velocity, trace.force
     x, v, f = (channel[trace.compared] for channel in channels)
     half_range = max(0.5 * float(np.ptp(f)), 1e-300)
-    constant, rebound, bump = _branches(x, v, f)
+    # The constant, and the force in v^2 at peak speed of rebound and bump, N.
+    u, rising, falling = v / float(np.abs(v).max()), v > 0.0, v < 0.0
+    columns = np.stack(
+        [np.ones_like(x), x / float(np.ptp(x)), np.sign(v), u * rising, u * falling,
+         u * u * rising, u * u * falling]
+    )  # fmt: skip
+    # The products of the columns have the square of their condition; what that costs in digits, a
+    # second step on what is left gives back. On the columns themselves it takes far longer. Columns
+    # may be made up by others: a pseudo-inverse.
+    sizes, ways = np.linalg.eigh(columns @ columns.T)
+    is_there = np.abs(sizes) > _MADE_UP * np.abs(sizes).max()
+    inverse = (ways[:, is_there] / sizes[is_there]) @ ways[:, is_there].T
+    found = inverse @ (columns @ f)
+    found += inverse @ (columns @ (f - found @ columns))
+    constant, rebound, bump = float(found[0]), float(found[5]), -float(found[6])
     # Force and displacement at the ends of rebound and of bump.
     before, part, is_out = reversals(v)
     (force_out, force_in), (x_out, x_in) = (
@@ -217,7 +225,6 @@ def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
     out, into = in_both_strokes(v, f[None], fast)[1][:, :, 0, 0]
     jump = 0.5 * abs(float(np.mean(out) - np.mean(into)))
     preloads = _OF_PRELOADS * max(jump - _OF_FRICTION * half_range, 0.0)
-    preloads = preloads if math.isfinite(jump) else 0.0
     return ForceLevel(
         branches=constant,
         reversals=at_reversals,
@@ -228,27 +235,9 @@ def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
         rebound_curvature=rebound / half_range,
         bump_curvature=bump / half_range,
         hidden=_OF_DIGRESSION * 0.5 * (max(-rebound, 0.0) + max(-bump, 0.0)) + lost * half_range,
-        preloads=preloads,
+        preloads=preloads if math.isfinite(jump) else 0.0,
         held=share * half_range if share >= YIELDS else 0.0,
     )
-
-
-def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float, float]:
-    """Return the constant, and the force in v^2 at peak speed of rebound and bump, N."""
-    u, is_out, is_in = v / float(np.abs(v).max()), v > 0.0, v < 0.0
-    columns = np.stack(
-        [np.ones_like(x), x / float(np.ptp(x)), np.sign(v), u * is_out, u * is_in, u * u * is_out,
-         u * u * is_in]
-    )  # fmt: skip
-    # The products of the columns have the square of their condition; what that costs in digits, a
-    # second step on what is left gives back. On the columns themselves it takes far longer. Columns
-    # may be made up by others: a pseudo-inverse.
-    sizes, ways = np.linalg.eigh(columns @ columns.T)
-    is_there = np.abs(sizes) > _MADE_UP * np.abs(sizes).max()
-    inverse = (ways[:, is_there] / sizes[is_there]) @ ways[:, is_there].T
-    found = inverse @ (columns @ f)
-    found += inverse @ (columns @ (f - found @ columns))
-    return float(found[0]), float(found[5]), -float(found[6])
 
 
 def reversals(v: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
@@ -316,9 +305,8 @@ def rest_of(
     force = median(
         [median(log.force[(part.start + part.stop) // 2 : part.stop]) for part, _ in dwells]
     )
-    at = np.array([x for _, x in dwells])
-    at = at - (-trace.centre if recording.reverse_displacement else trace.centre)
-    expected = median(gas_force(gas, at))
+    centre = -trace.centre if recording.reverse_displacement else trace.centre
+    expected = median(gas_force(gas, np.array([x for _, x in dwells]) - centre))
     friction = _REST_FRICTION * 0.5 * float(np.ptp(trace.force[trace.compared]))
     ratio = force / expected if expected else 0.0
     is_clear = 0.5 < abs(ratio) < _REST_LIMIT and abs(force) > 2.0 * friction
@@ -357,7 +345,7 @@ def find_signs(  # noqa: PLR0911 - one return a case, in the order of the text a
             return Signs(is_certain=bool(at_rest > 0 or is_there))
         is_turned = _is_certain(level, _CHANNELS)
         if is_free and is_turned:
-            return _reversed(_CHANNELS, f"{_in_words(level)}, and the loop absorbs energy")
+            return _reversed(_CHANNELS, f"{level.sentence}, and the loop absorbs energy")
         if is_free or is_turned:
             return _doubtful(level, is_declared=not is_free)
         return Signs()  # a cell zeroed before mounting shows any level
@@ -373,8 +361,8 @@ def find_signs(  # noqa: PLR0911 - one return a case, in the order of the text a
     elif level is not None:
         for channel in _CHANNELS:
             if _is_certain(level, (channel,)):
-                return _reversed((channel,), f"{gives}, and {_in_words(level)}")
-        doubt = f"; {_in_words(level)}: that does not show which of the two"
+                return _reversed((channel,), f"{gives}, and {level.sentence}")
+        doubt = f"; {level.sentence}: that does not show which of the two"
     raise ConditioningError(
         f"the damper delivers {-joules:.3g} J per cycle instead of absorbing energy: "
         f"force or displacement is reversed{doubt}; {_ASK}",
@@ -398,10 +386,6 @@ def _is_certain(level: ForceLevel, reversed_channels: tuple[str, ...]) -> bool:
         and rebound + bump > _LEAST_CURVATURE
         and rebound > bump
     )
-
-
-def _in_words(level: ForceLevel) -> str:
-    return level.between(level.uncertainty + level.held)
 
 
 def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
@@ -429,7 +413,7 @@ def _doubtful(level: ForceLevel, *, is_declared: bool) -> Signs:
         if not is_declared and not is_tared and abs(level.force) > _OF_DOUBT * level.doubt:
             name = CONTRADICTED
     advice = "the declared signs are kept; check them again" if is_declared else ""
-    text = f"{_in_words(level)}, {sees}; {advice or f'taken as logged; {_ASK}'}"
+    text = f"{level.sentence}, {sees}; {advice or f'taken as logged; {_ASK}'}"
     return Signs(findings=(Finding(name, "warning", text, level.ratio),))
 
 
@@ -437,9 +421,9 @@ def reversed_in(recording: Recording, trace: Trace) -> list[str]:
     """Return the channels of a log that count bump positive, as declared or as found."""
     found = {one.name for one in trace.findings if one.is_correction}
     return [
-        channel
-        for channel in _CHANNELS
-        if getattr(recording, f"reverse_{channel}") or f"{channel}_polarity" in found
+        name
+        for name in _CHANNELS
+        if getattr(recording, f"reverse_{name}") or f"{name}_polarity" in found
     ]
 
 
@@ -462,31 +446,31 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
     missing, size, offset = level.force - level.expected, -level.expected, options.offset
     unsure = level.uncertainty + max(level.hidden, level.preloads)
     numbers = level.between(unsure)
-    severity = "note" if offset.is_known else "warning"
-    values: dict[str, Any] = {"free": "", "hold": ""}
-    if offset.name:  # the options that free the offset and hold it, each in brackets
-        every = ",".join((*offset.beside, offset.name))
-        values = {
-            "free": Option("free", every, is_aside=True),
-            "hold": Option("fix", f"{size:.0f}N", offset.name, is_aside=True),
-        }
+    severity = "note"
+    values: dict[str, Any] = {}
     if unsure > _KNOWN * size:
         text = f"cannot tell whether the force was tared: {numbers}"
-        severity, values = "note", {}
     elif abs(missing) <= _NEAR * size + unsure:
         text = f"gas force present: {numbers}"
-        severity, values = "note", {}
-    elif abs(level.ratio) >= _TARED:
-        what = "part of the gas force is missing" if 0.0 < missing < size else "not the gas force"
-        text = (
-            f"{what}: {numbers}; a tare, another gas pressure, cavitation or much elasticity: "
-            "check damper.gas_pressure, or free the offset{free}"
-        )
-    elif offset.is_known:
-        text = f"gas force tared away: {numbers}; {offset.name} accounts for it"
     else:
-        text = (
-            f"gas force tared away: {numbers}; free the offset{{free}} or hold it{{hold}}, or the "
-            "other parameters absorb it"
-        )
+        severity = "note" if offset.is_known else "warning"
+        values = {"free": "", "hold": ""}
+        if offset.name:  # the options that free the offset and hold it, each in brackets
+            every = ",".join((*offset.beside, offset.name))
+            values["free"] = Option("free", every, is_aside=True)
+            values["hold"] = Option("fix", f"{size:.0f}N", offset.name, is_aside=True)
+        if abs(level.ratio) >= _TARED:
+            is_part = 0.0 < missing < size
+            what = "part of the gas force is missing" if is_part else "not the gas force"
+            text = (
+                f"{what}: {numbers}; a tare, another gas pressure, cavitation or much elasticity: "
+                "check damper.gas_pressure, or free the offset{free}"
+            )
+        elif offset.is_known:
+            text = f"gas force tared away: {numbers}; {offset.name} accounts for it"
+        else:
+            text = (
+                f"gas force tared away: {numbers}; free the offset{{free}} or hold it{{hold}}, or "
+                "the other parameters absorb it"
+            )
     return (Finding("tare", severity, text, missing, "N", values=values),)

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from damperfit.conditioning.cycles import (
     MIN_CYCLES,
     TURN,
     Cycles,
+    FoundStretch,
     SteadyRun,
     clean_cycles,
     crossings,
@@ -36,18 +37,12 @@ from damperfit.conditioning.cycles import (
 )
 from damperfit.conditioning.drive import content_beyond
 from damperfit.conditioning.filters import FilteredLog, behind_filter, fitting_corner
-from damperfit.conditioning.signals import parts_where
-from damperfit.conditioning.timebase import continue_log
+from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray, parts_where
+from damperfit.conditioning.timebase import UniformLog, continue_log
 from damperfit.errors import ConditioningError
-from damperfit.recording import Finding, Stretch
+from damperfit.recording import Finding, Stretch, Trace
 from damperfit.statistics import median, percentiles
-
-if TYPE_CHECKING:
-    from damperfit.conditioning.options import ConditionOptions
-    from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray
-    from damperfit.conditioning.timebase import UniformLog
-    from damperfit.recording import Trace
-
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
 _HYSTERESIS = 0.25  # of the run's amplitude
@@ -63,14 +58,6 @@ _LONGEST_RUN_IN = 2.0  # s
 # Speed beyond half the corner, over all of it: noise behind the filter has 0.95, a random walk
 # 0.65, a road up to 15 Hz nothing.
 _NOISE = 0.5
-
-
-class FoundStretch(NamedTuple):
-    """A stretch, in samples of the log, and the breaks of the motion between which it lies."""
-
-    stretch: Stretch
-    begin: float = -math.inf  # infinite where its motion begins, and ends, with the log
-    end: float = math.inf
 
 
 class ComparedPart(NamedTuple):

@@ -22,19 +22,14 @@ cycle's by more than noise it is run-in, and the log is continued behind it.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.signals import noise_of
+from damperfit.conditioning.signals import FloatArray, noise_of
 from damperfit.errors import ConditioningError
-from damperfit.recording import Finding
+from damperfit.recording import Finding, Recording
 from damperfit.statistics import mean_of, median
-
-if TYPE_CHECKING:
-    from damperfit.conditioning.signals import FloatArray
-    from damperfit.recording import Recording
-
 
 _MAX_MISSING = 4  # consecutive samples; at 300 Hz, 17 ms, half a period of the 30 Hz corner
 _JITTER = 0.01  # share of the interval; what the filter does not notice
