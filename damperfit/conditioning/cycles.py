@@ -20,119 +20,8 @@ from damperfit.recording import Stretch
 from damperfit.statistics import mean_of, median, percentiles
 
 MIN_CYCLES = 3  # whole ones, of a test
-_HYSTERESIS = 0.25  # of the amplitude
+HYSTERESIS = 0.25  # of the amplitude
 _NEWTON = 4  # steps, of a crossing
-_MIN_SHARE = 0.1  # of all cycles; noise has many, but hardly two alike in a row
-
-
-class Cycles(NamedTuple):
-    """The longest run of steady cycles in a motion."""
-
-    rising: FloatArray  # fractional samples of the steady upward crossings
-    falling: FloatArray  # and of the downward ones
-    period: float  # median, samples
-    centre: float  # mid-stroke and half the stroke, medians over the steady cycles, m
-    amplitude: float
-    n_found: int  # whole cycles of motion in the log, steady or not
-    n_elsewhere: int  # steady cycles beyond a break in the motion
-    break_at: float  # where the run meets the nearest break, samples; NaN: nothing stands beyond
-    begin: float  # where cycles of another length or size begin, samples; infinite: none do
-    end: float
-
-
-def find_cycles(
-    displacement: FloatArray, velocity: FloatArray, *, steadiness: float
-) -> Cycles | None:
-    """Return the steady cycles of a motion (m, and metres per sample), or None without any."""
-    x, speed = displacement, np.abs(velocity)
-    moving = x[speed > 0.5 * np.sqrt(mean_of(velocity**2))]
-    if not len(moving):
-        return None
-    low, level, high = percentiles(moving, 5.0, 50.0, 95.0)
-    amplitude = 0.5 * (high - low)
-    run = None
-    for _ in range(3):  # the first level is a guess; the second is exact to rounding
-        run = _steady_run(x, velocity, level, _HYSTERESIS * amplitude, steadiness)
-        if run is None:
-            return None
-        off, level, amplitude = run.centre, level + run.centre, run.amplitude
-        if abs(off) < 1e-6 * amplitude:
-            break
-    assert run is not None
-    period, steady, begin, end = run.period, run.rising, run.begin, run.end
-    rising, falling = (
-        crossings(x, velocity, _HYSTERESIS * amplitude, level=level, sign=sign)
-        for sign in (1.0, -1.0)
-    )
-    # Ahead of the first and behind the last crossing, up to half a cycle is motion that the log's
-    # ends cut; more is rest, run-up or coast-down. The last crossing is not seen until the
-    # hysteresis behind it is passed, up to a sample later.
-    marks = np.sort(np.concatenate([rising, falling]))
-    ends = float(marks[0]), len(speed) - float(marks[-1])
-    length = float(marks[-1] - marks[0])
-    length += sum(part for part in ends if part <= 0.55 * period + 1.0)
-    first = max(steady[0] - 0.75 * period, begin - 1.0)
-    last = min(steady[-1] + 0.75 * period, end + 1.0)
-    falling = falling[(falling > first) & (falling < last)]
-    # The first and the last may stand half a cycle outside of the rising ones: there half of the
-    # difference that a cycle may have is enough.
-    allowed = 0.5 * _allowed(np.diff(steady), _PERIOD, steadiness, lag=1) * period
-    inside = falling[(falling > steady[0]) & (falling < steady[-1])]
-    if len(inside):
-        ahead, behind = inside[0] - falling[0], falling[-1] - inside[-1]
-        if ahead > 0.0 and abs(ahead - period) > allowed:
-            falling, begin = falling[1:], float(steady[0])
-        if behind > 0.0 and abs(behind - period) > allowed:
-            falling, end = falling[:-1], float(steady[-1])
-    n_found = int(length / period + 0.02)
-    return run._replace(falling=falling, centre=float(level), n_found=n_found, begin=begin, end=end)
-
-
-def _steady_run(
-    x: FloatArray, velocity: FloatArray, level: float, hysteresis: float, steadiness: float
-) -> Cycles | None:
-    """Return the longest run about a level; its centre counts from there, the falling are none."""
-    boundaries = crossings(x, velocity, hysteresis, level=level)
-    if len(boundaries) < 2:
-        return None
-    periods = np.diff(boundaries)
-    tops, bottoms = (
-        sign * _tops(x, velocity, boundaries, level, sign=sign) for sign in (1.0, -1.0)
-    )
-    amplitudes = 0.5 * (tops - bottoms)
-    is_steady = np.ones(len(periods), dtype=bool)
-    for values in (periods, amplitudes):
-        middle = median(values)
-        is_steady &= np.abs(values - middle) <= steadiness * middle
-    starts, stops = parts_where(is_steady)
-    if not len(starts):
-        return None
-    longest = int(np.argmax(stops - starts))  # the first of equals
-    first, stop = int(starts[longest]), int(stops[longest])
-    if stop - first < max(1.0, _MIN_SHARE * len(periods)):
-        return None
-    before, behind = int(np.sum(is_steady[:first])), int(np.sum(is_steady[stop:]))
-    # Cycles at both ends that lead over to another test are left out.
-    channels = [
-        (values, _allowed(values[first:stop], least, steadiness, lag=1))
-        for values, least in ((periods, _PERIOD), (amplitudes, _AMPLITUDE))
-    ]
-    begin, end = _trimmed(channels, first, stop)
-    if begin == end:
-        begin, end = first, stop
-    steady, nearest = slice(begin, end), boundaries[end] if behind >= before else boundaries[begin]
-    return Cycles(
-        rising=boundaries[begin : end + 1],
-        falling=boundaries[:0],
-        period=median(periods[steady]),
-        centre=median(0.5 * (tops + bottoms)[steady]),
-        amplitude=median(amplitudes[steady]),
-        n_found=0,
-        n_elsewhere=before + behind,
-        break_at=float(nearest) if before + behind else math.nan,
-        begin=float(boundaries[begin]) if begin > first else -math.inf,
-        end=float(boundaries[end]) if end < stop else math.inf,
-    )
 
 
 def crossings(
@@ -165,7 +54,7 @@ def _hermite(y: FloatArray, v: FloatArray, at: IntArray) -> tuple[FloatArray, ..
     return y0, v0, 3.0 * (y1 - y0) - 2.0 * v0 - v1, 2.0 * (y0 - y1) + v0 + v1
 
 
-def _tops(
+def tops_of(
     x: FloatArray, velocity: FloatArray, boundaries: FloatArray, level: float, *, sign: float = 1.0
 ) -> FloatArray:
     """Return the top of each cycle: that of the Hermite piece beside its highest sample."""
@@ -220,6 +109,7 @@ def harmonic_powers(stretch: Stretch, values: FloatArray, n_powers: int) -> Floa
 # where its level changes.
 
 TURN = 0.02  # of the whole range
+_NEAR = 0.01  # of a cycle; rigs repeat a period to 0.3 %
 _FEWEST = 3  # passages at which a cycle begins: two whole cycles
 _CUT = 0.8  # of a cycle may be ahead of a run's first passage: the turn before it, cut
 _ALIKE = 0.1  # of the amplitude; the period is rounded to a sample
@@ -308,6 +198,88 @@ def runs_of(seen: Turns, steadiness: float, *, near: float) -> Iterator[SteadyRu
                     float(seen.passages[cycles.stop + 1]),
                     *(median(values[cycles]) for values in (period, amplitude, middle)),
                 )
+
+
+def passages_of(at: FloatArray, run: SteadyRun, x: FloatArray, *, moved: float) -> FloatArray:
+    """The passages of one direction that are a run's, one more at an end if alike."""
+    near = 0.02 * run.period
+    inside = at[(at >= run.first - near) & (at <= run.last + near)]
+    if not len(inside):
+        return inside
+    share = max(0.02, 4.0 * moved / run.period)
+
+    def more(here: float, there: float) -> FloatArray:
+        near = at[np.abs(at - there) <= max(0.5 * _NEAR * run.period, moved)][:1]
+        low, high = min([here, *near]), max([here, *near])
+        part = x[math.ceil(low) : math.ceil(high)] if len(near) else x[:0]
+        # Three cycles of 1.5 Hz are as long as one of 0.5 Hz, but none of its own.
+        if not len(part) or np.any((at > low) & (at < high)):
+            return near[:0]
+        ends = np.array([part.max() - run.middle, run.middle - part.min()])
+        return near[: int(np.all(np.abs(ends / run.amplitude - 1.0) <= share))]
+
+    first, last = float(inside[0]), float(inside[-1])
+    return np.concatenate([more(first, first - run.period), inside, more(last, last + run.period)])
+
+
+class Cycles(NamedTuple):
+    """The cycles of one run, cut at the middle of its stroke."""
+
+    rising: FloatArray  # fractional samples of the upward crossings
+    falling: FloatArray  # and of the downward ones
+    period: float  # median, samples
+    centre: float  # mid-stroke and half the stroke, medians over the cycles, m
+    amplitude: float
+    n_found: int  # whole cycles of motion in the log, steady or not
+
+
+def cycles_in(
+    run: SteadyRun, x: FloatArray, speed: FloatArray, steadiness: float, *, moved: float
+) -> Cycles | None:
+    """Return the cycles like a run's in a row, of x in m and its speed in m per sample, if any."""
+    at = crossings(x, speed, HYSTERESIS * run.amplitude, level=run.middle)
+    if len(at) < 2:
+        return None
+    tops, bottoms = (sign * tops_of(x, speed, at, run.middle, sign=sign) for sign in (1.0, -1.0))
+    periods, amplitudes = np.diff(at), 0.5 * (tops - bottoms)
+    starts, stops = parts_where(
+        (np.abs(periods - run.period) <= steadiness * run.period)
+        & (np.abs(amplitudes - run.amplitude) <= steadiness * run.amplitude)
+    )
+    if not len(starts):
+        return None
+    longest = int(np.argmax(stops - starts))
+    first, stop = int(starts[longest]), int(stops[longest])
+    # Cycles at both ends that lead over to another test are left out.
+    channels = [
+        (values, _allowed(values[first:stop], least, steadiness, lag=1))
+        for values, least in ((periods, _PERIOD), (amplitudes, _AMPLITUDE))
+    ]
+    begin, end = _trimmed(channels, first, stop)
+    if begin == end:
+        begin, end = first, stop
+    period, amplitude = (median(values[begin:end]) for values in (periods, amplitudes))
+    centre = run.middle + median(0.5 * (tops + bottoms)[begin:end])
+    rising, falling = (
+        crossings(x, speed, HYSTERESIS * amplitude, level=centre, sign=sign) for sign in (1.0, -1.0)
+    )
+    # Ahead of the first and behind the last crossing, up to half a cycle is motion that the log's
+    # ends cut; more is rest, run-up or coast-down. The last crossing is not seen until the
+    # hysteresis behind it is passed, up to a sample later.
+    marks = np.sort(np.concatenate([rising, falling]))
+    ends = float(marks[0]), len(x) - float(marks[-1])
+    length = float(marks[-1] - marks[0])
+    length += sum(part for part in ends if part <= 0.55 * period + 1.0)
+    low, high = at[begin] - 0.25 * period, at[end] + 0.25 * period
+    whole = SteadyRun(run.cycles, float(at[begin]), float(at[end]), period, amplitude, centre)
+    return Cycles(
+        rising[(rising >= low) & (rising <= high)],
+        passages_of(falling, whole, x, moved=moved),
+        period,
+        centre,
+        amplitude,
+        int(length / period + 0.02),
+    )
 
 
 def ends_in_motion(

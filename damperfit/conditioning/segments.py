@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from damperfit.conditioning.cycles import (
+    HYSTERESIS,
     MIN_CYCLES,
     TURN,
     Cycles,
@@ -29,9 +30,10 @@ from damperfit.conditioning.cycles import (
     SteadyRun,
     clean_cycles,
     crossings,
+    cycles_in,
     cycles_of,
     ends_in_motion,
-    find_cycles,
+    passages_of,
     runs_of,
     turning_points,
 )
@@ -45,11 +47,9 @@ from damperfit.recording import Finding, Stretch, Trace
 from damperfit.statistics import median, percentiles
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
-_HYSTERESIS = 0.25  # of the run's amplitude
 _SHARE = 1.0 / 3.0  # of all cycles, from which on runs are the test; chance gives far less
 _SURELY = 3.0  # cycles: one of run-in, one that is compared, and one for where they are cut
 _IN_PLACE = 0.5  # of the amplitude: three quarters are left on the worse side
-_NEAR = 0.01  # of a cycle; rigs repeat a period to 0.3 %
 _ROUNDING = 0.01  # of a cycle: as many whole ones as were logged, though the length is not exact
 _SLOW = 0.02  # of the fastest speed; below is rest
 _PAUSE = 0.5  # s; shorter ones are part of a motion
@@ -93,9 +93,16 @@ class _Motion:
 
     @cached_property
     def cycles(self) -> Cycles | None:
-        """Its longest run of steady cycles about one middle."""
-        speed = self.seen.velocity * self.log.interval
-        return find_cycles(self.seen.displacement, speed, steadiness=self.options.steadiness)
+        """Those of its longest run."""
+        longest = max(self.runs, key=lambda run: run.cycles.stop - run.cycles.start, default=None)
+        if longest is None:
+            return None
+        interval = self.log.interval
+        speed = self.seen.velocity * interval
+        return cycles_in(
+            *(longest, self.seen.displacement, speed, self.options.steadiness),
+            moved=_MOVED / interval,
+        )
 
     @property
     def is_one_run(self) -> bool:
@@ -217,9 +224,11 @@ def _window(motion: _Motion) -> FloatArray:
     n, h = len(motion.log.force), motion.log.interval
     length = f"the log is {n * h:.3g} s long"
     if cycles is None or cycles.n_found < MIN_CYCLES:
-        found = 0 if cycles is None else cycles.n_found
+        found, period = motion.n_cycles * (motion.n_cycles < MIN_CYCLES), motion.turns.period
+        if cycles is not None:
+            found, period = cycles.n_found, np.array([cycles.period])
+        needed = f" ({MIN_CYCLES * median(period) * h:.3g} s)" if found and len(period) else ""
         stroke = 1e3 * float(np.ptp(motion.log.displacement))
-        needed = "" if cycles is None else f" ({MIN_CYCLES * cycles.period * h:.3g} s)"
         raise ConditioningError(
             f"found {found} whole steady cycle{'s' * (found != 1)} in the displacement "
             f"(it spans {stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{needed}; "
@@ -233,7 +242,7 @@ def _window(motion: _Motion) -> FloatArray:
     begin, end = float(cycles.rising[0]), float(cycles.rising[-1])
     begin = 0.0 if begin <= 1.1 * period else begin
     end = n - 1.0 if n - 1.0 - end <= 1.1 * period else end
-    low, high = max(begin + period + edge, cycles.begin), min(end - edge, cycles.end)
+    low, high = begin + period + edge, end - edge
     rising, falling = (
         marks[(marks >= low) & (marks <= high)] for marks in (cycles.rising, cycles.falling)
     )
@@ -302,8 +311,8 @@ def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
     high = min(n, math.ceil(run.last + 0.7 * period))
     x, v = displacement[low:high], velocity[low:high] * motion.log.interval
     directions = [
-        _belonging(
-            low + crossings(x, v, _HYSTERESIS * run.amplitude, level=run.middle, sign=sign),
+        passages_of(
+            low + crossings(x, v, HYSTERESIS * run.amplitude, level=run.middle, sign=sign),
             run, displacement, moved=moved,
         )
         for sign in (1.0, -1.0)
@@ -346,28 +355,6 @@ def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
     clean = np.rint(clean_cycles(stretch)).astype(np.int64)
     fastest = float(np.abs(velocity[clean[0] : clean[-1]]).max())
     return FoundStretch(replace(stretch, peak_speed=fastest), begin, end)
-
-
-def _belonging(at: FloatArray, run: SteadyRun, x: FloatArray, *, moved: float) -> FloatArray:
-    """The passages of one direction that are a run's, one more at an end if alike."""
-    near = 0.02 * run.period
-    inside = at[(at >= run.first - near) & (at <= run.last + near)]
-    if not len(inside):
-        return inside
-    share = max(0.02, 4.0 * moved / run.period)
-
-    def more(here: float, there: float) -> FloatArray:
-        near = at[np.abs(at - there) <= max(0.5 * _NEAR * run.period, moved)][:1]
-        low, high = min([here, *near]), max([here, *near])
-        part = x[math.ceil(low) : math.ceil(high)] if len(near) else x[:0]
-        # Three cycles of 1.5 Hz are as long as one of 0.5 Hz, but none of its own.
-        if not len(part) or np.any((at > low) & (at < high)):
-            return near[:0]
-        ends = np.array([part.max() - run.middle, run.middle - part.min()])
-        return near[: int(np.all(np.abs(ends / run.amplitude - 1.0) <= share))]
-
-    first, last = float(inside[0]), float(inside[-1])
-    return np.concatenate([more(first, first - run.period), inside, more(last, last + run.period)])
 
 
 def _steady_stretch(starts: FloatArray, seen: FilteredLog, amplitude: float) -> Stretch:
