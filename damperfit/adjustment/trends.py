@@ -389,14 +389,15 @@ def find_trends(
 
 
 def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
-    n, place = points.n, {"adjuster": line.adjuster, "held": line.held}
+    n = points.n
     if n < LEAST_FOR_TREND:
         count = f"{n} setting{'' if n == 1 else 's'} with a sound value"
         why = f"{count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
         if not line.numbers:
             why = "the settings are words, along which there is no trend"
         along = f", along {line.adjuster} with {line.held}" if line.held else ""
-        return Trend(quantity.name, sentence=f"{quantity.symbol}: {why}{along}", **place)
+        sentence = f"{quantity.symbol}: {why}{along}"
+        return Trend(quantity.name, sentence=sentence, adjuster=line.adjuster, held=line.held)
     families = None
     if quantity.trend_degree is not None:
         degree = quantity.trend_degree if n >= _QUADRATIC_FROM else 1
@@ -452,7 +453,8 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         outliers=tuple(outliers),
         outliers_judged=n >= LEAST_FOR_OUTLIERS and not is_mixed_up,
         points=_curve_points(points, curve),
-        **place,
+        adjuster=line.adjuster,
+        held=line.held,
     )
     return replace(trend, sentence=_sentence(trend, quantity, own, n))
 
@@ -470,10 +472,11 @@ def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
         settings = np.array(sorted({*between.tolist(), *settings.tolist()}))
     logs = curve.logs(settings)
     reach = curve.quantile(1) * curve.errors_of(curve.slopes(settings))
-    bands = (_exp(row).tolist() for row in (logs, logs - reach, logs + reach))
+    value, low, high = (_exp(row).tolist() for row in (logs, logs - reach, logs + reach))
+    places = map(_clicks, settings)
     return tuple(
-        TrendPoint(_clicks(s), *band, found.get(_clicks(s)))
-        for s, *band in zip(settings, *bands, strict=True)
+        TrendPoint(place, at, least, most, found.get(place))
+        for place, at, least, most in zip(places, value, low, high, strict=True)
     )
 
 

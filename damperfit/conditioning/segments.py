@@ -224,10 +224,12 @@ def _window(motion: _Motion) -> FloatArray:
     n, h = len(motion.log.force), motion.log.interval
     length = f"the log is {n * h:.3g} s long"
     if cycles is None or cycles.n_found < MIN_CYCLES:
-        found, period = motion.n_cycles * (motion.n_cycles < MIN_CYCLES), motion.turns.period
+        found, longest = motion.n_cycles * (motion.n_cycles < MIN_CYCLES), 0.0
         if cycles is not None:
-            found, period = cycles.n_found, np.array([cycles.period])
-        needed = f" ({MIN_CYCLES * median(period) * h:.3g} s)" if found and len(period) else ""
+            found, longest = cycles.n_found, cycles.period
+        elif found > 1:
+            longest = float(motion.turns.period.max())
+        needed = f" ({MIN_CYCLES * longest * h:.3g} s)" if longest else ""
         stroke = 1e3 * float(np.ptp(motion.log.displacement))
         raise ConditioningError(
             f"found {found} whole steady cycle{'s' * (found != 1)} in the displacement "

@@ -5,7 +5,7 @@ import pytest
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter, design_filter
-from damperfit.conditioning.cycles import _tops, crossings, cycles_of, turning_points
+from damperfit.conditioning.cycles import crossings, cycles_of, tops_of, turning_points
 from damperfit.conditioning.delay import _REACH, _scan, _without_smooth
 from damperfit.passed_speeds import at_speeds
 from tests.oracles import cycles as slow
@@ -56,7 +56,7 @@ def test_crossings_and_tops_of_a_sine_are_where_they_are_known(sign, period, pha
     error = turn**3 / 50.0
     assert np.abs(found[:, None] - low).min(axis=0).max() < error
     assert np.diff(found) == pytest.approx(period, abs=2.0 * error)
-    tops = _tops(x, v, found, 0.2, sign=sign)
+    tops = tops_of(x, v, found, 0.2, sign=sign)
     assert tops == pytest.approx(1.0, abs=turn**4 / 100.0)
     assert not len(crossings(x, v, 1.1, level=0.2, sign=sign))
 
