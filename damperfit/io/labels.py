@@ -16,6 +16,7 @@ import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import PurePath
 from typing import NamedTuple
 
@@ -69,27 +70,16 @@ _SERIAL = r"(?<![^\W_])(?:sn|serial)[ _=-]?([a-z]?\d\w*?)(?![^\W_])"
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """What the names of logs tell of their settings.
+    """What the names of logs tell of their settings."""
 
-    Attributes
-    ----------
-    settings : mapping of str to Setting
-        By name; empty where the names leave a choice.
-    said : Problem or None
-        What was guessed, and how to say it for certain; None without a guess.
-    way : Problem or None
-        What to write where nothing was guessed, as an option to copy.
-    adjusters : tuple of str
-        Names of several adjusters, where each number that differs has the word of one before it.
-    pattern : str
-        Finds the place of each of these.
-    """
-
-    settings: Mapping[str, Setting] = field(default_factory=dict)
-    said: Problem | None = None
-    way: Problem | None = None
+    settings: Mapping[str, Setting] = field(
+        default_factory=dict
+    )  # by name; empty: a choice is left
+    said: Problem | None = None  # what was guessed, and how to say it for certain
+    way: Problem | None = None  # what to write where nothing was guessed, as an option to copy
+    # Names of several adjusters, where each number that differs has the word of one before it,
     adjusters: tuple[str, ...] = ()
-    pattern: str = ""
+    pattern: str = ""  # and what finds the place of each of these.
 
 
 class _Field(NamedTuple):
@@ -130,7 +120,8 @@ def guess_settings(names: Iterable[str]) -> Guess:
     alike = max(kinds.values(), key=len)
     fields = _fields(alike)
     may_be = [one for one in fields if one.may_be]
-    ranked = [one for one in may_be if one.is_clicks] or [one for one in may_be if one.is_varied]
+    varied = [one for one in may_be if one.is_varied]
+    ranked = [one for one in may_be if one.is_clicks] or varied
     is_most = len(kinds) == 1 or (len(alike) > 1 and 2 * len(alike) > len(whole))
     if is_most and len(ranked) == 1:
         chosen = ranked[0]
@@ -147,14 +138,18 @@ def guess_settings(names: Iterable[str]) -> Guess:
         return Guess(settings, said, _declaring(pattern), pattern=pattern)
     likely = sorted(fields, key=lambda one: (not one.is_clicks, not one.may_be, not one.is_varied))
     pattern = _pattern(likely[0], alike) if likely else ""
-    called = _called(may_be)
-    if not called:
+    # What to call the numbers that differ, where several may be adjusters.
+    if len(varied) > len(_PLACES):
+        varied = [one for one in varied if one.word != "s"]  # a speed, as likely
+    if not 2 <= len(varied) <= len(_PLACES):
         return Guess(way=_declaring(pattern))
-    adjusters = tuple(called.values())
-    every = _pattern_of_all(called, fields, alike)
-    way = _declaring(pattern, adjusters, every)
-    if len(kinds) == 1 and all(adjuster_of(one.word) in adjusters for one in called):
-        return Guess(way=way, adjusters=adjusters, pattern=every)
+    called = [adjuster_of(one.word) or one.word for one in varied]
+    if len(set(called)) < len(called) or not all(one.isascii() and one for one in called):
+        called = list(_PLACES[: len(varied)])
+    every = _pattern_of_all(dict(zip(varied, called, strict=True)), fields, alike)
+    way = _declaring(pattern, called, every)
+    if len(kinds) == 1 and all(adjuster_of(one.word) in called for one in varied):
+        return Guess(way=way, adjusters=tuple(called), pattern=every)
     return Guess(way=way)
 
 
@@ -202,47 +197,27 @@ def _fields(names: Sequence[str]) -> list[_Field]:
     numbers = [_NUMBERS.split(_stem(name))[1::2] for name in names]
     texts = _NUMBERS.split(_stem(names[0]))[::2]
     fields = []
-    for k, before in enumerate(texts[:-1]):
+    for k, (before, behind) in enumerate(pairwise(texts)):
         # Without accents, however a file system wrote them.
         letters = unicodedata.normalize("NFD", before.casefold())
         ending = _ENDING.search("".join(c for c in letters if not unicodedata.combining(c)))
         # What stands at a number is its unit, and no word of the next one: 1.5Hz_3.
         unit = re.fullmatch(rf" ?({_WORD})[ _=.-]+", before) if k else None
-        word = ending[1] if ending and not (unit and _is_unit(unit[1])) else ""
+        is_behind_unit = unit is not None and (is_unit(unit[1]) or is_unit(unit[1].casefold()))
+        word = ending[1] if ending and not is_behind_unit else ""
         # As written: degC and kN are units.
-        following = re.match(rf" ?(?:[\u00b0\u00ba\u02da] ?)?({_WORD})", texts[k + 1])
+        following = re.match(rf" ?(?:[\u00b0\u00ba\u02da] ?)?({_WORD})", behind)
         after = following[1] if following else ""
+        low = after.casefold()
+        counts_other = is_unit(after) or is_unit(low) or low in {*_NO_CLICKS, _MAY_BE_DEGREES}
         # R12C08: the letter is of the number behind it.
-        is_of_next = len(after) == 1 and texts[k + 1] == after and k + 2 < len(texts)
-        is_other = word in _NO_CLICKS or (not is_of_next and _counts_no_clicks(after))
+        is_of_next = len(after) == 1 and behind == after and k + 2 < len(texts)
+        is_other = word in _NO_CLICKS or (counts_other and not is_of_next)
         values = tuple(row[k] for row in numbers)
         digits = _CLICK if word in _CLICKS else _NUMBER
         may_be = not is_other and all(re.fullmatch(digits, value) for value in values)
-        fields.append(_Field(k, texts[k], word, values, may_be))
+        fields.append(_Field(k, before, word, values, may_be))
     return fields
-
-
-def _is_unit(word: str) -> bool:
-    return is_unit(word) or is_unit(word.casefold())
-
-
-def _counts_no_clicks(after: str) -> bool:
-    """Say whether the word behind a number says that it counts something else than clicks."""
-    word = after.casefold()
-    return _is_unit(after) or word in _NO_CLICKS or word == _MAY_BE_DEGREES
-
-
-def _called(may_be: Sequence[_Field]) -> dict[_Field, str]:
-    """Return what to call the numbers that differ, where several may be adjusters."""
-    varied = [one for one in may_be if one.is_varied]
-    if len(varied) > len(_PLACES):
-        varied = [one for one in varied if one.word != "s"]  # a speed, as likely
-    if not 2 <= len(varied) <= len(_PLACES):
-        return {}
-    called = [adjuster_of(one.word) or one.word for one in varied]
-    if len(set(called)) < len(called) or not all(one.isascii() and one for one in called):
-        called = list(_PLACES[: len(varied)])
-    return dict(zip(varied, called, strict=True))
 
 
 # Patterns to copy: each is tried on the names it was made from.
@@ -372,14 +347,6 @@ def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER
         raise LogError(
             f"setting {visible(text)}; {error}", subject=where, code="unknown-setting"
         ) from error
-
-
-def place_from_number(number: float, where: str) -> Place:
-    """Return where a column's number says that an adjuster stands."""
-    try:
-        return parse_place(f"{number:.15g}")
-    except ValueError as error:
-        raise LogError(f"{number:.6g}; {error}", subject=where, code="unknown-setting") from error
 
 
 def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence[str]) -> LogLabel:

@@ -138,10 +138,6 @@ class Profile:
     files: str = ""  # as in "ME*.txt"; empty: only when asked for by name
     declared: Mapping[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        """Refuse declarations that mean nothing."""
-        self.put_over(Declarations())
-
     def put_over(self, general: Declarations) -> dict[str, Any]:
         """Return all declarations: this profile's, then the general ones; tables by channel."""
         merged = {known.name: getattr(general, known.name) for known in fields(Declarations)}
@@ -151,9 +147,8 @@ class Profile:
         try:
             Declarations(**merged)
         except ConfigurationError as error:
-            raise ConfigurationError(
-                f"rig.profiles.{self.name}: {error}", code="wrong-value"
-            ) from error
+            text = f"rig.profiles.{self.name}: {error}"
+            raise ConfigurationError(text, code="wrong-value") from error
         return merged
 
 

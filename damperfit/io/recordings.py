@@ -32,7 +32,6 @@ from damperfit.io.formats import FloatArray, Samples, Table
 from damperfit.io.labels import (
     LogLabel,
     file_setting,
-    place_from_number,
     preamble_setting,
     setting_in_words,
 )
@@ -147,10 +146,10 @@ def _runs_on(before: Recording, after: Recording) -> bool:
 
 
 def _joined(record: Sequence[Recording], note: str) -> Recording:
-    notes = [text for part in record for text in part.notes]
-    if len(record) > 1:
-        title = [text for text in record[0].notes if text.startswith(_TITLE)]
-        notes = [*title, *(text for text in notes if not text.startswith(_TITLE))]
+    if len(record) == 1:
+        return replace(record[0], notes=tuple(dict.fromkeys([*record[0].notes, note])))
+    notes = [text for text in record[0].notes if text.startswith(_TITLE)]
+    notes += [text for one in record for text in one.notes if not text.startswith(_TITLE)]
     channels: dict[str, Any] = {}
     for name in ("time", "displacement", "force", *EXTRAS):
         values = [getattr(part, name) for part in record]
@@ -448,13 +447,12 @@ def _label(
     if options.setting is not None:
         places = dict(Setting.of(options.setting).places)
         return LogLabel(places, named.others, ("setting: as declared",))
-    of_columns = {
-        adjuster: place_from_number(
-            samples.channels[adjuster][first], f"{source.name}: column '{adjuster}'"
-        )
-        for adjuster in options.adjusters
-        if adjuster in samples.channels
-    }
+    of_columns = {}
+    for adjuster in options.adjusters:
+        if adjuster in samples.channels:
+            number = f"{samples.channels[adjuster][first]:.15g}"
+            stated = setting_in_words(number, f"{source.name}: column '{adjuster}'")
+            of_columns[adjuster] = stated.places[0][1]
     preamble = preamble_setting(metadata, source.name, options.adjusters)
     label = preamble.over(LogLabel(of_columns)).over(named)
     doubts = (

@@ -6,7 +6,7 @@ import json
 import math
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,13 +49,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     import pandas as pd
-    import pyarrow as pa
 
     from damperfit.comparison.comparing import Point, RunComparison, Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.io.force_curves import ForceCurve
     from damperfit.problem import Failure
-    from damperfit.recording import Trace
     from damperfit.reporting.sheet import Sheet
     from damperfit.run.logs import LogBatch
 
@@ -98,16 +96,15 @@ class Comparison(Answer):
         if out is not None:
             text = json.dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
             texts = {"html": self._told_by(comparison_page), "md": self.markdown, "json": text}
-            tables = {"differences": self._table()}
+            tables = {"differences": shown.comparison_table(self.comparisons)}
             if self.points:
                 tables["tolerance"] = shown.tolerance_table(self.points)
             with file_set(out) as files:
                 for suffix, one in texts.items():
-                    path = files.path(f"comparison.{suffix}")
-                    path.write_bytes(one.encode("utf-8", "backslashreplace"))
-                for name, table in tables.items():
-                    for suffix in (".csv", ".parquet"):
-                        write_table(files.path(name + suffix), table, suffix=suffix)
+                    content = one.encode("utf-8", "backslashreplace")
+                    files.path(f"comparison.{suffix}").write_bytes(content)
+                for name, suffix in product(tables, (".csv", ".parquet")):
+                    write_table(files.path(name + suffix), tables[name], suffix=suffix)
         if junit is not None:
             with file_set(junit.parent) as files:
                 report = shown.junit_report(self.points, source=self.tolerance)
@@ -130,11 +127,8 @@ class Comparison(Answer):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a difference: values of both, interval of the difference, verdict."""
-        frame: pd.DataFrame = self._table().to_pandas()
+        frame: pd.DataFrame = shown.comparison_table(self.comparisons).to_pandas()
         return frame
-
-    def _table(self) -> pa.Table:
-        return shown.comparison_table(self.comparisons)
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return the forces of each pair."""
@@ -156,21 +150,18 @@ def comparison_options(
         raise ConfigurationError(
             "expected a speed other than zero", where=Option("velocity", "0"), code="out-of-range"
         )
+    text, of_sine, known = "", Option("amplitude", amplitude), Option("measured")
     if (amplitude is None) != (frequency is None):
-        raise ConfigurationError(
-            "{amplitude} and {frequency} make the sine together; give both or neither",
-            amplitude=Option("amplitude"),
-            frequency=Option("frequency"),
-            code="not-together",
-        )
-    if amplitude is not None and is_measured:
-        raise ConfigurationError(
+        text = "{amplitude} and {frequency} make the sine together; give both or neither"
+        of_sine, known = Option("amplitude"), Option("frequency")
+    elif amplitude is not None and is_measured:
+        text = (
             "{amplitude} cannot be combined with {measured}: measured forces are "
-            "of the motions that were run; leave one of the two out",
-            amplitude=Option("amplitude", amplitude),
-            measured=Option("measured"),
-            code="not-together",
+            "of the motions that were run; leave one of the two out"
         )
+    if text:
+        options = {"amplitude": of_sine, known.name: known}
+        raise ConfigurationError(text, code="not-together", **options)
     size = positive(amplitude, "length", "amplitude")
     rate = positive(frequency, "frequency", "frequency")
     sine = Sine(size, rate) if size and rate else None
@@ -280,13 +271,13 @@ class _Places:
                 self._read(place, configuration, options.jobs)
 
     def _read(self, place: Path, configuration: Configuration, jobs: int) -> None:
-        is_file = place.is_file() and not is_baseline(place) and not is_part(place)
         is_folder = place.is_dir() and not _is_run(place) and not _runs_in(place)
+        is_log = place.is_file() and not is_baseline(place) and not is_part(place)
         # A pattern or a list of logs is no file or folder of this name.
         is_several = not place.exists() and (str(place)[0] == "@" or set("*?[") & set(str(place)))
-        folders = [place]
-        if not (is_file or is_several or (is_folder and _holds_logs(place))):
-            folders = [one for one in _listed(place) if _holds_logs(one)] if is_folder else []
+        folders = [place] if is_log or is_several or (is_folder and _holds_logs(place)) else []
+        if is_folder and not folders:
+            folders = [one for one in _listed(place) if _holds_logs(one)]
         runs: dict[str, Run] = {}
         for folder in folders:
             try:
@@ -296,9 +287,8 @@ class _Places:
                     raise
                 self.remarks.append(str(error))
                 continue
-            if folder != place:
-                own = {f"{folder.name}/{k}" if k else folder.name: run for k, run in own.items()}
-            runs |= own
+            above = "" if folder == place else folder.name
+            runs |= {"/".join(filter(None, (above, name))): run for name, run in own.items()}
         if folders and not runs:
             raise NoUsableLogError(self.remarks[-1])
         if runs:
@@ -319,9 +309,8 @@ class _Places:
         """
         for path in paths:
             if not path.exists() and path not in self.groups:
-                raise ConfigurationError(
-                    "no such file or folder", subject=path, code="no-such-file"
-                )
+                text = "no such file or folder"
+                raise ConfigurationError(text, subject=path, code="no-such-file")
         groups = [self.inside(path) for path in paths]
         if len(paths) == 1:
             if len(groups[0]) < 2:
@@ -335,14 +324,13 @@ class _Places:
             return [(first, other) for other in others], ()
         if not any(groups):
             return [(paths[0], other) for other in paths[1:]], ()
-        for path, group in zip(paths, groups, strict=True):
-            if not group:
-                raise ConfigurationError(
-                    "is one run, and others that were given hold several; give folders of "
-                    "several dampers, or single runs, not both",
-                    subject=path,
-                    code="several-results",
-                )
+        if not all(groups):
+            raise ConfigurationError(
+                "is one run, and others that were given hold several; give folders of "
+                "several dampers, or single runs, not both",
+                subject=paths[[bool(group) for group in groups].index(False)],
+                code="several-results",
+            )
         pairs, alone = [], []
         for path, group in zip(paths[1:], groups[1:], strict=True):
             common = [name for name in groups[0] if name in group]
@@ -364,12 +352,12 @@ class _Places:
         if runs := _runs_in(path):
             return runs
         files = [one.name for one in _listed(path) if one.is_file()]
-        for name in files:
-            if is_baseline(path / name):
-                raise ConfigurationError(
-                    f"{path}: {name} in it is a baseline or passport: give the file, {path / name}",
-                    code="baseline",
-                )
+        if kept := [name for name in files if is_baseline(path / name)]:
+            raise ConfigurationError(
+                f"{path}: {kept[0]} in it is a baseline or passport: give the file, "
+                f"{path / kept[0]}",
+                code="baseline",
+            )
         more = "; expected run.json and parameters.parquet"
         if files:
             others = f" and {len(files) - 1} more" if len(files) > 1 else ""
@@ -407,36 +395,32 @@ def _holds_logs(folder: Path) -> bool:
 
 def read_run(path: Path, *, config: Path | None = None, is_measured: bool = False) -> Run:
     """Return a run to be compared: results, a baseline or a part; or measured curves alone."""
-
-    def wrong(text: str) -> ConfigurationError:
-        return ConfigurationError(
-            text, measured=Option("measured"), subject=path, code="no-results"
+    text, run = "", None
+    if is_part(path) and is_measured:
+        text = (
+            "a part of a fleet keeps no measured cycles; give {measured} the logs, or "
+            "results of damperfit identify"
         )
-
-    if is_part(path):
-        if is_measured:
-            raise wrong(
-                "a part of a fleet keeps no measured cycles; give {measured} the logs, or "
-                "results of damperfit identify"
-            )
-        return refuse_unfitted(Run.load(path, config=config))
-    if path.is_dir() and _is_run(path):
+    elif is_part(path):
+        run = Run.load(path, config=config)
+    elif path.is_dir() and _is_run(path):
         run = Run.load(path, parts=("parameters", "responses"), config=config)
     elif path.is_dir():
-        raise wrong(
-            "holds no results of damperfit identify; expected run.json and parameters.parquet"
-        )
+        text = "holds no results of damperfit identify; expected run.json and parameters.parquet"
     elif not path.is_file():
-        raise wrong("no such file or folder")
+        text = "no such file or folder"
     elif not is_baseline(path):
-        raise wrong(
+        text = (
             "neither a results folder nor a baseline; to compare logs and files of "
             "curves, give {measured}"
         )
     else:
         run = _read_baseline(path, config)
         if not run.rows("parameters") and not is_measured:
-            raise wrong("a baseline of measured curves, nothing was fitted; give {measured}")
+            text = "a baseline of measured curves, nothing was fitted; give {measured}"
+    if run is None or text:
+        measured = Option("measured")
+        raise ConfigurationError(text, measured=measured, subject=path, code="no-results")
     if not is_measured:
         return refuse_unfitted(run)
     if not run.tests:
@@ -602,7 +586,15 @@ def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
     about = (*batch.notes, *batch.skipped_files, *batch.remarks, *log_warnings(batch.traces))
     notes = list(map(str, about))
     for trace in batch.traces:
-        own = _of_trace(trace)
+        nothing = np.full((4, len(trace.force)), np.nan)  # no model: no force, no pressures
+        time = trace.start_time + trace.interval * np.arange(len(trace.force), dtype=np.float64)
+        signals = LogSignals(
+            *(trace.setting or _NAMELESS, trace.name, time),
+            *(trace.displacement, trace.velocity, trace.force, nothing[0], nothing[1:]),
+        )
+        segments = [stretch.describe(trace) for stretch in trace.stretches]
+        mean = math.nan if trace.temperature is None else trace.temperature
+        own = measured_tests(signals, segments, temperature=mean)
         tests += own
         if not own:
             lost.append(f"{trace.name}: no measured cycles to compare; no motion in it repeats")
@@ -652,18 +644,6 @@ def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
     return run
 
 
-def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
-    nothing = np.full((4, len(trace.force)), np.nan)  # no model: no force, no pressures
-    time = trace.start_time + trace.interval * np.arange(len(trace.force), dtype=np.float64)
-    signals = LogSignals(
-        *(trace.setting or _NAMELESS, trace.name, time),
-        *(trace.displacement, trace.velocity, trace.force, nothing[0], nothing[1:]),
-    )
-    segments = [stretch.describe(trace) for stretch in trace.stretches]
-    mean = math.nan if trace.temperature is None else trace.temperature
-    return measured_tests(signals, segments, temperature=mean)
-
-
 def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
     """Return a curve without time as a test without a motion: no errors are known."""
     speeds = np.unique(np.abs(curve.velocity[curve.velocity != 0.0]))
@@ -673,6 +653,8 @@ def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
             setting = Setting.of(parse_place(curve.label))
         except ValueError:
             setting = Setting.of(curve.label)
+    forces = {side: [curve.force_at(v, side) for v in speeds.tolist()] for side in STROKES}
+    unknown = [math.nan] * len(speeds)
     return MeasuredTest(
         setting=setting,
         log=curve.name,
@@ -683,13 +665,5 @@ def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
         velocity=curve.velocity,
         force=curve.force,
         speeds=speeds,
-        strokes={
-            stroke: np.array(
-                [
-                    [curve.force_at(speed, stroke) for speed in speeds.tolist()],
-                    [math.nan] * len(speeds),
-                ]
-            )
-            for stroke in STROKES
-        },
+        strokes={stroke: np.array([own, unknown]) for stroke, own in forces.items()},
     )
