@@ -303,7 +303,7 @@ def short_listing(sentences: Iterable[object]) -> list[str]:
     return known[:FEW] + ([f"and {more} more; run.json and --json list them all"] * (more > 0))
 
 
-def listing(problems: Iterable[Problem]) -> list[str]:
+def listing(problems: Iterable[Problem], where: str = "run.json and --json list") -> list[str]:
     """Return sentences, the gravest first; of many of one code the first, and how many more.
 
     A few are all shown, but for long ones of one code. Within a severity the order stays: what is
@@ -324,5 +324,5 @@ def listing(problems: Iterable[Problem]) -> list[str]:
         lines.append(f"{sentences[0]} (and {len(group) - 1} alike{': ' * bool(names)}{names})")
     if len(groups) > FEW:
         n, more = len(groups) - FEW, sum(map(len, list(groups.values())[FEW:]))
-        lines.append(f"and {more} more of {n} other kinds; run.json and --json list them all")
+        lines.append(f"and {more} more of {n} other kinds; {where} them all")
     return lines

@@ -272,8 +272,8 @@ def test_inspect_tells_each_kind_of_refusal() -> None:
     assert "  run_0.csv and 49 other logs: unreadable: empty file (0 bytes)" in told
     joined = " ".join(" ".join(told).split())
     assert "run_100.csv: unreadable: line 100: force is 'OVR100'" in joined
-    assert joined.count("With other numbers in") == 2
-    assert joined.endswith("and 44 more")
+    assert joined.count("(and 49 alike: ") == 2
+    assert joined.endswith("and 44 more)")
 
 
 def test_a_note_of_many_logs_is_one_line_with_the_range_of_its_value() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.io.force_curves import ForceCurve
-from damperfit.problem import FEW, Problem, listed_names
+from damperfit.problem import FEW, Problem, listing
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, first_of, laid_out, number
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ _WIDTH = 80
 _SHOWN_UNITS = {"m": (1e3, "mm"), "s": (1e3, "ms"), "Pa": (1e-5, "bar")}
 MANY_ROWS = 60  # of a table; two screens
 _ROWS_OF_REFUSED = 5  # where none of many logs can be used
-_EACH = 3  # refusals of one kind that are told one by one: what to declare is in their numbers
 _NUMBER = re.compile(r"[-+]?\d[\d.e+-]*")
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 _CURVE_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.52)  # m/s, of the speeds that damper tests name
@@ -121,31 +120,20 @@ def curve_forces_sheet(curves: Sequence[ForceCurve], speeds: Sequence[float]) ->
         name = curve.label
         for stroke, word in STROKE_WORDS.items():
             v, f = curve.points(stroke)
-            if not len(v):
-                continue
-            fastest = float(v.max())
-            rows.append(
-                (
-                    *(name, word, str(len(v)), number(fastest, digits=3)),
-                    number(float(f[np.argmax(np.abs(f))]), digits=4),
-                    *(number(curve.force_at(speed, stroke), digits=4) for speed in speeds),
-                    number(curve.hysteresis_at(0.5 * fastest, stroke), digits=3),
-                )
-            )
-            name = ""
+            if len(v):
+                fastest, peak = float(v.max()), float(f[np.argmax(np.abs(f))])
+                forces = (peak, *(curve.force_at(speed, stroke) for speed in speeds))
+                lost = number(curve.hysteresis_at(0.5 * fastest, stroke), digits=3)
+                texts = (number(force, digits=4) for force in forces)
+                rows.append((name, word, str(len(v)), number(fastest, digits=3), *texts, lost))
+                name = ""
     n = 5 + len(speeds) + any(row[-1] != NOTHING for row in rows)  # points have no hysteresis
     shown, more = first_of(rows, MANY_ROWS, "rows are not shown; --json lists them all")
     headings = ("curve", "stroke", "points", "to", "peak", *map("{:g}".format, speeds), "hyst.")
-    return Sheet(
-        headings=headings[:n],
-        units=("", "", "", "m/s", "N", *("m/s, N" for _ in speeds), "N")[:n],
-        rows=tuple(row[:n] for row in shown),
-        is_number=(False, False, *(True,) * (n - 2)),
-        notes=(
-            "forces are read between measured points, of loops the mean of both branches",
-            *more,
-        ),
-    )
+    units = ("", "", "", "m/s", "N", *("m/s, N" for _ in speeds), "N")
+    note = "forces are read between measured points, of loops the mean of both branches"
+    is_number = (False, False, *(True,) * (n - 2))
+    return Sheet(headings[:n], units[:n], tuple(row[:n] for row in shown), is_number, (note, *more))
 
 
 # Findings
@@ -162,7 +150,7 @@ def finding_lines(
     verdicts = Counter(log.get("verdict", "good") for log in logs)
     counts = (f"{verdicts[one]} {words}" for one, words in _VERDICTS.items() if verdicts[one])
     yield f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(counts)}"
-    parts = {heading: list(_grouped(logs, severity)) for severity, heading in _HEADINGS.items()}
+    parts = {heading: _grouped(logs, severity) for severity, heading in _HEADINGS.items()}
     if has_notes:
         notes: dict[str, list[Facts]] = {}
         for one in chain.from_iterable(log.get("findings", ()) for log in logs):
@@ -189,32 +177,25 @@ def finding_lines(
             )  # fmt: skip
 
 
-def _grouped(logs: Sequence[Facts], severity: str) -> Iterator[str]:
-    """Yield a line for each sentence; one for each code where it differs from log to log."""
-    by_code: dict[str, dict[str, list[str]]] = {}
+def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
+    """Return a line for each sentence; where these are many that differ in numbers, the first."""
+    names: dict[tuple[str, str], list[str]] = {}
+    kinds: dict[tuple[str, str], str] = {}
     for log in logs:
         for one in log.get("findings", ()):
-            if one["severity"] != severity:
-                continue
-            name, code = str(log["name"]), one["name"]
-            # Refusals share a few names: the problem tells their causes apart.
-            if severity == "refusal" and log.get("code"):
-                code = Problem(log["code"], one["sentence"], subject=name).likeness
-            sentence = f"{one['name']}: {one['sentence']}"
-            code += _NUMBER.sub("", one["sentence"].replace(name, ""))
-            by_code.setdefault(code, {}).setdefault(sentence, []).append(name)
-    for sentences in list(by_code.values())[:FEW]:
-        for sentence, (first, *others) in list(sentences.items()):
-            n = len({*others} - {first})
-            names = dict.fromkeys(name for names in sentences.values() for name in names)
-            rest = [name for name in names if name != first]
-            if rest and len(sentences) > (_EACH if severity == "refusal" else 1):
-                yield f"{first}: {sentence}. With other numbers in {listed_names(rest, few=FEW)}"
-                break
-            more = f" and {n} other log{'s' * (n > 1)}" if n else ""
-            yield f"{first}{more}: {sentence}"
-    if len(by_code) > FEW:
-        yield f"and {len(by_code) - FEW} more kinds; --json lists them all"
+            if one["severity"] == severity:
+                name, sentence = str(log["name"]), f"{one['name']}: {one['sentence']}"
+                # Refusals share a few names: the problem tells their causes apart.
+                code = str((severity == "refusal" and log.get("code")) or one["name"])
+                names.setdefault((code, sentence), []).append(name)
+                alike = _NUMBER.sub("", one["sentence"].replace(name, ""))
+                kinds.setdefault((code, sentence), f"{code} {alike}")
+    problems = []
+    for (code, sentence), (first, *others) in names.items():
+        n = len({*others} - {first})
+        more = f" and {n} other log{'s' * (n > 1)}" if n else ""
+        problems.append(Problem(kinds[code, sentence], sentence, severity, f"{first}{more}"))
+    return listing(problems, where="--json lists")
 
 
 def _note(found: Sequence[Facts], n_logs: int) -> str:

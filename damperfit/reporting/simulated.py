@@ -37,25 +37,17 @@ _BLUE = "#0072b2"
 def cycle_force_sheet(figures: Characteristics, trust: str = "") -> Sheet:
     """Return peak forces, hysteresis and forces at named speeds; below, how far to trust them."""
     hysteresis = f"hysteresis at {figures.hysteresis_speed:.3g} m/s"
-    speeds = [
-        (f"force at {one.speed:g} m/s", "N", one.rebound, one.bump) for one in figures.speed_forces
-    ]
-    pairs = [
+    rows: list[tuple[str, str, float | None, float | None]] = [
         ("peak force", "N", figures.peak_force_rebound, figures.peak_force_bump),
         ("peak speed", "m/s", figures.peak_speed_rebound, figures.peak_speed_bump),
-        *speeds,
+        *((f"force at {f.speed:g} m/s", "N", f.rebound, f.bump) for f in figures.speed_forces),
         (hysteresis, "N", figures.hysteresis_rebound, figures.hysteresis_bump),
     ]
-    rows = [(name, unit, number(a, digits=4), number(b, digits=4)) for name, unit, a, b in pairs]
-    rows.append(("energy per cycle", "J", number(figures.energy, digits=4), ""))
-    headings = ("", "", *STROKE_WORDS.values())
-    return Sheet(
-        headings,
-        ("",) * 4,
-        tuple(rows),
-        (False, False, True, True),
-        (_BRANCHES, *[trust] * bool(trust)),
-    )
+    cells = [(a, b, *(number(one, digits=4) for one in pair)) for a, b, *pair in rows]
+    cells.append(("energy per cycle", "J", number(figures.energy, digits=4), ""))
+    notes = (_BRANCHES, *[trust] * bool(trust))
+    is_number = (False, False, True, True)
+    return Sheet(("", "", *STROKE_WORDS.values()), ("",) * 4, tuple(cells), is_number, notes)
 
 
 def cycle_pressure_sheet(figures: Characteristics) -> Sheet:
