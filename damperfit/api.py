@@ -862,17 +862,18 @@ def report(
     configured("report", {"config": config})
     from damperfit.tables.reading import written_of
 
-    folder = _own_folder(results, out, "damperfit.report")
     where: Any = out
     _check_places(where)
-    where = where or written_of(folder, "reports")
-    return _write_report(folder, where, page=True, figures=figures, units=units)
+    if where is None or not getattr(results, "is_temporary", False):
+        results = _own_folder(results, out, "damperfit.report")
+        where = where or written_of(results, "reports")
+    return _write_report(results, where, page=True, figures=figures, units=units)
 
 
 def _write_report(
-    results: Path, folder: Path, *, page: bool, figures: str | None, units: str | None = None
+    results: Any, folder: Path, *, page: bool, figures: str | None, units: str | None = None
 ) -> Files:
-    """Write the page and the figures of a results folder."""
+    """Write the page and the figures of a run, or of a results folder."""
     from damperfit.answers import Files
     from damperfit.reporting.figures import report_plots
     from damperfit.reporting.page import html_report
@@ -884,7 +885,7 @@ def _write_report(
     shown = report_plots(run, None if units is None else parse_units(units))
     written: list[Path] = []
     if page:
-        text = html_report(shown, title=run.name)
+        text = html_report(shown, title=run.name or run.title)
         with file_set(folder) as files:
             files.path("report.html").write_bytes(text.encode("utf-8", "backslashreplace"))
         written.append(folder / "report.html")

@@ -1008,7 +1008,7 @@ class Run:
         from damperfit.reporting.figures import report_plots
         from damperfit.reporting.page import html_report
 
-        text = html_report(report_plots(self), title=self._title)
+        text = html_report(report_plots(self), title=self.title)
         whole = path_of(path, "run.report", "the path of a page")
         with file_set(whole.parent) as files:
             files.path(whole.name).write_bytes(text.encode("utf-8", "backslashreplace"))
@@ -1091,7 +1091,8 @@ class Run:
         return known | {"place": None, "_scratch": None}
 
     @property
-    def _title(self) -> str:
+    def title(self) -> str:
+        """Whose run it is, in a word."""
         return self.identity.get("serial") or self.identity.get("damper") or "damperfit"
 
     def _sheet(self) -> Sheet:
@@ -1103,7 +1104,7 @@ class Run:
     def _headline(self) -> str:
         rows = self.rows("parameters")
         misfits = [row["mse_percent"] for row in rows if row.get("mse_percent") is not None]
-        whose = f"damper {self._title}, " if self._title != "damperfit" else ""
+        whose = f"damper {self.title}, " if self.title != "damperfit" else ""
         spread = f", MSE {min(misfits):.2g} to {max(misfits):.2g} %" if misfits else ""
         failed = f", {len(self.failures)} failed" if self.failures else ""
         return f"Run: {whose}{len(rows)} setting{'s' * (len(rows) != 1)}{spread}{failed}"
