@@ -359,13 +359,27 @@ def build_configuration(
         for label in values["rig"]["settings"]
     }
     rig = RigSection(**values["rig"] | {"settings": tuple(sorted(labels))})
+    how = {"adjusters": adjusters, "max_bytes": values["rig"]["max_log_bytes"]}
+    reading = ReadOptions(**_declared(values["rig"]), **how)
+    profiles = tuple(
+        Profile(name=name, files=keys.get("files", ""), declared=_declared(keys))
+        for name, keys in values["rig"]["profiles"].items()
+    )
+    checks: tuple[str, ...] = ()
+    if output["checks"]:
+        from damperfit.checks import expand_checks
+
+        is_any = math.isinf(rig.temperature_tolerance)
+        pointless = ("temperature_in_window",) if is_any else ()
+        names = [name.strip() for name in output["checks"]]
+        checks = expand_checks(names, pointless=pointless)
     is_open = "damper.model" not in declared
     profiled = tuple(name.strip() for name in fit["profile"])
     check_profile_names(profiled, damper.names, fixed=fit["fix"])
     return Configuration(
         damper=damper,
         rig=rig,
-        reading=_reading(values["rig"], adjusters),
+        reading=replace(reading, profile=values["rig"]["profile"], profiles=profiles),
         test=TestSection(**test | {"table": _path(test["table"]), "typed": frozenset()}),
         conditioning=_conditioning(
             values["conditioning"], rig, facts_of_damper(damper, {*fit["fix"], *fit["free"]})
@@ -378,7 +392,7 @@ def build_configuration(
         output=OutputSection(
             folder=_path(output["folder"]),
             max_mse_percent=output["max_mse_percent"],
-            checks=_checks(output["checks"], rig),
+            checks=checks,
             speeds=tuple(sorted(set(output["speeds"]))),
             units=parse_units(output["units"], Key(("output", "units"))),
         ),
@@ -402,15 +416,6 @@ def _declared(values: dict[str, Any]) -> dict[str, Any]:
             for name, text in given["tested_at"].items()
         }
     return {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
-
-
-def _reading(rig: dict[str, Any], adjusters: tuple[str, ...]) -> ReadOptions:
-    general = ReadOptions(**_declared(rig), adjusters=adjusters, max_bytes=rig["max_log_bytes"])
-    profiles = tuple(
-        Profile(name=name, files=keys.get("files", ""), declared=_declared(keys))
-        for name, keys in rig["profiles"].items()
-    )
-    return replace(general, profile=rig["profile"], profiles=profiles)
 
 
 def _conditioning(own: dict[str, Any], rig: RigSection, facts: dict[str, Any]) -> ConditionOptions:
@@ -438,6 +443,9 @@ def _fit_options(
             known = fit[name].items()
             return {name: parameter_value(damper.quantity(name), one) for name, one in known}
 
+    # How clicks count says the first such word of an adjuster.
+    words = ((name, [key] if isinstance(key, str) else key) for name, key in adjusters.items())
+    counted = [(name, next((one for one in how if one in _FROM), "")) for name, how in words]
     options = FitOptions(
         procedure=fit["procedure"],
         free=tuple(name.strip() for name in fit["free"]) or None,
@@ -445,7 +453,7 @@ def _fit_options(
         start=GivenStart(in_si("start_values")),
         share=with_beta(damper, fit["share"], named={*fit["free"], *fit["fix"]}),
         follows=followed(adjusters, damper, is_law_open=is_open),
-        from_closed=counted_from_closed(adjusters),
+        from_closed=tuple(name for name, word in counted if word == _CLOSED),
         solver=SolverOptions(tolerance=fit["tolerance"], dead_band=fit["dead_band"]),
         max_evaluations=fit["max_evaluations"],
         untied=tuple(name.strip() for name in fit["untie"]),
@@ -486,16 +494,6 @@ def with_beta(damper: Model, share: Sequence[str], *, named: Collection[str]) ->
     return names if is_said or not isinstance(damper, WithTemperature) else (*names, BETA.name)
 
 
-def _checks(names: list[str], rig: RigSection) -> tuple[str, ...]:
-    if not names:
-        return ()
-    from damperfit.checks import expand_checks
-
-    is_any = math.isinf(rig.temperature_tolerance)
-    pointless = ("temperature_in_window",) if is_any else ()
-    return expand_checks((name.strip() for name in names), pointless=pointless)
-
-
 # The section [adjusters], labels of settings, and what logs are declared to be tested at
 
 
@@ -521,8 +519,18 @@ def followed(
     """Return the quantities of a model that are declared to follow adjusters."""
     own, words = _parts(damper), _words(adjusters)
     known = own
-    if is_law_open and any(word not in own for _, word in words):
-        known = {word: names for one in _every_model() for word, names in _parts(one).items()}
+    if is_law_open and any(word not in own for _, word in words):  # those of every model
+        from damperfit.damper.network import BLOW_OFFS, Valve
+        from damperfit.damper.valve_dampers import DeclaredNetwork, ValveDamper
+
+        laws = [law for law in BLOW_OFFS if law not in {"none", "linear"}]
+        known = {}
+        kinds: list[Any] = [*MODELS.values()]
+        for kind in kinds:
+            has_valves = issubclass(kind, ValveDamper) and kind is not DeclaredNetwork
+            for law in laws if has_valves else laws[:1]:
+                valve = {"rebound": Valve("long", law), "compression": Valve("long", law)}
+                known |= _parts(kind(**valve if has_valves else {}))
     by_quantity: dict[str, dict[str, None]] = {}
     for adjuster, word in words:
         if not known.get(word):
@@ -541,13 +549,6 @@ def unmatched(adjusters: Mapping[str, AdjusterKey], damper: Model) -> tuple[str,
     return tuple(word for _, word in _words(adjusters) if word not in own)
 
 
-def counted_from_closed(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
-    """Return the adjusters whose clicks count from closed."""
-    words = {name: [key] if isinstance(key, str) else key for name, key in adjusters.items()}
-    first = {name: next((one for one in how if one in _FROM), "") for name, how in words.items()}
-    return tuple(name for name, word in first.items() if word == _CLOSED)
-
-
 def _words(adjusters: Mapping[str, AdjusterKey]) -> list[tuple[str, str]]:
     return [
         (adjuster, word.strip())
@@ -560,21 +561,6 @@ def _words(adjusters: Mapping[str, AdjusterKey]) -> list[tuple[str, str]]:
 
 def _parts(damper: Model) -> dict[str, tuple[str, ...]]:
     return {**damper.parts, **{name: (name,) for name in damper.names}}
-
-
-def _every_model() -> list[Model]:
-    """One damper of every model, with everything that it may have."""
-    from damperfit.damper.network import BLOW_OFFS, Valve
-    from damperfit.damper.valve_dampers import DeclaredNetwork, ValveDamper
-
-    valves = [Valve("long", kind) for kind in BLOW_OFFS if kind not in {"none", "linear"}]
-    return [
-        kind(rebound=valve, compression=valve)
-        if issubclass(kind, ValveDamper) and kind is not DeclaredNetwork
-        else kind()
-        for kind in MODELS.values()
-        for valve in valves
-    ]
 
 
 def _read(value: Any, read: Callable[[], Any], *key: str) -> Any:
