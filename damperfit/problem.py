@@ -259,11 +259,6 @@ class Failure:
             return problem
         return replace(problem, subject=place)
 
-    @property
-    def line(self) -> str:
-        """The failure as one line, its place first."""
-        return self.placed.sentence()
-
     def describe(self) -> dict[str, Any]:
         """Return the failure for run.json."""
         known = {"log": self.log, "path": self.path, "setting": self.setting, "kind": self.kind}

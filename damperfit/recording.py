@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-SEVERITIES = ("note", "warning", "refusal")
 _SPEEDS = ("peak_speed_rebound", "peak_speed_bump", "hysteresis_speed")
 _FIGURES = {one: f"{one}_m_per_s" for one in _SPEEDS}
 _FIGURES |= {"energy": "energy_J", "energy_se": "energy_se_J"}
@@ -226,8 +225,6 @@ class Trace:
     # What the damper was filled to for this test, Pa absolute; None: as it is declared.
     gas_pressure: float | None = None
     whole: Trace | None = None  # with all that was logged, where a run-up or coast-down is cut off
-    # Nothing was filtered since: the force has what came behind the rig's filter, such as steps.
-    is_filtered_by_rig: bool = False
     shows_signs: bool = False  # the gas force shows which way the channels are counted
 
     @property

@@ -284,8 +284,8 @@ class LogFile:
             handler = _kept.pop()
             _LOGGER.removeHandler(handler)
             handler.close()
-        _LOGGER.setLevel(logging.NOTSET)
-        _LOGGER.propagate = True
+            _LOGGER.setLevel(logging.NOTSET)
+            _LOGGER.propagate = True
 
 
 def show_steps() -> None:

@@ -160,7 +160,6 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         model_filter=seen.model_filter._replace(bridged=bridged),
         temperature=_mean_temperature(recording, seen.log, stretches),
         notes=() if options.rig_filter == "none" else (note,),
-        is_filtered_by_rig=options.rig_filter == "zero_phase",
     )
     left_out = (seen.log.force - seen.force)[keep] if options.is_ours else np.empty(0)
     trace = _with_whole(with_noise(trace, left_out), part, options, centre)
