@@ -1,4 +1,4 @@
-"""The command line: one command per file, no numerical library before a command runs."""
+"""The command line: no numerical library before a command runs."""
 
 import gc
 

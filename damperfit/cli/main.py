@@ -17,7 +17,6 @@ import typer
 from damperfit.cli import commands
 from damperfit.cli.command import Commands, PanelledCommand, of_presentation, with_options
 from damperfit.cli.console import LogFile, record, say, say_lines, shield_streams, unprinted
-from damperfit.cli.init import init
 from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.own_process import CLOSED_STREAMS, begin
 
@@ -62,7 +61,7 @@ for _command in (
     *(commands.simulate, commands.sweep, commands.models, commands.fleet, commands.export),
     *(commands.inspect, commands.samples, commands.config),
     *(commands.advise, commands.valves, commands.passport, commands.ride, commands.watch),
-    *(init, commands.doctor, commands.show_help),
+    *(commands.init, commands.doctor, commands.show_help),
 ):
     app.command(cls=PanelledCommand)(_command)
 _names = {one.callback.__name__: one for one in app.registered_commands if one.callback}

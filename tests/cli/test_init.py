@@ -125,7 +125,7 @@ def answered(monkeypatch, folder):
     """Run `init` on a terminal whose user types these lines."""
 
     def run(*lines: str, arguments=()) -> int:
-        monkeypatch.setattr("damperfit.cli.init._is_terminal", lambda: True)
+        monkeypatch.setattr("damperfit.cli.commands._is_terminal", lambda: True)
         monkeypatch.setattr("sys.stdin", io.StringIO("\n".join([*lines, ""])))
         return main(["init", *arguments])
 

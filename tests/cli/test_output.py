@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.cli import main
-from damperfit.cli.watching import stop_on_signal
+from damperfit.cli.console import stop_on_signal
 from damperfit.configuration.loading import load_configuration
 from damperfit.results import Run
 from damperfit.run import identify
