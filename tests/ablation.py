@@ -45,6 +45,8 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "believed defaults": ("laws.search", "_FREED", 1e9),
     "floor of the criterion": ("laws.search", "FLOOR_PERCENT", 0.001),
     "rubber": ("laws.structures", "with_part", _without_rubber),
+    "ties of parts": ("laws.structures", "Structure.ties_of", lambda _, other: other.ties),
+    "hopeless valves": ("laws.search", "_Search.is_hopeless", lambda *_: False),
     # Fits.
     "clip": ("identification.fit_problem", "Block.stays_beyond", property(lambda _: False)),
     "idle parts": ("identification.procedures", "_without_idle_parts", _first),
