@@ -807,6 +807,7 @@ def doubtful() -> Any:
     sound = logs(lambda values, _: values)
     return {
         "frictions": told(fit(frictions)),
+        "apart": told(fit(frictions, procedure="joint")),
         "unseen": told(fit(unseen)),
         "unseen_alone": told(fit(unseen[:1], procedure="plain")),
         "air": told(fit(airy, damper=thick)),

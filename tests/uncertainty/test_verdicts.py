@@ -264,3 +264,28 @@ def test_a_hundredth_of_a_strokes_oil_is_a_blow_off_that_opens(share, is_open) -
     flow = MODEL.oil_density * MODEL.annulus_area * fakes.trace(1).fastest.peak_speed
     one = linearised(1, 5e5, 9e5, slope=4e5 / (share * flow))
     assert unopened(one) == ({} if is_open else {NAME: 9e5})
+
+
+def test_a_mounting_that_no_log_shows_give_has_a_lower_limit() -> None:
+    """Also where all settings share it: by one profile of all settings."""
+    model, true = damper(has_play_and_lag=False), 2e9  # N/m: the oil gives 300 times as much
+    numbers = {k: v for k, v in VALUES.items() if k in model.names} | {"k_s": true, "k_e": 1e9}
+    logs = []
+    for setting, bleed in ((1, 2e4), (2, 3e4), (3, 4e4)):
+        own = {"rebound_bleed": bleed, "compression_bleed": 0.9 * bleed}
+        motion = {"rate": 500.0, "cycles": 3, "noise": 1.5}
+        logs.append(log_of(setting, model, numbers | own, (0.08, 0.24), **motion)[0])
+    campaign = identify(logs, model, FitOptions("joint"))
+    judged = assess(campaign, model)
+    campaign = reconsider(campaign, judged)
+    assert [fit.status["k_s"] for fit in campaign.fits] == [Status.NOT_IDENTIFIABLE] * 3
+    for fit in campaign.fits:
+        low, high = judged.plausible_limits(fit, "k_s")
+        assert high is None
+        assert 1e6 < low < true
+        said = judged.verdicts(campaign)[fit.setting]["k_s"]
+        assert said.startswith(f"not identifiable upward: at least {low:.4g} N/m (95 %)")
+    shared = [p for p in judged.profiles if p.is_shared]
+    # What is determined is not followed.
+    assert {(p.name, p.shape) for p in shared} == {("k_s", "flat upward")}
+    assert shared[0].evaluations < 60
