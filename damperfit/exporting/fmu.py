@@ -204,7 +204,7 @@ def _documentation(run: ExportedRun, damper: ExportedDamper, tables: Sequence[Fo
             "name": name,
             "mse": "" if math.isnan(table.mse_percent) else f"{table.mse_percent:.3g}",
             "determined": f"{table.determined:.3g}",
-            "forces": map(table.said_at, speeds),
+            "forces": map(table.words_at, speeds),
         }
         for (place, name), table in zip(damper.settings.items(), tables, strict=True)
     ]

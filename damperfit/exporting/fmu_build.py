@@ -13,11 +13,12 @@ import platform as machine
 import shutil
 import subprocess
 import sys
+from argparse import ArgumentParser
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from damperfit.errors import ConfigurationError, InstallationError, OutputError, did_you_mean
+from damperfit.errors import InstallationError, OutputError
 from damperfit.exporting.fmu import (
     BINARIES,
     DIGEST,
@@ -92,26 +93,23 @@ def this_platform() -> str:
     return here
 
 
-def main(names: Sequence[str]) -> int:
+def main(names: Sequence[str] | None = None) -> int:
     """Build the platforms that are named, else all that are missing."""
     known = {one.name: one for one in PLATFORMS}
+    parser = ArgumentParser(
+        prog="python -m damperfit.exporting.fmu_build", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("platform", nargs="*", choices=known)
+    asked = [known[name] for name in parser.parse_args(names).platform]
+    there = built()
     try:
-        for name in names:
-            if name not in known:
-                hint = did_you_mean(name, known)
-                there = ", ".join(known)
-                raise ConfigurationError(  # noqa: TRY301
-                    f"no platform {name!r}; there are {there}.{hint}", code="unknown-platform"
-                )
-        there_already = built()
-        missing = [one for one in PLATFORMS if one not in there_already]
-        for one in [known[name] for name in names] or missing:
+        for one in asked or [one for one in PLATFORMS if one not in there]:
             sys.stderr.write(f"damperfit: {build(one)} built\n")
-    except (ConfigurationError, InstallationError, OutputError) as error:
+    except (InstallationError, OutputError) as error:
         sys.stderr.write(f"damperfit: {error}\n")
         return error.exit_code
     return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+    raise SystemExit(main())

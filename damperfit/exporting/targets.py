@@ -182,7 +182,7 @@ class ForceTable:
         pairs = zip(side * self.speeds, side * self.forces, strict=True)
         return sorted((float(v) + 0.0, float(force) + 0.0) for v, force in pairs)
 
-    def said_at(self, speed: float) -> str:
+    def words_at(self, speed: float) -> str:
         """Return a force with its 95 % interval in words; nothing beyond the table."""
         if abs(speed) > self.end:
             return ""

@@ -198,9 +198,9 @@ def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
     return listing(problems, where="--json lists")
 
 
-def _note(found: Sequence[Facts], n_logs: int) -> str:
+def _note(findings: Sequence[Facts], n_logs: int) -> str:
     """Return a note of several logs once, with the range of its number."""
-    first, values = found[0], [one.get("value") for one in found]
+    first, values = findings[0], [one.get("value") for one in findings]
     note = f"{first['name']}: {first['sentence']}"
     if n_logs == 1:
         return note
@@ -208,4 +208,4 @@ def _note(found: Sequence[Facts], n_logs: int) -> str:
     factor, unit = _SHOWN_UNITS.get(first.get("unit") or "", (1.0, first.get("unit") or ""))
     low, high = (number(factor * known[end], digits=3) for end in (0, -1))
     spread = f"; {low} to {high} {unit}".rstrip() if low != high else ""
-    return f"{note} ({len(found)} of {n_logs} logs{spread})"
+    return f"{note} ({len(findings)} of {n_logs} logs{spread})"

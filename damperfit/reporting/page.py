@@ -17,7 +17,7 @@ from functools import cache
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -111,16 +111,6 @@ def _environment() -> Environment:
     return made
 
 
-class Figure(NamedTuple):
-    """Where a plot stands on the page: its number in the data, and its texts, not yet escaped."""
-
-    place: int
-    name: str
-    title: str
-    caption: str
-    is_tall: bool
-
-
 class PlotData:
     """Arrays of the page, each once, and the plots that point to them."""
 
@@ -128,8 +118,8 @@ class PlotData:
         self.arrays: dict[bytes, int] = {}
         self.plots: list[dict[str, Any]] = []
 
-    def add(self, plot: Plot) -> Figure:
-        """Keep a plot, and return where it is drawn."""
+    def add(self, plot: Plot) -> dict[str, Any]:
+        """Keep a plot, and return its place in the data, and its texts, not yet escaped."""
         panels = [
             {
                 "x": [panel.x_label, panel.x_unit],
@@ -147,8 +137,8 @@ class PlotData:
         title = page_text(plot.title)
         one = {"name": plot.name, "title": title, "panels": panels, "keyed": bool(plot.key)}
         self.plots.append(one)
-        place = len(self.plots) - 1
-        return Figure(place, plot.name, plot.title, plot.caption, len(plot.panels) > 1)
+        words = {"name": plot.name, "title": plot.title, "caption": plot.caption}
+        return {"place": len(self.plots) - 1, "is_tall": len(plot.panels) > 1, **words}
 
     def script(self, colours: Mapping[Setting, str]) -> Markup:
         """Return everything as JSON that cannot end the script element it stands in."""
@@ -290,7 +280,7 @@ def comparison_page(
     groups: dict[str, list[RunComparison]] = defaultdict(list)
     for one in comparisons:
         groups[one.first.shown_as].append(one)
-    overall: list[Figure] = []
+    overall: list[dict[str, Any]] = []
     settings_of: list[dict[str, Any]] = []
     for k, group in enumerate(groups.values()):
         more = f"_{k + 1}" if len(groups) > 1 else ""

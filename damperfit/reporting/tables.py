@@ -674,8 +674,8 @@ def law_sentences(choice: Row, *, with_undecided: bool = True) -> list[str]:
     if not isinstance(choice.get("chosen"), str):
         return []
     keys = ("sentences", "undecided") if with_undecided else ("sentences",)
-    told = (str(one) for key in keys for one in listed_in(choice, key))
-    return [f"The logs support {choice['chosen']}.", *told]
+    sentences = (str(one) for key in keys for one in listed_in(choice, key))
+    return [f"The logs support {choice['chosen']}.", *sentences]
 
 
 def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:

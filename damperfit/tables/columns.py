@@ -108,6 +108,7 @@ CHARACTERISTICS = (
     _number("measured_hysteresis_rebound_se_N", "N", "standard error, likewise; of peaks"),
     _number("measured_hysteresis_bump_se_N", "N", "standard error, likewise; of peaks"),
 )
+_SAFE = "absolute gas pressure at rest at which a chamber just reaches zero on this motion"
 CAVITATION = (
     _number("cavitation_fraction", "1", "share of the cycle with a chamber at P = 0", "fraction"),
     _number("r_m3_cavitation_margin", "1", "rise of R_m3 at which chamber 2 cavitates", "margin"),
@@ -115,12 +116,7 @@ CAVITATION = (
     _count("lowest_pressure_chamber", "chamber of the lowest pressure"),
     _number("lowest_pressure_displacement", "m", "x at the lowest pressure", "displacement"),
     _number("lowest_pressure_velocity", "m/s", "v at the lowest pressure", "velocity"),
-    _number(
-        "safe_gas_pressure",
-        "Pa",
-        "absolute gas pressure at rest at which a chamber just reaches zero on this motion",
-        "safe_gas_pressure",
-    ),
+    _number("safe_gas_pressure", "Pa", _SAFE, "safe_gas_pressure"),
 )
 FORCE = (
     _number("force_N", "N", "force there, gas and friction in it, the rig's tare not", "force"),
@@ -130,9 +126,7 @@ FORCE = (
     _number("force_misfit_se_N", "N", "error of force_N from the model's misfit", "misfit"),
     _number("measured_N", "N", "measured force there, without the tare", "measured_force"),
     _number("measured_se_N", "N", "standard error of measured_N", "measured_error"),
-    _number(
-        "difference_N", "N", "measured less modelled force, rig and filter in both", "difference"
-    ),
+    _number("difference_N", "N", "measured less model, rig and filter in both", "difference"),
     _number("model_N", "N", "the damper's force at constant speed by the model", "model_force"),
     _number("gas_N", "N", "gas force at mid-stroke, in all of these", "gas"),
     _number("friction_N", "N", "friction in model_N", "friction"),
@@ -379,13 +373,13 @@ def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tupl
     say what there is.
     """
     records = facts.get("quantities")
-    found: tuple[Quantity, ...] = ()
+    known: tuple[Quantity, ...] = ()
     with suppress(KeyError, TypeError, ValueError):
-        found = tuple(map(_quantity, records)) if isinstance(records, list) else ()
+        known = tuple(map(_quantity, records)) if isinstance(records, list) else ()
     seen = [name.removesuffix("_status") for name in columns if name.endswith("_status")]
-    if not found and not {one.name for one in PAPER_QUANTITIES}.issuperset(seen):
-        found = tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in seen)
-    return found if found and found != PAPER_QUANTITIES else PAPER_QUANTITIES
+    if not known and not {one.name for one in PAPER_QUANTITIES}.issuperset(seen):
+        known = tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in seen)
+    return known if known and known != PAPER_QUANTITIES else PAPER_QUANTITIES
 
 
 def _quantity(record: Mapping[str, Any]) -> Quantity:

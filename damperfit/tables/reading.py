@@ -329,10 +329,10 @@ def packed(record: Mapping[str, Any]) -> str:
 def unpacked(text: bytes) -> dict[str, Any]:
     """Return the record that a footer holds."""
     try:
-        found = json.loads(decompress(b64decode(text))) if text else {}
+        record = json.loads(decompress(b64decode(text))) if text else {}
     except zlib_error as error:
         raise ValueError(str(error)) from error
-    return found if isinstance(found, dict) else {}
+    return record if isinstance(record, dict) else {}
 
 
 def is_part(path: Path) -> bool:
