@@ -91,6 +91,7 @@ _OF_TABLE = {"schema_version", "table", "quantities"}  # facts that each table h
 _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
 _WORDS = Words("damperfit.identify")
+_OF_CALL = {"_config", "_temperature", "_scratch"}  # of a run that is read: they are its reader's
 _IN_MEMORY = (
     *("record", "quantities", "tables", "report_text", "place", "shown_as"),
     *("_rows", "_signals", "_remarks", "_config", "_temperature", "_source", "_scratch"),
@@ -325,10 +326,9 @@ class Run:
                 return place
             if place.place is not None:
                 return cls.load(place.place, parts=(), **more)
-            again = cls()
-            again.__dict__ |= {name: getattr(place, name) for name in _IN_MEMORY}
-            again._config, again._temperature, again._scratch = config, temperature, None
-            again._remarks = list(place._remarks)  # noqa: SLF001 - its own
+            again = cls(config=config, temperature=temperature)
+            own = {name: getattr(place, name) for name in _IN_MEMORY if name not in _OF_CALL}
+            again.__dict__ |= own | {"_remarks": list(place._remarks)}  # noqa: SLF001 - its own
             return again
         place = path_of(place, "damperfit.load", "the path of a results folder")
         if is_part(place):
@@ -480,7 +480,7 @@ class Run:
         for log in self._inputs:
             for _, _, speed in _motions(log):
                 tops[log.get("setting")] = max(speed, tops.get(log.get("setting"), 0.0))
-        entries = {one.get("setting"): one for one in _of_settings(self.record, "uncertainty")}
+        entries = {one.get("setting"): one for one in entries_in(self.record, "uncertainty")}
         settings = []
         for row in sorted(self.rows("parameters"), key=lambda row: Setting.of(row["setting"])):
             cells = [(one.default, row.get(one.name)) for one in self.quantities]
@@ -502,7 +502,7 @@ class Run:
     @property
     def _inputs(self) -> list[dict[str, Any]]:
         """Entries of run.json on the logs."""
-        return _of_settings(self.record, "inputs")
+        return entries_in(self.record, "inputs")
 
     @refuse_wrong_arguments("run.setting")
     def setting(self, setting: Setting | str | float) -> SettingResult:
@@ -516,10 +516,8 @@ class Run:
             if one.label.casefold() == wanted.casefold():
                 return one
         labels = [one.label for one in self.settings]
-        raise ConfigurationError(
-            f"no setting {wanted}; there are {', '.join(labels)}.{did_you_mean(wanted, labels)}",
-            code="no-setting",
-        )
+        text = f"no setting {wanted}; there are {', '.join(labels)}.{did_you_mean(wanted, labels)}"
+        raise ConfigurationError(text, code="no-setting")
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -542,7 +540,7 @@ class Run:
         failed = {failure.setting for failure in failures_in(self.record)}
         told = {
             one.get("setting"): names
-            for one in _of_settings(self.record, "uncertainty")
+            for one in entries_in(self.record, "uncertainty")
             if isinstance(names := one.get("parameters"), list)
         }
         return {
@@ -891,10 +889,9 @@ class Run:
             with np.errstate(divide="ignore", invalid="ignore"):
                 matrix = one.covariance / np.outer(scales, scales)
             blocks[one.label] = pd.DataFrame(matrix, one.names, one.names)
-        if not blocks:
-            return pd.DataFrame()
-        table = pd.concat(blocks, names=["setting", "parameter"])
-        table.attrs["units"] = {one.name: one.unit for one in self.quantities}
+        table = pd.concat(blocks, names=["setting", "parameter"]) if blocks else pd.DataFrame()
+        if blocks:
+            table.attrs["units"] = {one.name: one.unit for one in self.quantities}
         return table
 
     @property
@@ -951,11 +948,10 @@ class Run:
         if name in {*TABLES} - {"responses"} and (rows := self.rows(name)):
             return pd.DataFrame([{**row, "setting": row["setting"].cell} for row in rows])
         there = [one for one in TABLES if one in self.tables or has_table(self.folder, {}, one)]
-        raise ConfigurationError(
-            f"no table {name!r} in these results; there {'are ' if there else 'is none'}"
-            f"{', '.join(there)}.{did_you_mean(name, there)}",
-            code="no-table",
-        )
+        known = f"there {'are ' if there else 'is none'}{', '.join(there)}"
+        hint = did_you_mean(name, there)
+        text = f"no table {name!r} in these results; {known}.{hint}"
+        raise ConfigurationError(text, code="no-table")
 
     def to_frame(self) -> pd.DataFrame:
         """Return the parameters as a data frame."""
@@ -996,9 +992,8 @@ class Run:
         meant = _FAN if name is None else str(name)
         if meant not in plots:
             hint = did_you_mean(meant, plots)
-            raise ConfigurationError(
-                f"no figure {meant!r}; there are {', '.join(plots)}.{hint}", code="no-figure"
-            )
+            text = f"no figure {meant!r}; there are {', '.join(plots)}.{hint}"
+            raise ConfigurationError(text, code="no-figure")
         with fixed_style():
             axes = compose(plots[meant]).axes
         return axes[0] if len(axes) == 1 else list(axes)
@@ -1214,9 +1209,8 @@ def with_temperature(configuration: Configuration, temperature: str | None) -> C
     try:
         asked = parse_quantity(temperature, "temperature")
     except ValueError as error:
-        raise ConfigurationError(
-            f"{error}", where=Option("temperature", temperature), code="wrong-value"
-        ) from error
+        where = Option("temperature", temperature)
+        raise ConfigurationError(f"{error}", where=where, code="wrong-value") from error
     return replace(configuration, damper=at_temperature(configuration.damper, asked))
 
 
@@ -1273,14 +1267,9 @@ def _inside(document: Any, *keys: str) -> Any:
 
 def entries_in(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
     """Return the objects in a list of the record; none where somebody put something else there."""
-    entries = record.get(key)
-    return [one for one in entries if isinstance(one, dict)] if isinstance(entries, list) else []
-
-
-def _of_settings(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
-    """Return the objects of a list that may be looked up by their setting."""
-    known = (str, int, float, type(None))
-    return [one for one in entries_in(record, key) if isinstance(one.get("setting"), known)]
+    entries, scalars = record.get(key), (str, int, float, type(None))
+    known = [one for one in entries if isinstance(one, dict)] if isinstance(entries, list) else []
+    return [one for one in known if isinstance(one.get("setting"), scalars)]
 
 
 def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:

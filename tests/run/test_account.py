@@ -128,7 +128,7 @@ def test_what_many_settings_or_files_have_in_common_is_one_line(n) -> None:
         "setting 1: 1 trials failed.": warned(campaign(*fits)),
         "setting 1: MSE 0.0123 % is above": gates_not_met(limited, EMPTY, campaign(*fits)),
         "setting 1: the fit did not": gates_not_met(PLAIN, EMPTY, campaign(*unsound)),
-        "setting": (one.line for one in failures_of(expected, EMPTY, campaign())),
+        "setting": (one.placed.sentence() for one in failures_of(expected, EMPTY, campaign())),
         "truth_0.csv": skipped.skipped_files,
     }
     for begin, lines in kinds.items():
