@@ -32,17 +32,18 @@ from damperfit.recording import Finding, Recording
 from damperfit.statistics import mean_of, median, percentiles
 
 
-class _Channel(NamedTuple):
-    """One channel of a log, or of its steady cycles, and the other one beside it."""
+class _Channel:
+    """Some rows of one channel of a log, and of the other one beside it."""
 
-    name: str  # "force" or "displacement"
-    unit: str  # for sentences, with the factor from SI
-    factor: float
-    values: FloatArray  # shape (n,), SI
-    other: FloatArray
-    time: FloatArray
-    first_row: int  # of the data, counted from 1, that the first value stands in
-    period: float  # samples in a cycle; 0 when not known
+    def __init__(self, recording: Recording, name: str, rows: slice, period: float) -> None:
+        other = "displacement" if name == "force" else "force"
+        self.name, self.period = name, period  # samples in a cycle; 0 when not known
+        self.values: FloatArray = getattr(recording, name)[rows]  # SI
+        self.other: FloatArray = getattr(recording, other)[rows]
+        self.time = recording.time[rows]
+        self.first_row = (rows.start or 0) + 1  # of the data, counted from 1
+        self.low, self.high = float(self.values.min()), float(self.values.max())
+        self.span, self.noise = self.high - self.low, noise_of(self.values)
 
     def place(self, index: int) -> str:
         """Return where a sample stands."""
@@ -50,46 +51,27 @@ class _Channel(NamedTuple):
 
     def shown(self, value: float) -> str:
         """Return a value with its unit."""
-        return f"{self.factor * value:.5g} {self.unit}"
-
-
-def _channels(recording: Recording, rows: tuple[slice, slice], period: float) -> list[_Channel]:
-    """Return some rows of the displacement, and some of the force."""
-    x, f, units = "displacement", "force", {"displacement": ("mm", 1e3), "force": ("N", 1.0)}
-    return [
-        _Channel(
-            name, *units[name], getattr(recording, name)[part], getattr(recording, other)[part],
-            recording.time[part], (part.start or 0) + 1, period,
-        )
-        for name, other, part in ((x, f, rows[0]), (f, x, rows[1]))
-    ]  # fmt: skip
+        return f"{value:.5g} N" if self.name == "force" else f"{1e3 * value:.5g} mm"
 
 
 def examine_channels(
     recording: Recording, driven: slice, compared: slice, *, period: float
 ) -> Iterator[Finding]:
     """Yield what is remarkable in the displacement that drives, and in the compared force."""
-    for channel in _channels(recording, (driven, compared), period):
-        n = len(channel.values)
-        if n < 8:
+    for name, rows in (("displacement", driven), ("force", compared)):
+        n = len(recording.time[rows])
+        channel = _Channel(recording, name, rows, period) if n >= 8 else None
+        if channel is None or channel.span <= 0.0:
             continue
         order = np.sort(np.asarray(channel.values, np.float64))
-        span = float(order[-1] - order[0])
-        if span <= 0.0:
-            continue
         # The least step, but for a few values that stand between the steps.
         steps = np.diff(order)
-        steps = steps[steps > 1e-9 * span]
+        steps = steps[steps > 1e-9 * channel.span]
         rank = len(steps) // 50
         step = float(np.partition(steps, rank)[rank]) if len(steps) else 0.0
-        runs = _runs(channel.values)
-        rails = _rails(channel, runs, step, span)
-        noise = noise_of(channel.values)
-        yield from _clipping(channel, rails)
-        yield from _standing(channel, runs, rails, step, noise)
-        yield _steps(channel, step, span, noise=noise)
-        usual = float(order[n - 1 - n // 100] - order[n // 100])
-        yield from _spikes(channel, usual, noise=noise)
+        yield from _standing(channel, step)
+        yield _steps(channel, step)
+        yield from _spikes(channel, float(order[n - 1 - n // 100] - order[n // 100]))
 
 
 # Whether a channel that stands for some samples was cut, was stuck, or did stand.
@@ -128,6 +110,10 @@ class _Runs(NamedTuple):
     def length(self) -> IntArray:
         return self.stop - self.start
 
+    @property
+    def ends(self) -> list[tuple[int, int]]:
+        return list(zip(self.start.tolist(), self.stop.tolist(), strict=True))
+
 
 def _runs(values: FloatArray) -> _Runs:
     """Return the runs of at least three equal samples."""
@@ -146,31 +132,15 @@ def _runs(values: FloatArray) -> _Runs:
     return _Runs(start, stop, np.minimum(left, right), np.maximum(left, right))
 
 
-def _rails(channel: _Channel, runs: _Runs, step: float, span: float) -> list[_Runs]:
-    """Return the runs at the lowest and at the highest value that are no rounded peaks."""
-    found = []
-    usual = median(runs.length) if _is_held(channel, runs) else 0.0
-    is_long = (runs.length > 2.0 * usual) & (runs.least_leap > _LEAP * step)
-    for rail in (channel.values.min(), channel.values.max()):
-        at = runs.where((channel.values[runs.start] == rail) & is_long)
-        is_flat = [_is_clip(channel, *ends, span) for ends in zip(at.start, at.stop, strict=True)]
-        if any(is_flat):
-            found.append(at.where(np.array(is_flat)))
-    return found
-
-
 def _is_held(channel: _Channel, runs: _Runs) -> bool:
     """Whether a converter is slower than the rows: each value stands, not the ends alone."""
-    level = channel.values[runs.start]
-    is_between = (level > channel.values.min()) & (level < channel.values.max())
-    between = len(channel.values) - sum(
-        int(np.count_nonzero(channel.values == end))
-        for end in (channel.values.min(), channel.values.max())
-    )
-    return 2 * int(runs.length[is_between].sum()) > between
+    level, values = channel.values[runs.start], channel.values
+    is_between = (level > channel.low) & (level < channel.high)
+    between = np.count_nonzero((values > channel.low) & (values < channel.high))
+    return bool(2 * int(runs.length[is_between].sum()) > between)
 
 
-def _is_clip(channel: _Channel, start: int, stop: int, span: float) -> bool:
+def _is_clip(channel: _Channel, start: int, stop: int) -> bool:
     """Whether a channel was cut where it stands."""
     values, other = channel.values, channel.other[start:stop]
     length = stop - start
@@ -188,83 +158,80 @@ def _is_clip(channel: _Channel, start: int, stop: int, span: float) -> bool:
         ]
         beyond = 0.125 * (sides[0][0] + sides[1][0]) * length
         steps = np.abs(np.diff(np.concatenate([left[::-1], right])))
-        steps = steps[steps > 0.0]
-        least = float(steps.min()) if len(steps) else 0.0
-        if beyond < max(_BEYOND * span, _LOCAL * least):
+        least = float(min(steps[steps > 0.0], default=0.0))
+        if beyond < max(_BEYOND * channel.span, _LOCAL * least):
             return False  # a smooth crest, in the digits of the log
         is_cut = all(v > _CUT * max(b, 0.0) * length for v, b in sides)
         if is_cut and not sides[0][0] < 2.0 * sides[0][1] * length:
             quarter = max(length // 4, 1)
             change = abs(float(other[-quarter:].mean() - other[0]))
             is_cut = abs(float(other[:quarter].mean() - other[0])) < _LEFT * change
-    moved = float(np.ptp(other)) / max(float(np.ptp(channel.other)), 1e-300)
+    whole = float(np.ptp(channel.other))
+    moved = float(np.ptp(other)) / max(whole, 1e-300)
     if channel.name == "displacement":
         return moved > 0.1 and is_cut  # at rest the force stands too
     # At constant speed over half a stroke a constant force is what a damper gives.
     chord = np.linspace(other[0], other[-1], len(other))
-    is_straight = float(np.abs(other - chord).max()) < 0.002 * float(np.ptp(channel.other))
+    is_straight = float(np.abs(other - chord).max()) < 0.002 * whole
     return not (moved > 0.45 and is_straight)
 
 
-def _clipping(channel: _Channel, rails: list[_Runs]) -> Iterator[Finding]:
-    if not rails:
-        return
-    levels = [float(channel.values[runs.start[0]]) for runs in rails]
-    count = sum(int(np.count_nonzero(channel.values == level)) for level in levels)
-    share = 100.0 * count / len(channel.values)
-    first = min(int(runs.start[0]) for runs in rails)
-    text = (
-        f"the {channel.name} is clipped at {' and '.join(map(channel.shown, levels))}: "
-        f"{share:.2g} % of the evaluated samples are there, the first of them in "
-        f"{channel.place(first)}; "
-        "choose a larger range of sensor or amplifier and record again"
-    )
-    yield Finding(f"{channel.name}_clipping", "warning", text, share, "%")
+def _standing(channel: _Channel, step: float) -> Iterator[Finding]:
+    """Rails: the lowest and the highest value, where it is no rounded peak; and what is stuck."""
+    name, n, values, span = channel.name, len(channel.values), channel.values, channel.span
+    runs = _runs(values)
+    usual = median(runs.length) if _is_held(channel, runs) else 0.0
+    is_long = (runs.length > 2.0 * usual) & (runs.least_leap > _LEAP * step)
+    rails, clipped = [], []
+    for rail in (channel.low, channel.high):
+        at = runs.where((values[runs.start] == rail) & is_long)
+        if cut := [start for start, stop in at.ends if _is_clip(channel, start, stop)]:
+            rails.append(rail)
+            clipped += cut
+    if rails:
+        share = 100.0 * sum(int(np.count_nonzero(values == rail)) for rail in rails) / n
+        text = (
+            f"the {name} is clipped at {' and '.join(map(channel.shown, rails))}: "
+            f"{share:.2g} % of the evaluated samples are there, the first of them in "
+            f"{channel.place(min(clipped))}; "
+            "choose a larger range of sensor or amplifier and record again"
+        )
+        yield Finding(f"{name}_clipping", "warning", text, share, "%")
 
-
-def _standing(
-    channel: _Channel, runs: _Runs, rails: list[_Runs], step: float, noise: float
-) -> Iterator[Finding]:
-    n, values = len(channel.values), channel.values
-    span = float(np.ptp(values))
     least = max(5.0, _STANDS * channel.period, 0.001 * n if channel.period == 0.0 else 0.0)
     is_leap = runs.greatest_leap > max(_LEAP * step, 0.01 * span)
     # Chance makes a few equal samples where a nearly constant force is about to change.
-    is_leap &= runs.least_leap > max(0.5 * _LEAP * step, 4.0 * noise, 0.002 * span)
+    is_leap &= runs.least_leap > max(0.5 * _LEAP * step, 4.0 * channel.noise, 0.002 * span)
     leaping = runs.where(is_leap)
     held = float(leaping.length.sum()) / n
     if held > 0.5 and len(leaping.start) > 10 and _is_held(channel, leaping):
         text = (
-            f"the {channel.name} changes only every {int(median(leaping.length))} rows: its sensor "
+            f"the {name} changes only every {int(median(leaping.length))} rows: its sensor "
             "or converter is slower than the log; record it at its own rate"
         )
-        yield Finding(f"{channel.name}_stuck", "warning", text, 100.0 * held, "%")
+        yield Finding(f"{name}_stuck", "warning", text, 100.0 * held, "%")
         return
 
     def is_stuck(start: int, stop: int) -> bool:
         if not float(np.ptp(channel.other[start:stop])) > 0.05 * float(np.ptp(channel.other)):
             return False
-        if channel.name == "force":
-            return _is_clip(channel, start, stop, span)
+        if name == "force":
+            return _is_clip(channel, start, stop)
         steps = np.abs(np.diff(values[stop : stop + 12]))  # it leaps when the stand ends
         return len(steps) > 0 and bool(abs(values[stop] - values[stop - 1]) > _JUMP * median(steps))
 
-    stands = runs.where(is_leap & (runs.length >= least))
-    clipped = {int(start) for rail in rails for start in rail.start}
-    ends = zip(stands.start.tolist(), stands.stop.tolist(), strict=True)
-    stuck = [
-        (start, stop) for start, stop in ends if start not in clipped and is_stuck(start, stop)
-    ]
+    stands = runs.where(is_leap & (runs.length >= least)).ends
+    stuck = [ends for ends in stands if ends[0] not in clipped and is_stuck(*ends)]
     if not stuck:
         return
     share = 100.0 * sum(stop - start for start, stop in stuck) / n
     first, stop = stuck[0]
     text = (
-        f"the {channel.name} is stuck at {channel.shown(values[first])} while the rig is "
+        f"the {name} is stuck at {channel.shown(values[first])} while the rig is "
         f"moving: {len(stuck)} time{'s' * (len(stuck) > 1)}, {share:.2g} % of the samples, first "
         f"from {channel.place(first)} for {stop - first} rows; check sensor, cable, logger"
     )
-    yield Finding(f"{channel.name}_stuck", "warning", text, share, "%")
+    yield Finding(f"{name}_stuck", "warning", text, share, "%")
 
 
 _FEWEST_STEPS = {"displacement": 500.0, "force": 125.0}
@@ -273,9 +240,10 @@ _DITHER = 0.45  # of a step: its rounding alone has 0.29, noise of half a step m
 _SMOOTH = 0.1  # of a step
 
 
-def _steps(channel: _Channel, step: float, span: float, *, noise: float) -> Finding:
+def _steps(channel: _Channel, step: float) -> Finding:
     """Say how fine the channel is; a warning when its steps are coarse and noise hides none."""
-    name, count, few = f"{channel.name}_steps", span / step, _FEWEST_STEPS[channel.name]
+    name, noise, few = f"{channel.name}_steps", channel.noise, _FEWEST_STEPS[channel.name]
+    count = channel.span / step
     # Rounding alone is noise of 0.29 steps: what is smoother has few values because it repeats.
     is_doubtful, is_stepped = count < few or noise < _SMOOTH * step, True
     if is_doubtful and count <= _FINE:
@@ -309,8 +277,8 @@ _MOST_SPIKES = 0.02  # of the samples; more are noise
 _LONGEST_DROPOUT = 20  # samples
 
 
-def _spikes(channel: _Channel, usual: float, *, noise: float) -> Iterator[Finding]:
-    rows, sizes = _find_spikes(channel, usual, noise=noise)
+def _spikes(channel: _Channel, usual: float) -> Iterator[Finding]:
+    rows, sizes = _find_spikes(channel, usual)
     if not len(rows):
         return
     places = ", ".join(str(channel.first_row + int(row)) for row in rows[:5])
@@ -319,16 +287,15 @@ def _spikes(channel: _Channel, usual: float, *, noise: float) -> Iterator[Findin
     text = (
         f"{len(rows)} spike{plural} in the {channel.name}, in row{plural} {places}"
         f"{', ...' * (len(rows) > 5)} of the data; the largest is "
-        f"{channel.shown(channel.values[worst])} at time {channel.time[worst]:.6g} s"
+        f"{channel.shown(channel.values[worst])} at time {channel.time[worst]:.6g} s; "
     )
-    is_harmless = float(sizes.sum()) <= _HARMLESS * usual
-    text += (
-        "; too small to move a parameter"
-        if is_harmless
-        else "; nothing was removed: look for loose contacts and record again, or set "
-        "conditioning.spikes = 'bridge'"
-    )
-    severity = "note" if is_harmless else "warning"
+    severity = "note"
+    if float(sizes.sum()) <= _HARMLESS * usual:
+        text += "too small to move a parameter"
+    else:
+        severity = "warning"
+        text += "nothing was removed: look for loose contacts and record again, or set "
+        text += "conditioning.spikes = 'bridge'"
     yield Finding(f"{channel.name}_spikes", severity, text, float(len(rows)))
 
 
@@ -336,13 +303,13 @@ def bridge_spikes(recording: Recording, period: float) -> Recording:
     """Return the recording with its spikes replaced by straight lines, and a finding of that."""
     found: list[Finding] = []
     bridged: dict[str, Any] = {}
-    for channel in _channels(recording, (slice(None), slice(None)), period):
-        name, values, time = channel.name, channel.values, recording.time
-        low, high = percentiles(values, 1.0, 99.0)
-        rows, _ = _find_spikes(channel, high - low, noise=noise_of(values))
+    for name in ("displacement", "force"):
+        channel = _Channel(recording, name, slice(None), period)
+        low, high = percentiles(channel.values, 1.0, 99.0)
+        rows, _ = _find_spikes(channel, high - low)
         if len(rows):
-            good = np.delete(np.arange(len(values)), rows)
-            bridged[name] = np.interp(time, time[good], values[good])
+            good = np.delete(np.arange(len(channel.values)), rows)
+            bridged[name] = np.interp(channel.time, channel.time[good], channel.values[good])
             text = (
                 f"{len(rows)} spike{'s' * (len(rows) > 1)} in the {name} bridged as declared, the "
                 f"first in {channel.place(int(rows[0]))}"
@@ -351,7 +318,7 @@ def bridge_spikes(recording: Recording, period: float) -> Recording:
     return replace(recording, findings=(*recording.findings, *found), **bridged)
 
 
-def _find_spikes(channel: _Channel, usual: float, *, noise: float) -> tuple[IntArray, FloatArray]:
+def _find_spikes(channel: _Channel, usual: float) -> tuple[IntArray, FloatArray]:
     """The samples that stand out of those beside them, and not in each cycle, and how far."""
     values, period = channel.values, channel.period
     beside = np.zeros(len(values))
@@ -363,7 +330,7 @@ def _find_spikes(channel: _Channel, usual: float, *, noise: float) -> tuple[IntA
         beside[2:-2] = np.abs(e - middle)
     size = beside.copy()
     least = max(_SPIKE, 4.0 / period if period else 0.0) * usual
-    dropouts = _find_dropouts(channel, max(least, _SPIKE_NOISE * noise), beside)
+    dropouts = _find_dropouts(channel, max(least, _SPIKE_NOISE * channel.noise), beside)
     if float(size.max()) <= least:
         return dropouts, beside[dropouts]
     if not period:
@@ -375,7 +342,7 @@ def _find_spikes(channel: _Channel, usual: float, *, noise: float) -> tuple[IntA
             for reach in range(-2, 3):
                 at = np.clip(turns + reach, 0, len(size) - 1)
                 size[at] = np.where(size[at] < _AT_TURNS * usual, 0.0, size[at])
-    rows = np.flatnonzero(size > max(least, _SPIKE_NOISE * noise))
+    rows = np.flatnonzero(size > max(least, _SPIKE_NOISE * channel.noise))
     if len(rows) > _MOST_SPIKES * len(size):
         return dropouts, beside[dropouts]
     is_spike = [
@@ -389,13 +356,10 @@ def _find_spikes(channel: _Channel, usual: float, *, noise: float) -> tuple[IntA
 
 
 def _find_dropouts(channel: _Channel, least: float, beside: FloatArray) -> IntArray:
-    """Return the rows of short stands that lie apart from both sides, as zeros of a logger do.
-
-    How far each is from the line between its neighbours is noted in `beside`.
-    """
-    values, runs = channel.values, _runs(channel.values)
+    """Return the rows of short stands apart from both sides, as zeros; `beside` notes how far."""
+    values = channel.values
     rows: list[int] = []
-    for start, stop in zip(runs.start.tolist(), runs.stop.tolist(), strict=True):
+    for start, stop in _runs(values).ends:
         if not 2 <= start <= stop <= len(values) - 3 or stop - start > _LONGEST_DROPOUT:
             continue
         into, out = values[start - 1] - values[start], values[stop] - values[start]
@@ -424,7 +388,7 @@ def _is_motion(values: FloatArray, row: int, size: float) -> bool:
         2.0 * near[4] - near[5],
     )
     steps = sorted(abs(b - a) for a, b in pairwise(near))
-    least = min(abs(near[3] - one) for one in led)
+    least = min(abs(near[3] - value) for value in led)
     return bool(least < _PART * size or size < 0.5 * (steps[2] + steps[3]))
 
 

@@ -17,7 +17,6 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.conditioning.signals import FloatArray
     from damperfit.damper.model import Model
     from damperfit.recording import Stretch, Trace
     from damperfit.tested.setting import Setting
@@ -65,22 +64,21 @@ def is_same_test(one: Trace, other: Trace) -> bool:
         return False
     span = float(np.ptp(one.force)) or 1.0
     noise = min(trace.fastest.noise for trace in (one, other))
-    limit = _SAME * span
+    limits = {
+        "force": _SAME * span,
+        "displacement": _SAME * (float(np.ptp(one.displacement)) or 1.0),
+    }
     if noise > 0.0:
-        limit = min(limit, max(_OF_NOISE * noise, _DIGITS * span))
-    reach = _SAME * (float(np.ptp(one.displacement)) or 1.0)
-    is_near = _rms(one.force - other.force) <= limit
-    return is_near and _rms(one.displacement - other.displacement) <= reach
-
-
-def _rms(values: FloatArray) -> float:
-    return math.sqrt(float(np.mean(values**2)))
+        limits["force"] = min(limits["force"], max(_OF_NOISE * noise, _DIGITS * span))
+    return all(
+        math.sqrt(float(np.mean((getattr(one, name) - getattr(other, name)) ** 2))) <= limit
+        for name, limit in limits.items()
+    )
 
 
 def share_a_motion(first: Trace, second: Trace) -> bool:
     """Whether two logs hold one steady motion, so that their peak forces can be compared."""
-    is_filled_alike = first.gas_pressure == second.gas_pressure
-    return is_filled_alike and any(True for _ in _common_motions(first, second))
+    return first.gas_pressure == second.gas_pressure and bool(_common_motions(first, second))
 
 
 def are_unlike(first: Trace, second: Trace) -> bool:
@@ -89,15 +87,17 @@ def are_unlike(first: Trace, second: Trace) -> bool:
     return None not in known and abs(known[0] - known[1]) > _SAME_TEMPERATURE  # type: ignore[operator]
 
 
-def _common_motions(first: Trace, second: Trace) -> Iterator[tuple[Stretch, Stretch]]:
+def _common_motions(first: Trace, second: Trace) -> list[tuple[Stretch, Stretch]]:
     steady = [
         [one for one in trace.stretches if one.kind == "steady" and one.figures is not None]
         for trace in (first, second)
     ]
-    for a, b in product(*steady):
-        ratios = (a.peak_speed / b.peak_speed, a.amplitude / b.amplitude)
-        if all(abs(ratio - 1.0) <= _ALIKE for ratio in ratios):
-            yield a, b
+    return [
+        (a, b)
+        for a, b in product(*steady)
+        if abs(a.peak_speed / b.peak_speed - 1.0) <= _ALIKE
+        and abs(a.amplitude / b.amplitude - 1.0) <= _ALIKE
+    ]
 
 
 class Contradiction(NamedTuple):
@@ -118,7 +118,7 @@ class Contradiction(NamedTuple):
         """What differs, and where."""
         a, b = self.forces
         size = 200.0 * abs(a - b) / (abs(a) + abs(b))
-        degrees = (self.first.temperature, self.second.temperature)
+        first, second = self.first.temperature, self.second.temperature
         how = "contradict each other"
         if not self.excess > 1.0:
             how = "differ by more than their cycles scatter"
@@ -127,9 +127,8 @@ class Contradiction(NamedTuple):
             f"{self.first.name} and {self.second.name} {how}: peak force in {stroke} {a:.4g} "
             f"N and {b:.4g} N at {self.speed:.3g} m/s, {size:.3g} % apart"
         )
-        if None not in degrees and abs((degrees[0] or 0.0) - (degrees[1] or 0.0)) > _WARMER:
-            text += f", at {degrees[0]:.3g} and {degrees[1]:.3g} degC "
-            text += "(covariate temperature fits both)"
+        if first is not None and second is not None and abs(first - second) > _WARMER:
+            text += f", at {first:.3g} and {second:.3g} degC (covariate temperature fits both)"
         return text
 
 
@@ -177,7 +176,7 @@ def rod_area_ratio(traces: Sequence[Trace], damper: Model) -> float | None:
     seen = expected = 0.0
     for logs in by_setting.values():
         for pair in combinations(logs, 2):
-            if not any(True for _ in _common_motions(*pair)):
+            if not _common_motions(*pair):
                 continue
             levels = [float(np.mean(log.force[log.compared])) for log in pair]
             rests = [

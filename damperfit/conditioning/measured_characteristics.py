@@ -13,7 +13,7 @@ import numpy as np
 
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.signals import FloatArray, IntArray
-from damperfit.passed_speeds import at_speeds, cycle_energies
+from damperfit.passed_speeds import cycle_energies, in_both_strokes
 from damperfit.recording import Stretch, StretchFigures, Trace
 from damperfit.statistics import median
 
@@ -40,29 +40,21 @@ def figures_in(trace: Trace, stretch: Stretch) -> StretchFigures:
     known = stretch.figures
     if known is not None and (known.start, known.stop) == (start, stop):
         return known
-    energies = cycle_energies(trace.velocity, trace.force, _edges(stretch), trace.interval)
     window = slice(int(edges[0]), int(edges[-1]))
     velocity, force = trace.velocity[window], trace.force[window]
     (rebound, peak_rebound), (bump, peak_bump) = mean_extremes(
         np.stack([velocity, force]), edges[:-1] - edges[0]
     )
     half = 0.5 * min(rebound, -bump)
-
-    def hysteresis(sign: float) -> tuple[float, float]:
-        """Opening less closing force, and the standard error."""
-        if not stretch.n_cycles:
-            return math.nan, math.nan
-        counts, means, squares = at_speeds(velocity, force[None, :], (half,), sign=sign)
-        opening, closing = means[:, 0, 0].tolist()
-        variances = [
-            float(square) / (n * (n - 1.0)) if n > 1 else math.nan
-            for n, square in zip(counts[:, 0].tolist(), squares[:, 0, 0].tolist(), strict=True)
-        ]
-        return opening - closing, math.sqrt(sum(variances))
-
-    (rebound_loop, rebound_error), (bump_loop, bump_error) = hysteresis(1.0), hysteresis(-1.0)
-    n = len(energies)
-    scatter = float(np.std(energies, ddof=1)) if n > 1 else math.nan
+    # Opening less closing force of both strokes, and its standard error.
+    loops, errors = [math.nan, math.nan], [math.nan, math.nan]
+    if stretch.n_cycles:
+        counts, means, squares = in_both_strokes(velocity, force[None, :], (half,))
+        loops = (means[:, 0, 0, 0] - means[:, 1, 0, 0]).tolist()
+        n = np.where(counts[:, :, 0] > 1.0, counts[:, :, 0], np.nan)
+        errors = np.sqrt(np.sum(squares[:, :, 0, 0] / (n * (n - 1.0)), axis=1)).tolist()
+    energies = cycle_energies(trace.velocity, trace.force, _edges(stretch), trace.interval)
+    scatter = float(np.std(energies, ddof=1)) if len(energies) > 1 else math.nan
     return StretchFigures(
         peak_force_rebound=peak_rebound,
         peak_force_bump=peak_bump,
@@ -70,13 +62,13 @@ def figures_in(trace: Trace, stretch: Stretch) -> StretchFigures:
         peak_speed_bump=-bump,
         energy=float(np.mean(energies)),
         hysteresis_speed=half,
-        hysteresis_rebound=rebound_loop,
-        hysteresis_bump=bump_loop,
+        hysteresis_rebound=loops[0],
+        hysteresis_bump=loops[1],
         start=start,
         stop=stop,
-        energy_se=scatter / math.sqrt(n),
-        hysteresis_rebound_se=rebound_error,
-        hysteresis_bump_se=bump_error,
+        energy_se=scatter / math.sqrt(len(energies)),
+        hysteresis_rebound_se=errors[0],
+        hysteresis_bump_se=errors[1],
     )
 
 
