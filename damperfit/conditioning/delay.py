@@ -1,21 +1,19 @@
 """By how much the force is late against the displacement.
 
 At one frequency a late force looks like softer oil: both open the loop, and no fit of one sine
-test tells them apart. What tells them apart is friction: it changes its sign with the motion, at
-once, while oil takes a millisecond or more. So the force jumps by 2 f_f where the velocity is zero
-plus the skew. Around each end of the stroke a smooth curve with a kink stands for the hydraulic
-force, and the time of the jump is scanned::
+test tells them apart. Friction does: it changes its sign with the motion, at once, while oil takes
+a millisecond or more. So the force jumps by 2 f_f where the velocity is zero plus the skew. Around
+each end of the stroke a smooth curve with a kink stands for the hydraulic force, and the time of
+the jump is scanned, one skew for the ends of rebound and those of bump::
 
     f(t) = sum_k a_k z^k + b |z| + c z|z| + F step((t - t_end - skew)/width)
 
-once for the ends of rebound and once for those of bump, one skew for both. Cycles fall differently
-between the samples, so the jump is known better than to a sample.
-
-It is left open without a jump that stands out of the noise, where the jump of
-rebound and bump differ (what jumps is then not friction), and where it is rounded, by a filter in
-the rig or by seals that stretch before they slide. Such seals look late: friction that only slides
-after 0.1 mm is 8 ms behind at 32 mm and 1.5 Hz. A rounding of more than `_SHARP` therefore speaks
-against every estimate, and a smaller one is added to its uncertainty.
+Cycles fall differently between the samples, so the jump is known better than to a sample. It is
+left open without a jump that stands out of the noise, where the jump of rebound and bump differ
+(what jumps is then not friction), and where it is rounded, by a filter in the rig or by seals that
+stretch before they slide: friction that only slides after 0.1 mm is 8 ms behind at 32 mm and
+1.5 Hz. A rounding of more than `_SHARP` speaks against every estimate, and a smaller one is added
+to its uncertainty.
 
 Where the mounting gives, the piston turns after the rod's end, by C/k_s of a valve that resists
 with C at low speed, and friction with it; the force is right all the same. No jump tells one from

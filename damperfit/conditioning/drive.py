@@ -1,24 +1,22 @@
 """The displacement that drives the model: its sensor noise taken off, the motion left whole.
 
 A damper answers the displacement as it was. The filter that force and displacement pass before
-they are compared would take the corners off a triangle wave before a model that is not linear
-sees them: at the true parameters a part of the force is then missed, and a wrong local minimum fits
-better than the truth. So the drive has a filter of its own, with a corner that is chosen from the
-log.
+they are compared takes corners off a triangle wave: a model that is not linear, driven by that,
+misses a part of the force at the true parameters, and a wrong local minimum fits better. So the
+drive has a filter of its own, with a corner that is chosen from the log.
 
 What the compared filter leaves out, ``r = x - F x``, is split by frequency into motion S and noise
 N. Of steady cycles the lines of r at multiples of the frequency are motion, and what stands between
 them is noise, whatever its colour; where nothing repeats, noise is as strong as near half the
-sample rate. A line of the mains that stands alone is hum.
-A filter of gain H then errs in the velocity by::
+sample rate. A line of the mains that stands alone is hum. The corner is taken whose filter of gain
+H errs least in the velocity, by::
 
     E = sum over f of (2 pi f)^2 (S (1 - H)^2 + N H^2)
 
-and the corner with the least E is taken. It is never below that of the compared filter, and stays
-there where that filter takes less than 0.3 % off the velocity: on a sine both are the same.
-
-Each stretch has its own corner. Beside a break of the motion, where one speed goes over to another,
-the drive is wider: a jump of the velocity must not be smeared into what is compared.
+It is never below that of the compared filter, and stays there where that takes less than 0.3 % off
+the velocity: on a sine both are the same. Each stretch has its own corner. Beside a break of the
+motion, where one speed goes over to another, the drive is wider: a jump of the velocity must not be
+smeared into what is compared.
 """
 
 from __future__ import annotations
@@ -46,15 +44,14 @@ from damperfit.statistics import mean_of, median, variance_of
 
 # Where a motion rests: a dwell between strokes, in which noise of the displacement is no speed.
 #
-# What drives the model of a motion with corners is hardly filtered, and at rest the noise in its
-# speed turns the friction from one sample to the next. Behind the compared filter that friction
-# is nearly none, with a scatter: a fit has it a third too small, and all that goes with it.
+# What drives the model of a motion with corners is hardly filtered: at rest the noise in its speed
+# would turn the friction from one sample to the next, behind the compared filter it would nearly
+# vanish, and a fit has it a third too small. So within a rest the model is driven by the level, at
+# no speed; what friction holds there nobody knows.
 #
 # A part rests where its samples lie about one level as noise does, without slope and without
 # bend, and where the motion comes to it and leaves it at a speed. The crest of a slow sine lies
-# within noise too, but half its length further on it has gone three times as far as its ends are:
-# 12 times the noise. Within a rest the model is driven by the level, at no speed; what friction
-# holds there nobody knows.
+# within noise too, but half its length further on it has gone 12 times the noise.
 
 _SHORTEST = 0.02  # s; what is shorter turns little friction
 _FEWEST = 10  # samples
@@ -339,14 +336,13 @@ def content_beyond(displacement: FloatArray, interval: float, corner: float) -> 
 # A motion of straight lines: at even speeds, with corners that are sharp between two samples.
 #
 # At the corners of a triangle the force tells most of K_e, and a speed that jumps between two
-# samples is in no sample. But where the recorded motion is straight on both sides within its
-# noise, the lines cross where it turned: to a thousandth of a sample, of 128 samples with 3 um of
-# noise that turn by 0.5 m/s. What drives the model is then these lines, and a jump of the speed
-# where they cross.
+# samples is in no sample. But where the motion is straight on both sides within its noise, the
+# lines cross where it turned: to a thousandth of a sample, of 128 samples with 3 um of noise that
+# turn by 0.5 m/s. What drives the model is then these lines, and a jump of the speed there.
 #
-# It is taken for straight only as a whole: lines whose samples lie off them by no more than noise
-# does, and corners whose nearest samples do too. A turn that a rig takes 0.5 ms for at 1 kHz lies
-# 30 um off its lines and drives the model as any motion does.
+# It is taken for straight only as a whole: lines whose samples, and corners whose nearest samples
+# lie off them by no more than noise does. A turn that a rig takes 0.5 ms for at 1 kHz lies 30 um
+# off its lines and drives the model as any motion does.
 
 _LEVERS = (4e-3, 16e-3)  # s; a turn is looked for in samples so far apart; noise needs the longer
 _CLEAR_STRAIGHT = 10.0  # times the noise of that look
@@ -381,10 +377,8 @@ class _Line(NamedTuple):
 
 
 def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Drive | None:
-    """Return the drive of a log that moves in straight lines; None where it does not.
-
-    Over the samples of a part and a few beside it, where a line would be too short.
-    """
+    """Return the drive of a log that moves in lines over a part; None where it does not."""
+    # With a few samples beside it, where a line would be too short.
     first, stop, _ = part.indices(len(displacement))
     for seconds in _LEVERS:
         lever = max(2, round(seconds / interval))

@@ -1,26 +1,20 @@
-"""Butterworth low-pass filters: design, and how they run over a signal.
+"""Butterworth low-pass filters, the derivative, and which filter stands where.
 
 A Butterworth filter of order N designed for the corner fc by the bilinear transform has, with
-``w(f) = tan(pi f / fs)``, the gain::
-
-    |H(f)|^2 = 1 / (1 + (w(f)/w(fc))^(2N))
+``w(f) = tan(pi f / fs)``, the gain ``|H(f)|^2 = 1 / (1 + (w(f)/w(fc))^(2N))``.
 
 - *causal*: one pass. -3 dB at the corner. With N = 4, fc = 30 Hz, fs = 500 Hz a 1.5 Hz sine comes
   13.704 ms late (-7.40 degrees).
-- *zero_phase*: one pass forward, one backward. The phase is exactly zero and the gain is |H|^2:
-  the order has doubled (a 4th-order filter falls like one of 8th order), and the gain at fc would
-  be -6 dB. The two passes are therefore designed for a higher corner fd::
+- *zero_phase*: one pass forward, one backward. The phase is exactly zero, the gain |H|^2: that of
+  twice the order. The two passes are designed for a higher corner fd, so that both together have
+  -3 dB at fc: ``w(fd) = w(fc) / (sqrt(2) - 1)^(1/(2N))``, 33.4 Hz for 30 Hz, N = 4.
+- *completed*: the forward-backward pair of a filter designed as causal: -6 dB at fc. That is what a
+  rig's ordinary forward-backward filter does, and what a causal filter becomes when its
+  time-reversed pass follows.
 
-      w(fd) = w(fc) / (sqrt(2) - 1)^(1/(2N))        33.4 Hz for 30 Hz, N = 4
-
-  so that the combined gain is -3 dB at fc.
-- *completed*: the forward-backward pair of a filter designed as causal: |H|^2 with -6 dB at fc.
-  That is what a rig's ordinary forward-backward filter does, and what a causal filter becomes when
-  its time-reversed pass follows.
-
-Edges: before each forward-backward run both ends are continued by odd reflection
-(2 s[0] - s[k]), and each pass starts in the steady state of its first value. What an edge does to
-the signal dies out with the slowest pole; `settling_samples` says when it is gone.
+Before each forward-backward run both ends are continued by odd reflection (2 s[0] - s[k]), and each
+pass starts in the steady state of its first value. What an edge does to the signal dies out with
+the slowest pole; `settling_samples` says when it is gone.
 
 The compiled core runs them: same numbers as SciPy's `sosfilt` and `sosfiltfilt` in less time, and
 importing `scipy.signal` takes 0.7 s.
@@ -207,18 +201,16 @@ def corner_of(design: FilterDesign, *, sample_rate: float) -> float:
     return float(frequencies[falls[0]]) if len(falls) else math.inf
 
 
-# Velocity: the derivative of the cubic spline through the displacement samples.
+# Velocity: the derivative of the cubic spline through the displacement samples, with not-a-knot
+# ends, exact up to third degree. Inside, on a uniform grid of interval h, it differentiates a sine
+# of angular frequency w with the gain (phase: none)::
 #
-# With not-a-knot ends, exact for polynomials up to third degree. Inside, on a uniform grid of
-# interval h, the spline differentiates a sine of angular frequency w with the gain::
+#     G(w) = 3 sin(w h) / (w h (2 + cos(w h))) = 1 - (w h)^4/180 - ...
 #
-#     G(w) = 3 sin(w h) / (w h (2 + cos(w h))) = 1 - (w h)^4/180 - ...        (phase: none)
-#
-# At 1 kHz that is 1 - 4.4e-11 at 1.5 Hz and 1 - 8.7e-8 at 10 Hz; at 100 Hz, 1 - 4.4e-7 at 1.5 Hz
-# and 1 - 9.1e-4 at 10 Hz. White noise of s (rms, m) in the samples becomes 1.180 s/h (rms, m/s);
-# behind the 30 Hz filter at 1 kHz, where the displacement noise itself has fallen to 0.245 s,
-# 28.0 s (s in m, per second). The C core takes x and v as cubic Hermite pieces, which are then
-# this spline.
+# At 1 kHz that is 1 - 4.4e-11 at 1.5 Hz and 1 - 8.7e-8 at 10 Hz; at 100 Hz, 1 - 4.4e-7 and
+# 1 - 9.1e-4. White noise of s (rms, m) in the samples becomes 1.180 s/h (rms, m/s); behind the
+# 30 Hz filter at 1 kHz, where that of the displacement has fallen to 0.245 s, 28.0 s. The C core
+# takes x and v as cubic Hermite pieces, which are then this spline.
 
 
 def differentiate(displacement: FloatArray, interval: float) -> FloatArray:
@@ -237,8 +229,6 @@ def differentiate(displacement: FloatArray, interval: float) -> FloatArray:
     return slopes
 
 
-# Displacement and force behind the filter, and the filter that a simulated force must pass.
-#
 # Which filter stands where (C is one causal pass, C* the same pass run backward in time, Z the
 # zero-phase filter; x and f are what the rig's sensors saw)::
 #
@@ -249,12 +239,9 @@ def differentiate(displacement: FloatArray, interval: float) -> FloatArray:
 #     zero_phase   (not used)   as logged, C* C x           as logged, C* C f    C* C
 #     causal       (not used)   C* (logged)  = C* C x       C* (logged)          C* C
 #
-# A model driven by an already delayed displacement must not be delayed again, and one
-# displacement cannot be both late (beside the late force) and in time (for the model). So a
-# causal pass, the rig's or ours, is completed by its backward pass: both channels come back in
-# time, loops are aligned, and the model's force passes the completed filter. ``filter =
-# "causal"`` thus treats a raw log exactly as ``rig_filter = "causal"`` treats one that the rig
-# has filtered.
+# One displacement cannot be both late (beside the late force) and in time (for the model, which
+# would be delayed again). So a causal pass, the rig's or ours, is completed by its backward pass:
+# both channels come back in time, and the model's force passes the completed filter.
 #
 # C is the bilinear design at the log's rate. A rig whose filter is analogue, or digital at a much
 # higher rate, differs from it near half the log's rate: without noise that costs up to 0.3 % of a
@@ -308,12 +295,10 @@ def behind_filter(log: UniformLog, options: ConditionOptions) -> FilteredLog:
     return FilteredLog(log, displacement, force, differentiate(displacement, log.interval), design)
 
 
-# The filter's corner that fits the fastest motion of a log.
-#
-# The paper filters at 30 Hz a test of 1.5 Hz: twenty harmonics pass, enough for the knee of a
-# valve and the jump of friction. At 10 Hz three pass, and what is between them is hidden. The
-# corner that follows the motion keeps the twenty; it is not below 30 Hz, which suits all slower
-# tests, and not above 0.4 of the sample rate, where a filter has nothing left to do.
+# The corner that fits the fastest motion of a log. The paper filters at 30 Hz a test of 1.5 Hz:
+# twenty harmonics pass, enough for the knee of a valve and the jump of friction; at 10 Hz three
+# would. The corner that follows the motion keeps the twenty; it is not below 30 Hz, which suits all
+# slower tests, and not above 0.4 of the sample rate, where a filter has nothing left to do.
 
 _HARMONICS = 20.0
 _LEAST = 30.0  # Hz

@@ -51,7 +51,7 @@ from damperfit.statistics import mean_of, median, percentiles
 from damperfit.units.quantities import parse_quantity
 
 
-class _Seen(NamedTuple):
+class Seen(NamedTuple):
     """A log, and what has become of it."""
 
     recording: Recording
@@ -60,14 +60,9 @@ class _Seen(NamedTuple):
     cycles: Cycles | None  # None: no single steady run
     options: ConditionOptions
 
-    def rows(self, first: Stretch, last: Stretch) -> slice:
-        """Return the rows from the beginning of a stretch to the end of another."""
-        ends = np.array([first.first, last.stop], dtype=np.float64)
-        if first.n_cycles and last.n_cycles:
-            ends = np.array([first.cycle_starts[0], last.cycle_starts[-1]])
-        times = self.trace.start_time + self.trace.interval * ends
-        begin, stop = np.searchsorted(self.recording.time, times)
-        return slice(int(begin), int(stop) + 1)
+    def rows(self, *stretches: Stretch) -> slice:
+        """Return the rows from the beginning of the first stretch to the end of the last."""
+        return rows_of(self.recording, self.trace.start_time, self.trace.interval, *stretches)
 
     def longest_run(self, *, fewest: int) -> FloatArray | None:
         """Return where the cycles of the longest stretch of so many begin, samples of the log."""
@@ -78,15 +73,19 @@ class _Seen(NamedTuple):
         return max(steady, key=lambda stretch: stretch.n_samples).cycle_starts + ahead
 
 
-def examine(
-    recording: Recording,
-    log: UniformLog,
-    trace: Trace,
-    cycles: Cycles | None,
-    options: ConditionOptions,
-) -> tuple[Finding, ...]:
+def rows_of(recording: Recording, start_time: float, interval: float, *stretches: Stretch) -> slice:
+    """Return the rows of a recording that stretches, counted from a time, s, reach over."""
+    first, last = stretches[0], stretches[-1]
+    ends = np.array([first.first, last.stop], dtype=np.float64)
+    if first.n_cycles and last.n_cycles:
+        ends = np.array([first.cycle_starts[0], last.cycle_starts[-1]])
+    begin, stop = np.searchsorted(recording.time, start_time + interval * ends)
+    return slice(int(begin), int(stop) + 1)
+
+
+def examine(seen: Seen) -> tuple[Finding, ...]:
     """Return what is remarkable in a log, and in its cycles where it is one steady run."""
-    seen = _Seen(recording, log, trace, cycles, options)
+    recording, log, trace, cycles, _ = seen
     found = [
         *recording.findings,
         *log.findings,
@@ -133,12 +132,12 @@ def _judged(name: str, text: str, value: float, unit: str = "", *, fault: str = 
 _FROZEN_ROWS, _JUMP = 5, 5.0
 
 
-def _rows(seen: _Seen) -> Iterator[Finding]:
+def _rows(seen: Seen) -> Iterator[Finding]:
     """Both channels; a logger that drops out repeats its last row: a rest ends in no jump."""
     recording, trace = seen.recording, seen.trace
     # The model is driven through what stands between stretches, too.
-    driven = seen.rows(trace.stretches[0], trace.stretches[-1])
-    compared = seen.rows(trace.fastest, trace.fastest)
+    driven = seen.rows(*trace.stretches)
+    compared = seen.rows(trace.fastest)
     yield from examine_channels(recording, driven, compared, period=samples_a_cycle(trace))
     steps = np.abs(np.diff(recording.displacement))
     is_still = (steps == 0.0) & (np.diff(recording.force) == 0.0)
@@ -167,7 +166,7 @@ _VELOCITY_NOISE = 0.35  # % of the peak velocity
 _BEYOND_HALF = 2.0  # % of the speed; noise of 8 um makes far less, a triangle far more
 
 
-def _rate_and_filter(seen: _Seen) -> Iterator[Finding]:
+def _rate_and_filter(seen: Seen) -> Iterator[Finding]:
     trace, log, options = seen.trace, seen.log, seen.options
     rate, frequency = 1.0 / trace.interval, trace.frequency
     period = rate / frequency
@@ -218,7 +217,7 @@ def _rate_and_filter(seen: _Seen) -> Iterator[Finding]:
         yield _judged("displacement_noise", text, 1e6 * noise, "um", fault=fault)
 
 
-def _drive(seen: _Seen) -> Iterator[Finding]:
+def _drive(seen: Seen) -> Iterator[Finding]:
     """What drives the model where it is not what is compared, or not what the damper saw."""
     trace, options = seen.trace, seen.options
     corner, drive = options.filter_corner, trace.drive
@@ -274,7 +273,7 @@ _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
 _NEAR = 0.2  # of the nominal test: further off another test was meant
 
 
-def _stretches(seen: _Seen) -> Iterator[Finding]:
+def _stretches(seen: Seen) -> Iterator[Finding]:
     """What is compared; a run that something broke; a motion that comes back with another force."""
     trace, stretches = seen.trace, seen.trace.stretches
     parts = ", ".join(
@@ -328,7 +327,7 @@ def _stretches(seen: _Seen) -> Iterator[Finding]:
             break
 
 
-def _one_run(seen: _Seen, cycles: Cycles) -> Iterator[Finding]:
+def _one_run(seen: Seen, cycles: Cycles) -> Iterator[Finding]:
     """Its cycles; frequency and amplitude beside the log's preamble and the nominal test."""
     trace, nominal = seen.trace, seen.options.nominal
     n = trace.n_cycles
@@ -389,7 +388,7 @@ def _declared(metadata: Mapping[str, str], name: str, unit: str) -> float | None
 _LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is as much
 
 
-def _size(seen: _Seen) -> Iterator[Finding]:
+def _size(seen: Seen) -> Iterator[Finding]:
     """How long, how large, and of which shape what is evaluated is."""
     trace, log = seen.trace, seen.log
     first, last = trace.stretches[0], trace.stretches[-1]
@@ -622,7 +621,7 @@ def _drift(values: FloatArray) -> tuple[float, float]:
 _WARMS = 5.0
 
 
-def _temperature(seen: _Seen) -> Iterator[Finding]:
+def _temperature(seen: Seen) -> Iterator[Finding]:
     trace, test = seen.trace, seen.options.nominal
     tolerance, nominal = test.temperature_tolerance, test.temperature or 0.0
     pairs = ((trace.frequency, test.frequency), (trace.amplitude, test.amplitude))
@@ -636,7 +635,7 @@ def _temperature(seen: _Seen) -> Iterator[Finding]:
             text += "rig.temperature_tolerance = inf"
             yield Finding("temperature_missing", "warning", text)
         return
-    values = seen.recording.temperature[seen.rows(trace.fastest, trace.fastest)]
+    values = seen.recording.temperature[seen.rows(trace.fastest)]
     mean, fault = mean_of(values), ""
     if is_asked and not abs(mean - nominal) <= tolerance:
         fault = (
@@ -662,7 +661,7 @@ _SMOOTHED, _NOT_SMOOTHED = 30.0, 10.0
 _HARMFUL_BAND, _HARMFUL = (50.0, 80.0), 3.0
 
 
-def _filtered_in_the_rig(seen: _Seen) -> Iterator[Finding]:
+def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
     log = seen.log
     if seen.options.rig_filter != "none":
         return
@@ -702,7 +701,7 @@ _TONE_SIZE = 0.01  # of half the range
 _FEWEST_FOR_TONES = 5  # cycles
 
 
-def _lines_off_harmonics(seen: _Seen) -> Iterator[Finding]:
+def _lines_off_harmonics(seen: Seen) -> Iterator[Finding]:
     log, options = seen.log, seen.options
     starts = seen.longest_run(fewest=_FEWEST_FOR_TONES)
     if starts is None or options.rig_filter != "none":

@@ -14,7 +14,7 @@ from damperfit.conditioning.cycles import MIN_CYCLES, FoundStretch, harmonic_pow
 from damperfit.conditioning.delay import find_delay
 from damperfit.conditioning.drive import drive_of_lines, make_drive, unclear_turns
 from damperfit.conditioning.filters import FilteredLog, apply_filter, fading_samples, with_corner
-from damperfit.conditioning.findings import check_velocity, examine, samples_a_cycle
+from damperfit.conditioning.findings import Seen, check_velocity, examine, rows_of, samples_a_cycle
 from damperfit.conditioning.measured_characteristics import figures_in
 from damperfit.conditioning.noise import with_noise
 from damperfit.conditioning.options import ConditionOptions
@@ -102,7 +102,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     trace = replace(trace, stretches=figured)
     _refuse_stroke(trace, options)
     findings = (
-        *examine(recording, traced.logged, trace, traced.part.cycles, options),
+        *examine(Seen(recording, traced.logged, trace, traced.part.cycles, options)),
         *traced.part.findings,
         *signs.findings,
         *corner,
@@ -139,6 +139,10 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     own = Drive(x, v, drive.corner)
     if drive.displacement is not displacement:
         own = drive.part(keep, centre)
+    start, temperature = seen.log.start_time, None
+    if recording.temperature is not None:
+        rows = rows_of(recording, start, log.interval, *stretches)
+        temperature = mean_of(recording.temperature[rows])
     note = (
         f"filtered in the rig as declared ({options.rig_filter}, {options.rig_filter_corner:g} Hz, "
         f"order {options.rig_filter_order}); no filter of our own"
@@ -148,7 +152,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     trace = Trace(
         name=recording.name,
         setting=recording.setting,
-        start_time=seen.log.start_time + keep.start * log.interval,
+        start_time=start + keep.start * log.interval,
         interval=log.interval,
         displacement=x,
         velocity=v,
@@ -158,7 +162,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         centre=sign * centre,
         n_cycles_found=part.n_found,
         model_filter=seen.model_filter._replace(bridged=bridged),
-        temperature=_mean_temperature(recording, seen.log, stretches),
+        temperature=temperature,
         notes=() if options.rig_filter == "none" else (note,),
     )
     left_out = (seen.log.force - seen.force)[keep] if options.is_ours else np.empty(0)
@@ -229,19 +233,6 @@ def _moved(stretch: Stretch, by: int) -> Stretch:
         stop=stretch.stop + by,
         cycle_starts=stretch.cycle_starts + by,
     )
-
-
-def _mean_temperature(
-    recording: Recording, log: UniformLog, stretches: Sequence[Stretch]
-) -> float | None:
-    if recording.temperature is None:
-        return None
-    ends = np.array([stretches[0].first, stretches[-1].stop], dtype=np.float64)
-    if stretches[0].n_cycles and len(stretches) == 1:
-        ends = stretches[0].cycle_starts[[0, -1]]
-    begin, end = log.start_time + ends * log.interval
-    first = np.searchsorted(recording.time, begin, "left")
-    return mean_of(recording.temperature[first : np.searchsorted(recording.time, end, "right")])
 
 
 # Where the middle of the stroke is.

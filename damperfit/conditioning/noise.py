@@ -144,15 +144,13 @@ def _folded(
 # Sensor noise is about as strong just above the motion as near half the sample rate; a low-pass in
 # the rig takes it away up there. Of steady cycles noise is what differs from cycle to cycle. The
 # ratio of its two levels, as medians over the lines of the spectrum, is 0.1 to 9 in logs that
-# nobody filtered, of real rigs too, where the lower band also has the motion's own unrest. A 30 or
-# 60 Hz filter makes it 80 to 25 000 in the force and 4 to 1700 in the displacement, by the last
-# digit of the log; a running mean over 50 ms 50.
+# nobody filtered, of real rigs too. A 30 or 60 Hz filter makes it 80 to 25 000 in the force and 4
+# to 1700 in the displacement, by the last digit of the log; a running mean over 50 ms 50.
 #
-# Where nothing repeats, motion and force have content just above the motion. There the noise is
-# looked at by itself: two bands far above the motion, the upper one twice as high, of which a
-# low-pass leaves less: of the force at least 47 times, mostly a thousand times. Of a raw road or
-# sweep the force has up to 5 times as much in the lower one (its friction jumps), the
-# displacement 1.4 times; where speeds jump, or turn within 20 ms, the force has up to 34 times.
+# Where nothing repeats, the noise is looked at in two bands far above the motion, the upper one
+# twice as high, of which a low-pass leaves less: of the force at least 47 times, mostly a thousand
+# times. Of a raw road or sweep the force has up to 5 times as much in the lower one (its friction
+# jumps), the displacement 1.4 times; where speeds jump, or turn within 20 ms, the force up to 34.
 
 _NEAR = (10.0, 25.0)  # Hz, below any low-pass that a damper rig uses
 _BEYOND_MOTION = 3.0  # times its frequency

@@ -9,14 +9,13 @@ Three cases of stamps, tried in this order:
 
 A gap of more than 4 samples is refused in all of them.
 
-A filter needs 0.23 s beyond each end of what is compared, and the model a cycle of run-in for its
-state. Of three cycles at 10 Hz nothing would be left. Where a log begins or ends in the midst of a
-steady motion, that motion went on: the log is continued there by the cycle that is nearest, both
-channels alike, so that filter and model meet what they would have met. Only what was logged is
-compared, and the model's force passes the same filter over the same continued motion. The cycle's
-length is the one at which the displacement repeats best, so that the seam is smooth. A motion that
-began with the log's first sample has not repeated yet: as long as the force differs from the next
-cycle's by more than noise it is run-in, and the log is continued behind it.
+A filter needs 0.23 s beyond each end of what is compared, and the model a cycle of run-in: of three
+cycles at 10 Hz nothing would be left. Where a log begins or ends in the midst of a steady motion,
+it is continued there by the nearest cycle, both channels alike, so that filter and model meet what
+they would have met. Only what was logged is compared. The cycle's length is the one at which the
+displacement repeats best, so that the seam is smooth. A motion that began with the log's first
+sample has not repeated yet: as long as the force differs from the next cycle's by more than noise
+it is run-in, and the log is continued behind it.
 """
 
 from __future__ import annotations
