@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from damperfit.conditioning.filters import (
     fading_samples,
 )
 from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.signals import FloatArray, noise_of, parts_where
+from damperfit.conditioning.signals import FloatArray, IntArray, noise_of, parts_where
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.recording import Drive, FilterDesign, Stretch
 from damperfit.statistics import mean_of, median, variance_of
@@ -353,29 +353,6 @@ _LENGTHENED = 2  # times that a part is lengthened, by what shows a turn and a l
 _AT_REST = 5.0  # errors of a slope: a line that rises by less rests
 
 
-class _Line(NamedTuple):
-    """A straight part: its middle, where it is there, slope, samples, and their squared reach."""
-
-    middle: float
-    level: float
-    slope: float
-    n: int
-    power: float
-
-    def at(self, sample: Any) -> Any:
-        """Return the place at samples, m."""
-        return self.level + self.slope * (sample - self.middle)
-
-    def error(self, sample: float) -> float:
-        """Return its error there for a noise of 1."""
-        return math.sqrt(1.0 / self.n + (sample - self.middle) ** 2 / self.power)
-
-    def crossing(self, other: _Line, sample: int) -> float:
-        """Return how far behind a sample it crosses another line; infinite: nowhere."""
-        step = other.slope - self.slope
-        return (self.at(sample) - other.at(sample)) / step if step else math.inf
-
-
 def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Drive | None:
     """Return the drive of a log that moves in lines over a part; None where it does not."""
     # With a few samples beside it, where a line would be too short.
@@ -388,53 +365,55 @@ def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Dr
             x = displacement[begin:end]
             noise = max(noise_of(x), _ROUNDING * float(np.ptp(x)))
             turns = _turns(x, lever, noise)
-            if not turns:
+            if turns is None:
                 break
             # Noise moves the top of a long look: they turn where lines that keep off them cross.
-            for k, (line, other) in enumerate(pairwise(_lines(x, turns, lever // 2))):
-                if abs(moved := line.crossing(other, turns[k])) <= lever:
-                    turns[k] = round(turns[k] + moved)
+            lines = _lines(x, turns, lever // 2)
+            if lines is not None:
+                moved = _beside(lines, turns)
+                turns = np.rint(turns + np.where(np.abs(moved) <= lever, moved, 0.0)).astype(int)
             lines = _lines(x, turns, 1, noise)
-            jumps = _crossings(x, turns, lines, noise) if lines else None
-            if jumps is None:
+            jumps = None if lines is None else _crossings(x, turns, lines, noise)
+            if lines is None or jumps is None:
                 continue
             whole, speed = displacement.copy(), np.zeros(len(displacement))
             # A sample at which it turns has the speed after it.
             edges = [0, *np.ceil(jumps[:, 0]).astype(np.int64).tolist(), end - begin]
-            for line, (low, high) in zip(lines, pairwise(edges), strict=True):
-                whole[begin + low : begin + high] = line.at(np.arange(low, high))
-                speed[begin + low : begin + high] = line.slope / interval
+            for line, (low, high) in zip(lines.T, pairwise(edges), strict=True):
+                whole[begin + low : begin + high] = _at(line, np.arange(low, high))
+                speed[begin + low : begin + high] = line[2] / interval
             jumps[:, 0] += begin
             jumps[:, 2:] /= interval
             return Drive(whole, speed, math.inf, jumps)
     return None
 
 
-def _turns(x: FloatArray, lever: int, noise: float) -> list[int] | None:
+def _turns(x: FloatArray, lever: int, noise: float) -> IntArray | None:
     """Return the samples nearest to where the motion turns; None where it bends or none does."""
     if len(x) < 4 * lever + _FEWEST:
         return None
     bend = np.abs(x[: -2 * lever] - 2.0 * x[lever:-lever] + x[2 * lever :])
     over = np.flatnonzero(bend > _CLEAR_STRAIGHT * math.sqrt(6.0) * noise)
-    if not len(over):
+    runs = np.split(over, np.flatnonzero(np.diff(over) > lever) + 1)
+    # A sharp corner is seen over two levers, a bend over its own length too.
+    if not len(over) or max(map(len, runs)) > 2 * lever + 1:
         return None
-    turns = []
-    for run in np.split(over, np.flatnonzero(np.diff(over) > lever) + 1):
-        # A sharp corner is seen over two levers, a bend over its own length too.
-        if len(run) > 2 * lever + 1:
-            return None
-        turns.append(int(run[np.argmax(bend[run])]) + lever)
-    return turns
+    return np.array([int(run[np.argmax(bend[run])]) + lever for run in runs])
 
 
-def _lines(x: FloatArray, turns: list[int], margin: int, noise: float = math.inf) -> list[_Line]:
-    """The lines before, between and behind turns, off them; none where one is not straight."""
+def _lines(
+    x: FloatArray, turns: IntArray, margin: int, noise: float = math.inf
+) -> FloatArray | None:
+    """The lines before, between and behind turns, off them; None where one is not straight.
+
+    Rows: their middles, where they are there, slopes, samples, and their squared reach.
+    """
     lines = []
-    for before, behind in pairwise([-margin - 1, *turns, len(x) + margin]):
+    for before, behind in pairwise([-margin - 1, *turns.tolist(), len(x) + margin]):
         at = np.arange(before + margin + 1, behind - margin)
         n = len(at)
         if n < _FEWEST:
-            return []
+            return None
         middle = 0.5 * float(at[0] + at[-1])
         reach = at - middle
         power = float(reach @ reach)
@@ -442,29 +421,40 @@ def _lines(x: FloatArray, turns: list[int], margin: int, noise: float = math.inf
         rest = x[at] - level - slope * reach
         allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * n)
         if math.sqrt(float(rest @ rest) / n) > allowed * noise:
-            return []
+            return None
         # A line that only seems to rise is level: friction would slide one way.
         is_level = math.isfinite(noise) and abs(slope) <= _AT_REST * noise / math.sqrt(power)
-        lines.append(_Line(middle, level, 0.0 if is_level else slope, n, power))
-    return lines
+        lines.append((middle, level, 0.0 if is_level else slope, n, power))
+    return np.array(lines).T
+
+
+def _at(lines: FloatArray, sample: Any) -> FloatArray:
+    return np.asarray(lines[1] + lines[2] * (sample - lines[0]))
+
+
+def _beside(lines: FloatArray, turns: IntArray) -> FloatArray:
+    """Return how far behind turns each line crosses the next; infinite: nowhere."""
+    step = np.diff(lines[2])
+    apart = _at(lines[:, :-1], turns) - _at(lines[:, 1:], turns)
+    nowhere = np.full(len(step), math.inf)
+    return np.asarray(np.divide(apart, step, out=nowhere, where=step != 0.0))
 
 
 def _crossings(
-    x: FloatArray, turns: list[int], lines: list[_Line], noise: float
+    x: FloatArray, turns: IntArray, lines: FloatArray, noise: float
 ) -> FloatArray | None:
     """Where each line crosses the next, as in `Motion.jumps`; None where no motion turns there."""
-    jumps = np.empty((len(turns), 4))
-    for k, (turn, (line, other)) in enumerate(zip(turns, pairwise(lines), strict=True)):
-        at = turn + line.crossing(other, turn)
-        if not abs(at - turn) < _BESIDE_STRAIGHT:
-            return None
-        beside = np.arange(turn - 1, turn + 2)
-        there = np.where(beside < at, line.at(beside), other.at(beside))
-        if np.max(np.abs(x[beside] - there)) > _FARTHEST * noise:
-            return None
-        step = abs(other.slope - line.slope)
-        error = noise * math.hypot(line.error(at), other.error(at)) / step
-        if abs(at - round(at)) <= _AT_SAMPLE * error:
-            at = float(round(at))
-        jumps[k] = at, 0.5 * (line.at(at) + other.at(at)), line.slope, other.slope
-    return jumps
+    pair = lines[:, :-1], lines[:, 1:]
+    at = turns + _beside(lines, turns)
+    if not np.all(np.abs(at - turns) < _BESIDE_STRAIGHT):
+        return None
+    near = turns + np.arange(-1, 2)[:, None]
+    there = np.where(near < at, *(_at(line, near) for line in pair))
+    if np.max(np.abs(x[near] - there)) > _FARTHEST * noise:
+        return None
+    # For a noise of 1 a line has this variance there.
+    variance = sum(1.0 / line[3] + (at - line[0]) ** 2 / line[4] for line in pair)
+    error = noise * np.sqrt(variance) / np.abs(np.diff(lines[2]))
+    at = np.where(np.abs(at - np.rint(at)) <= _AT_SAMPLE * error, np.rint(at), at)
+    level = 0.5 * (_at(pair[0], at) + _at(pair[1], at))
+    return np.stack([at, level, pair[0][2], pair[1][2]], axis=1)
