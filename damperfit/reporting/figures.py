@@ -166,13 +166,7 @@ def plot_in_units(plot: Plot, units: ShownUnits) -> Plot:
 
 
 def setting_colours(settings: Iterable[Setting | Place]) -> Mapping[Setting, str]:
-    """Return a colour for each setting, along the ramp in the order of the settings.
-
-    Examples
-    --------
-    >>> list(setting_colours([1, 20]).values())
-    ['#6871fb', '#c7330e']
-    """
+    """Return a colour for each setting, along the ramp in the order of the settings."""
     known = sorted(set(map(Setting.of, settings)))
     places = np.linspace(0.0, len(_RAMP) - 1.0, len(known))
     channels = [np.interp(places, np.arange(len(_RAMP)), row) for row in _RAMP.T]
@@ -236,12 +230,6 @@ def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
 
     From each of ``n_buckets`` runs of equal length the lowest and the highest value of each signal
     are kept, and the first and last sample of all. The signals have one length; NaN is passed over.
-
-    Examples
-    --------
-    >>> spike = np.zeros(1000); spike[777] = 5.0
-    >>> 777 in thin(10, spike)
-    True
     """
     n = len(signals[0])
     if n <= 2 * n_buckets * len(signals) + 2:

@@ -48,13 +48,7 @@ _PLAIN = frozenset({float, int, str, bool, type(None)})
 
 
 def to_record(one: Any) -> Any:
-    """Return a check, trend, click, finding or failure as what run.json holds.
-
-    Examples
-    --------
-    >>> to_record(Check("no_cavitation", True, "no chamber"))
-    {'name': 'no_cavitation', 'passed': True, 'reason': 'no chamber'}
-    """
+    """Return a check, trend, click, finding or failure as what run.json holds."""
     if type(one) in _PLAIN:  # nearly all there is: asked for first
         return one
     if isinstance(one, Setting):

@@ -101,13 +101,7 @@ def first_of(rows: Sequence[Any], most: int, where: str) -> tuple[Sequence[Any],
 
 
 def printable(text: str) -> str:
-    r"""Return the text with control characters and reversed writing as escapes.
-
-    Examples
-    --------
-    >>> print(printable("run_1\x1b[0m"))
-    run_1\x1b[0m
-    """
+    """Return the text with control characters and reversed writing as escapes."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
@@ -213,13 +207,7 @@ def _places(text: str) -> int:
 
 
 def escape(text: str) -> str:
-    r"""Return text that Markdown shows as it is, on one line, control characters as escapes.
-
-    Examples
-    --------
-    >>> print(escape("<b>|run_1 _2_\x1b[0m (+1 %)"))
-    \<b\>\|run_1 \_2\_\\x1b\[0m (+1 %)
-    """
+    """Return text that Markdown shows as it is, on one line, control characters as escapes."""
     if _PLAIN.fullmatch(text):
         return text
     shown = printable(" ".join(text.split()))
@@ -273,13 +261,7 @@ def html_table(sheet: Sheet, *, caption: str = "", looks: Mapping[str, str] | No
 
 
 def number(value: float | None, *, digits: int = 5) -> str:
-    """Return a number with ``digits`` significant digits and no exponent where that reads well.
-
-    Examples
-    --------
-    >>> number(23.9451234), number(0.0), number(None), number(1234567.0)
-    ('23.945', '0', '-', '1.2346e+06')
-    """
+    """Return a number with ``digits`` significant digits and no exponent where that reads well."""
     if value is None or not math.isfinite(value):
         return NOTHING
     if value == 0.0:
@@ -290,13 +272,7 @@ def number(value: float | None, *, digits: int = 5) -> str:
 
 
 def percent(value: float | None) -> str:
-    """Return a percentage with three significant digits.
-
-    Examples
-    --------
-    >>> percent(0.012345), percent(12.3456), percent(None)
-    ('0.0123', '12.3', '-')
-    """
+    """Return a percentage with three significant digits."""
     if value is None or not math.isfinite(value):
         return NOTHING
     if value == 0.0:
