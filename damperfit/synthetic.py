@@ -27,7 +27,7 @@ from damperfit.problem import Key, Option
 from damperfit.store import file_set
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
@@ -48,37 +48,39 @@ _DEAD_BAND = 1e-4  # m/s; friction is linear inside
 class SteadyCycle(NamedTuple):
     """One steady cycle of a sine test, x = A sin(2 pi phase); phases are in cycles, shape (n,)."""
 
-    parameters: Parameters
-    damper: Damper
     amplitude: float  # m
     frequency: float  # Hz
-    # Phase (0 to 1) to the oil mass in chambers 1 and 2, shape (2, n), kg.
-    masses: Callable[[FloatArray], FloatArray]
-    gap: float  # largest change of a mass from this cycle's start to its end, relative
+    force: Callable[[FloatArray], FloatArray]  # of phases; N, friction and offset included
 
     def displacement(self, phase: FloatArray) -> FloatArray:
         """Return x, m."""
         return np.asarray(self.amplitude * np.sin(2.0 * np.pi * phase))
 
-    def velocity(self, phase: FloatArray) -> FloatArray:
-        """Return v, m/s."""
-        speed = 2.0 * np.pi * self.frequency * self.amplitude
-        return np.asarray(speed * np.cos(2.0 * np.pi * phase))
 
-    def force(self, phase: FloatArray) -> FloatArray:
-        """Return f, N, friction and offset included."""
-        y, device = self.parameters, self.damper
-        m_1, m_2 = self.masses(np.mod(phase, 1.0))
-        x = self.displacement(phase)
-        volume_1 = device.chamber_1_volume - x * device.annulus_area
-        volume_2 = device.chamber_2_volume + x * device.piston_area
+def cycle_of_masses(
+    y: Parameters,
+    damper: Damper,
+    amplitude: float,
+    frequency: float,
+    masses: Callable[[FloatArray], FloatArray],
+) -> SteadyCycle:
+    """Return a cycle by the oil mass in chambers 1 and 2 at a phase, shape (2, n), kg."""
+
+    def force(phase: FloatArray) -> FloatArray:
+        x = cycle.displacement(phase)
+        speed = 2.0 * np.pi * frequency * amplitude * np.cos(2.0 * np.pi * phase)
+        volume_1 = damper.chamber_1_volume - x * damper.annulus_area
+        volume_2 = damper.chamber_2_volume + x * damper.piston_area
         p_1, p_2 = (
-            np.maximum(0.0, y.k_e * (m / (device.oil_density * v) - 1.0) + device.gas_pressure)
-            for m, v in ((m_1, volume_1), (m_2, volume_2))
+            np.maximum(0.0, y.k_e * (m / (damper.oil_density * v) - 1.0) + damper.gas_pressure)
+            for m, v in zip(masses(np.mod(phase, 1.0)), (volume_1, volume_2), strict=True)
         )
-        friction = y.f_f * np.clip(self.velocity(phase) / _DEAD_BAND, -1.0, 1.0)
-        oil = p_1 * device.annulus_area - p_2 * device.piston_area
-        return np.asarray(oil + device.rod_area * device.ambient_pressure + friction + y.f_0)
+        friction = y.f_f * np.clip(speed / _DEAD_BAND, -1.0, 1.0)
+        oil = p_1 * damper.annulus_area - p_2 * damper.piston_area
+        return np.asarray(oil + damper.rod_area * damper.ambient_pressure + friction + y.f_0)
+
+    cycle = SteadyCycle(amplitude, frequency, force)
+    return cycle
 
 
 def steady_cycle(
@@ -129,7 +131,7 @@ def steady_cycle(
         end = solution.y[:, -1]
         gap = float(np.max(np.abs(end / masses - 1.0)))
         if gap <= _REPEATS:
-            return SteadyCycle(parameters, damper, amplitude, frequency, solution.sol, gap)
+            return cycle_of_masses(parameters, damper, amplitude, frequency, solution.sol)
         masses = end
     raise SimulationError(
         f"samples: {parameters}: no steady cycle within {_MOST_CYCLES}; state still moves by "
@@ -156,26 +158,9 @@ _BESIDE = {
 }  # fmt: skip
 
 
-class SimulatedCycle(NamedTuple):
-    """One steady cycle of a sine test, x = A sin(2 pi phase); phases are in cycles, shape (n,)."""
-
-    amplitude: float  # m
-    frequency: float  # Hz
-    forces: FloatArray  # shape (n,), at even phases from 0, N
-
-    def displacement(self, phase: FloatArray) -> FloatArray:
-        """Return x, m."""
-        return np.asarray(self.amplitude * np.sin(2.0 * np.pi * phase))
-
-    def force(self, phase: FloatArray) -> FloatArray:
-        """Return f, N."""
-        n = len(self.forces)
-        return np.asarray(np.interp(phase, np.arange(n) / n, self.forces, period=1.0))
-
-
 def simulated_cycle(
     values: Values, damper: Model, *, amplitude: float, frequency: float
-) -> SimulatedCycle:
+) -> SteadyCycle:
     """Simulate a sine test of m and Hz until a cycle repeats the one before."""
     from damperfit.simulation import SolverOptions, simulate, sine_motion
 
@@ -189,7 +174,10 @@ def simulated_cycle(
             f"by {gap:.2g} N; check frequency and parameters",
             code="no-steady-cycle",
         )
-    return SimulatedCycle(amplitude, frequency, last)
+    phases = np.arange(_SAMPLES) / _SAMPLES
+    return SteadyCycle(
+        amplitude, frequency, lambda phase: np.asarray(np.interp(phase, phases, last, period=1.0))
+    )
 
 
 def made_up_values(damper: Model, setting: int, speed: float) -> Values:
@@ -311,15 +299,6 @@ def _noise(random: np.random.Generator, n: int, rms: float, options: SampleOptio
     return np.asarray(sosfilt(sections, white)[lead:])
 
 
-def _wander(random: np.random.Generator, n: int, options: SampleOptions) -> FloatArray:
-    """Return a slow temperature drift that stays within 1 degree of the mean."""
-    turn = np.linspace(0.0, 2.0 * np.pi * random.uniform(0.2, 0.8), n)
-    start = random.uniform(0.0, 2.0 * np.pi)
-    drift = random.uniform(0.3, 0.7) * np.sin(turn + start)
-    ripple = 0.2 * np.sin(7.3 * turn + random.uniform(0.0, 2.0 * np.pi))
-    return np.asarray(options.temperature + drift + ripple)
-
-
 def _written(values: FloatArray, resolution: float) -> list[str]:
     """Return numbers as text, in whole steps of ``resolution``, or with all digits for 0."""
     if resolution == 0.0:
@@ -331,7 +310,7 @@ def _written(values: FloatArray, resolution: float) -> list[str]:
     return [f"{value:.{decimals}f}" for value in steps.tolist()]
 
 
-def _log_text(cycle: SteadyCycle | SimulatedCycle, setting: int, options: SampleOptions) -> str:
+def _log_text(cycle: SteadyCycle, setting: int, options: SampleOptions) -> str:
     """Return one log in the project's dialect."""
     random = np.random.default_rng([options.seed, setting])
     n = options.n_samples
@@ -344,11 +323,16 @@ def _log_text(cycle: SteadyCycle | SimulatedCycle, setting: int, options: Sample
     displacement = displacement + _noise(random, n, options.displacement_noise, options)
     force = force + _noise(random, n, options.force_noise, options)
     is_whole_ms = abs(1e3 / options.sample_rate - round(1e3 / options.sample_rate)) < 1e-12
+    # A slow drift that stays within 1 degree of the mean.
+    turn = np.linspace(0.0, 2.0 * np.pi * random.uniform(0.2, 0.8), n)
+    start = random.uniform(0.0, 2.0 * np.pi)
+    drift = random.uniform(0.3, 0.7) * np.sin(turn + start)
+    ripple = 0.2 * np.sin(7.3 * turn + random.uniform(0.0, 2.0 * np.pi))
     columns = (
         _written(time, 1e-3 if is_whole_ms else 0.0),
         _written(1e3 * displacement, 1e3 * options.displacement_resolution),
         _written(force, options.force_resolution),
-        _written(_wander(random, n, options), 0.1),
+        _written(options.temperature + drift + ripple, 0.1),
     )
     preamble = (
         "# damperfit rig log",
@@ -357,13 +341,6 @@ def _log_text(cycle: SteadyCycle | SimulatedCycle, setting: int, options: Sample
         "time_s,displacement_mm,force_N,temperature_degC",
     )
     return "\n".join([*preamble, *(",".join(row) for row in zip(*columns, strict=True)), ""])
-
-
-def _truth_text(truth: Mapping[int, Values], names: Sequence[str]) -> str:
-    """Return the true values as CSV, every digit, SI."""
-    rows = [("setting", *names)]
-    rows += [(str(s), *(repr(float(number)) for number in y.numbers)) for s, y in truth.items()]
-    return "\n".join([*(",".join(row) for row in rows), ""])
 
 
 def _readme_text(options: SampleOptions, *, is_reference: bool) -> str:
@@ -489,7 +466,6 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
             if path not in paths.values() and _is_own(path):  # truth.csv will not speak of it
                 files.without(path.name)
         for setting, true in truth.items():
-            cycle: SteadyCycle | SimulatedCycle
             if isinstance(damper, Damper):
                 cycle = steady_cycle(cast("Parameters", true), damper, **drive)
             else:
@@ -500,5 +476,8 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
                 on_log(paths[setting])
         readme = _readme_text(options, is_reference=parameters is None)
         files.path("README.md").write_bytes(readme.encode())
-        files.path("truth.csv").write_bytes(_truth_text(truth, damper.names).encode())
+        numbers = {one: map(repr, map(float, true.numbers)) for one, true in truth.items()}
+        rows = [("setting", *damper.names), *((str(one), *own) for one, own in numbers.items())]
+        lines = "".join(",".join(row) + "\n" for row in rows)
+        files.path("truth.csv").write_bytes(lines.encode())  # every digit, SI
     return tuple(paths.values())

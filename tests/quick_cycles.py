@@ -11,7 +11,7 @@ from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.damper.purdy.parameters import Damper, Parameters
 from damperfit.errors import SimulationError
 from damperfit.simulation import Motion, SolverOptions, simulate
-from damperfit.synthetic import SteadyCycle, steady_cycle
+from damperfit.synthetic import SteadyCycle, cycle_of_masses, steady_cycle
 
 _PER_CYCLE = 4000
 _CYCLES = 3
@@ -36,4 +36,4 @@ def quick_cycle(
     if gap > 1e-9:
         return steady_cycle(parameters, damper, amplitude=amplitude, frequency=frequency)
     spline = CubicSpline(phase[: _PER_CYCLE + 1], last, axis=1)
-    return SteadyCycle(parameters, damper, amplitude, frequency, spline, gap)
+    return cycle_of_masses(parameters, damper, amplitude, frequency, spline)

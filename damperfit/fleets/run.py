@@ -39,8 +39,8 @@ from damperfit.fleets.sources import (
     head_of,
     recognised,
 )
-from damperfit.io import is_tests_table, read_tests
 from damperfit.io.files import sha256_of
+from damperfit.io.tests_table import is_tests_table, read_tests
 from damperfit.problem import Failure, Option, Problem
 from damperfit.queries.compared import compared_record
 from damperfit.recording import natural_order

@@ -7,9 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError, TimelessError
-from damperfit.io.labels import Guess, guess_settings, one_of_several, unclear_names
 from damperfit.io.options import Profile, ReadOptions
-from damperfit.io.tests_table import TestRow, TestsTable, is_tests_table, read_tests
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,21 +17,7 @@ if TYPE_CHECKING:
     from damperfit.io.formats import Table
     from damperfit.recording import Recording
 
-__all__ = [
-    "Guess",
-    "Profile",
-    "ReadOptions",
-    "TestRow",
-    "TestsTable",
-    "guess_settings",
-    "is_tests_table",
-    "one_of_several",
-    "read_curves",
-    "read_log",
-    "read_logs",
-    "read_tests",
-    "unclear_names",
-]
+__all__ = ["Profile", "ReadOptions", "read_curves", "read_log", "read_logs"]
 
 _DEFAULTS = ReadOptions()
 

@@ -221,8 +221,7 @@ def _extent(data: bytes) -> _Extent:
             return _Extent(total, at, -1)
         if at + _LEAD_IN > len(data) or data[at : at + 4] != b"TDSm":
             raise LogError(
-                f"truncated or damaged TDMS file: no segment at byte {at}",
-                code="truncated",
+                f"truncated or damaged TDMS file: no segment at byte {at}", code="truncated"
             )
         (contents,) = struct.unpack_from("<I", data, at + 4)
         order = ">" if contents & _IS_BIG_ENDIAN else "<"

@@ -196,8 +196,7 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if not source.data[8:16].startswith(b"4."):
         version = source.data[8:16].decode("latin-1").strip("\0 ")
         raise LogError(
-            f"MDF version {version!r}; expected 4, convert the log",
-            code="unknown-format",
+            f"MDF version {version!r}; expected 4, convert the log", code="unknown-format"
         )
     if source.data.startswith(b"UnFinMF"):
         raise LogError("truncated MDF file: the recording was not finished", code="truncated")
@@ -270,14 +269,10 @@ def _block(data: bytes, at: int) -> tuple[bytes, tuple[int, ...]]:
     length, n_links = struct.unpack_from("<QQ", data, at + 8)
     if not kind.startswith(b"##") or length < 24 + 8 * n_links:
         raise LogError(
-            f"damaged MDF file: no block at byte {at}; copy the log again",
-            code="damaged",
+            f"damaged MDF file: no block at byte {at}; copy the log again", code="damaged"
         )
     if at + length > len(data):
-        raise LogError(
-            f"truncated MDF file; the block at byte {at} is not whole",
-            code="truncated",
-        )
+        raise LogError(f"truncated MDF file; the block at byte {at} is not whole", code="truncated")
     return kind, struct.unpack_from(f"<{n_links}Q", data, at + 24)
 
 
@@ -304,8 +299,7 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         tables += [replace(table, notes=(*notes, *table.notes)) for table in read]
     if not tables:
         raise LogError(
-            refusals[0] if refusals else "the workbook has no sheets",
-            code="unknown-format",
+            refusals[0] if refusals else "the workbook has no sheets", code="unknown-format"
         )
     return tuple(tables)
 

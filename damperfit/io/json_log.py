@@ -70,8 +70,7 @@ def _parsed(text: str) -> Any:
         if len(document := dict(pairs)) < len(pairs):
             double = _doubled([key for key, _ in pairs])
             raise LogError(
-                f"this is JSON with two values for {visible(double)}",
-                code="given-twice",
+                f"this is JSON with two values for {visible(double)}", code="given-twice"
             )
         return document
 

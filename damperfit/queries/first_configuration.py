@@ -16,7 +16,8 @@ from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import model_named
 from damperfit.errors import ConditioningError, ConfigurationError, DamperfitError, LogError
-from damperfit.io import guess_settings, read_logs, unclear_names
+from damperfit.io import read_logs
+from damperfit.io.labels import guess_settings, unclear_names
 from damperfit.problem import Option
 from damperfit.statistics import median
 from damperfit.tested.identity import IDENTITY_KEYS, common_identity, identity_in

@@ -218,9 +218,7 @@ def parse_question(
     stroke = "bump" if stroke == "compression" else stroke
     if stroke is not None and stroke not in STROKES:
         raise ConfigurationError(
-            "expected rebound or compression",
-            where=Option("stroke", stroke),
-            code="unknown-stroke",
+            "expected rebound or compression", where=Option("stroke", stroke), code="unknown-stroke"
         )
     if velocity is None:
         if force is None:

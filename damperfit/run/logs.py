@@ -32,22 +32,19 @@ from damperfit.errors import (
     failure_of,
 )
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.io import (
-    Guess,
-    TestRow,
-    guess_settings,
-    is_tests_table,
-    one_of_several,
-    read_curves,
-    read_logs,
-    read_tests,
-    unclear_names,
-)
+from damperfit.io import read_curves, read_logs
 from damperfit.io.files import sha256_of
 from damperfit.io.formats import FORMATS
-from damperfit.io.labels import LogLabel, file_setting
+from damperfit.io.labels import (
+    Guess,
+    LogLabel,
+    file_setting,
+    guess_settings,
+    one_of_several,
+    unclear_names,
+)
 from damperfit.io.options import SETTING_PATTERN
-from damperfit.io.tests_table import facts_in
+from damperfit.io.tests_table import TestRow, facts_in, is_tests_table, read_tests
 from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Finding, natural_order
 from damperfit.run.log_files import is_own_table, real_path
@@ -61,7 +58,7 @@ if TYPE_CHECKING:
 
     from damperfit.conditioning import ConditionOptions
     from damperfit.configuration.options import Configuration
-    from damperfit.io import TestsTable
+    from damperfit.io.tests_table import TestsTable
     from damperfit.recording import Recording, Trace
     from damperfit.tested.setting import Place
 

@@ -6,16 +6,9 @@ import re
 import pytest
 
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.io import (
-    ReadOptions,
-    guess_settings,
-    is_tests_table,
-    one_of_several,
-    read_log,
-    read_logs,
-    read_tests,
-    unclear_names,
-)
+from damperfit.io import ReadOptions, read_log, read_logs
+from damperfit.io.labels import guess_settings, one_of_several, unclear_names
+from damperfit.io.tests_table import is_tests_table, read_tests
 
 LOG = "time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n"
 

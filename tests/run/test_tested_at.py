@@ -16,7 +16,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
-from damperfit.io import TestRow, read_tests
+from damperfit.io.tests_table import TestRow, read_tests
 from damperfit.run.identify import prepare
 from damperfit.run.logs import conditioned_as_tested, facts_of, read_batch
 from damperfit.simulation import motion_of, simulate
