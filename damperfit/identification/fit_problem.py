@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -392,34 +393,30 @@ class _Stacked:
             values[setting], beyond = self._values(setting, known, gas)
 
         def block_of(setting: Setting) -> tuple[LinearSystem | FloatArray, float, float, bool]:
-            rows, is_cavitating = self._rows(setting, values[setting])
+            block = self.problem.blocks[setting]
+            evaluate = partial(block.evaluate, values[setting], block.free)
+            seen = evaluate() if self.is_alone else attempted(setting, evaluate)
+            if isinstance(seen, Failure):
+                # A trial that cannot be simulated is one step too far; a bug is the end.
+                error = SettingError(seen)
+                raise _BugError(error) if seen.is_internal else error
+            rows, is_cavitating = seen
             if beyond is not None:
                 rows[1:][beyond] = 0.0  # beyond the bound nothing changes any more
-            mean_square = float(rows[0] @ rows[0]) / self.problem.blocks[setting].facts.n_samples
-            independent = n_independent(rows[0])
-            weight = self.weights.get(setting, 1.0 / max(mean_square, 1e-300))
-            rows *= math.sqrt(weight)
-            block = self._linear(setting, rows, values[setting], gas)
-            return block, mean_square, independent, is_cavitating
+            mean_square, independent = (
+                rows[0] @ rows[0] / block.facts.n_samples,
+                n_independent(rows[0]),
+            )
+            rows *= math.sqrt(self.weights.get(setting, 1.0 / max(mean_square, 1e-300)))
+            system = self._linear(setting, rows, values[setting], gas)
+            return system, mean_square, independent, is_cavitating
 
-        blocks, squares, independent, empty = zip(*self.pool.map(block_of, settings), strict=True)
+        systems, squares, independent, empty = zip(*self.pool.map(block_of, settings), strict=True)
         mean_squares = dict(zip(settings, squares, strict=True))
         self.weights = self.weights or {s: 1.0 / max(x, 1e-300) for s, x in mean_squares.items()}
         n = dict(zip(settings, independent, strict=True))
         point = Point(values, mean_squares, n, any(empty), self.weights, gas)
-        return (blocks[0] if self.is_alone else BorderedSystem(blocks, self.n_border)), point
-
-    def _rows(self, setting: Setting, values: Values) -> tuple[FloatArray, bool]:
-        """Residuals and derivatives of a setting; of several it says whose failure one is."""
-        block = self.problem.blocks[setting]
-        if self.is_alone:
-            return block.evaluate(values, block.free)
-        found = attempted(setting, lambda: block.evaluate(values, block.free))
-        if isinstance(found, Failure):
-            # A trial that cannot be simulated is one step too far; a bug is the end.
-            error = SettingError(found)
-            raise _BugError(error) if found.is_internal else error
-        return found
+        return (systems[0] if self.is_alone else BorderedSystem(systems, self.n_border)), point
 
     def _linear(
         self, setting: Setting, rows: FloatArray, values: Values, gas: GasLaw | None

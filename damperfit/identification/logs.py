@@ -181,15 +181,13 @@ class LogFacts:
     @cached_property
     def n_speeds(self) -> int | None:
         """How many speeds the stretches hold; None where one holds none."""
-        speeds: list[float] = []
         places = ((log.drive.velocity, part) for log in self.traces for part in log.stretches)
-        for velocity, stretch in places:
-            held = _speed_held(np.abs(velocity[stretch.window]))
-            if held is None:
-                return None
-            if all(abs(held / other - 1.0) > _NEAR for other in speeds):
+        each = [_speed_held(np.abs(velocity[stretch.window])) for velocity, stretch in places]
+        speeds: list[float] = []
+        for held in each:
+            if held is not None and all(abs(held / other - 1.0) > _NEAR for other in speeds):
                 speeds.append(held)
-        return len(speeds)
+        return None if None in each else len(speeds)
 
 
 def _speed_held(speed: FloatArray) -> float | None:
@@ -298,10 +296,12 @@ class SettledCycle:
         # How many samples each cycle has; what lies before the first or behind the last is theirs.
         ends = [0, *np.searchsorted(samples, starts[1:-1]).tolist(), len(samples)]
         begins = np.repeat(np.stack([starts[:-1], np.diff(starts)]), np.diff(ends), axis=1)
-        share = (samples - begins[0]) / begins[1]
+        at = np.mod(n * ((samples - begins[0]) / begins[1]) + self.turn, n) + _MARGIN
+        # Through the eight samples around each: within 2e-5.
         around = np.concatenate([rows[:, -_MARGIN:], rows, rows[:, :_MARGIN]], axis=1)
-        at = np.mod(n * share + self.turn, n) + _MARGIN
-        return between_samples(around, at[None])[:, 0]
+        between = np.empty((len(rows), len(at)))
+        compiled_core().between(around, np.ascontiguousarray(at), between, len(rows))
+        return between
 
     def _filtered(self, signals: Sequence[FloatArray]) -> FloatArray:
         """The compared cycle of signals behind the filter."""
@@ -344,18 +344,36 @@ def _settled(
     trace: Trace, stretch: Stretch, weight: FloatArray | None, *, is_thinned: bool
 ) -> tuple[SettledCycle, float]:
     """A stretch's settled cycle, and its scatter as a sum of weighed squares."""
-    starts, n, period, is_aligned = _laid_out(trace, stretch, is_thinned=is_thinned)
+    starts, n_cycles = stretch.cycle_starts, stretch.n_cycles
+    counts = np.arange(len(starts)) - 0.5 * n_cycles
+    period = float(counts @ starts) / float(counts @ counts)
+    line = mean_of(starts) + period * counts
+    n = round(period)
+    is_aligned = abs(period - n) * n_cycles < _IN_STEP
+    if is_thinned:
+        n = 2 * math.ceil(0.5 * period)  # as many as the log has where nothing is filtered
+        gain = np.abs(_gain(trace, period, n))
+        passed = int(np.argmax(gain < 0.5)) if np.any(gain < 0.5) else n
+        n = min(n, max(_FEWEST, 2 * math.ceil(0.5 * _PER_HARMONIC * passed)))
+    elif not is_aligned:
+        n = 2 * fast_length(math.ceil(period / 2))
+    if np.max(np.abs(starts - line)) > _IN_STEP:
+        line, is_aligned = starts, False
+    elif is_aligned and not is_thinned:
+        # To the last bit on the samples, and the last cycle as long as the others.
+        line = stretch.first + period * np.arange(len(starts))
+    starts = np.ascontiguousarray(line, dtype=np.float64)
     means, beside, room = np.empty((3, n)), np.empty(n), np.empty(len(starts) - 1)
-    channels = (trace.drive.displacement, trace.drive.velocity, trace.force, starts)
-    lines = (np.ascontiguousarray(one, dtype=np.float64) for one in channels)
-    compiled_core().fold(*lines, means, beside, room)
+    channels = (trace.drive.displacement, trace.drive.velocity, trace.force)
+    rows = (np.ascontiguousarray(one, dtype=np.float64) for one in channels)
+    compiled_core().fold(*rows, starts, means, beside, room)
     x, v, force = means
     power = np.full(n, stretch.n_samples / n)
     if weight is not None:
         positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n) / n)
         at = np.clip(np.rint(positions).astype(np.int64) - stretch.first, 0, len(weight) - 1)
         power *= np.mean(weight[at] ** 2, axis=0)
-    scatter = float(power @ beside) / stretch.n_cycles
+    scatter = float(power @ beside) / n_cycles
     turn = -int(np.abs(x - mean_of(x)).argmax())
     force, power = (np.concatenate([one[-turn:], one[:-turn]]) for one in (force, power))
     interval = trace.interval * period / n
@@ -367,49 +385,9 @@ def _settled(
         after = np.append(v[1:], v[0])
         at = np.flatnonzero(np.signbit(v) != np.signbit(after))
         dead_band = 0.5 * mean_of(np.abs(after[at] - v[at]))
-    filled = trace.gas_pressure, trace.temperature
-    motion = Motion(interval, x[before], v[before], 0.0, *filled)
+    motion = Motion(interval, x[before], v[before], 0.0, trace.gas_pressure, trace.temperature)
     gain, factor = _gain(trace, period, n), np.sqrt(power)
-    n_cycles = stretch.n_cycles
     return SettledCycle(motion, force, gain, factor, dead_band, n_cycles, starts, turn), scatter
-
-
-def _laid_out(
-    trace: Trace, stretch: Stretch, *, is_thinned: bool
-) -> tuple[FloatArray, int, float, bool]:
-    """Where cycles begin, samples of the mean one, the period, whether they are the log's own."""
-    starts = stretch.cycle_starts
-    counts = np.arange(len(starts)) - 0.5 * stretch.n_cycles
-    period = float(counts @ starts) / float(counts @ counts)
-    line = np.asarray(mean_of(starts) + period * counts)
-    n = round(period)
-    is_aligned = abs(period - n) * stretch.n_cycles < _IN_STEP
-    if is_thinned:
-        n = _samples(trace, period)
-    elif not is_aligned:
-        n = 2 * fast_length(math.ceil(period / 2))
-    if np.max(np.abs(starts - line)) > _IN_STEP:
-        line, is_aligned = np.asarray(starts), False
-    elif is_aligned and not is_thinned:
-        # To the last bit on the samples, and the last cycle as long as the others.
-        line = np.asarray(stretch.first + period * np.arange(len(starts)))
-    return line, n, period, is_aligned
-
-
-def between_samples(channels: FloatArray, positions: FloatArray) -> FloatArray:
-    """Channels (c, n) at fractional samples, through the eight around each: within 2e-5."""
-    at = np.ascontiguousarray(positions, dtype=np.float64)
-    found = np.empty((len(channels), *at.shape))
-    compiled_core().between(np.ascontiguousarray(channels), at, found, len(channels))
-    return found
-
-
-def _samples(trace: Trace, period: float) -> int:
-    """Samples of a cycle, even; as many as the log has where nothing is filtered."""
-    own = 2 * math.ceil(0.5 * period)
-    gain = np.abs(_gain(trace, period, own))
-    passed = int(np.argmax(gain < 0.5)) if np.any(gain < 0.5) else own
-    return min(own, max(_FEWEST, 2 * math.ceil(0.5 * _PER_HARMONIC * passed)))
 
 
 def _gain(trace: Trace, period: float, n: int) -> NDArray[np.complex128]:

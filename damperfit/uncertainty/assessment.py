@@ -379,18 +379,14 @@ class Assessment:
         """Return the errors of a setting; None where none are known."""
         return self._known.get(setting)
 
-    def profile(self, setting: Setting, name: str) -> MisfitProfile | None:
-        """Return the closest finished profile of a parameter at a setting, if there is one."""
-        mine = [p for p in self.profiles if (p.setting, p.name) == (setting, name)]
-        return max(mine, key=lambda p: (p.is_complete, len(p.points)), default=None)
-
     def telling(self, setting: Setting) -> dict[str, MisfitProfile]:
-        """Return the profiles that speak of a setting: its own, and R_m3's from its source."""
+        """Return the closest finished profiles that tell of a setting: its own, R_m3's source."""
         found = {p.name: p for p in self.profiles if p.name == TAKEN and p.is_shared}
-        for name in {p.name for p in self.profiles}:
-            own = self.profile(setting, name)
-            if own is not None and not own.is_partial:
-                found[name] = own
+        mine = [p for p in self.profiles if p.setting == setting]
+        for name in {p.name for p in mine}:
+            own = (p for p in mine if p.name == name)
+            closest = max(own, key=lambda p: (p.is_complete, len(p.points)))
+            found |= {} if closest.is_partial else {name: closest}
         return found
 
     def limits(self, setting: Setting, name: str) -> tuple[float | None, float | None]:
@@ -401,14 +397,14 @@ class Assessment:
         """
         profile, errors = self.telling(setting).get(name), self.uncertainty(setting)
         known = None if errors is None else errors.intervals.get(name)
-        if profile is not None and (
+        if profile is None or not (
             profile.is_flat or (profile.is_complete and profile.is_doubtful)
         ):
-            low, high = profile.low, profile.high
-            if known is None or not known.misfit or low is None or high is None:
-                return low, high
-            return min(low, known.low), max(high, known.high)
-        return (None, None) if known is None else (known.low, known.high)
+            return (None, None) if known is None else (known.low, known.high)
+        low, high = profile.low, profile.high
+        if known is None or not known.misfit or low is None or high is None:
+            return low, high
+        return min(low, known.low), max(high, known.high)
 
     def plausible_limits(self, fit: Fit, name: str) -> tuple[float | None, float | None]:
         """Return the `limits` of a fitted value, SI; of what is not determined within its range.
@@ -430,13 +426,9 @@ class Assessment:
 
         Rigid oil is none of them: any stiffness above its limit gives the same force.
         """
-        return frozenset(
-            name
-            for name, status in fit.status.items()
-            if status == Status.NOT_IDENTIFIABLE
-            and not fit.parameters.quantity(name).is_open
-            and self.plausible_limits(fit, name)[1] is None
-        )
+        lost = [name for name, status in fit.status.items() if status == Status.NOT_IDENTIFIABLE]
+        lost = [name for name in lost if not fit.parameters.quantity(name).is_open]
+        return frozenset(name for name in lost if self.plausible_limits(fit, name)[1] is None)
 
     def verdicts(self, campaign: Campaign) -> dict[Setting, dict[str, str]]:
         """Return a sentence on each parameter, by setting: how it was found, how well, and ties."""
@@ -449,10 +441,8 @@ class Assessment:
                 ties[one] = f", correlated with {other} ({value:+.2f})"
                 ties[other] = f", correlated with {one} ({value:+.2f})"
             found[fit.setting] = {
-                name: _verdict(
-                    name, fit, known, profiles.get(name), campaign.sharing, ties.get(name, "")
-                )
-                for name in fit.parameters.names
+                n: _verdict(n, fit, known, profiles.get(n), campaign.sharing, ties.get(n, ""))
+                for n in fit.parameters.names
             }
         return found
 
@@ -460,8 +450,8 @@ class Assessment:
         """Return what a reader must know of the parameters first: the undetermined, and ties."""
         fitted = {fit.setting for fit in campaign.fits}
         ties: dict[tuple[str, str], list[tuple[Setting, float]]] = defaultdict(list)
-        for known in self.uncertainties:
-            for one, other, value in known.ties if known.setting in fitted else ():
+        for known in (known for known in self.uncertainties if known.setting in fitted):
+            for one, other, value in known.ties:
                 ties[one, other].append((known.setting, value))
         problems = list(self.undetermined(campaign))
         symbol_of = {quantity.name: quantity.symbol for quantity in campaign.quantities}
@@ -472,10 +462,10 @@ class Assessment:
                 "{symbols} are strongly correlated at {settings} ({correlation}): "
                 "the logs determine their combination better than each"
             )
-            symbols = " and ".join(symbol_of[name] for name in (one, other))
-            values = {"quantity": one, "other": other, "symbols": symbols, "correlation": spread}
-            at = of_settings(setting for setting, _ in where)
-            problems.append(warning("correlated", text, settings=at, **values))
+            values = {"quantity": one, "other": other, "correlation": spread}
+            values["symbols"] = f"{symbol_of[one]} and {symbol_of[other]}"
+            values["settings"] = of_settings(setting for setting, _ in where)
+            problems.append(warning("correlated", text, **values))
         return tuple(problems)
 
     def undetermined(self, campaign: Campaign) -> tuple[Problem, ...]:
@@ -512,12 +502,8 @@ class Assessment:
     @property
     def cycle_check(self) -> str:
         """How the errors compare with a jackknife over whole cycles; empty with nothing to say."""
-        ratios = [
-            interval.cycle_ratio
-            for known in self.uncertainties
-            for interval in known.intervals.values()
-            if math.isfinite(interval.cycle_ratio)
-        ]
+        every = (one for known in self.uncertainties for one in known.intervals.values())
+        ratios = [one.cycle_ratio for one in every if math.isfinite(one.cycle_ratio)]
         if not ratios:
             return ""
         low, middle, high = percentiles(ratios, 5.0, 50.0, 95.0)

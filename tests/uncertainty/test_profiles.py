@@ -105,7 +105,7 @@ def test_a_short_slow_stroke_leaves_the_bulk_modulus_flat_upward() -> None:
     log = short_trace(10, noise=4.0, amplitude=0.002)
     campaign = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN))
     judged = assess(campaign, PURDY_DAMPER)
-    profile = judged.profile(10, "k_e")
+    profile = judged.telling(10)["k_e"]
     assert profile.shape == "flat upward"
     assert 1e8 < profile.low < reference_parameters(10).k_e
     again = reconsider(campaign, judged)
