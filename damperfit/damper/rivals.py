@@ -452,18 +452,22 @@ class _ElasticDashpot(Rival):
         force, rows = at.follow([y[name] for name in names], layout)
         return force, dict(zip(names, rows, strict=True))
 
-    @abstractmethod
-    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
-        """Return the numbers of a direction's dashpot from its peak force."""
-
     def _guesses(self, seen: _Seen) -> Iterable[Numbers]:
         stiff = max(peak for _, peak in seen.peaks) / seen.stroke
+        (_, c, q), *beyond = self.ways
         for give in (0.01, 0.1):  # of the stroke, by which the spring gives
             for share in (0.8, 0.3):
                 guess = {"k_s": stiff / give, "play": 0.2 * give * seen.stroke}
                 guess |= {"half_length": 3.0 * seen.stroke}
                 for k, peak in seen.peaks:
-                    guess |= self._dashpot(k, peak, seen.speed, share)
+                    linear = share if c and q else float(bool(c))  # of the peak force
+                    if beyond:  # a knee at a share of it, and a fifth of the slope beyond
+                        linear = share + 5.0 * (1.0 - share)
+                        knee = {"p_r": share * peak, "c_r2": 0.25 * linear * peak / seen.speed}
+                        guess |= {n.replace("_r", f"_{k}"): number for n, number in knee.items()}
+                    root = float(np.sqrt(max(1.0 - linear, 0.0) * peak)) / seen.speed
+                    own = {c: linear * peak / seen.speed, q: root}
+                    guess |= {n.replace("_r", f"_{k}"): number for n, number in own.items()}
                 yield guess
 
 
@@ -476,9 +480,6 @@ class KaradayiMasada(_ElasticDashpot):
     spring = ("k_s", "play", "")
     ways = (("", "c_r", ""),)
     own = (_STIFFNESS, _PLAY, *_DAMPINGS, _OFFSET)
-
-    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:  # noqa: ARG002
-        return {f"c_{k}": peak / speed}
 
 
 class HagedornWallaschek(_ElasticDashpot):
@@ -493,10 +494,6 @@ class HagedornWallaschek(_ElasticDashpot):
         *(_STIFFNESS, _PLAY, *_DAMPINGS, *_each_way((*_SQUARES, 1e-4, 1e5))),
         *(_SPRING, _FRICTION, _OFFSET),
     )
-
-    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
-        root = float(np.sqrt((1.0 - share) * peak)) / speed
-        return {f"c_{k}": share * peak / speed, f"q_{k}": root}
 
 
 class SuraceWordenTomlinson(_ElasticDashpot):
@@ -517,9 +514,6 @@ class SuraceWordenTomlinson(_ElasticDashpot):
         *(*_each_way((*_SQUARES, 1e-2, 1e5)), _FRICTION, _OFFSET),
     )
 
-    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:  # noqa: ARG002
-        return {f"q_{k}": float(np.sqrt(peak)) / speed}
-
 
 class BesingerCebonCole(_ElasticDashpot):
     """Spring, a dashpot of two slopes and a knee for each direction: seven, and friction."""
@@ -538,11 +532,6 @@ class BesingerCebonCole(_ElasticDashpot):
         *_each_way(("p_{}", "force of the knee", "N", 1e-1, 1e6)),
         *(_FRICTION, _OFFSET),
     )
-
-    def _dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
-        # A knee at a share of the peak force, and a fifth of the slope beyond.
-        first = peak * (share + 5.0 * (1.0 - share)) / speed
-        return {f"c_{k}1": first, f"p_{k}": share * peak, f"c_{k}2": 0.25 * first}
 
 
 class BoucWen(Rival):

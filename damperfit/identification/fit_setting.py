@@ -49,7 +49,7 @@ from damperfit.tested.setting import Setting
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -617,14 +617,9 @@ def fit_from(
     first = fit_setting(block, start, spent=spent)
     if starts < 2 or not block.free:
         return first, None
-    ends = [first]
-    for other in spread_starts(block, first.values, setting, starts - 1):
-        try:
-            ends.append(fit_setting(block, other))
-        except FitCancelledError:
-            raise
-        except DamperfitError:
-            continue
+    others = spread_starts(block, first.values, setting, starts - 1)
+    tried = [unless_failed(partial(fit_setting, block, other)) for other in others]
+    ends = [first, *(end for end in tried if end is not None)]
     groups = _grouped(ends, block)
     best = groups[0][0]
     is_improved = first not in groups[0] and not _is_level(best, first)
@@ -638,6 +633,16 @@ def fit_from(
     search = Search(setting, block.free, minima, starts, n_failed, is_improved, is_ambiguous)
     spent = sum(end.evaluations for end in ends)
     return replace(best if is_improved else first, evaluations=spent), search
+
+
+def unless_failed(fit: Callable[[], FitResult]) -> FitResult | None:
+    """Where a fit ends; None where it meets an error that is told."""
+    try:
+        return fit()
+    except FitCancelledError:
+        raise
+    except DamperfitError:
+        return None
 
 
 def spread_starts(

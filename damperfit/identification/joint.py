@@ -232,27 +232,26 @@ def detected_sharing(
     first = blocks[min(blocks)]
     adjusters, moving = min(blocks).adjusters, first.free
     search, spent = _Search(blocks, apart, None), 1
+    own: dict[str, tuple[str, ...]] = dict.fromkeys(moving, adjusters)
     if declared is not None:
-        whole: dict[str, tuple[str, ...]] = dict.fromkeys(moving, adjusters)
-        whole |= dict.fromkeys(declared.jointly, ()) | {**declared.follows}
-        return declared, search.starts(whole), spent
+        shared = dict.fromkeys(declared.jointly, ()) | {**declared.follows}
+        return declared, search.starts(own | shared), spent
     known = _known(first.model, moving, adjusters)
-    known |= dict.fromkeys((name for name in moving if name in untied), adjusters)
-    ends = (dict.fromkeys(moving, ()) | known, dict.fromkeys(moving, adjusters) | known)
+    known |= {name: way for name, way in own.items() if name in untied}
+    ends = (dict.fromkeys(moving, ()) | known, own | known)
     tried: list[dict[str, tuple[str, ...]]] = []
     found: list[tuple[float, Sharing, Mapping[Setting, Values]]] = []
     for _ in range(_MAX_DETECTIONS):
-        starts = (*ends, tried[-1]) if tried else ends
-        follows = min((search.improved(way, known, adjusters) for way in starts), key=search.worth)
+        ways = [search.improved(way, known, adjusters) for way in (*ends, *tried[-1:])]
+        follows = min(ways, key=search.worth)
         if follows in tried:
             break
         tried.append(follows)
         sharing = replace(_sharing(moving, follows, adjusters), is_detected=True)
         if not sharing.jointly:
             return sharing, apart, spent
-        problem = FitProblem(
-            blocks, sharing.jointly, sharing.follows, weights=search.weights, jobs=jobs
-        )
+        weights, tied = search.weights, (sharing.jointly, sharing.follows)
+        problem = FitProblem(blocks, *tied, weights=weights, jobs=jobs)
         ended = fit_jointly(problem, search.starts(follows))
         spent += ended.evaluations + 1
         at, left = ended.extra.values, ended.extra.mean_squares
@@ -328,13 +327,12 @@ class _Search:
         adjusters: tuple[str, ...],
     ) -> dict[str, tuple[str, ...]]:
         """Change what one quantity follows until nothing is gained by it."""
-        way = dict(follows)
-        open_ = [name for name in self.names if name not in known]
+        way, free = dict(follows), [name for name in self.names if name not in known]
         sizes = range(len(adjusters) + 1) if len(adjusters) <= _FEW_ADJUSTERS else (0, 1)
         some = [few for size in sizes for few in combinations(adjusters, size)]
         some += [] if adjusters in some else [adjusters]
         while True:
-            others = [way | {name: few} for name in open_ for few in some if few != way[name]]
+            others = [way | {name: few} for name in free for few in some if few != way[name]]
             best = min(others, key=self.worth, default=way)
             if self.worth(best) >= self.worth(way) - _NO_GAIN:
                 return way
@@ -425,11 +423,8 @@ def fit_settings_jointly(
     """
     # Where something follows an adjuster, settings take part too that do not tell every quantity.
     is_plain = not (given.options.is_detecting or given.options.follows)
-    sound = {
-        fit.setting: fit
-        for fit in before
-        if (fit.outcome is Outcome.CONVERGED if is_plain else fit.outcome.is_minimum)
-    }
+    outcomes = [Outcome.CONVERGED] if is_plain else [one for one in Outcome if one.is_minimum]
+    sound = {fit.setting: fit for fit in before if fit.outcome in outcomes}
     broken: dict[Setting, Failure] = {}
     warnings: list[Problem] = []
     while True:
@@ -566,30 +561,23 @@ def _with_gas(
     ended = fit_jointly(replace(problem, gas=gas), starts)
     spent = ended.evaluations + 1
     for _ in range(_MAX_ROUNDS):
-        law = cast("GasLaw", ended.extra.gas)
-        again = pressures_at(ended.extra.values)
-        moved = max(abs(again[s] / law.pressures[s] - 1.0) for s in again)
+        law, again = cast("GasLaw", ended.extra.gas), pressures_at(ended.extra.values)
         # Once more in any case: the weights of the first round are those of a rough law.
         ended = fit_jointly(replace(problem, gas=law._replace(pressures=again)), ended.extra.values)
         spent += ended.evaluations + 1
-        if moved < _SAME_PRESSURE:
+        if max(abs(again[s] / law.pressures[s] - 1.0) for s in again) < _SAME_PRESSURE:
             break
     return ended, spent
 
 
 def working_pressure(block: Block, parameters: Values) -> float:
     """The mean absolute pressure in chambers 1 and 2, which K_e is of, weighted by volume, Pa."""
-    damper = cast("Damper", block.model)
-    work = volume = 0.0
+    damper, work, volume = cast("Damper", block.model), 0.0, 0.0
     for trace in block.traces:
         seen = compare(parameters, trace, damper, solver=block.solver).response
         x = trace.displacement[trace.compared]
-        volumes = np.stack(
-            [
-                damper.chamber_1_volume - x * damper.annulus_area,
-                damper.chamber_2_volume + x * damper.piston_area,
-            ]
-        )
+        v_1 = damper.chamber_1_volume - x * damper.annulus_area
+        volumes = np.stack([v_1, damper.chamber_2_volume + x * damper.piston_area])
         work += float(np.sum(seen.pressures[:2, trace.compared] * volumes))
         volume += float(np.sum(volumes))
     return work / volume
@@ -614,10 +602,8 @@ def _judged_law(rises: Mapping[Setting, float]) -> list[Problem]:
     """Say so when a K_e of each setting fits better than noise explains."""
     spare = len(rises) - _LAW_UNKNOWNS
     if spare < 1:
-        text = (
-            "the gas content is drawn through two settings: only a third can tell whether it holds."
-        )
-        return [warning("two-settings", text)]
+        text = "the gas content is drawn through two settings: only a third can tell whether it "
+        return [warning("two-settings", f"{text}holds.")]
     if sum(rises.values()) <= chi_squared_quantile(spare, 1.0 - _CHANCE):
         return []
     of_one = chi_squared_quantile(1, 1.0 - _CHANCE)

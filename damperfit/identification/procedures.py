@@ -22,7 +22,6 @@ from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
 from damperfit.damper.temperature_law import BETA
 from damperfit.errors import (
     ConfigurationError,
-    DamperfitError,
     FitCancelledError,
     LogError,
     SimulationError,
@@ -42,6 +41,7 @@ from damperfit.identification.fit_setting import (
     lacks_stiffness_alone,
     minimised,
     own_start,
+    unless_failed,
     with_given,
 )
 from damperfit.identification.joint import (
@@ -279,10 +279,9 @@ class _Stages:
             self.broken[failure.setting] = failure
             del self.judged[failure.setting]
             self.searches = tuple(s for s in self.searches if s.setting != failure.setting)
-        self.shared, self.sharing = dict(self.fallbacks), Sharing()
+        self.shared, self.sharing, self.warnings = dict(self.fallbacks), Sharing(), []
         self.status = dict.fromkeys(self.wanted, Status.FIXED)
         known = [f"{n} {v:.4g} (identification.fallback_{n})" for n, v in self.shared.items()]
-        self.warnings = []
         text = "with all parameters free no setting can be fitted: these are used"
         self._warn("assumed", f"{text}: {', '.join(known)}.")
 
@@ -337,28 +336,24 @@ class _Stages:
         if TAKEN not in self.wanted:
             self._take_friction(None)
             return None
+        code = "taken-from-another"
         if lowest != first:
-            self._warn(
-                "taken-from-another",
-                f"setting {first} could not be fitted with all parameters free: R_m3 is taken "
-                f"from setting {lowest}.",
+            text = (
+                f"setting {first} could not be fitted with all parameters free: R_m3 is taken from "
             )
-        telling = (s for s, one in judged.items() if one.is_sound and _tells_r_m3(one))
+            self._warn(code, f"{text}setting {lowest}.")
+        telling = [s for s, one in judged.items() if one.is_sound and _tells_r_m3(one)]
         source = lowest if _tells_r_m3(judged[lowest]) else min(telling, default=None)
         if MEAN in self.wanted:
             self._take_friction(None if source is None else judged[source].values.r_m3)
-        # A mean that does not hold there would bend R_m3: it stays as found beside its own
-        # friction.
+        # A mean that does not hold there would bend R_m3, which stays beside its own friction.
         holds = source is None or not self.sharing.friction_varies
         where = lowest if source is None else source
         f_f = self.shared.get(MEAN) if holds else None
         failure = attempted(where, lambda: self._take_r_m3(where, f_f))
         if failure is None and where != lowest:
-            self._warn(
-                "taken-from-another",
-                f"the logs of setting {lowest} do not determine R_m3: it is taken from setting "
-                f"{where}.",
-            )
+            text = f"the logs of setting {lowest} do not determine R_m3: it is taken from setting "
+            self._warn(code, f"{text}{where}.")
         return failure
 
     def _take_friction(self, r_m3: float | None) -> None:
@@ -411,34 +406,30 @@ class _Stages:
         block, first = self.given.block(setting, self.names), self.judged[setting]
         fallback, again = self.fallbacks[TAKEN], first
         # An unsound fit that tells R_m3 all the same is left alone: other friction may upset it.
-        if f_f is not None and (
-            not _tells_r_m3(first) or (first.is_sound and len(self.judged) > 1)
-        ):
+        is_safe = not _tells_r_m3(first) or (first.is_sound and len(self.judged) > 1)
+        if f_f is not None and is_safe:
             again = _with_mean_friction(block, first, f_f, fallback)
         is_refined = again is not first
-        value, status, text = again.values.r_m3, Status.SHARED, ""
-        taken = f"{fallback:.4g} (identification.fallback_r_m3)"
+        value, status = again.values.r_m3, Status.SHARED
         if not _tells_r_m3(again):
             text = f"the logs of setting {setting} do not determine R_m3"
+            taken = f"{fallback:.4g} (identification.fallback_r_m3)"
+            value, status = fallback, Status.NOT_IDENTIFIABLE
             if not again.outcome.is_minimum:
-                status, value = Status.FIXED, fallback
+                status = Status.FIXED
                 text += f" ({again.outcome.value}): {taken} is used"
             elif _is_contradicted(block, again, fallback, f_f if is_refined else None):
-                status = Status.NOT_IDENTIFIABLE
                 value = max(again.values.r_m3, first.values.quantity(TAKEN).plausible[0])
                 text += f", but {taken} does not fit them: {value:.4g} is used, which does"
             else:
-                status, value = Status.NOT_IDENTIFIABLE, fallback
                 text += f": {taken} fits them as well as any and is used"
             self._warn_assumed(text, TAKEN)
         is_from_logs = status is not Status.FIXED
         self.judged[setting] = again if is_from_logs else first
         self.shared[TAKEN], self.status = value, {TAKEN: status}
-        self.sharing = replace(
-            self.sharing,
-            taken={TAKEN: setting} if is_from_logs else {},
-            held=(MEAN,) if is_refined and is_from_logs else (),
-        )
+        held = (MEAN,) if is_refined and is_from_logs else ()
+        source = {TAKEN: setting} if is_from_logs else {}
+        self.sharing = replace(self.sharing, taken=source, held=held)
 
 
 def _is_good(first: FitResult) -> bool:
@@ -453,13 +444,10 @@ def _tells_r_m3(judged: FitResult) -> bool:
 
 def _is_contradicted(block: Block, best: FitResult, r_m3: float, f_f: float | None) -> bool:
     """Whether the misfit with R_m3 held at a value is more than noise above the best."""
-    start = best.values.replace(r_m3=r_m3)
     free = tuple(n for n in block.free if n != TAKEN and (f_f is None or n != MEAN))
-    try:
-        other = minimised(replace(block, free=free), start)
-    except FitCancelledError:
-        raise
-    except DamperfitError:
+    start = best.values.replace(r_m3=r_m3)
+    other = unless_failed(lambda: minimised(replace(block, free=free), start))
+    if other is None:
         return True
     rise = other.mse_percent / best.mse_percent - 1.0
     return rise * best.n_independent > CHI_SQUARED_95
@@ -467,16 +455,13 @@ def _is_contradicted(block: Block, best: FitResult, r_m3: float, f_f: float | No
 
 def _with_mean_friction(block: Block, judged: FitResult, f_f: float, r_m3: float) -> FitResult:
     """The setting of R_m3 with the mean friction, which halves its error, where that is better."""
-    free = tuple(name for name in block.free if name != MEAN)
+    rest = replace(block, free=tuple(name for name in block.free if name != MEAN))
     start = judged.values.replace(f_f=f_f)
     if not _tells_r_m3(judged):  # it starts from a value that can be seen
         limit = cavitation_limit(block.traces, cast("Damper", block.model))
         start = start.replace(r_m3=min(r_m3, limit))
-    try:
-        again = fit_setting(replace(block, free=free), start, spent=judged.evaluations)
-    except FitCancelledError:
-        raise
-    except DamperfitError:
+    again = unless_failed(lambda: fit_setting(rest, start, spent=judged.evaluations))
+    if again is None:
         return judged
     is_better = again.is_sound if judged.is_sound else again.outcome.is_minimum
     return again if is_better else judged
@@ -559,7 +544,9 @@ def identify(
 
 def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
     groups: dict[Setting, list[Trace]] = defaultdict(list)
-    for trace in traces:
+    for trace in sorted(
+        traces, key=lambda one: (natural_order(one.name), one.name, one.start_time)
+    ):
         if trace.setting is None:
             raise LogError(
                 "the setting is not known; write '# setting: N' into the log, "
@@ -569,8 +556,6 @@ def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
                 code="no-setting",
             )
         groups[Setting.of(trace.setting)].append(trace)
-    for logs in groups.values():
-        logs.sort(key=lambda one: (natural_order(one.name), one.name, one.start_time))
     return {setting: tuple(groups[setting]) for setting in sorted(groups)}
 
 
