@@ -37,7 +37,6 @@ from damperfit.uncertainty.profiles import (
     MisfitProfile,
     Stride,
     doubtful_profiles,
-    is_doubtful,
     profile_at,
     profile_jointly,
     shared_limits,
@@ -615,12 +614,12 @@ def assess(
     errors = uncertainties(everywhere, sharing, on_error=on_error)
     known = {one.setting: one for one in with_least_openings(errors, everywhere, sharing, damper)}
     linearised = [one for one in everywhere if one.fit.setting in known]
-    bench = Bench(damper, solver, cancelled, jobs)
+    bench = Bench(damper, solver, cancelled, jobs, sharing, known)
 
     def doubtful(one: Linearisation) -> tuple[MisfitProfile, ...]:
         setting = one.fit.setting
         with sparing(setting, on_error), suppress(SimulationError, FitCancelledError):
-            return doubtful_profiles(one, known[setting], sharing, bench)
+            return doubtful_profiles(one, bench)
         return ()
 
     with executor(jobs) as pool, one_blas_thread():
@@ -628,7 +627,7 @@ def assess(
     return Assessment(
         uncertainties=tuple(known.values()),
         diagnoses=reconciled(one.diagnosis for one in found if one.diagnosis.setting in known),
-        profiles=(*profiles, *shared_limits(linearised, known, sharing, bench)),
+        profiles=(*profiles, *shared_limits(linearised, bench)),
         gas=gas_content(linearised, sharing),
         forces=tuple(force for one in found for force in one.forces),
         apart=(
@@ -656,6 +655,7 @@ def profile_campaign(
     """
     check_profile_names(names, bench.damper.names)
     sharing, known = campaign.sharing, {one.setting: one for one in assessment.uncertainties}
+    bench = bench._replace(sharing=sharing, known=known)
     judged = tuple(fit for fit in campaign.fits if fit.setting in known)
     structured = {one.setting for one in assessment.diagnoses if one.is_structured}
 
@@ -669,29 +669,22 @@ def profile_campaign(
     found: list[MisfitProfile] = []
 
     def traced(name: str, one: Linearisation) -> MisfitProfile | None:
-        setting = one.fit.setting
-        with sparing(setting, on_error), suppress(SimulationError, FitCancelledError):
-            return profile_at(name, one, known[setting], sharing, bench, stride)
+        with sparing(one.fit.setting, on_error), suppress(SimulationError, FitCancelledError):
+            return profile_at(name, one, bench, stride)
         return None
-
-    def together(name: str) -> None:
-        for unknown in (one for one in sharing.unknowns if one.name == name):
-            first = next(one for one in sharing.settings if unknown.holds_at(one))
-            with sparing(first, on_error), suppress(SimulationError, FitCancelledError):
-                every = list(linearised.values())
-                for one in profile_jointly(
-                    unknown, every, known[first], sharing, bench, stride=stride
-                ):
-                    fit = linearised[one.setting].fit
-                    is_so = is_doubtful(name, fit, known[one.setting])
-                    found.append(replace(one, is_doubtful=is_so))
 
     with executor(bench.jobs) as pool, one_blas_thread():
         for name in dict.fromkeys(names):
-            if name in sharing.jointly:
-                together(name)
-                continue
-            settings = [linearised[setting] for setting in sorted(linearised)]
-            profiles = pool.map(lambda one, name=name: traced(name, one), settings)
-            found.extend(one for one in profiles if one is not None)
+            for unknown in sharing.unknowns if name in sharing.jointly else ():
+                first = next((one for one in sharing.settings if unknown.holds_at(one)), None)
+                if unknown.name != name or first is None:
+                    continue
+                with sparing(first, on_error), suppress(SimulationError, FitCancelledError):
+                    for one in profile_jointly(unknown, [*linearised.values()], bench, stride):
+                        is_so = bench.is_doubtful(name, linearised[one.setting].fit)
+                        found.append(replace(one, is_doubtful=is_so))
+            if name not in sharing.jointly:
+                settings = [linearised[setting] for setting in sorted(linearised)]
+                profiles = pool.map(lambda one, name=name: traced(name, one), settings)
+                found.extend(one for one in profiles if one is not None)
     return replace(assessment, profiles=(*assessment.profiles, *found))

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -42,6 +43,7 @@ from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE
 from damperfit.identification.joint import fit_jointly
 from damperfit.identification.least_squares import NO_LENGTH, DenseSystem, Stopping, iterate
 from damperfit.identification.outcome import Status
+from damperfit.identification.sharing import Sharing
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.covariance import own_names, shared_curvature, solved
@@ -53,7 +55,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
-    from damperfit.identification import Fit, Sharing
+    from damperfit.identification import Fit
     from damperfit.identification.fit_problem import Point
     from damperfit.identification.least_squares import LinearSystem, Minimum, Step
     from damperfit.identification.sharing import Unknown
@@ -160,22 +162,22 @@ class Bench(NamedTuple):
     solver: SolverOptions = SolverOptions(tolerance=1e-2)
     cancelled: Callable[[], bool] = lambda: False  # asked before each simulation
     jobs: int = 1
+    sharing: Sharing = Sharing()
+    known: Mapping[Setting, Uncertainty] = MappingProxyType({})  # errors by setting
 
     def misfit(self, fit: Fit, free: Sequence[str]) -> Block:
         """What a setting's logs say of some parameters."""
         ordered = tuple(name for name in fit.parameters.names if name in free)
         traces = tuple(log.trace for log in fit.logs)
-        cancelled = self.cancelled
-        return Block(
-            self.damper, traces, ordered, self.solver, cancelled=cancelled, max_evaluations=1
-        )
+        asked = self.cancelled
+        return Block(self.damper, traces, ordered, self.solver, cancelled=asked, max_evaluations=1)
 
-
-def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
-    """Whether the quadratic approximation of the misfit may not hold as far as the limits."""
-    if fit.status[name].has_failed or _is_no_friction(fit, name):
-        return True
-    return name in known.names and known.error(name) > _DOUBTFUL
+    def is_doubtful(self, name: str, fit: Fit) -> bool:
+        """Whether the quadratic approximation of the misfit may not hold as far as the limits."""
+        if fit.status[name].has_failed or _is_no_friction(fit, name):
+            return True
+        known = self.known[fit.setting]
+        return name in known.names and known.error(name) > _DOUBTFUL
 
 
 def _is_no_friction(fit: Fit, name: str) -> bool:
@@ -394,20 +396,15 @@ def _joint_walk(
 
 
 def profile_at(
-    name: str,
-    one: Linearisation,
-    known: Uncertainty,
-    sharing: Sharing,
-    bench: Bench,
-    stride: Stride = Stride(),
+    name: str, one: Linearisation, bench: Bench, stride: Stride = Stride()
 ) -> MisfitProfile | None:
     """Return the profile of a parameter at a setting; None where it is not told there.
 
     One of a joint fit has none here. A SimulationError: the best fit cannot be simulated; a
     FitCancelledError: the caller asked to stop.
     """
-    fit, setting = one.fit, one.fit.setting
-    own = own_names(fit, sharing)
+    fit, setting, sharing = one.fit, one.fit.setting, bench.sharing
+    own, known = own_names(fit, sharing), bench.known[setting]
     variance = known.error(name) ** 2 if name in known.names else None
     if name not in sharing.found:
         at_bound = {n for n in one.names if fit.status[n] == Status.AT_BOUND}
@@ -443,13 +440,11 @@ def profile_at(
         walk.profiles(stride)[setting],
         is_shared=name in sharing.found,
         is_partial=sharing.is_mean(name),
-        is_doubtful=is_doubtful(name, fit, known),
+        is_doubtful=bench.is_doubtful(name, fit),
     )
 
 
-def doubtful_profiles(
-    one: Linearisation, known: Uncertainty, sharing: Sharing, bench: Bench
-) -> tuple[MisfitProfile, ...]:
+def doubtful_profiles(one: Linearisation, bench: Bench) -> tuple[MisfitProfile, ...]:
     """Return short profiles of what the quadratic approximation leaves in doubt at a setting."""
     fit, budget = one.fit, max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
     found = []
@@ -457,30 +452,25 @@ def doubtful_profiles(
     positive = [q.name for q in fit.parameters.quantities if q.is_logarithmic]
     for name in sorted(positive, key=lambda name: not fit.status[name].has_failed):
         # A mean over settings has no profile in one of them.
-        if sharing.is_mean(name) or not is_doubtful(name, fit, known):
+        if bench.sharing.is_mean(name) or not bench.is_doubtful(name, fit):
             continue
         if budget < _QUICK_LEAST // 2:
             break
-        stride = Stride(_QUICK_STEP, _QUICK_REACH, budget)
-        if (profile := profile_at(name, one, known, sharing, bench, stride)) is not None:
+        profile = profile_at(name, one, bench, Stride(_QUICK_STEP, _QUICK_REACH, budget))
+        if profile is not None:
             budget -= profile.evaluations
             found.append(profile)
     return tuple(found)
 
 
 def profile_jointly(
-    unknown: Unknown,
-    linearised: Sequence[Linearisation],
-    known: Uncertainty,
-    sharing: Sharing,
-    bench: Bench,
-    *,
-    stride: Stride = Stride(),
+    unknown: Unknown, linearised: Sequence[Linearisation], bench: Bench, stride: Stride = Stride()
 ) -> tuple[MisfitProfile, ...]:
     """Return the profile of a shared parameter of a joint fit, once for every setting that has it.
 
-    The rise is that of all settings; `known` is of any that has it. Errors as of `profile_at`.
+    The rise is that of all settings. Errors as of `profile_at`.
     """
+    sharing, name = bench.sharing, unknown.name
     fits = [
         one.fit
         for one in linearised
@@ -495,23 +485,16 @@ def profile_jointly(
     )
     best = fit_jointly(whole, {fit.setting: fit.parameters for fit in fits})
     held = replace(whole, held=frozenset({unknown}))
-    error = known.whole_error(unknown.name)
-    curvature = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)]
-    scaled = error / _unit(fits[0], unknown.name)
-    profiles = _joint_walk(held, unknown, best, curvature / error**2, scaled).profiles(stride)
-    return tuple(
-        replace(profiles[setting], is_shared=True)
-        for setting in sorted(profiles)
-        if unknown.holds_at(setting)
-    )
+    having = (one.fit.setting for one in linearised if unknown.holds_at(one.fit.setting))
+    error = bench.known[next(having)].whole_error(name)
+    scale = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)] / error**2
+    walk = _joint_walk(held, unknown, best, scale, error / _unit(fits[0], name))
+    profiles = walk.profiles(stride)
+    mine = [setting for setting in sorted(profiles) if unknown.holds_at(setting)]
+    return tuple(replace(profiles[setting], is_shared=True) for setting in mine)
 
 
-def shared_limits(
-    linearised: Sequence[Linearisation],
-    known: Mapping[Setting, Uncertainty],
-    sharing: Sharing,
-    bench: Bench,
-) -> Iterator[MisfitProfile]:
+def shared_limits(linearised: Sequence[Linearisation], bench: Bench) -> Iterator[MisfitProfile]:
     """Yield short profiles of what a joint fit shares and its logs do not determine.
 
     A mounting that no log shows give ends at the upper edge of its range, where a change of it does
@@ -520,19 +503,19 @@ def shared_limits(
     """
     budget = int(_SHARED_SHARE * sum(one.fit.evaluations for one in linearised))
     # The law of K_e has numbers of the gas, which are none of a setting.
-    for unknown in (one for one in sharing.unknowns if one.name in sharing.jointly):
+    for unknown in (one for one in bench.sharing.unknowns if one.name in bench.sharing.jointly):
         name = unknown.name
         having = [one.fit for one in linearised if unknown.holds_at(one.fit.setting)]
         if not having or not having[0].parameters.quantity(name).is_logarithmic:
             continue
-        own = known[having[0].setting]
+        own = bench.known[having[0].setting]
         if own.error(name) <= NOT_FIT_TO_SHARE and not having[0].status[name].has_failed:
             continue
         # By as much of 1/y as an error of it: a value at its edge is far from where it matters.
         first = math.log1p(_SHARED_STEP * own.whole_error(name))
         stride = Stride(_SHARED_STEP, _SHARED_REACH, budget, first)
         with suppress(SimulationError, FitCancelledError):
-            profiles = profile_jointly(unknown, linearised, own, sharing, bench, stride=stride)
+            profiles = profile_jointly(unknown, linearised, bench, stride)
             by_setting = {one.setting: one for one in profiles}
             for fit in having:  # also one that was no part of it, for it has the same value
                 one = by_setting.get(fit.setting, profiles[0])
