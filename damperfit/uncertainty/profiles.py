@@ -287,6 +287,7 @@ class _Walk:
                 step = min(step * min(max(grown, 0.2), _LONGEST_GROWTH), _LONGEST_STRIDE)
                 root = found
         except SimulationError:
+            self.spent += 1
             return limit, limit is not None
         return limit, True
 
