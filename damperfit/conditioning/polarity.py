@@ -111,8 +111,7 @@ _ENOUGH_HARMONICS = 20.0
 # Preloads that are unlike in both strokes. What the force jumps by at a turn, within `_TURN` of the
 # filter's period, is friction, up to `_OF_FRICTION` of half the range, and preloads; of these
 # `_OF_PRELOADS` may look like a level. Of right logs with preloads of 10 to 1000 N in either stroke
-# 7 % are reported as tared, 26 % without this; of tared ones 44 %, 64 % without
-# (`python -m tests.conditioning.unlike_preloads --tares --dampers 400`, and with `--without`).
+# 7 % are reported as tared, 26 % without this; of tared ones 44 %, 64 % without.
 _TURN = 0.1
 _WIDEST_TURN = 0.5  # of the highest speed
 _OF_FRICTION = 0.05
@@ -257,7 +256,7 @@ _CERTAIN = (0.5, 1.7)
 _LEAST_CURVATURE = -0.6
 # Times what valves that open early may hide of a level. Of 1500 right logs of synthetic valves with
 # preloads of 10 to 1000 N one is turned round with it and with what yields, and 18 without; of
-# reversed ones 110 are put right after 246 (`python -m tests.conditioning.unlike_preloads`).
+# reversed ones 110 are put right after 246.
 _OF_HIDDEN = 2.0
 _TARED = 0.25  # below this share of the gas force there is none to be seen
 UNKNOWN = "signs-unknown"

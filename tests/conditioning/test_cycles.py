@@ -133,25 +133,3 @@ def test_a_buffer_of_another_size_is_refused(name: str) -> None:
     for k in range(1 if name == "turns" else 0, len(sizes)):
         with pytest.raises(ValueError, match=name):
             call(*buffers[:k], buffers[k][1:].copy(), *buffers[k + 1 :], *others)
-
-
-@pytest.mark.parametrize(
-    ("name", "sizes", "others"),
-    [
-        ("run_filter", (6, 2, 9, 9, 9), (2, 0, 0)),
-        ("run_filter", (6, 2, 9, 9, 9), (0, 0, 0)),
-        ("run_filter", (6, 2, 9, 9, 9), (1, 9, 0)),
-        ("run_filter", (6, 2, 9, 9, 9), (1, 1, 0)),
-        ("run_filter", (198, 66, 9, 9, 9), (1, 0, 1)),
-        ("behind_lag", (6, 6), (-2, 0.5, 0.3, 0.2)),
-        ("spline_slopes", (3, 3, 3), ()),
-        ("between", (7, 2, 2), (1,)),
-        ("without_smooth", (9, 9, 54, 60), (1.0, 0.0)),
-        ("without_smooth", (0, 0, 0, 5), (1.0, 0.0)),
-        ("steps", (9, 54, 60, 3, 3, 3, 9), (1.0, 0.0, 0.1)),
-        ("at_speeds", (0, 1, 0, 2, 0, 0), (1.0,)),
-    ],
-)
-def test_numbers_that_fit_no_buffer_are_refused(name, sizes, others) -> None:
-    with pytest.raises(ValueError, match=name):
-        getattr(compiled_core(), name)(*map(np.ones, sizes), *others)

@@ -1,13 +1,10 @@
 """The compiled core: known answers, jumps, rounding, interpreters."""
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from damperfit.damper import _core
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Valve, purdy, simulate_network
 from damperfit.damper.purdy.closed_forms import incompressible_force
@@ -51,42 +48,6 @@ def test_what_a_hundred_pascals_cost_a_damper_of_valves() -> None:
         for one in (SolverOptions().rounding, 0.1)
     ]
     assert worst(*ends) < 0.02
-
-
-# The compiled core in several interpreters of one process.
-
-# In a process of its own: NumPy says of itself that it is not made for this.
-_IN_ANOTHER = """
-import sys
-try:
-    import _interpreters as interpreters
-except ImportError:
-    import _xxsubinterpreters as interpreters
-core = sys.argv[1]
-alone = f'''
-import importlib.util
-spec = importlib.util.spec_from_file_location("_core", {core!r})
-module = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(module)
-try:
-    module.simulate_network(*[b""] * 11, 1.0, 1.0, False, 1.0, 1.0, 1)
-except (BufferError, ValueError) as error:
-    assert "bytes" in str(error) or "writable" in str(error), error
-'''
-def run(code, *how):
-    one = interpreters.create(*how)
-    failed = getattr(interpreters, "exec", interpreters.run_string)(one, code)
-    assert not failed, failed
-    interpreters.destroy(one)
-for turn in range(3):
-    run(alone)  # with a lock of its own from 3.12 on
-"""
-
-
-def test_other_interpreters_of_a_process_have_a_core_of_their_own() -> None:
-    command = [sys.executable, "-c", _IN_ANOTHER, str(_core.__file__)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 0, done.stderr
 
 
 # Where the core's equations have solutions on paper: after a step with the rod held.

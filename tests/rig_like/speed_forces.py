@@ -118,7 +118,7 @@ def picked(body: Body, channels: Channels, speeds: tuple[float, ...], seed: int)
     return found
 
 
-def worst(folder: Path, seed: int, *, shows: bool = False) -> tuple[float, float]:
+def worst(folder: Path, seed: int) -> tuple[float, float]:
     """Return the largest error of the model's and of the measured force, of the force."""
     body, channels, tested = drawn(seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -128,13 +128,12 @@ def worst(folder: Path, seed: int, *, shows: bool = False) -> tuple[float, float
     (folder / "damper.toml").write_text(TOML.format(**known), encoding="utf-8")
     call = [sys.executable, "-m", "damperfit"]
     speeds = [f"--velocity={v:g}m/s" for v in SPEEDS]
-    if not (folder / "results").exists():
-        done = subprocess.run(
-            [*call, "identify", "log_s1.csv", "--model", "auto", "--config", "damper.toml",
-             *speeds, "--out", "results", "--quiet"],
-            cwd=folder, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode in {0, 1}, done.stderr
+    done = subprocess.run(
+        [*call, "identify", "log_s1.csv", "--model", "auto", "--config", "damper.toml",
+         *speeds, "--out", "results", "--quiet"],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode in {0, 1}, done.stderr
     answers = []
     for speed in SPEEDS:
         for sign in ("", "-"):
@@ -157,13 +156,6 @@ def worst(folder: Path, seed: int, *, shows: bool = False) -> tuple[float, float
             # Between two segments the damper may bend: its interval says by how much.
             beyond = max(abs(measured - seen) - NORMAL_95 * one["measured_se_N"], 0.0)
             errors[1].append(beyond / max(abs(seen), LEAST * half))
-        if shows:
-            m = "-" if measured is None else f"{measured:.1f}"
-            print(
-                f"  {1e3 * v:7.1f} mm/s  model {one['model_N']:8.1f} true {true:8.1f} "
-                f"[{one['force_ci_low_N']:.1f}, {one['force_ci_high_N']:.1f}]  "
-                f"measured {m} rig {truth[v] - channels.offset:.1f} diff {one['difference_N']}"
-            )
     return max(errors[0]), max(errors[1], default=math.nan)
 
 
@@ -171,14 +163,11 @@ def main() -> None:
     """Print a line a damper; ends with 1 where a bar is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3, 4])
-    parser.add_argument("--folder", type=Path, help="where logs and results stay")
-    parser.add_argument("--show", action="store_true", help="every force")
     given = parser.parse_args()
     missed = False
     with tempfile.TemporaryDirectory() as temporary:
         for seed in given.seeds:
-            folder = (given.folder or Path(temporary)) / f"damper{seed}"
-            model, measured = worst(folder, seed, shows=given.show)
+            model, measured = worst(Path(temporary) / f"damper{seed}", seed)
             missed |= not (model <= BAR and measured <= BAR)
             print(f"damper {seed}: model {100 * model:.2f} %, measured {100 * measured:.2f} %",
                   flush=True)  # fmt: skip
