@@ -1,24 +1,19 @@
 """Processor time, clock and memory of `identify` over 200 logs, beyond the bare imports.
 
     python -m tests.benchmarks.two_hundred DIR                  # 200 logs of 10 s at 1 kHz
-    python -m tests.benchmarks.two_hundred DIR --logs 20 --profile
 
 The logs are of as many settings, whose parameters lie evenly between those of the reference set, so
-that no two are the same test. They are made in DIR where it holds none. With ``--profile`` what the
-time goes into is told function by function, and each stage in ms a log. Python keeps its bytecode
+that no two are the same test. They are made in DIR where it holds none. Python keeps its bytecode
 in DIR, as it does beside an installed program, whatever the environment says. Linux and macOS.
 """
 
 import argparse
-import cProfile
 import json
 import os
-import pstats
 import resource
 import subprocess
 import sys
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -77,26 +72,12 @@ def _tell_memory(paths: list[str], results: Path) -> None:
     print(f"peak memory {peaks[1]:.0f} MB, of half the logs {peaks[0]:.0f}: {more:.2f} MB a log")
 
 
-def _profile(arguments: list[str]) -> None:
-    """Run the command here, one job, and tell where the time goes."""
-    from damperfit.cli.main import main as run
-
-    sys.argv = ["damperfit", *arguments, "--jobs", "1"]
-    watch = cProfile.Profile(time.process_time)
-    with suppress(SystemExit):
-        watch.runcall(run)
-    told = pstats.Stats(watch)
-    told.sort_stats("tottime").print_stats(45)
-    told.sort_stats("cumtime").print_stats(120)
-
-
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--logs", type=int, default=200)
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--profile", action="store_true")
     chosen = parser.parse_args()
     folder = chosen.folder.resolve()
     # Let every Python from here on load what one before has compiled.
@@ -104,9 +85,6 @@ def main() -> None:
     os.environ["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")
     pattern, results = make_logs(folder, chosen.logs), folder / "results"
     command = ["identify", pattern, "--out", str(results), "--quiet"]
-    if chosen.profile:
-        _profile(command)
-        return
     for round_ in range(1 + chosen.rounds):
         bare, waited = _seconds("-c", IMPORTS)
         ours, clock = _seconds("-m", "damperfit", *command)

@@ -1,22 +1,18 @@
-"""How well signs, tare and skew are told, over settings, oils, strokes and dampers.
+"""How well signs and tare are told, over settings, oils, strokes and dampers.
 
     python -m tests.conditioning.corrections_grid
 
-Prints one line a case: the force level against the gas force, and the skew estimated against the
-true one. It takes about a minute.
+Prints one line a case: the force level against the gas force, and how each convention is taken.
 """
 
 from dataclasses import replace
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.delay import estimate_delay
 from damperfit.conditioning.polarity import force_level
-from damperfit.conditioning.timebase import make_uniform
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
 from tests.conditioning.test_signs import MIRRORS, SLIM, SLIM_SETTING, gas_of, mirrored
-from tests.conditioning.test_skew import late_log
 from tests.identification.rig import recording
 
 
@@ -67,27 +63,6 @@ def show_level(name, damper, parameters, amplitude, duration) -> None:
     )
 
 
-def show_skew() -> None:
-    """Print the skew estimated where it is known."""
-    worst, beyond, n_told, n = 0.0, 0, 0, 0
-    for setting in range(1, 21):
-        for delay in (-0.004, -0.001, 0.0, 0.002, 0.005):
-            for f_f in (10.0, 20.0, 50.0):
-                log = late_log(setting, delay, f_f=f_f)
-                found = estimate_delay(make_uniform(log), condition(log))
-                n += 1
-                if not isinstance(found, str):
-                    n_told += 1
-                    error = abs(found[0] - delay)
-                    worst = max(worst, error)
-                    beyond += error > found[1]
-    print(
-        f"skew: told in {n_told} of {n} logs, worst {1e3 * worst:.2f} ms off, "
-        f"{beyond} beyond their uncertainty"
-    )
-
-
 if __name__ == "__main__":
     for case in level_cases():
         show_level(*case)
-    show_skew()

@@ -228,18 +228,6 @@ def test_the_lowest_pressure_is_in_chamber_2_near_the_peak_speed_of_rebound() ->
     assert "R_m3 may rise by 17 %, or the gas pressure fall to 3.94 bar" in words
 
 
-def test_a_setting_that_cavitates_says_where_and_what_it_takes() -> None:
-    found = examined(at(r_m3=4.0e6))
-    assert found.fraction == pytest.approx(0.32, abs=0.03)
-    assert (found.lowest_pressure, found.chamber) == (0.0, 2)
-    assert found.velocity > 0.0
-    assert found.safe_gas_pressure > 5.5e5
-    said = describe_cavitation({3: examined(at(3), 3), 10: found})
-    assert said[0].startswith("setting 10: 32 % of the cycle with chamber 2 at zero pressure, from")
-    assert "it takes a gas pressure of 6." in said[0]
-    assert said[1].startswith("elsewhere none does; lowest pressure")
-
-
 # Logs in which the oil does not give way: fitted like any other, K_e with a lower limit alone.
 
 SOLVER, LIMIT = SolverOptions(tolerance=1e-2), 1.959964**2

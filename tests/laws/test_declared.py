@@ -59,19 +59,6 @@ def test_gas_that_nobody_declared_is_told(
     assert ("30 cm3 of gas" in said) is (is_reported and "gas_length" not in declared)
 
 
-@pytest.mark.parametrize("declared", [
-    {},
-    {"rod_diameter": "11mm"},
-    {"rod_diameter": "11mm", "piston_diameter": "28mm", "gas_exponent": 1.2},
-    {"chamber_1_length": "80mm", "gas_pressure": "7bara", "oil_density": 870.0},
-])  # fmt: skip
-def test_auto_tries_the_damper_that_a_named_model_would_take(declared) -> None:
-    auto = _layouts(load_configuration(None, overlay={"damper": declared}), None)
-    for one in auto:
-        named = {"damper": {"model": one.name, **declared}}
-        assert one == load_configuration(None, overlay=named).damper
-
-
 def test_a_law_of_valves_is_fitted_by_a_procedure_of_its_own() -> None:
     law = a_law_fit(TwinTube())
     search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False, offsets={})
@@ -79,21 +66,6 @@ def test_a_law_of_valves_is_fitted_by_a_procedure_of_its_own() -> None:
     for named, taken in (("paper", "plain"), ("joint", "joint")):
         asked = load_configuration(None, overlay={"identification": {"procedure": named}})
         assert with_chosen_law(asked, choice).identification.procedure == taken
-
-
-@pytest.mark.parametrize(("volume", "is_missing"), [({"gas_volume": "25cm3"}, False), ({}, True)])
-def test_a_gas_volume_is_the_papers_gas_length(volume, *, is_missing) -> None:
-    whole = {
-        "rod_diameter": "11mm", "piston_diameter": "28mm", "oil_density": 850.0,
-        "chamber_1_length": "80mm", "chamber_2_length": "80mm", "gas_pressure": "7bara",
-        "gas_exponent": 1.3, **volume,
-    }  # fmt: skip
-    configuration = load_configuration(None, overlay={"damper": whole}, is_law_open=True)
-    law = a_law_fit(replace(PURDY_DAMPER, rod_diameter=0.011))
-    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False, offsets={})
-    choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "purdy"})
-    said = " ".join(with_chosen_law(configuration, choice).notes)
-    assert ("gas_length" in said) is is_missing
 
 
 def stepped() -> Trace:

@@ -118,19 +118,6 @@ def test_whatever_is_not_told_has_a_test_that_decides_it(name: str) -> None:
     assert " at setting" not in said  # there is one
 
 
-def test_a_monotube_is_told_by_a_rod_side_without_oil() -> None:
-    fits = [fit()]
-    own = {"gas_pressure": 2e6, "rod_diameter": 0.010, "piston_diameter": 0.030}
-    one = replace(fits[0], model=replace(MODEL, **own))
-    laws = LawSearch((), Tried("law", (one,)), 60.0, alike=("monotube",))
-    (said,) = told(fits, 1.0, 2.0, search=laws)
-    # 20 bar on 6.28 cm2.
-    assert "or a test with more than 1300 N of damping in compression, by a higher speed" in said
-    laws = LawSearch((), Tried("law", (one,)), 60.0, alike=("through_flow",))
-    (said,) = told(fits, 1.0, 2.0, search=laws)
-    assert said.endswith("or a test faster than the 0.25 m/s of these.")
-
-
 @pytest.mark.parametrize(("bic", "gain", "is_open"), [
     (-0.1, 1.6, True), (0.1, 1.6, False), (-0.1, 1.4, False),
 ])  # fmt: skip
@@ -142,18 +129,6 @@ def test_a_part_that_costs_more_than_the_logs_pay_is_left_open(
     said = told([fit()], 1.0, 2.0, search=LawSearch((judged,), tried, 60.0))
     assert bool(said) is is_open
     assert all(one.startswith("Whether the damper has gas volume: ") for one in said)
-
-
-@pytest.mark.parametrize(("second", "n_alike"), [(1.0, 2), (2.0, 1)])
-def test_what_may_be_taken_for_each_other_stands_apart(second: float, n_alike: int) -> None:
-    one = fit(undetermined=("f_f",))
-    search = LawSearch((), Tried("law", (one,)), 60.0, ("monotube",))
-    evidence = [SettingLogs(one.setting, (log(1.0, second),))]
-    alike = interchangeable_parts(search, [one], evidence)
-    assert len(alike) == n_alike
-    assert alike[0].startswith("The layout, twin tube or monotube: they fit and predict alike.")
-    assert undecided(search, [one], evidence)[:n_alike] == alike
-    assert len(undecided(search, [one], evidence)) == n_alike + 1
 
 
 # What the logs of a setting do not determine is marked and left out of the sentences.

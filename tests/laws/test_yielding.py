@@ -7,21 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import damperfit.laws.rivals as yielding
 from damperfit.cli import main
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
 from damperfit.damper.valve_dampers import ThroughFlow
-from damperfit.laws.description import seen_again
-from damperfit.laws.law_fit import LawSearch, SettingLogs, Tried
+from damperfit.laws.law_fit import SettingLogs, Tried
 from damperfit.laws.rivals import held_against, is_open_to
 from damperfit.laws.search import search_laws
 from damperfit.recording import Recording
 from damperfit.run import auto_model as law_choice
 from damperfit.simulation import simulate
 from damperfit.tested.setting import Setting
-from tests import fakes
 from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, moved
 from tests.rig_like.dampers import magneto_rheological, text_of
 from tests.rig_like.rig import Logged
@@ -132,22 +129,6 @@ def test_valves_that_no_damper_has_are_not_told_beside_what_fits_as_well(k_e, is
     # What the logs do not tell is no reason, nor are valves that are clearly better.
     assert not held_against(bent(k_e, undetermined=("k_e",)), other, 0.6)[0]
     assert not held_against(bent(k_e, of_valves=1.0 / 4.1), other, 0.6)[0]
-
-
-def test_clearly_better_valves_that_no_damper_has_are_not_named() -> None:
-    law = bent(4.51e9, of_valves=0.01)
-    search = LawSearch(
-        (), law, 20.0, held_share=0.534, is_held_by_some=True, doubt=yielding.unbelievable(law)
-    )
-    choice = law_choice.LawChoice(search, (), law.fits, ())
-    (said,) = choice.sentences
-    assert said == (
-        "It holds up to 53 % of its force down to a tenth of its speed, and K_e, 4.51e+03 MPa at "
-        "setting 4, no damper has: what acts may be something that yields before it slides, as a "
-        "magneto-rheological fluid or dry friction, and no valve is named."
-    )
-    kept = {"sentences": [said], "doubt": search.doubt}
-    assert seen_again(kept, fakes.campaign(fakes.fit(1)), law.fits[0].model) == kept
 
 
 @pytest.mark.parametrize(("shares", "expected"), [
