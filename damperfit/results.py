@@ -30,7 +30,14 @@ from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes, read_text, sha256_of
 from damperfit.problem import Option, Problem, Words, warning
 from damperfit.recording import natural_order
-from damperfit.reporting.records import checks_in, failures_in, number_in, problems_in, units_in
+from damperfit.reporting.records import (
+    checks_in,
+    entries_in,
+    failures_in,
+    number_in,
+    problems_in,
+    units_in,
+)
 from damperfit.store import file_set, path_of, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
 from damperfit.tables.files import (
@@ -1263,13 +1270,6 @@ def _inside(document: Any, *keys: str) -> Any:
     for key in keys:
         document = document.get(key) if isinstance(document, dict) else None
     return document
-
-
-def entries_in(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
-    """Return the objects in a list of the record; none where somebody put something else there."""
-    entries, scalars = record.get(key), (str, int, float, type(None))
-    known = [one for one in entries if isinstance(one, dict)] if isinstance(entries, list) else []
-    return [one for one in known if isinstance(one.get("setting"), scalars)]
 
 
 def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:

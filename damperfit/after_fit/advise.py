@@ -40,9 +40,8 @@ from damperfit.identification.logs import compare
 from damperfit.problem import Option
 from damperfit.recording import Recording
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.records import listed_in
+from damperfit.reporting.records import entries_in, listed_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out
-from damperfit.results import entries_in
 from damperfit.simulation import sine_motion
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.covariance import (

@@ -14,10 +14,10 @@ from damperfit import __version__
 from damperfit.queries.compared import baseline_text, read_run
 from damperfit.reporting.drawing import draw_plot
 from damperfit.reporting.figures import report_plots
+from damperfit.reporting.records import entries_in
 from damperfit.reporting.report import lead
 from damperfit.reporting.sheet import html_table, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import force_sheets, parameter_sheet
-from damperfit.results import entries_in
 from damperfit.store import check_writable, write_text
 from damperfit.tables.files import json_values
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.damper.model import PRESSURES
-from damperfit.reporting.records import listed_in, number_in, trends_in, units_in
+from damperfit.reporting.records import entries_in, number_in, trends_in, units_in
 from damperfit.reporting.sheet import number
 from damperfit.reporting.tables import is_one_for_all, scale_of
 from damperfit.tested.setting import Setting, lines_of
@@ -300,11 +300,10 @@ class LogView:
     def cycles(self) -> tuple[slice, ...]:
         """The last whole cycle of each steady segment; older runs tell of one, in the entry."""
         time, cycles = self.signals.time, []
-        for segment in listed_in(self.facts, "stretches") or [self.facts]:
-            if not isinstance(segment, dict) or segment.get("kind", "steady") != "steady":
-                continue
-            rate = number_in(segment, "frequency_Hz")
-            if rate is None or not rate > 0.0 or len(time) < _FEWEST:
+        for segment in entries_in(self.facts, "stretches") or [dict(self.facts)]:
+            rate = number_in(segment, "frequency_Hz") or 0.0
+            is_steady = segment.get("kind", "steady") == "steady"
+            if not (is_steady and rate > 0.0 and len(time) >= _FEWEST):
                 continue
             stop = number_in(segment, "figures_stop_s") or number_in(segment, "stop_s") or math.inf
             end = int(np.searchsorted(time, stop - _LATE))
@@ -348,8 +347,7 @@ class ReportPlots:
     @cached_property
     def logs(self) -> tuple[LogView, ...]:
         """The logs that have signals."""
-        entries = listed_in(self.run.record, "inputs")
-        facts = {str(one.get("log")): one for one in entries if isinstance(one, dict)}
+        facts = {str(one.get("log")): one for one in entries_in(self.run.record, "inputs")}
         rows: dict[tuple[Setting, str], list[Row]] = {}
         for row in self.run.rows("characteristics"):
             rows.setdefault((row["setting"], str(row["log"])), []).append(row)

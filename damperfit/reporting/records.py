@@ -151,6 +151,12 @@ def listed_in(record: Record, key: str) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
+def entries_in(record: Record, key: str) -> list[dict[str, Any]]:
+    """Return the objects in a list of the record; none where somebody put something else there."""
+    known = [one for one in listed_in(record, key) if isinstance(one, dict)]
+    return [one for one in known if isinstance(one.get("setting"), str | int | float | None)]
+
+
 def number_in(record: Record, key: str) -> float | None:
     """Return a finite number of the record, None where there is none."""
     number = _number(record.get(key))
@@ -246,8 +252,7 @@ def predictions_in(record: Record) -> list[dict[str, Any]]:
     """Return what was held out, predicted and not fitted, an entry each."""
     return [
         entry | {key: _number(entry.get(key)) for key in _OF_PREDICTIONS}
-        for entry in listed_in(record, "held_out")
-        if isinstance(entry, dict)
+        for entry in entries_in(record, "held_out")
     ]
 
 

@@ -17,6 +17,7 @@ from damperfit.identification.sharing import of_runs
 from damperfit.problem import Problem, failure_lines, listing, short_listing
 from damperfit.reporting.records import (
     checks_in,
+    entries_in,
     failures_in,
     findings_in,
     gaps_in,
@@ -113,8 +114,8 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     outcomes = {row.get("outcome") for row in parameters} & set(advice)
     errors = {
         (str(one.get("setting")), one["log"], number_in(one, "start_s")): one.get("mse_percent")
-        for one in listed_in(record, "stretches")
-        if isinstance(one, dict) and isinstance(one.get("log"), str)
+        for one in entries_in(record, "stretches")
+        if isinstance(one.get("log"), str)
     }
 
     def table(title: str, place: str, *sheets: Sheet, scaled: bool = False) -> Section:
@@ -150,8 +151,7 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield words("Cavitation", "cavitation")
     findings = (  # mere notes stand with their log
         Problem(finding.name, finding.sentence, finding.severity, str(log.get("log", "log")))
-        for log in listed_in(record, "inputs")
-        if isinstance(log, dict)
+        for log in entries_in(record, "inputs")
         for finding in findings_in(log)
         if finding.severity != "note"
     )

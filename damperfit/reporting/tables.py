@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.damper.quantity import SETTING
-from damperfit.reporting.records import listed_in, number_in
+from damperfit.reporting.records import entries_in, listed_in, number_in
 from damperfit.reporting.sheet import (
     NOTHING,
     Column,
@@ -625,11 +625,6 @@ _ERRORS = (
 )
 
 
-def _entries(choice: Row, key: str) -> list[Row]:
-    """The entries of a list; what somebody else has written there is left out."""
-    return [one for one in listed_in(choice, key) if isinstance(one, dict)]
-
-
 def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
     """Return one row a candidate as they were tried; ``is_narrow``: without changes and reasons."""
     notes = ["* chosen; MSE and what was held out in per cent of the variance"]
@@ -654,19 +649,19 @@ def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
         changed, why = Column.text("changed", "change"), Column.text("why", "reason")
         factor = figure("factor", "gain", "{:.3g}")
         columns = [chosen, structure, changed, factor, bic, _FREE, *_ERRORS, why]
-    return laid_out(_entries(choice, "laws"), columns, *notes)
+    return laid_out(entries_in(choice, "laws"), columns, *notes)
 
 
 def rival_sheet(choice: Row) -> Sheet:
     """Return one row a model of the literature, as in run.json, the best prediction first."""
     caveats: dict[str, list[str]] = {}
-    for one in _entries(choice, "rivals"):
+    for one in entries_in(choice, "rivals"):
         if one.get("caveat"):
             caveats.setdefault(str(one["caveat"]), []).append(str(one.get("title")))
     notes = (f"{', '.join(titles)}: {why}" for why, titles in caveats.items())
     title = Column.text("model of the literature", "title")
     columns = [title, Column.text("source", "source"), _FREE, *_ERRORS]
-    return laid_out(_entries(choice, "rivals"), columns, *notes)
+    return laid_out(entries_in(choice, "rivals"), columns, *notes)
 
 
 def law_sentences(choice: Row, *, with_undecided: bool = True) -> list[str]:
