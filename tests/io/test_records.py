@@ -490,6 +490,14 @@ def test_what_is_no_counter_is_left_as_it_is(tmp_path, f) -> None:
     np.testing.assert_allclose(recording.force, f, atol=1e-6)
 
 
+def test_a_jump_over_a_gap_is_no_counter(put) -> None:
+    # Rows lost from the largest force to the smallest: 12 bits of 1 N, to the newton.
+    force = np.where(np.arange(N) < 300, np.arange(N), np.arange(N) - 4_095.0)
+    late = TIME + 0.3 * (np.arange(N) >= 300)
+    assert read_log(put(rows_of(late, X, force), "log.csv")).findings == ()
+    assert read_log(put(rows_of(TIME, X, force), "log.csv")).findings[0].name == "rolled_over"
+
+
 def test_channels_of_mdf_groups_with_rasters_of_their_own_are_read_together(tmp_path) -> None:
     needs("asammdf")
     rasters = [(TIME[::2], [("displacement", "mm", X[::2])]), (TIME, [("force", "N", F)])]
