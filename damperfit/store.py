@@ -54,9 +54,8 @@ class FileSet:
     def path(self, name: str) -> Path:
         """Return the path to write ``name`` to; it becomes part of the set."""
         if Path(name).name != name or name in {"", ".", ".."} or "\0" in name:
-            raise OutputError(
-                f"{name!r} is not a plain file name; no file is written elsewhere", code="bad-name"
-            )
+            text = f"{name!r} is not a plain file name; no file is written elsewhere"
+            raise OutputError(text, code="bad-name")
         if name not in self.names:
             self.names.append(name)
         return self.staging / name
@@ -73,14 +72,12 @@ class FileSet:
         for name in self.names if self._spares_others else ():
             target = self.folder / name
             if target.is_file() and not _is_own_file(target, self.staging / name):
-                raise ConfigurationError(
+                text = (
                     "is there already, and damperfit did not write it as this kind of file; "
-                    "nothing was written. Give {overwrite} to replace it, or another {out}",
-                    overwrite=Option("overwrite"),
-                    out=Option("out"),
-                    subject=target,
-                    code="is-there",
+                    "nothing was written. Give {overwrite} to replace it, or another {out}"
                 )
+                options = {"overwrite": Option("overwrite"), "out": Option("out")}
+                raise ConfigurationError(text, subject=target, code="is-there", **options)
 
     def _commit(self) -> None:
         (self.staging / _REMOVED).write_text(json.dumps(self._removed), encoding="utf-8")
@@ -90,10 +87,8 @@ class FileSet:
         self.spare()
         for target in (self.folder / name for name in (*self.names, *self._removed)):
             if target.exists() and not target.is_file():  # a folder, a device, a pipe
-                raise OutputError(
-                    f"cannot write {target}: it exists and is not a regular file",
-                    code="cannot-write",
-                )
+                text = f"cannot write {target}: it exists and is not a regular file"
+                raise OutputError(text, code="cannot-write")
             if os.name == "nt" and target.exists():  # a file that another program has open
                 os.replace(target, target)
         self.staging.rename(self.folder / _COMMITTED)
@@ -156,12 +151,9 @@ def check_writable(folder: Path) -> None:
         return ConfigurationError(f"cannot be written: {why}", code=code, subject=subject)
 
     if re.match(r"[a-z][a-z0-9+.-]+:/", folder.as_posix()):
-        why = (
-            "results go to a folder of this machine, not to an address; give a folder, and copy "
-            "it there when all is done"
-        )
         address = re.sub(r":/+", "://", folder.as_posix(), count=1)
-        raise refusal("no-address", why, address)
+        why = "results go to a folder of this machine, not to an address; give a folder, and copy"
+        raise refusal("no-address", f"{why} it there when all is done", address)
     if "\0" in str(folder):
         raise refusal("no-path", "a NUL cannot stand in a path", repr(str(folder)))
     try:

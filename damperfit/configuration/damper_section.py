@@ -76,12 +76,11 @@ def damper_of_record(record: Mapping[str, Any]) -> Model:
     """Return the damper that a run has recorded; what it took as declared is not questioned."""
     name = record.get("model", "purdy")
     known = damper_record(model_named(name if isinstance(name, str) else repr(name))())
-    values = {
-        key: {**known[key], **one} if isinstance(known.get(key), dict) and isinstance(one, dict)
-        else one
-        for key, one in record.items()
-    }  # fmt: skip
-    return damper_of({**known, **values}, is_recorded=True)
+    values = {**known, **record}
+    for key, value in known.items():
+        if isinstance(value, dict) and isinstance(values[key], dict):
+            values[key] = {**value, **values[key]}
+    return damper_of(values, is_recorded=True)
 
 
 def damper_of(keys: Mapping[str, Any], *, is_recorded: bool = False) -> Model:
@@ -111,11 +110,8 @@ def unknown_key(name: str, known: Iterable[str], *section: str) -> Configuration
     """Return the refusal of a key that a section does not have."""
     known = list(known)
     hint = did_you_mean(name, known) or f" There are {', '.join(known)}."
-    if (
-        section == ("damper",)
-        and "gas_piston_diameter" in known
-        and name in damper_defaults(_VALVES)
-    ):
+    is_papers = section == ("damper",) and "gas_piston_diameter" in known
+    if is_papers and name in damper_defaults(_VALVES):
         hint = (
             f' The paper\'s model has none; real valves do: add model = "{_VALVES}", "monotube" or '
             '"through_flow", or let the logs choose, with identify --model auto.'
@@ -167,21 +163,20 @@ def _value(kind: Any, field: Any, value: Any, *, is_recorded: bool) -> Any:
             raise _wrong("true or false", value, name)
         return value
     dimension = _UNITS.get(kind.ranges[name][2] if name in kind.ranges else "", ("",))[0]
-    if isinstance(value, bool) or not isinstance(
-        value, float | int | str if dimension else float | int
-    ):
+    kinds = float | int | str if dimension else float | int
+    if isinstance(value, bool) or not isinstance(value, kinds):
         raise _wrong("a number", value, name)
     number = parse_quantity(value, dimension) if isinstance(value, str) else float(value)
     if name == "gas_pressure" and not is_recorded:
         says_which = isinstance(value, str) and says_absolute_or_gauge(value)
         is_low = number == 0.0 or kind.ranges[name][0] <= number < _ASKED_BELOW
         if is_low and not says_which:
-            raise ConfigurationError(
+            text = (
                 "is it absolute, or does it count from the atmosphere? expected a unit that says "
-                f"so, as in 'bara' or 'barg', found {value!r}",
-                where=Key(("damper", name)),
-                code="absolute-or-gauge",
+                f"so, as in 'bara' or 'barg', found {value!r}"
             )
+            where = Key(("damper", name))
+            raise ConfigurationError(text, where=where, code="absolute-or-gauge")
     return number
 
 
@@ -206,11 +201,12 @@ def _reference(value: Any) -> Any:
     """Return a temperature in degrees Celsius, or the word for that of the logs, or for none."""
     if value in (NONE, _OF_LOGS):
         return value
-    place = "reference_temperature"
+    low, high = _OIL_TEMPERATURES
+    place, expected = "reference_temperature", f"{low:g} to {high:g} degC"
     try:
         found = math.nan if isinstance(value, bool) else parse_quantity(value, "temperature")
     except QuantityError as error:
         raise _wrong("'none', 'mean' or a temperature, as in '25degC'", value, place) from error
-    if not _OIL_TEMPERATURES[0] <= found <= _OIL_TEMPERATURES[1]:
-        raise _wrong(f"{_OIL_TEMPERATURES[0]:g} to {_OIL_TEMPERATURES[1]:g} degC", value, place)
+    if not low <= found <= high:
+        raise _wrong(expected, value, place)
     return found

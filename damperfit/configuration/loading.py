@@ -81,8 +81,8 @@ def load_configuration(
             if section not in SECTIONS:
                 hint = f"{', '.join(SECTIONS)}.{did_you_mean(section, SECTIONS)}"
                 text = f"unknown section [{section}]; there are {hint}"
-                place = layer.place(section)
-                raise ConfigurationError(text, where=place, code="unknown-section")
+                where = layer.place(section)
+                raise ConfigurationError(text, where=where, code="unknown-section")
             if not isinstance(values, dict):
                 raise layer.blame(not_a_section(section), section)
     model = _model_of(layers, is_law_open=is_law_open)
@@ -329,22 +329,20 @@ def _section_lines(
     is_damper = name == "damper"
     inner = {key: one for key, one in values.items() if is_damper and isinstance(one, dict)}
     for key, value in values.items():
-        if key not in inner:
-            comment = of_keys.get(key) or (MEASURED.get(key, "") if is_damper else "")
-            yield from _entry_lines(f"{key} = {_toml_value(value)}", comment)
+        if key in inner:
+            continue
+        entry = f"{key} = {_toml_value(value)}"
+        comment = of_keys.get(key) or (MEASURED.get(key, "") if is_damper else "")
+        if len(entry) >= _COLUMN and comment:
+            yield from (f"# {line}" for line in wrap(f"{comment}:", _WIDE))
+            yield entry
+            continue
+        first, *others = wrap(comment, _WIDE - _COLUMN, break_long_words=False) or [""]
+        yield f"{entry:<{_COLUMN}}# {first}" if first else entry
+        yield from (f"{'':<{_COLUMN}}# {line}" for line in others)
     yield ""
     for key, value in inner.items():
         yield from _section_lines(f"{name}.{key}", value, "", {})
-
-
-def _entry_lines(entry: str, about: str) -> Iterator[str]:
-    if len(entry) >= _COLUMN and about:
-        yield from (f"# {line}" for line in wrap(f"{about}:", _WIDE))
-        yield entry
-        return
-    first, *others = wrap(about, _WIDE - _COLUMN, break_long_words=False) or [""]
-    yield f"{entry:<{_COLUMN}}# {first}" if first else entry
-    yield from (f"{'':<{_COLUMN}}# {line}" for line in others)
 
 
 def _toml_value(value: Any) -> str:

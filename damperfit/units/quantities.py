@@ -203,8 +203,8 @@ def parse_quantity(text: str | float, dimension: str, *, option: Option | str = 
             raise QuantityError(f"{text} is not a finite {dimension}")  # noqa: TRY301  # gets its place
     except QuantityError as error:
         if isinstance(option, str):
-            keyword = option.removeprefix("--").replace("-", "_")
-            raise error.at(Option(keyword) if keyword else None) from error
+            name = option.removeprefix("--").replace("-", "_")
+            raise error.at(Option(name) if name else None) from error
         raise error.at(option) from error
     return value
 
