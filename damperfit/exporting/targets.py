@@ -32,12 +32,12 @@ from markupsafe import Markup, escape
 
 from damperfit import __version__
 from damperfit.adjustment.force_at import determined_speed, force_at
-from damperfit.damper.mounting import NONE, Mounting
+from damperfit.damper.mounting import NONE
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.quantity import RIG
 from damperfit.damper.quasi_static import quasi_static
+from damperfit.damper.stepping import without_rig
 from damperfit.damper.temperature_law import WithTemperature
-from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Option
 from damperfit.reporting.report import tested_range
@@ -351,13 +351,11 @@ def standard_road() -> Motion:
 
 def road_misses(run: ExportedRun, table: ForceTable) -> tuple[RoadMiss, ...]:
     """Return how far the damper's dynamics are from a table on the road, at three speeds."""
-    values = next(one.values for one in run.settings if one.setting == table.setting)
-    damper = run.damper
-    if isinstance(damper, ValveDamper):  # without the rig: mounting, late channel, tare
-        damper = replace(damper, mounting=Mounting(series_stiffness=NONE))
-        values = damper.values({name: getattr(values, name) for name in damper.names})
-    if damper.rest_force(0.0) is not None:  # else the offset holds the gas force, and stays
-        values = values.replace({one.name: 0.0 for one in values.quantities if one.is_offset})
+    fitted = next(one.values for one in run.settings if one.setting == table.setting)
+    damper, values = run.damper, without_rig(fitted)
+    if damper.rest_force(0.0) is None:  # the offset holds the gas force, and stays
+        offsets = (one.name for one in fitted.quantities if one.is_offset)
+        values = values.replace({name: fitted[name] for name in offsets})
     road, first = standard_road(), int(_RUN_IN * _RATE)
     top, widest = float(np.abs(road.velocity).max()), float(np.abs(road.displacement).max())
     is_reached = table.end >= _ROAD_SPEEDS[-1]
