@@ -159,6 +159,14 @@ def test_a_value_at_its_bound_is_the_limit_it_ran_into(name, value, said) -> Non
         assert "(at bound)" in parameter_line(row)
 
 
+def test_courses_that_errors_cannot_tell_apart_are_flat() -> None:
+    apart = [wide(n, r_m1=1e4 * n, r_m1_se=1.0) for n in (1, 2, 3)]
+    alike = [wide(n, r_m1=1e4 + n, r_m1_se=1e3) for n in (1, 2, 3)]
+    courses = [parameter_sheet(known, levels="abc").notes for known in (apart, alike)]
+    assert "R_m1 abc" in " ".join(courses[0])
+    assert "drawn flat" in " ".join(courses[1])
+
+
 # Forces
 
 

@@ -72,6 +72,9 @@ def test_points_lie_close_where_cars_are_tuned_and_at_knees_and_straight_through
         line = np.interp(middle, v, table.forces)
         assert line == pytest.approx(np.array(truth), rel=0.006, abs=0.2)
     for setting, table in zip(handed.settings, force_tables(handed), strict=True):
+        at = table.speeds.tolist().index(0.0)
+        assert table.forces[at] == 0.0
+        assert table.forces[at - 1] < -45.0 < 45.0 < table.forces[at + 1]  # friction
         assert table.level == pytest.approx(-130.4, abs=0.1)
         for speed in (*SPEEDS, *(-one for one in SPEEDS)):  # the paper's closed form
             truth = purdy_force(setting.values, handed.damper, speed) - table.level
