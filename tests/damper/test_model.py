@@ -28,12 +28,9 @@ from damperfit.damper.rivals import BoucWen, Linear
 from damperfit.damper.temperature_law import WithTemperature, at_temperature
 from damperfit.damper.valve_dampers import VALVE_RANGES, Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.identification import DETECT, FitOptions, Status, identify
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion, triangle_motion
 from tests import fakes
 from tests.damper.test_valve_dampers import VALVES
-from tests.identification import adjusted
-from tests.identification.adjusted import DAMPER, FOLLOWS
 
 QUANTITIES = (
     Quantity("c", "c", "damping", "viscous damping", "N s/m", (1.0, 1e6)),
@@ -92,22 +89,6 @@ def test_areas_and_volumes_are_those_of_circles(kind) -> None:
 
 
 # The gas of a damper with real valves: held as declared, or found by the logs of all settings.
-
-
-def test_one_volume_and_one_pressure_are_found_from_all_settings() -> None:
-    # Declared a third too high and a fifth too low, as from a gauge and a guess.
-    wrong = replace(DAMPER, gas_pressure=1.35 * DAMPER.gas_pressure, gas_volume=4.8e-5)
-    free = ("rebound_bleed", "rebound_opening", "rebound_slope", "compression_bleed", "k_e", "f_f")
-    options = FitOptions(
-        "joint", free=(*free, "gas_pressure", "gas_volume"), fixed={"f_0": 8.0},
-        share=(DETECT,), follows=FOLLOWS,
-    )  # fmt: skip
-    campaign = identify(adjusted.logs(), wrong, options)
-    for fit in campaign.fits:
-        assert fit.parameters.gas_pressure == pytest.approx(DAMPER.gas_pressure, rel=0.01)
-        assert fit.parameters.gas_volume == pytest.approx(6e-5, rel=0.02)
-        assert fit.status["gas_pressure"] is fit.status["gas_volume"] is Status.SHARED
-        assert fit.status["gas_exponent"] is Status.FIXED
 
 
 # The synthetic reference set: two settings of the formulas of its docstring, worked out by hand.

@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.mounting import Friction, Mounting
+from damperfit.damper.mounting import Friction
 from damperfit.damper.network import Network, Passage, Valve, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.identification import FitOptions, identify
 from damperfit.simulation import Motion, SolverOptions, sine_motion
-from tests.damper.test_valve_dampers import VALVES, log
-from tests.damper.test_valve_dampers import damper as valve_damper
 from tests.oracles import network as twin
 
 GAS_PISTON = math.sqrt(15e-6 / 0.05 * 4 / math.pi)
@@ -527,37 +524,6 @@ def test_a_turn_within_a_sample_is_found():
     one = simulate_network(network, some, damper, shifted, options=SHARP).force[::64]
     other = simulate_network(network, some, damper, coarse, options=SHARP).force
     assert np.max(np.abs(one - other)) < 0.2
-
-
-def fitted(values, free=None, **friction):
-    """A through-flow damper with such a friction, its log, and what a fit of it finds."""
-    model = dataclasses.replace(
-        valve_damper(ThroughFlow), friction=Friction(**friction), mounting=Mounting(4e5)
-    )
-    truth = model.values({**VALVES, "return_slope": 2e5, **values})
-    one = log(model, truth, speed=0.13)
-    noise = np.random.default_rng(3).normal(0.0, 1.0, len(one.force))
-    one = dataclasses.replace(one, force=one.force + noise)
-    free = free or tuple(q.name for q in model.quantities if q.default is None)
-    options = FitOptions("plain", free=free, solver=SolverOptions(tolerance=1e-2))
-    (fit,) = identify([one], model, options).fits
-    return fit
-
-
-@pytest.mark.parametrize(
-    ("law", "free"),
-    [
-        ({"presliding": 1.5e-4, "f_f": 40.0}, None),
-        ({"breakaway": 40.0, "stribeck_speed": 0.03}, None),
-        ({"turning_speed": 2e-2, "f_f": 40.0}, None),
-        ({"free_gas": 0.01}, (*(name for name in VALVES if name != "drag"), "free_gas")),
-    ],
-    ids=["presliding", "stribeck", "turning", "free gas"],
-)
-def test_friction_and_free_gas_are_found_again(law, free):
-    fit = fitted(law, free, **({} if free else dict.fromkeys(law.keys() - {"f_f"}, "fit")))
-    assert {name: getattr(fit.parameters, name) for name in law} == pytest.approx(law, rel=0.1)
-    assert fit.mse_percent < 3 * 100 / np.var(fit.logs[0].trace.force)
 
 
 @pytest.mark.parametrize(

@@ -11,42 +11,48 @@ invented to take their place. What a law holds at another value than the truth's
 modulus, the returns) may be freed. A plain blow-off for one that lifts gradually, or a bleed that
 is a gap or an orifice for one that is both, lacks a number: it is missed, and nothing is larger.
 Another layout is counted apart: forces alone do not always tell it. `--turning` dampers have
-friction that turns within a speed. Of what is missed it is said where the law leaves too little for
-the rule to ask for more.
+friction that turns within a speed. `--several` dampers are logged at three settings, every second
+with what settings have in common and single ones hardly tell: a port behind the blow-offs,
+blow-offs that lift gradually, friction that builds up over a distance. A bleed has two clicks and a
+preload two; what has one of the two has three clicks. Of what is missed it is said where the law
+leaves too little for the rule to ask for more.
 """
-
-from __future__ import annotations
 
 import argparse
 import math
 import time
 from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.conditioning import condition
 from damperfit.conditioning.polarity import YIELDS, held_share
 from damperfit.damper.load_cell import behind_lag
+from damperfit.damper.model import Model
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Network, Passage, Valve, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
-from damperfit.laws.law_fit import SettingLogs
+from damperfit.laws.law_fit import LawSearch, SettingLogs, Tried
 from damperfit.laws.search import search_laws
 from damperfit.recording import Recording, Trace
+from damperfit.simulation import Motion
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import moved
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from damperfit.damper.model import Model
-    from damperfit.laws.law_fit import LawSearch, Tried
-    from damperfit.simulation import Motion
-
-__all__ = ["CHECK", "FITTED", "Drawn", "draw", "known_of", "logged", "parts_of", "verdict_on"]
+__all__ = [
+    "Drawn",
+    "draw",
+    "evidence_of",
+    "known_of",
+    "of_several",
+    "parts_of",
+    "searched",
+    "settings_of",
+    "verdict_on",
+]
 
 KINDS = (ThroughFlow, TwinTube, Monotube)
 VALVES = {
@@ -59,7 +65,7 @@ VALVES = {
 }
 RIGS = ((), ("lag",), ("play",), ("play", "lag"))
 DISTURBANCES = ("stribeck", "shim")
-TURNING = "turning"
+TURNING, SEVERAL = "turning", "several settings"
 FITTED, CHECK = (0.06, 0.13, 0.24), 0.17
 TOP = max(FITTED)
 FORCE_NOISE, DISPLACEMENT_NOISE = 4.0, 8e-6
@@ -73,6 +79,11 @@ PLAINER = {
     "leak": ("long",),
 }
 ALONE = Setting.of(1)
+MORE = ("", "port", "", "rounded", "", "presliding")
+# What clicks do to a bleed's orifice, beside a blow-off and alone, and to a preload.
+CLOSED, CLOSED_ALONE, PRELOADED = 6.0, 1.6, 2.5
+BOTH = ((6, 1), (6, 3), (18, 1))
+BLEED_ALONE, BLOW_OFF_ALONE = ((6, 1), (12, 1), (18, 1)), ((6, 1), (6, 2), (6, 3))
 
 
 @dataclass(frozen=True)
@@ -208,18 +219,68 @@ def known_of(one: Drawn) -> tuple[Model, list[ValveDamper]]:
     return paper, [kind(**geometry) for kind in KINDS]
 
 
-def searched(one: Drawn, seed: int) -> LawSearch:
-    """Return the search over the logs of a damper."""
+def alone(one: Drawn, seed: int) -> list[SettingLogs]:
+    """The logs of a damper with one setting."""
     fitted = logged(one, moved(FITTED, rate=1000.0, cycles=5), seed)
     check = logged(one, moved((CHECK,), amplitude=0.012, rate=1000.0), seed + 1)
+    return [SettingLogs(ALONE, (fitted,), (check,))]
+
+
+def of_several(place: int, seed: int) -> Drawn:
+    """Return the damper of a place at its softest setting."""
+    one, chance = draw(place, seed), np.random.default_rng([seed, place, 5])
+    # The kinds of valves and mountings take turns more slowly: each meets each.
+    more = MORE[(place + place // len(MORE)) % len(MORE)]
+    model, values = one.model, dict(one.values)
+    if more == "presliding":
+        model = replace(model, friction=Friction(presliding=FIT))
+        values["presliding"] = chance.uniform(1e-4, 3e-4)
+    elif more and model.rebound.blow_off == "linear":
+        valve = replace(model.rebound, blow_off=more)
+        model = replace(model, rebound=valve, compression=valve)
+        for stroke in ("rebound", "compression"):
+            opening, slope = values[f"{stroke}_opening"], values[f"{stroke}_slope"]
+            # At the flow at which it costs what the preload is, the port adds a half as much.
+            values[f"{stroke}_port"] = chance.uniform(0.6, 0.8) * slope / opening**0.5
+            values[f"{stroke}_width"] = chance.uniform(0.2, 0.4) * opening
+    return Drawn(model, {k: v for k, v in values.items() if k in model.names})
+
+
+def settings_of(one: Drawn) -> dict[Setting, Drawn]:
+    """The damper at each of its settings."""
+    valve = one.model.rebound
+    at = BLEED_ALONE if valve.blow_off == "none" else BOTH
+    at = BLOW_OFF_ALONE if valve.bleed == "none" else at
+    closed, found = CLOSED_ALONE if at is BLEED_ALONE else CLOSED, {}
+    for low, high in at:
+        factors = dict.fromkeys(("bleed", "leak"), closed ** ((low - 6) / 12))
+        factors["leak"] **= 2.0  # a pressure by the flow, not by its square
+        factors["opening"] = PRELOADED ** ((high - 1) / 2)
+        values = {n: x * factors.get(n.partition("_")[2], 1.0) for n, x in one.values.items()}
+        found[Setting((("l", low), ("h", high)))] = replace(one, values=values)
+    return found
+
+
+def evidence_of(one: Drawn, seed: int) -> list[SettingLogs]:
+    """The logs of a damper at each of its settings."""
+    evidence = []
+    for number, (setting, there) in enumerate(settings_of(one).items()):
+        fitted = moved(FITTED, rate=1000.0, cycles=5)
+        check = moved((CHECK,), amplitude=0.012, rate=1000.0)
+        logs = [
+            (logged(there, motion, 10 * seed + 2 * number + k, setting),)
+            for k, motion in enumerate((fitted, check))
+        ]
+        evidence.append(SettingLogs(setting, *logs))
+    return evidence
+
+
+def searched(one: Drawn, evidence: Sequence[SettingLogs], jobs: int = 1) -> LawSearch:
+    """Return the search over the logs of a damper."""
     paper, layouts = known_of(one)
-    share = held_share(fitted)
-    return search_laws(
-        paper,
-        layouts,
-        [SettingLogs(Setting.of(1), (fitted,), (check,))],
-        held_share=share if share >= YIELDS else math.nan,
-    )
+    share = held_share(evidence[0].fitted[0]) if len(evidence) == 1 else 0.0
+    held = share if share >= YIELDS else math.nan
+    return search_laws(paper, layouts, evidence, held_share=held, jobs=jobs)
 
 
 def parts_of(law: Tried) -> frozenset[str]:
@@ -290,18 +351,26 @@ def main() -> None:
     parser.add_argument("--dampers", type=int, default=36, help="in a law of the library's")
     parser.add_argument("--disturbed", type=int, default=12, help="in a law of another form")
     parser.add_argument("--turning", type=int, default=0, help="friction turns within a speed")
+    parser.add_argument("--several", type=int, default=0, help="logged at several settings")
     parser.add_argument("--first", type=int, default=0, help="place that each round begins at")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     seed, first = options.seed, options.first
     rounds = {
-        "laws of the library's": (options.dampers, lambda k: draw(k, seed)),
-        "laws of another form": (options.disturbed, lambda k: draw(k, seed, DISTURBANCES[k % 2])),
-        "friction that turns within a speed": (options.turning, lambda k: draw(k, seed, TURNING)),
+        "laws of the library's": (options.dampers, draw),
+        "laws of another form": (
+            options.disturbed,
+            lambda k, seed: draw(k, seed, DISTURBANCES[k % 2]),
+        ),
+        "friction that turns within a speed": (
+            options.turning,
+            lambda k, seed: draw(k, seed, TURNING),
+        ),
+        SEVERAL: (options.several, of_several),
     }
     begin = time.process_time()
     lines = [
-        _counted(title, {k: drawn(k) for k in range(first, first + n)}, seed)
+        _counted(title, range(first, first + n), drawn, seed)
         for title, (n, drawn) in rounds.items()
         if n
     ]
@@ -310,19 +379,23 @@ def main() -> None:
     print(f"{(time.process_time() - begin) / n_dampers:.1f} s of the processor each")
 
 
-def _counted(title: str, drawn: Mapping[int, Drawn], seed: int) -> str:
+def _counted(title: str, places: range, drawn: Callable[[int, int], Drawn], seed: int) -> str:
     """Say of each wrong choice what it was, and return the counts."""
     n: Counter[str] = Counter()
-    for place, one in drawn.items():
-        search = searched(one, 1000 * seed + 2 * place)
+    for place in places:
+        one = drawn(place, seed)
+        if title == SEVERAL:
+            search = searched(one, evidence_of(one, 1000 * seed + place), jobs=2)
+        else:
+            search = searched(one, alone(one, 1000 * seed + 2 * place))
         law, wrong = search.chosen, verdict_on(one, search)
         n.update(wrong)
         if "missed" in wrong and not law.leaves_something:
             n["too little"] += 1
         if wrong:
-            print(f"{', '.join(wrong)}: {law.title}, MSE {law.mse_percent:.3g} %, "
+            print(f"{place} {', '.join(wrong)}: {law.title}, MSE {law.mse_percent:.3g} %, "
                   f"{law.left_over:.2f} of what is enough; {one.words}", flush=True)  # fmt: skip
-    return (f"{title}: {len(drawn)}; larger {n['larger']}, missed {n['missed']} (too little left "
+    return (f"{title}: {len(places)}; larger {n['larger']}, missed {n['missed']} (too little left "
             f"at {n['too little']}), another layout {n['layout']}, told to be alike "
             f"{n['told alike']}")  # fmt: skip
 
