@@ -327,11 +327,6 @@ def with_interval(
     return f"{rounded(value, plus)} ({rounded(low)} to {rounded(high)})"
 
 
-def stroke_ratio(rebound: float, bump: float) -> str:
-    """Return rebound over bump; none where the gas pushes both strokes to one side."""
-    return number(-rebound / bump if rebound > 0.0 > bump else None, digits=3)
-
-
 # Units of people
 
 

@@ -19,7 +19,6 @@ from damperfit.reporting.sheet import (
     laid_out,
     number,
     percent,
-    stroke_ratio,
     with_interval,
 )
 from damperfit.statistics import NORMAL_95
@@ -548,7 +547,7 @@ def log_force_sheet(rows: Sequence[Row]) -> Sheet:
     lines = []
     for row in (*(row for row in rows if row is not peak), peak):
         forces = [row[f"{whose}_{stroke}_N"] for stroke in STROKE_WORDS for whose in _WHOSE]
-        ratios = map(stroke_ratio, forces[:2], forces[2:])
+        ratios = (number(row[f"{whose}_ratio"], digits=3) for whose in _WHOSE)
         name = "peak" if row is peak else f"at {row['speed_rebound_m_per_s']:g} m/s"
         lines.append((name, *(number(force, digits=4) for force in forces), *ratios))
     lost = [peak[f"{whose}_hysteresis_{stroke}_N"] for stroke in STROKE_WORDS for whose in _WHOSE]
