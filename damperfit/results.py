@@ -595,6 +595,17 @@ class Run:
             )
         return with_temperature(given, self._temperature)
 
+    @cached_property
+    def own_configuration(self) -> Configuration:
+        """Rig, conditioning, procedure and damper it was made with, as far as they are told."""
+        from damperfit.configuration.loading import load_configuration
+
+        known = {key: _inside(self.record, "configuration", key) for key in ("rig", "conditioning")}
+        sections = {key: section for key, section in known.items() if section}
+        procedure = _inside(self.record, "configuration", "identification", "procedure")
+        sections |= {"identification": {"procedure": procedure}} if procedure else {}
+        return load_configuration(overlay=sections | {"damper": self.declared_damper or {}})
+
     @property
     def shown_speeds(self) -> tuple[float, ...]:
         """The speeds at which forces are shown, m/s: ``output.speeds`` of the run."""
@@ -844,14 +855,11 @@ class Run:
         import pandas as pd
 
         from damperfit.conditioning import condition
-        from damperfit.configuration.loading import load_configuration
         from damperfit.identification import compare, normalised_mse
         from damperfit.io import read_log
         from damperfit.recording import Recording
 
-        document = self.record.get("configuration") or {}
-        sections = {key: document[key] for key in ("rig", "conditioning") if key in document}
-        own = load_configuration(overlay=sections | {"damper": self.declared_damper or {}})
+        own = self.own_configuration
         known = log if isinstance(log, Recording) else read_log(Path(log), own.reading)
         if setting is None and known.setting is None:
             raise ConfigurationError(

@@ -409,7 +409,7 @@ class _Rig:
         sound = (one for one in judged if np.isfinite([one.values[n] for n in one.names]).all())
         known = [_Known(run, one, question) for one in sound]
         self.known = [one for one in known if one.now > 0.0 or question.quantity == LAW]
-        self.options, inputs = run.configuration.conditioning, entries_in(run.record, "inputs")
+        self.options, inputs = run.own_configuration.conditioning, entries_in(run.record, "inputs")
         rates = [float(log["sample_rate_Hz"]) for log in inputs if log.get("sample_rate_Hz")]
         self.rate = median(rates) if rates else 1000.0  # of the logs, Hz
         # Samples to one that counts, of white noise behind the filter, from 10 s.
@@ -603,7 +603,7 @@ class _Rig:
         The test at one setting tells of shared values what its own values leave (a Schur
         complement), and that serves all settings. Procedure `paper` averages only the friction so.
         """
-        is_paper = self.run.configuration.identification.procedure == "paper"
+        is_paper = self.run.own_configuration.identification.procedure == "paper"
         whole, lent = [], []
         for one, before, (gained, scores) in zip(self.known, self.told, added, strict=True):
             after, n = before + gained, len(one.result.own)

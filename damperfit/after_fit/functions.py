@@ -69,7 +69,7 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
             code="question",
         )
     run = run_of(results, "damperfit.advise", config, takes_parts=False)
-    rig, tested = run.configuration.rig, run.tested
+    rig, tested = (run.own_configuration if config is None else run.configuration).rig, run.tested
     stroke = positive(max_stroke, "length", "max_stroke") or rig.max_stroke or tested.stroke
     speed = positive(max_speed, "velocity", "max_speed") or rig.max_speed
     speed = speed or _FASTER * (tested.speed or 0.0)
