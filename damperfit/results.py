@@ -601,7 +601,11 @@ class Run:
         from damperfit.configuration.loading import load_configuration
 
         known = {key: _inside(self.record, "configuration", key) for key in ("rig", "conditioning")}
-        sections = {key: section for key, section in known.items() if section}
+        sections = {  # JSON has no infinity: null is the default
+            key: {name: value for name, value in section.items() if value is not None}
+            for key, section in known.items()
+            if isinstance(section, dict)
+        }
         procedure = _inside(self.record, "configuration", "identification", "procedure")
         sections |= {"identification": {"procedure": procedure}} if procedure else {}
         return load_configuration(overlay=sections | {"damper": self.declared_damper or {}})

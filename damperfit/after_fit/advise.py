@@ -11,7 +11,7 @@ between cycles) were white behind the filter: S = s^2 G n / n_eff. What the best
 taken from a test as the rig would record it, with its rate and the noise of both channels: noise of
 the displacement drives the model, so that the residual is neither white nor independent of J.
 
-C includes lack of fit that repeats, which no test of the same kind reduces: that part stays.
+Lack of fit that repeats no test of the same kind reduces: that part of the interval stays.
 
 Asked for the law, with d what another structure that the logs leave open has more force than the
 chosen one in a test, the evidence is what is left of it once the chosen one is fitted anew::
@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from damperfit.adjustment.force_at import force_at
 from damperfit.conditioning import condition
 from damperfit.conditioning.filters import apply_filter, design_filter
 from damperfit.configuration.damper_section import damper_of_record
@@ -127,6 +128,15 @@ class Question(NamedTuple):
             return np.array([float(name == self.quantity) for name in setting.names])
         how: Any = {"sensitivities": tuple(setting.names)}
         return quasi_static(run.damper, setting.parameters, [self.speed], **how).slopes[:, 0]
+
+    def misfit(self, run: Run, setting: SettingResult) -> float:
+        """Standard error of it from the model's misfit, which no test of the kind reduces."""
+        if self.quantity:
+            errors = np.array([setting.misfits.get(name, 0.0) for name in setting.names])
+            errors /= _scales(setting.parameters, setting.names)
+            return float(self.gradient(run, setting) @ errors)
+        forces = force_at([setting], run.damper, [abs(self.speed)], measured=run.speed_forces)
+        return next(one.misfit for one in forces if (one.stroke == "bump") is (self.speed < 0.0))
 
 
 class NextTest(NamedTuple):
@@ -269,7 +279,7 @@ def advise(
         title=title,
         sentence=sentence,
         tests=tests,
-        known={"interval_now": {one.result.label: one.now for one in rig.known}},
+        known={"interval_now": {one.result.label: NORMAL_95 * one.now for one in rig.known}},
         remarks=(*run.remarks, *[remark] * (speed > tested)),
         tables=(laid_out(tests, (*_MOTION, *_INTERVALS)),) if is_any_use else (),
     )
@@ -354,18 +364,12 @@ class _Known:
     """What a run knows of one setting; vectors and matrices are by u of the values in error."""
 
     def __init__(self, run: Run, setting: SettingResult, question: Question) -> None:
-        whole = setting.covariance
-        assert whole is not None
+        assert setting.covariance is not None
         self.result, self.gradient = setting, question.gradient(run, setting)
-        total = max(float(self.gradient @ whole @ self.gradient), 0.0)
-        errors = np.array([setting.misfits.get(name, 0.0) for name in setting.names])
-        misfit = np.diag((errors / _scales(setting.parameters, setting.names)) ** 2)
-        fixed = min(float(self.gradient @ misfit @ self.gradient), total)
-        self.covariance = whole - misfit  # of noise alone
-        if np.linalg.eigvalsh(self.covariance).min() <= 0.0:
-            # Rounding: keep the shape, lose the part.
-            self.covariance = whole * max(1.0 - fixed / total, 1e-6) if total else misfit
-        self.now, self.floor = NORMAL_95 * math.sqrt(total), NORMAL_95 * math.sqrt(fixed)
+        self.covariance = setting.covariance  # of noise alone
+        self.floor = question.misfit(run, setting)  # of the model: no test of the kind reduces it
+        self.error = math.sqrt(max(float(self.gradient @ self.covariance @ self.gradient), 0.0))
+        self.now = math.hypot(self.error, self.floor)
         self.segments = sorted(
             (
                 segment
@@ -389,8 +393,7 @@ class _Known:
         """Interval after a test, as a share of that before: H, H + G and S of all settings."""
         moved = np.linalg.solve(after, self.gradient)
         variance = float(moved @ (before @ self.covariance @ before + scores) @ moved)
-        half = NORMAL_95 * math.sqrt(max(variance, 0.0))
-        return math.hypot(half, self.floor) / self.now
+        return math.hypot(math.sqrt(max(variance, 0.0)), self.floor) / self.now
 
 
 def _scales(values: Values, names: Sequence[str]) -> FloatArray:

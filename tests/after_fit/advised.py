@@ -17,7 +17,6 @@ import numpy as np
 
 import damperfit
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.quasi_static import quasi_static
 
 QUESTIONS = ("k_e", "r_m1", "force@0.05m/s")
 SETTINGS = (1, 5, 10, 15, 20)
@@ -37,20 +36,19 @@ def truth(damper: int, path: Path) -> Path:
 
 
 def half_interval(run, setting: int, question: str) -> float:
-    """To a common factor, by the covariance of the run."""
+    """As it is shown, to a common factor."""
     one = run.setting(setting)
-    gradient = np.array([float(name == question) for name in one.names])
-    if question.startswith("force"):
-        speed = float(question.removeprefix("force@").removesuffix("m/s"))
-        curve = quasi_static(run.damper, one.values, [speed], sensitivities=one.names)
-        gradient = curve.slopes[:, 0]
-    return math.sqrt(gradient @ one.covariance @ gradient)
+    if question.startswith("force@"):
+        shown = damperfit.settings(run, velocity=question.removeprefix("force@"), stroke="rebound")
+        return next(f.reach for f in shown.forces if f.setting == setting)
+    error, misfit = (one.row[f"{question}{end}"] for end in ("_se", "_misfit_se"))
+    return math.hypot(error, misfit or 0.0) / one.values[question]
 
 
 def compared(damper: int, place: Path):
     """Promised and measured shares by question and setting."""
     corner = 0.0 if damper % 3 != 2 else 60.0
-    rig = f'filter = "zero_phase"\nfilter_corner = {corner}\n' if corner else ""
+    rig = f'filter = "causal"\nfilter_corner = {corner}\n' if corner else ""
     table = truth(damper, place / "truth.csv")
 
     def made(name: str, motion: str, seed: int, cycles: float) -> list[str]:
