@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import islice
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -32,7 +33,7 @@ import numpy as np
 
 from damperfit.adjustment.force_at import force_at
 from damperfit.conditioning import condition
-from damperfit.conditioning.filters import apply_filter, design_filter
+from damperfit.conditioning.filters import apply_filter, design_filter, passed_filter
 from damperfit.configuration.damper_section import damper_of_record
 from damperfit.damper.quantity import FRICTION
 from damperfit.damper.quasi_static import quasi_static
@@ -73,11 +74,12 @@ _AMPLITUDES, _FREQUENCIES = 6, 8  # of the grid of candidates, spaced evenly by 
 _SAMPLES = 400  # of a cycle
 _RUN_IN = 2  # cycles before the one that is evaluated
 _FEWEST_CYCLES, _MOST_CYCLES = 3, 15
-_FOLLOWED = 4  # candidates that are recorded too
+_FOLLOWED, _TRIED = 4, 12  # candidates that are shown, and that are recorded at most
 _LONG = 10.0  # s of a record
 _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
 _USEFUL, _NOTICED = 0.8, 0.99  # of the interval: what a test that helps, or hardly helps, leaves
+_NOISE = "displacement_noise"  # a finding
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
 
 
@@ -251,9 +253,10 @@ def advise(
             code="nothing-to-narrow",
         )
     screened = [test for motion in rig.candidates() if (test := rig.screened(motion))]
-    best = sorted(screened, key=lambda test: test.rank)[:_FOLLOWED]
-    recorded = [rig.recorded(test, question.quantity) for test in best]
-    tests = tuple(sorted(recorded, key=lambda test: test.rank))
+    ranked = sorted(screened, key=lambda test: test.rank)[:_TRIED]
+    recorded = (rig.recorded(test, question.quantity) for test in ranked)
+    useful = list(islice((test for test in recorded if test.share < 1.0), _FOLLOWED))
+    tests = tuple(sorted(useful, key=lambda test: test.rank) or ranked[:_FOLLOWED])
     is_any_use = any(test.share <= _NOTICED for test in tests)
     if not tests:
         sentence = f"no test is within the limits of the rig, so none narrows {title}"
@@ -386,8 +389,8 @@ class _Known:
                 "identify logs with steady cycles",
                 code="no-noise",
             )
-        self.typical = self.segments[len(self.segments) // 2]
-        self.noise = float(self.typical["noise_N"])  # of the filtered force between cycles
+        # Of the filtered force between cycles, N.
+        self.noise = float(self.segments[len(self.segments) // 2]["noise_N"])
 
     def share_after(self, before: FloatArray, after: FloatArray, scores: FloatArray) -> float:
         """Interval after a test, as a share of that before: H, H + G and S of all settings."""
@@ -417,12 +420,12 @@ class _Rig:
         self.rate = median(rates) if rates else 1000.0  # of the logs, Hz
         # Samples to one that counts, of white noise behind the filter, from 10 s.
         samples = round(10.0 * self.rate)
-        self.worth = samples / independent_samples(self._filter(self.rate), samples)
+        self.worth = samples / independent_samples(passed_filter(self.options, self.rate), samples)
         noises = [
             parse_quantity(f"{finding['value']}{finding['unit']}", "length")
             for log in inputs
             for finding in log.get("findings", ())
-            if finding.get("name") == "displacement_noise" and finding.get("value")
+            if finding.get("name") == _NOISE and finding.get("value")
         ]
         self.displacement_noise = median(noises) if noises else 0.0  # m
         self.told = []  # J'J of the logs of each setting
@@ -435,13 +438,6 @@ class _Rig:
                 told += log["n_samples"] * per_sample
             self.told.append(told)
 
-    def _filter(self, rate: float) -> Any:
-        own = self.options
-        kind, corner, order = own.filter, own.filter_corner, own.filter_order
-        if own.rig_filter != "none":
-            kind, corner, order = own.rig_filter, own.rig_filter_corner, own.rig_filter_order
-        return design_filter(kind, corner, sample_rate=rate, order=order)
-
     def candidates(self) -> Iterator[NextTest]:
         """Yield sines within the limits, as far as they are known without a simulation."""
         limits, slowest = self.limits, min(_SLOWEST, self.limits.frequency)
@@ -449,7 +445,7 @@ class _Rig:
             for frequency in np.geomspace(slowest, limits.frequency, _FREQUENCIES):
                 seconds = 60.0 * limits.minutes - _BETWEEN
                 cycles = min(_MOST_CYCLES, int(seconds * frequency) - _RUN_IN)
-                whole = len(self.known) * ((cycles + _RUN_IN) / frequency + _BETWEEN)
+                whole = len(self.known) * ((cycles + _RUN_IN) / float(frequency) + _BETWEEN)
                 test = NextTest(float(amplitude), float(frequency), cycles, whole / 60.0)
                 if test.speed <= limits.speed * (1.0 + 1e-9) and cycles >= _FEWEST_CYCLES:
                     yield test
@@ -529,9 +525,8 @@ class _Rig:
         None: it cannot be simulated, or takes too much force or heat. A test that has been is
         beyond nothing, whatever the limits of the next one are.
         """
-        own, frequency = self.options, test.frequency
-        corner = own.filter_corner if own.rig_filter == "none" else own.rig_filter_corner
-        per_cycle = max(_SAMPLES, math.ceil(4.0 * corner / frequency))
+        frequency = test.frequency
+        per_cycle = max(_SAMPLES, math.ceil(4.0 * self.options.declared_corner / frequency))
         rate = per_cycle * frequency
         motion = sine_motion(test.amplitude, frequency, cycles=_RUN_IN + 2, sample_rate=rate)
         try:
@@ -546,24 +541,17 @@ class _Rig:
         if is_beyond and not has_been:
             return None
         rows = np.stack([seen.force, *(seen.sensitivities[name] for name in names)])
-        rows = apply_filter(self._filter(rate), rows)[:, steady]
+        rows = apply_filter(passed_filter(self.options, rate), rows)[:, steady]
         return rows[0], rows[1:].T * _scales(values, names)
 
     def _record(self, known: _Known, test: NextTest) -> tuple[FloatArray, FloatArray]:
         """J'J and the covariance of the scores, a sample, of a record; none where it is no log."""
-        noise, typical = known.noise, known.typical
-        today = NextTest(typical["amplitude_m"], typical["frequency_Hz"], 6)
+        noise, names = known.noise, known.result.names
         cycles = min(max(_FEWEST_CYCLES, round(_LONG * test.frequency)), test.cycles)
         try:
-            # White noise of the force: what the scatter holds beside that of the displacement.
-            _, moved = self._log(known, today, 0.0)
-            white = max(noise**2 - float(np.var(moved)), 0.01 * noise**2) * self.worth
-            short = test._replace(cycles=cycles)
-            jacobian, residuals = self._log(known, short, math.sqrt(white), known.result.names)
+            jacobian, residuals = self._log(known, test._replace(cycles=cycles))
         except (SimulationError, ConditioningError):
-            return np.zeros((len(known.result.names),) * 2), np.zeros(
-                (len(known.result.names),) * 2
-            )
+            return np.zeros((len(names),) * 2), np.zeros((len(names),) * 2)
         lag = correlation_length(residuals, longest=round(0.25 / test.frequency * self.rate))
         scores = larger(
             score_covariance(jacobian * residuals[:, None], lag),
@@ -572,11 +560,14 @@ class _Rig:
         n = len(jacobian)
         return jacobian.T @ jacobian / (n * noise**2), scores / (n * noise**4)
 
-    def _log(
-        self, known: _Known, test: NextTest, white: float, names: Sequence[str] = ()
-    ) -> tuple[FloatArray, FloatArray]:
-        """Jacobian and residuals of a log as the rig writes it; the same noise in every call."""
+    def _log(self, known: _Known, test: NextTest) -> tuple[FloatArray, FloatArray]:
+        """Jacobian and residuals of a log as the rig writes it; the same noise in every call.
+
+        The scatter between cycles is all taken for noise of the force, white before the filter;
+        that of the displacement comes to it, for it drives the model.
+        """
         random, values = np.random.default_rng(1), known.result.parameters
+        names, white = known.result.names, known.noise * math.sqrt(self.worth)
         cycles, rate = test.cycles + _RUN_IN, self.rate
         motion = sine_motion(test.amplitude, test.frequency, cycles=cycles, sample_rate=rate)
         damper, solver = self.run.damper, self.run.solver
@@ -584,8 +575,10 @@ class _Rig:
         n = len(motion.displacement)
         logged = np.stack([motion.displacement, force])
         logged += np.array([[self.displacement_noise], [white]]) * random.standard_normal((2, n))
-        if self.options.rig_filter != "none":
-            logged = apply_filter(self._filter(rate), logged)
+        own = self.options
+        if own.rig_filter != "none":
+            how: Any = {"sample_rate": rate, "order": own.rig_filter_order}
+            logged = apply_filter(design_filter(own.rig_filter, own.declared_corner, **how), logged)
         recording = Recording(
             *("advised test", "", "", None),
             time=np.arange(n) / rate,
@@ -595,6 +588,8 @@ class _Rig:
             reverse_force=False,
         )
         trace = condition(recording, self.options)
+        if any(f.name == _NOISE and f.severity == "warning" for f in trace.findings):
+            raise ConditioningError("the displacement is too noisy for it", code="noise")
         seen = compare(values, trace, damper, sensitivities=names, solver=solver)
         part = trace.compared
         jacobian = (seen.sensitivities[:, part].T * _scales(values, names)).astype(float)

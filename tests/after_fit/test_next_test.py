@@ -13,18 +13,30 @@ import damperfit
 from damperfit.cli import main
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.report import report_sections
+from damperfit.synthetic import SampleOptions, make_samples
 
 
 def test_a_faster_test_narrows_the_bulk_modulus_and_none_is_beyond_the_rig(fitted) -> None:
-    advice = fitted.advise("k_e", setting=10, max_stroke=0.016, max_speed=0.5, max_force="2kN")
+    advice = fitted.advise("k_e", setting=10, max_stroke=0.02, max_speed=0.5, max_force="2kN")
     best = advice.tests[0]
     assert best.share < 0.7
     assert "shrinks to" in advice.sentence
     for test in advice.tests:
-        assert test.amplitude <= 0.016
+        assert test.amplitude <= 0.02
         assert test.speed <= 0.5 + 1e-9
         # Today's test at half the stroke and a third of the speed tells less than a fast one.
         assert best.rank <= test.rank
+
+
+def test_the_rig_and_the_filter_are_those_of_the_run(tmp_path) -> None:
+    """As declared for `identify`, not as they are by default."""
+    make_samples(tmp_path, SampleOptions(settings=(10,), cycles=9.0, rig_filter=60.0))
+    rig = {"filter": "causal", "filter_corner": "60Hz", "max_stroke": "25mm", "max_speed": "0.6m/s"}
+    run = damperfit.identify([tmp_path / "setting_10.csv"], procedure="plain", rig=rig)
+    advice = run.advise("r_m1")
+    assert max(test.amplitude for test in advice.tests) == pytest.approx(0.025)
+    assert max(test.speed for test in advice.tests) <= 0.6
+    assert advice.tests[0].share < 0.8
 
 
 def test_where_no_test_helps_the_answer_says_so(fitted) -> None:
@@ -104,8 +116,8 @@ def test_a_test_that_heats_too_much_is_none(fitted) -> None:
 
 @pytest.mark.parametrize("limit", [{"max_force": "500N"}, {"max_heat": "30W"}])
 def test_logs_beyond_a_limit_of_the_next_test_still_count(fitted, limit) -> None:
-    motion = {"max_stroke": "4mm", "max_frequency": "5Hz"}  # below both limits
-    free, limited = (fitted.advise("k_e", setting=10, **motion, **more) for more in ({}, limit))
+    motion = {"max_stroke": "10mm", "max_frequency": "0.5Hz"}  # below both limits
+    free, limited = (fitted.advise("f_f", setting=10, **motion, **more) for more in ({}, limit))
     assert [one.share for one in limited.tests] == [one.share for one in free.tests]
     assert free.tests[0].share < 1.0
 
