@@ -97,6 +97,7 @@ _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
 _OF_TABLE = {"schema_version", "table", "quantities"}  # facts that each table has of its own
 _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
+_LONG = 10.0  # s of a log
 _WORDS = Words("damperfit.identify")
 _OF_CALL = {"_config", "_temperature", "_scratch"}  # of a run that is read: they are its reader's
 _IN_MEMORY = (
@@ -200,8 +201,18 @@ class SettingResult(Stage):
         known = (self.row or {}).get("mse_percent")
         return math.nan if known is None else float(known)
 
-    def simulate(self, wave: str | None = None, **motion: Any) -> Any:
-        """Simulate this setting; keywords as of `damperfit.simulate`."""
+    def simulate(self, wave: str | Motion | None = None, **motion: Any) -> Any:
+        """Simulate this setting; keywords as of `damperfit.simulate`.
+
+        Of a `damperfit.Motion`, arrays of displacement and velocity, its response: `time`, `force`,
+        `pressures`, all in SI.
+        """
+        from damperfit.simulation import Motion
+
+        if isinstance(wave, Motion) and not motion:
+            assert self.run is not None
+            how: dict[str, Any] = {"sensitivities": (), "options": self.run.solver}
+            return self.run.damper.simulate(self.parameters, wave, **how)
         if idle := [name for name in ("setting", "parameters") if name in motion]:
             text = (
                 f"setting.simulate: found {idle[0]}=...; the parameters are those of setting "
@@ -258,6 +269,23 @@ class LogResult:
     def temperature(self) -> float | None:
         """Mean over the log, degC."""
         return number_in(self.facts, "temperature_degC")
+
+    @property
+    def noise(self) -> float | None:
+        """Scatter of the filtered force between its cycles, N; None: no cycles."""
+        return min(_numbers(_segments_in(self.facts), "noise_N"), default=None)
+
+    @property
+    def effective_rate(self) -> float | None:
+        """Samples that count as independent of noise behind the filter of the run, 1/s."""
+        from damperfit.conditioning.filters import passed_filter
+        from damperfit.uncertainty.covariance import independent_samples
+
+        rate = number_in(self.facts, "sample_rate_Hz")
+        if rate is None:
+            return None
+        design = passed_filter(self.run.own_configuration.conditioning, rate)
+        return independent_samples(design, round(_LONG * rate)) / _LONG
 
     @property
     def signals(self) -> LogSignals | None:
@@ -977,9 +1005,9 @@ class Run:
         return self.parameters
 
     def simulate(
-        self, setting: Setting | str | float, wave: str | None = None, **motion: Any
+        self, setting: Setting | str | float, wave: str | Motion | None = None, **motion: Any
     ) -> Any:
-        """Simulate a setting; keywords as of `damperfit.simulate`."""
+        """Simulate a setting; a wave, a `Motion`, keywords as of `damperfit.simulate`."""
         return self.setting(setting).simulate(wave, **motion)
 
     def sensitivity(self, setting: Setting | str | float, motion: Motion) -> pd.DataFrame:

@@ -48,7 +48,6 @@ from damperfit.simulation import sine_motion
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.covariance import (
     correlation_length,
-    independent_samples,
     larger,
     score_covariance,
     stationary_covariance,
@@ -418,9 +417,9 @@ class _Rig:
         self.options, inputs = run.own_configuration.conditioning, entries_in(run.record, "inputs")
         rates = [float(log["sample_rate_Hz"]) for log in inputs if log.get("sample_rate_Hz")]
         self.rate = median(rates) if rates else 1000.0  # of the logs, Hz
-        # Samples to one that counts, of white noise behind the filter, from 10 s.
-        samples = round(10.0 * self.rate)
-        self.worth = samples / independent_samples(passed_filter(self.options, self.rate), samples)
+        # Samples to one that counts, of white noise behind the filter.
+        effective = [log.effective_rate for log in run.logs if log.effective_rate]
+        self.worth = self.rate / median(effective) if effective else 1.0
         noises = [
             parse_quantity(f"{finding['value']}{finding['unit']}", "length")
             for log in inputs

@@ -150,8 +150,16 @@ def test_the_sensitivity_is_the_slope_of_the_force(fitted) -> None:
     setting, step = fitted.setting(10), 1e-4
     changed = setting.values.replace({"r_m1": setting.values["r_m1"] * (1.0 + step)})
     moved = fitted.damper.simulate(changed, motion, sensitivities=(), options=fitted.solver).force
+    assert (fitted.simulate(10, motion).force == seen["force_N"]).all()
     slope = (moved - seen["force_N"]) / (step * setting.values["r_m1"])
     assert np.abs(slope - seen["r_m1"]).max() < 0.01 * np.abs(slope).max()
+
+
+def test_the_noise_and_its_effective_rate_are_numbers(fitted) -> None:
+    """Of 4 N of white noise at 500 Hz some more than 60 samples a second pass a filter of 30 Hz."""
+    log = fitted.logs[0]
+    assert 60.0 < log.effective_rate < 75.0
+    assert log.noise == pytest.approx(4.0 * math.sqrt(log.effective_rate / 500.0), rel=0.1)
 
 
 def test_a_part_is_sized_for_a_force(fitted) -> None:
