@@ -267,7 +267,13 @@ def serve() -> None:
         if not head or len(data) < asked["n_bytes"]:
             os._exit(0)  # what a library does at exit is of no interest
         limit = asked["limit"]
-        _limit_memory(_OWN_MEMORY + min(3 * limit, max(_LEAST, _UNPACKED * len(data))))
+        most = _OWN_MEMORY + min(3 * limit, max(_LEAST, _UNPACKED * len(data)))
+        with suppress(ImportError, ValueError, OSError):  # Windows has none
+            import resource
+
+            _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+            resource.setrlimit(resource.RLIMIT_DATA, (min(most, sys.maxsize), hard))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         said: dict[str, Any] = {}
         parts: Sequence[bytes] = ()
         try:
@@ -281,13 +287,3 @@ def serve() -> None:
         out.write(json.dumps(said).encode() + b"\n")
         out.writelines(parts)
         out.flush()
-
-
-def _limit_memory(n_bytes: int) -> None:
-    with suppress(ImportError, ValueError, OSError):  # Windows has none
-        import resource
-
-        most = min(n_bytes, sys.maxsize)
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

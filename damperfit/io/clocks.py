@@ -328,7 +328,14 @@ def _together(samples: Samples) -> Samples:
     together |= {one: np.interp(force[at], stamps[one], channels[one][own[one]]) for one in apart}
     if "time" in channels:
         together["time"] = force[at]
-    findings = [_own_clock(one, stamps[one], len(own[one])) for one in apart]
+    findings = []
+    for one in apart:
+        t, n = stamps[one], len(own[one])
+        words = f"a value of its own in {len(t)} of {n} rows"
+        if len(t) == n:
+            words = f"a clock of its own, every {median(np.diff(t)):.6g} s from {t[0]:.6g} s"
+        words = f"{one}: {words}; each value is used once, at the times of the force"
+        findings.append(Finding("own_rows", "note", words, len(t) / n, is_correction=True))
     return Samples(
         together,
         lambda i: samples.place(int(at[i])),
@@ -337,23 +344,11 @@ def _together(samples: Samples) -> Samples:
     )
 
 
-def _own_clock(channel: str, stamps: FloatArray, n_rows: int) -> Finding:
-    words = f"a value of its own in {len(stamps)} of {n_rows} rows"
-    if len(stamps) == n_rows:
-        step = median(np.diff(stamps))
-        words = f"a clock of its own, every {step:.6g} s from {stamps[0]:.6g} s"
-    words = f"{channel}: {words}; each value is used once, at the times of the force"
-    return Finding("own_rows", "note", words, len(stamps) / n_rows, is_correction=True)
-
-
 def _own_rows(values: FloatArray, time: FloatArray) -> NDArray[np.bool_]:
     """Return the rows in which a slow channel has a value of its own; all of any other channel."""
-    every = np.ones(len(values), dtype=np.bool_)
-    if np.isfinite(values.sum()):
-        return every
-    is_own = ~np.isnan(values)
+    every, is_own = np.ones(len(values), dtype=np.bool_), ~np.isnan(values)
     at = np.flatnonzero(is_own)
-    if len(at) < 2:
+    if np.isfinite(values.sum()) or len(at) < 2:
         return every
     # A shorter channel beside a longer one ends in rows without time and value.
     n_there = int(np.flatnonzero(is_own | ~np.isnan(time))[-1]) + 1

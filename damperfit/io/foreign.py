@@ -152,21 +152,20 @@ def hdf5_vectors(data: bytes, limit: int) -> ChildAnswer:
         for key in islice(file, _MAX_ITEMS):
             # A link into another file would read what nobody gave; it must not even be followed.
             is_own = isinstance(file.get(key, getlink=True), h5py.HardLink)
-            is_data = is_own and file.get(key, getclass=True) is h5py.Dataset
-            if is_data and _holds_numbers(file[key]):
-                n_values = sum(channel.length for channel in channels) + file[key].size
-                check_size(8 * n_values, limit=limit, what=f"the file up to {visible(str(key))}")
-                channels += _vectors(str(key), file[key][()])
+            if not is_own or file.get(key, getclass=True) is not h5py.Dataset:
+                continue
+            data_set = file[key]
+            # Text is an array of 16-bit numbers otherwise.
+            is_text = data_set.attrs.get("MATLAB_class", b"") in _NO_NUMBERS
+            is_number = data_set.dtype.kind in "fiu" and not is_text
+            if not is_number or not _columns_of(data_set.shape):
+                continue
+            if data_set.is_virtual or data_set.id.get_create_plist().get_external_count():
+                continue  # the values are in another file
+            n_values = sum(channel.length for channel in channels) + data_set.size
+            check_size(8 * n_values, limit=limit, what=f"the file up to {visible(str(key))}")
+            channels += _vectors(str(key), data_set[()])
         return answer_of_groups([Group("", tuple(channels))])
-
-
-def _holds_numbers(data: Any) -> bool:
-    """Whether a data set holds vectors, and holds them itself."""
-    kind = data.attrs.get("MATLAB_class", b"")  # text is an array of 16-bit numbers otherwise
-    is_number = data.dtype.kind in "fiu" and kind not in _NO_NUMBERS
-    if not is_number or data.ndim != 2 or not _columns_of(data.shape):
-        return False
-    return not (data.id.get_create_plist().get_external_count() or data.is_virtual)
 
 
 def _columns_of(shape: Sequence[int]) -> int:
@@ -241,7 +240,17 @@ def _check_blocks(data: bytes, *, limit: int) -> None:
         at = waiting.pop()
         if at in successors:
             continue
-        kind, links = _block(data, at)
+        if at + 24 > len(data):
+            raise LogError("truncated MDF file; the end of the file is missing", code="truncated")
+        kind = data[at : at + 4]
+        length, n_links = struct.unpack_from("<QQ", data, at + 8)
+        if not kind.startswith(b"##") or length < 24 + 8 * n_links:
+            text = f"damaged MDF file: no block at byte {at}; copy the log again"
+            raise LogError(text, code="damaged")
+        if at + length > len(data):
+            text = f"truncated MDF file; the block at byte {at} is not whole"
+            raise LogError(text, code="truncated")
+        links = struct.unpack_from(f"<{n_links}Q", data, at + 24)
         if kind == b"##DZ":
             unpacked += struct.unpack_from("<Q", data, at + _UNPACKED_SIZE)[0]
         successors[at] = links[0] if links and kind in _CHAINED else 0
@@ -260,20 +269,6 @@ def _check_blocks(data: bytes, *, limit: int) -> None:
             text = f"damaged MDF file: the block at byte {at} leads to itself"
             raise LogError(text, code="damaged")
         done |= chain
-
-
-def _block(data: bytes, at: int) -> tuple[bytes, tuple[int, ...]]:
-    if at + 24 > len(data):
-        raise LogError("truncated MDF file; the end of the file is missing", code="truncated")
-    kind = data[at : at + 4]
-    length, n_links = struct.unpack_from("<QQ", data, at + 8)
-    if not kind.startswith(b"##") or length < 24 + 8 * n_links:
-        raise LogError(
-            f"damaged MDF file: no block at byte {at}; copy the log again", code="damaged"
-        )
-    if at + length > len(data):
-        raise LogError(f"truncated MDF file; the block at byte {at} is not whole", code="truncated")
-    return kind, struct.unpack_from(f"<{n_links}Q", data, at + 24)
 
 
 # Excel.
@@ -340,21 +335,18 @@ def sheets_in(data: bytes, limit: int) -> ChildAnswer:
         texts: list[bytes] = []
         for name in names:
             rows = book.get_sheet_by_name(name).to_python(skip_empty_area=False)
-            texts.append(_as_text(rows).encode("utf-8", "replace"))
+            # Tab-separated lines; columns and rows that are empty throughout stay out.
+            columns = enumerate(zip(*rows, strict=False))
+            filled = [i for i, column in columns if any(map(_cell, column))]
+            lines = []
+            for row in rows:
+                fields = [_cell(row[i]) for i in filled if i < len(row)]
+                words = [field for field in fields if field]
+                is_entry = len(words) == 2 < len(filled) and words[0][:1].isalpha()
+                lines.append(": ".join(words) if is_entry else "\t".join(fields if words else ()))
+            texts.append("".join(f"{line}\n" for line in lines).encode("utf-8", "replace"))
             check_size(sum(map(len, texts)), limit=limit, what="the workbook")
     return ChildAnswer({"sheets": names, "n_formulas": n_formulas}, texts)
-
-
-def _as_text(rows: Sequence[Sequence[Any]]) -> str:
-    """Return rows as tab-separated lines; columns and rows that are empty throughout stay out."""
-    filled = [i for i, column in enumerate(zip(*rows, strict=False)) if any(map(_cell, column))]
-    lines = []
-    for row in rows:
-        fields = [_cell(row[i]) for i in filled if i < len(row)]
-        texts = [field for field in fields if field]
-        is_entry = len(texts) == 2 < len(filled) and texts[0][:1].isalpha()
-        lines.append(": ".join(texts) if is_entry else "\t".join(fields if texts else ()))
-    return "".join(f"{line}\n" for line in lines)
 
 
 def _cell(value: Any) -> str:

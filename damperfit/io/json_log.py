@@ -57,12 +57,8 @@ def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         problem = f"this is JSON without columns or rows of numbers; {_EXPECTED}"
     if problem:
         raise LogError(problem, code="bad-json")
-    notes = (*notes, "format: JSON")
-    drops = options.bad_rows == "drop"
-    return tuple(
-        _table(columns, metadata, notes, part, source.name, drops=drops)
-        for part, columns, metadata in tables
-    )
+    notes, drops = (*notes, "format: JSON"), options.bad_rows == "drop"
+    return tuple(_table(*table, notes, source.name, drops=drops) for table in tables)
 
 
 def _parsed(text: str) -> Any:
@@ -198,10 +194,10 @@ def _from_rows(rows: list[Any]) -> _Columns:
 
 
 def _table(
+    part: str,
     columns: _Columns,
     metadata: Mapping[str, str],
     notes: tuple[str, ...],
-    part: str,
     name: str,
     *,
     drops: bool,

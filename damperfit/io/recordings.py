@@ -163,9 +163,16 @@ def _joined(record: Sequence[Recording], note: str) -> Recording:
 # One table.
 
 
-def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Recording]:
+def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to its tests
+    table: Table, source: Source, options: ReadOptions
+) -> list[Recording]:
     """Return the tests in one table; their names are still the file's."""
-    rate, rate_note = _sample_rate(table, options)
+    rate, rate_note = options.sample_rate, f"time: {options.sample_rate:g} Hz, as declared"
+    for key in _RATE_KEYS:
+        with suppress(KeyError, ValueError):
+            stated = float(table.metadata[key].removesuffix("Hz").strip())
+            if rate == 0.0 and 0.0 < stated < 1e9:
+                rate, rate_note = stated, f"time: {stated:g} Hz, from the preamble"
     choices, notes = choose_channels(
         table.columns, options, needs_time=rate == 0.0, hint=table.hint
     )
@@ -182,7 +189,25 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
         if table.columns[clock.column].is_clock or first > _SINCE_1970:
             wall_clock = clock.unit.factor
     samples = on_one_clock(samples, wall_clock=wall_clock)
-    channels = _si_channels(samples, choices, options)
+    channels: dict[str, FloatArray] = {}
+    problems = []
+    for channel, logged in samples.channels.items():
+        unit, values = choices[channel].unit if channel in choices else None, logged
+        if unit is None:
+            continue
+        with np.errstate(over="ignore", invalid="ignore"):
+            if channel in options.scales or channel in options.offsets:
+                values = values * options.scales.get(channel, 1.0)
+                values += options.offsets.get(channel, 0.0)
+            si = np.ascontiguousarray(unit.to_si(values), dtype=np.float64)
+        channels[channel] = si
+        if channel not in EXTRAS:
+            problem = _not_finite(logged, channel, samples)
+            if si is not logged:  # a factor may overflow
+                problem = problem or _not_finite(si, channel, samples)
+            problems += [problem] if problem else []
+    if problems:
+        raise joined_problems(problems)
     channels.setdefault("force", samples.channels["force"])
     more_notes = [
         f"{channel}: {options.scales.get(channel, 1.0):g} times the log plus "
@@ -237,18 +262,6 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
     return parts
 
 
-def _sample_rate(table: Table, options: ReadOptions) -> tuple[float, str]:
-    """Return the declared rate, or the preamble's, or 0; Hz; and a note."""
-    if options.sample_rate > 0.0:
-        return options.sample_rate, f"time: {options.sample_rate:g} Hz, as declared"
-    for key in _RATE_KEYS:
-        with suppress(KeyError, ValueError):
-            rate = float(table.metadata[key].removesuffix("Hz").strip())
-            if 0.0 < rate < 1e9:
-                return rate, f"time: {rate:g} Hz, from the preamble"
-    return 0.0, ""
-
-
 def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> tuple[Samples, str]:
     """Return the channels as logged, clocks of their own in the log's unit of time.
 
@@ -279,32 +292,6 @@ def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> tuple[Samples
         channels = {one: v for one, v in samples.channels.items() if one not in own}
         samples = replace(samples, channels=channels, times=times)
     return samples, current
-
-
-def _si_channels(
-    samples: Samples, choices: Mapping[str, ChannelChoice], options: ReadOptions
-) -> dict[str, FloatArray]:
-    channels = {}
-    problems = []
-    for channel, logged in samples.channels.items():
-        unit = choices[channel].unit if channel in choices else None
-        if unit is None:
-            continue
-        values = logged
-        with np.errstate(over="ignore", invalid="ignore"):
-            if channel in options.scales or channel in options.offsets:
-                values = values * options.scales.get(channel, 1.0)
-                values += options.offsets.get(channel, 0.0)
-            si = np.ascontiguousarray(unit.to_si(values), dtype=np.float64)
-        channels[channel] = si
-        if channel not in EXTRAS:
-            problem = _not_finite(logged, channel, samples)
-            if si is not logged:  # a factor may overflow
-                problem = problem or _not_finite(si, channel, samples)
-            problems += [problem] if problem else []
-    if problems:
-        raise joined_problems(problems)
-    return channels
 
 
 def _not_finite(values: FloatArray, channel: str, samples: Samples) -> LogError | None:
