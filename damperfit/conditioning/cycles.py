@@ -22,6 +22,7 @@ from damperfit.statistics import mean_of, median, percentiles
 MIN_CYCLES = 3  # whole ones, of a test
 HYSTERESIS = 0.25  # of the amplitude
 _NEWTON = 4  # steps, of a crossing
+_MIN_SHARE = 0.1  # of all cycles; noise has many, but hardly two alike in a row
 
 
 def crossings(
@@ -223,7 +224,7 @@ def passages_of(at: FloatArray, run: SteadyRun, x: FloatArray, *, moved: float) 
 
 
 class Cycles(NamedTuple):
-    """The cycles of one run, cut at the middle of its stroke."""
+    """The longest run of steady cycles in a motion, cut at the middle of its stroke."""
 
     rising: FloatArray  # fractional samples of the upward crossings
     falling: FloatArray  # and of the downward ones
@@ -231,35 +232,51 @@ class Cycles(NamedTuple):
     centre: float  # mid-stroke and half the stroke, medians over the cycles, m
     amplitude: float
     n_found: int  # whole cycles of motion in the log, steady or not
+    n_elsewhere: int  # steady cycles beyond a break in the motion
+    break_at: float  # where the run meets the nearest break, samples
 
 
 def cycles_in(
-    run: SteadyRun, x: FloatArray, speed: FloatArray, steadiness: float, *, moved: float
+    x: FloatArray, speed: FloatArray, run: SteadyRun | None, steadiness: float, *, moved: float
 ) -> Cycles | None:
-    """Return the cycles like a run's in a row, of x in m and its speed in m per sample, if any."""
-    at = crossings(x, speed, HYSTERESIS * run.amplitude, level=run.middle)
+    """Return the cycles of x, m, with its speed, m per sample, about a run's middle, if any."""
+    if run is not None:
+        middle, amplitude = run.middle, run.amplitude
+    else:  # noise may hide the turns
+        moving = x[np.abs(speed) > 0.5 * np.sqrt(mean_of(speed**2))]
+        if not len(moving):
+            return None
+        low, middle, high = percentiles(moving, 5.0, 50.0, 95.0)
+        amplitude = 0.5 * (high - low)
+    at = crossings(x, speed, HYSTERESIS * amplitude, level=middle)
     if len(at) < 2:
         return None
-    tops, bottoms = (sign * tops_of(x, speed, at, run.middle, sign=sign) for sign in (1.0, -1.0))
-    periods, amplitudes = np.diff(at), 0.5 * (tops - bottoms)
-    starts, stops = parts_where(
-        (np.abs(periods - run.period) <= steadiness * run.period)
-        & (np.abs(amplitudes - run.amplitude) <= steadiness * run.amplitude)
+    tops, bottoms = (sign * tops_of(x, speed, at, middle, sign=sign) for sign in (1.0, -1.0))
+    channels = (np.diff(at), _PERIOD), (0.5 * (tops - bottoms), _AMPLITUDE)
+    usual = [median(values) for values, _ in channels]
+    is_steady = np.all(
+        [
+            np.abs(values - middle) <= steadiness * middle
+            for (values, _), middle in zip(channels, usual, strict=True)
+        ],
+        axis=0,
     )
-    if not len(starts):
+    starts, stops = parts_where(is_steady)
+    longest = int(np.argmax(stops - starts)) if len(starts) else 0  # the first of equals
+    first, stop = (int(ends[longest]) for ends in (starts, stops)) if len(starts) else (0, 0)
+    if stop - first < max(1.0, _MIN_SHARE * len(is_steady)):
         return None
-    longest = int(np.argmax(stops - starts))
-    first, stop = int(starts[longest]), int(stops[longest])
+    before, behind = int(np.sum(is_steady[:first])), int(np.sum(is_steady[stop:]))
     # Cycles at both ends that lead over to another test are left out.
-    channels = [
+    allowed = [
         (values, _allowed(values[first:stop], least, steadiness, lag=1))
-        for values, least in ((periods, _PERIOD), (amplitudes, _AMPLITUDE))
+        for values, least in channels
     ]
-    begin, end = _trimmed(channels, first, stop)
+    begin, end = _trimmed(allowed, first, stop)
     if begin == end:
         begin, end = first, stop
-    period, amplitude = (median(values[begin:end]) for values in (periods, amplitudes))
-    centre = run.middle + median(0.5 * (tops + bottoms)[begin:end])
+    period, amplitude = (median(values[begin:end]) for values, _ in channels)
+    centre = middle + median(0.5 * (tops + bottoms)[begin:end])
     rising, falling = (
         crossings(x, speed, HYSTERESIS * amplitude, level=centre, sign=sign) for sign in (1.0, -1.0)
     )
@@ -270,15 +287,17 @@ def cycles_in(
     ends = float(marks[0]), len(x) - float(marks[-1])
     length = float(marks[-1] - marks[0])
     length += sum(part for part in ends if part <= 0.55 * period + 1.0)
-    low, high = at[begin] - 0.25 * period, at[end] + 0.25 * period
-    whole = SteadyRun(run.cycles, float(at[begin]), float(at[end]), period, amplitude, centre)
+    low, high = float(at[begin]), float(at[end])
+    whole = SteadyRun(slice(begin, end), low, high, period, amplitude, centre)
     return Cycles(
-        rising[(rising >= low) & (rising <= high)],
+        rising[(rising >= low - 0.25 * period) & (rising <= high + 0.25 * period)],
         passages_of(falling, whole, x, moved=moved),
         period,
         centre,
         amplitude,
-        int(length / period + 0.02),
+        n_found=int(length / period + 0.02),
+        n_elsewhere=before + behind,
+        break_at=high if behind >= before else low,
     )
 
 

@@ -269,6 +269,7 @@ def _drive(seen: Seen) -> Iterator[Finding]:
 
 _OTHER_FORCE = 0.2  # of the larger; a damper that warms up within a log changes by less
 _SOON, _SAME = 3.0, 0.01  # cycles; of frequency and amplitude
+_MANY_ELSEWHERE = 2  # steady cycles beyond a break; one may be chance in a run-up
 _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
 _NEAR = 0.2  # of the nominal test: further off another test was meant
 
@@ -346,6 +347,13 @@ def _one_run(seen: Seen, cycles: Cycles) -> Iterator[Finding]:
             "amplitude or period wander in the others; hold the test steady, or log one test a file"
         )
         yield Finding("unsteady_cycles", "warning", text, 100.0 * (1.0 - steady / found), "%")
+    elif cycles.n_elsewhere >= _MANY_ELSEWHERE:
+        time = seen.log.start_time + cycles.break_at * seen.log.interval
+        text = (
+            f"{cycles.n_elsewhere} more steady cycles lie beyond a break at time {time:.4g} s and "
+            "are not evaluated; check there for a spike, a pause or another test"
+        )
+        yield Finding("unsteady_cycles", "warning", text, float(cycles.n_elsewhere))
 
     for name, value, unit, factor, meant, prefix, doubt in (
         ("frequency", trace.frequency, "Hz", 1.0, nominal.frequency, "", "clock and sample rate"),

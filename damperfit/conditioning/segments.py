@@ -93,16 +93,11 @@ class _Motion:
 
     @cached_property
     def cycles(self) -> Cycles | None:
-        """Those of its longest run."""
+        """Those about the middle of its longest run."""
         longest = max(self.runs, key=lambda run: run.cycles.stop - run.cycles.start, default=None)
-        if longest is None:
-            return None
-        interval = self.log.interval
+        x, interval, steadiness = self.seen.displacement, self.log.interval, self.options.steadiness
         speed = self.seen.velocity * interval
-        return cycles_in(
-            *(longest, self.seen.displacement, speed, self.options.steadiness),
-            moved=_MOVED / interval,
-        )
+        return cycles_in(x, speed, longest, steadiness, moved=_MOVED / interval)
 
     @property
     def is_one_run(self) -> bool:
