@@ -248,52 +248,52 @@ def cycles_in(
             return None
         low, middle, high = percentiles(moving, 5.0, 50.0, 95.0)
         amplitude = 0.5 * (high - low)
-    at = crossings(x, speed, HYSTERESIS * amplitude, level=middle)
-    if len(at) < 2:
-        return None
-    tops, bottoms = (sign * tops_of(x, speed, at, middle, sign=sign) for sign in (1.0, -1.0))
-    channels = (np.diff(at), _PERIOD), (0.5 * (tops - bottoms), _AMPLITUDE)
-    usual = [median(values) for values, _ in channels]
-    is_steady = np.all(
-        [
-            np.abs(values - middle) <= steadiness * middle
-            for (values, _), middle in zip(channels, usual, strict=True)
-        ],
-        axis=0,
-    )
-    starts, stops = parts_where(is_steady)
-    longest = int(np.argmax(stops - starts)) if len(starts) else 0  # the first of equals
-    first, stop = (int(ends[longest]) for ends in (starts, stops)) if len(starts) else (0, 0)
-    if stop - first < max(1.0, _MIN_SHARE * len(is_steady)):
-        return None
-    before, behind = int(np.sum(is_steady[:first])), int(np.sum(is_steady[stop:]))
-    # Cycles at both ends that lead over to another test are left out.
-    allowed = [
-        (values, _allowed(values[first:stop], least, steadiness, lag=1))
-        for values, least in channels
-    ]
-    begin, end = _trimmed(allowed, first, stop)
-    if begin == end:
-        begin, end = first, stop
-    period, amplitude = (median(values[begin:end]) for values, _ in channels)
-    centre = middle + median(0.5 * (tops + bottoms)[begin:end])
-    rising, falling = (
-        crossings(x, speed, HYSTERESIS * amplitude, level=centre, sign=sign) for sign in (1.0, -1.0)
-    )
+    tries = 0
+    while True:  # the first middle is a guess; the second is exact to rounding
+        tries += 1
+        at = crossings(x, speed, HYSTERESIS * amplitude, level=middle)
+        if len(at) < 2:
+            return None
+        tops, bottoms = (sign * tops_of(x, speed, at, middle, sign=sign) for sign in (1.0, -1.0))
+        channels = (np.diff(at), _PERIOD), (0.5 * (tops - bottoms), _AMPLITUDE)
+        is_steady = np.ones(len(at) - 1, dtype=bool)
+        for values, _ in channels:
+            is_steady &= np.abs(values - median(values)) <= steadiness * median(values)
+        starts, stops = parts_where(is_steady)
+        longest = int(np.argmax(stops - starts)) if len(starts) else 0  # the first of equals
+        first, stop = (int(ends[longest]) for ends in (starts, stops)) if len(starts) else (0, 0)
+        if stop - first < max(1.0, _MIN_SHARE * len(is_steady)):
+            return None
+        # Cycles at both ends that lead over to another test are left out.
+        allowed = [
+            (values, _allowed(values[first:stop], least, steadiness, lag=1))
+            for values, least in channels
+        ]
+        begin, end = _trimmed(allowed, first, stop)
+        if begin == end:
+            begin, end = first, stop
+        period, amplitude = (median(values[begin:end]) for values, _ in channels)
+        off = median(0.5 * (tops + bottoms)[begin:end])
+        middle += off
+        if tries == 3 or abs(off) < 1e-6 * amplitude:
+            break
+    falling = crossings(x, speed, HYSTERESIS * amplitude, level=middle, sign=-1.0)
     # Ahead of the first and behind the last crossing, up to half a cycle is motion that the log's
     # ends cut; more is rest, run-up or coast-down. The last crossing is not seen until the
     # hysteresis behind it is passed, up to a sample later.
-    marks = np.sort(np.concatenate([rising, falling]))
-    ends = float(marks[0]), len(x) - float(marks[-1])
-    length = float(marks[-1] - marks[0])
-    length += sum(part for part in ends if part <= 0.55 * period + 1.0)
+    marks = np.sort(np.concatenate([at, falling]))
+    ahead, length = float(marks[0]), float(marks[-1] - marks[0])
+    length += sum(
+        part for part in (ahead, len(x) - float(marks[-1])) if part <= 0.55 * period + 1.0
+    )
     low, high = float(at[begin]), float(at[end])
-    whole = SteadyRun(slice(begin, end), low, high, period, amplitude, centre)
+    before, behind = int(np.sum(is_steady[:first])), int(np.sum(is_steady[stop:]))
+    run = SteadyRun(slice(begin, end), low, high, period, amplitude, middle)
     return Cycles(
-        rising[(rising >= low - 0.25 * period) & (rising <= high + 0.25 * period)],
-        passages_of(falling, whole, x, moved=moved),
+        at[begin : end + 1],
+        passages_of(falling, run, x, moved=moved),
         period,
-        centre,
+        middle,
         amplitude,
         n_found=int(length / period + 0.02),
         n_elsewhere=before + behind,
