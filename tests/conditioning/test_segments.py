@@ -245,6 +245,22 @@ def test_a_log_is_continued_by_what_repeats():
     assert np.array_equal(log.force[149:549], other)
 
 
+def test_what_is_asked_of_a_continued_log_is_read_in_its_own_samples():
+    trace = condition(speeds((0.3, 0.03, 3), (12, 0.005, 9)))
+    assert [one.n_cycles for one in trace.stretches] == [2, 7]
+    assert trace.stretches[-1].first > 10750  # the whole log; the trace begins before it
+
+
+def test_cycles_whose_turns_noise_hides_are_found_by_their_middle():
+    trace = condition(speeds((1.5, 0.005, 10), noise=1e-3))
+    assert (trace.n_cycles, trace.frequency) == (7, pytest.approx(1.5, rel=0.02))
+
+
+def test_steady_cycles_beyond_a_break_are_told():
+    few = warned(speeds((1.5, 0.03, 6), (0, 0.0, 0.6), (1.5, 0.03, 2.2)))["unsteady_cycles"]
+    assert few.value == 2.0
+
+
 # Run-up, coast-down and changes of speed as what is predicted.
 
 
