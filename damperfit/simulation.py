@@ -81,29 +81,28 @@ class Motion:
         channels = {
             name: _as_numbers(name, getattr(self, name)) for name in ("displacement", "velocity")
         }
-        shapes = tuple(channel.shape for channel in channels.values())
-        if shapes[0] != shapes[1] or len(shapes[0]) != 1 or not shapes[0][0]:
+        x, v = (channel.shape for channel in channels.values())
+        if x != v or len(x) != 1 or not x[0]:
             raise _no_motion(
                 "expected one axis of equal length, one sample or more, found displacement of "
-                f"shape {shapes[0]} and velocity of shape {shapes[1]}"
+                f"shape {x} and velocity of shape {v}"
             )
         if not 0.0 < self.interval < math.inf:
             raise _no_motion(f"expected an interval above 0, found {self.interval:g} s")
         for name, channel in channels.items():
             if not (is_finite := np.isfinite(channel)).all():
-                at = int(np.argmin(is_finite))
-                where = f"at sample {at} (counted from 0)"
+                where = f"at sample {int(np.argmin(is_finite))} (counted from 0)"
                 raise _no_motion(f"{name} is not a finite number {where}", "not-finite")
-        if np.size(self.jumps):
-            if np.ndim(self.jumps) != 2 or np.shape(self.jumps)[1] != 4:
-                raise _no_motion(f"expected jumps of shape (k, 4), found {np.shape(self.jumps)}")
-            if not np.all(np.isfinite(self.jumps)):
-                raise _no_motion("a number of jumps is not finite")
-            after = np.array([0.0, *self.jumps[:, 0]])
-            if np.any(np.diff(after) <= 0.0) or after[-1] > len(self.displacement) - 1:
-                raise _no_motion(
-                    "expected jumps in order of time, after the first sample and not after the last"
-                )
+        if not np.size(self.jumps):
+            return
+        if np.ndim(self.jumps) != 2 or np.shape(self.jumps)[1] != 4:
+            raise _no_motion(f"expected jumps of shape (k, 4), found {np.shape(self.jumps)}")
+        if not np.all(np.isfinite(self.jumps)):
+            raise _no_motion("a number of jumps is not finite")
+        after = np.array([0.0, *self.jumps[:, 0]])
+        if np.any(np.diff(after) <= 0.0) or after[-1] > len(self.displacement) - 1:
+            wanted = "jumps in order of time, after the first sample and not after the last"
+            raise _no_motion(f"expected {wanted}")
 
     def until(self, first: int, stop: int) -> Motion:
         """Return the motion from one sample to before another."""
@@ -147,11 +146,10 @@ def motion_of(trace: Trace) -> Motion:
 def refuse_amplitude(amplitude: float, room: float) -> None:
     """Refuse an amplitude, m, that leaves the shorter chamber no volume."""
     if amplitude >= room:
-        raise ConfigurationError(
-            f"amplitude {1e3 * amplitude:g} mm is beyond the damper's travel; expected less "
-            f"than the shorter chamber, {1e3 * room:g} mm",
-            code="stroke",
+        text = (
+            f"amplitude {1e3 * amplitude:g} mm is beyond the damper's travel; expected less than "
         )
+        raise ConfigurationError(f"{text}the shorter chamber, {1e3 * room:g} mm", code="stroke")
 
 
 def sine_motion(amplitude: float, frequency: float, *, cycles: float, sample_rate: float) -> Motion:
@@ -179,17 +177,13 @@ def triangle_motion(
 
 def _refuse_wave(amplitude: float, frequency: float, cycles: float, sample_rate: float) -> None:
     if not math.isfinite(amplitude):
-        raise ConfigurationError(
-            f"amplitude: expected a finite number, found {amplitude:g} m", code="not-finite"
-        )
+        text = f"amplitude: expected a finite number, found {amplitude:g} m"
+        raise ConfigurationError(text, code="not-finite")
     wanted = {"frequency": (frequency, " Hz"), "cycles": (cycles, "")}
     for name, (value, unit) in (wanted | {"sample_rate": (sample_rate, " Hz")}).items():
         if not 0.0 < value < math.inf:
-            raise ConfigurationError(
-                f"expected a finite number above 0, found {value:g}{unit}",
-                subject=name,
-                code="out-of-range",
-            )
+            text = f"expected a finite number above 0, found {value:g}{unit}"
+            raise ConfigurationError(text, subject=name, code="out-of-range")
 
 
 def _times(duration: float, sample_rate: float) -> FloatArray:
@@ -317,20 +311,16 @@ def characterise(
     Forces are taken at those of the rising speeds, m/s, that both strokes reach. A SimulationError:
     the response is shorter than one cycle.
     """
-    time = response.time
-    period = 1.0 / frequency
-    slack = 1e-9 * period  # a whole cycle may come out a rounding error short
+    time, period = response.time, 1.0 / frequency
     begin = time[-1] - period
+    slack = 1e-9 * period  # a whole cycle may come out a rounding error short
     # Where a cycle is no whole number of samples, the only one ends up to a sample early.
     if len(time) > 1 and time[0] - (time[1] - time[0]) < begin < time[0]:
         begin = time[0]
     if begin < time[0] - slack:
         cycles = (time[-1] - time[0]) * frequency
-        raise SimulationError(
-            f"the response lasts {cycles:.2f} cycles at {frequency:g} Hz: "
-            "at least one whole cycle is needed",
-            code="too-short",
-        )
+        text = f"the response lasts {cycles:.2f} cycles at {frequency:g} Hz: at least one whole "
+        raise SimulationError(f"{text}cycle is needed", code="too-short")
     first = int(np.searchsorted(time, begin + slack, side="right"))
     rows = np.vstack([response.velocity, response.force, response.pressures])
     start = [[np.interp(begin, time, row)] for row in rows]
