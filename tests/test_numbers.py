@@ -723,15 +723,17 @@ def flaws() -> Any:
 
 @case
 def odd_logs() -> Any:
-    """One log of three with another clock, stroke or gain."""
-    sound = [log(sine(), setting=one) for one in (4, 10, 16)]
+    """One log of four with another clock, stroke or gain, or of several speeds."""
+    sound = [log(sine(), setting=one) for one in (4, 10, 16, 19)]
     changes = {
         "clock": with_("time", lambda t, _: 1.02 * t),
         "stroke": PLACE(lambda y, _: 1.03 * y),
         "gain": FORCE(lambda y, _: 1.05 * y),
+        "speeds": lambda _: log(parts((0.032, 1.5, 6), (0.032, 2.5, 9)), setting=10),
     }
     return {
-        name: told(fit([sound[0], change(sound[1]), sound[2]])) for name, change in changes.items()
+        name: told(fit([sound[0], change(sound[1]), *sound[2:]]))
+        for name, change in changes.items()
     }
 
 
