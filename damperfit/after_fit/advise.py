@@ -73,7 +73,7 @@ _AMPLITUDES, _FREQUENCIES = 6, 8  # of the grid of candidates, spaced evenly by 
 _SAMPLES = 400  # of a cycle
 _RUN_IN = 2  # cycles before the one that is evaluated
 _FEWEST_CYCLES, _MOST_CYCLES = 3, 15
-_FOLLOWED, _TRIED = 4, 12  # candidates that are shown, and that are recorded at most
+_FOLLOWED = 4  # candidates that are recorded too
 _LONG = 10.0  # s of a record
 _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
@@ -252,13 +252,13 @@ def advise(
             code="nothing-to-narrow",
         )
     screened = [test for motion in rig.candidates() if (test := rig.screened(motion))]
-    ranked = sorted(screened, key=lambda test: test.rank)[:_TRIED]
-    recorded = (rig.recorded(test, question.quantity) for test in ranked)
-    useful = list(islice((test for test in recorded if test.share < 1.0), _FOLLOWED))
-    tests = tuple(sorted(useful, key=lambda test: test.rank) or ranked[:_FOLLOWED])
+    ranked = sorted(screened, key=lambda test: test.rank)
+    recorded = filter(None, (rig.recorded(test, question.quantity) for test in ranked))
+    tests = tuple(sorted(islice(recorded, _FOLLOWED), key=lambda test: test.rank))
     is_any_use = any(test.share <= _NOTICED for test in tests)
     if not tests:
-        sentence = f"no test is within the limits of the rig, so none narrows {title}"
+        where = "within the limits of the rig" + " and above its noise" * bool(ranked)
+        sentence = f"no test is {where}, so none narrows {title}"
     elif tests[0].share <= _USEFUL:
         n, left = len(rig.known), f"{100.0 * tests[0].share:.2g} % of today's"
         left += f" (median of {n} settings)" if n > 1 else ""
@@ -465,11 +465,18 @@ class _Rig:
             added.append((n * per_sample, n * per_sample * self.worth))
         return test._replace(shares=self._shares(added))
 
-    def recorded(self, test: NextTest, quantity: str) -> NextTest:
-        """The same test as the rig would record it, the worst over the interval of a quantity."""
+    def recorded(self, test: NextTest, quantity: str) -> NextTest | None:
+        """The same test as the rig would record it, the worst over the interval of a quantity.
+
+        None: the record is no log, or its noise would spoil it.
+        """
         n = test.cycles / test.frequency * self.rate
-        records = [self._record(one, test) for one in self.known]
-        shares = self._shares([(n * gained, n * scores) for gained, scores in records])
+        records = []
+        for one in self.known:
+            if (record := self._record(one, test)) is None:
+                return None
+            records.append((n * record[0], n * record[1]))
+        shares = self._shares(records)
         for end in (0, 1) if quantity else ():
             if at_end := self.screened(test, quantity, end):
                 for label, share in test.shares.items():
@@ -543,14 +550,14 @@ class _Rig:
         rows = apply_filter(passed_filter(self.options, rate), rows)[:, steady]
         return rows[0], rows[1:].T * _scales(values, names)
 
-    def _record(self, known: _Known, test: NextTest) -> tuple[FloatArray, FloatArray]:
-        """J'J and the covariance of the scores, a sample, of a record; none where it is no log."""
-        noise, names = known.noise, known.result.names
+    def _record(self, known: _Known, test: NextTest) -> tuple[FloatArray, FloatArray] | None:
+        """J'J and the covariance of the scores, a sample, of a record; None where it is no log."""
+        noise = known.noise
         cycles = min(max(_FEWEST_CYCLES, round(_LONG * test.frequency)), test.cycles)
         try:
             jacobian, residuals = self._log(known, test._replace(cycles=cycles))
         except (SimulationError, ConditioningError):
-            return np.zeros((len(names),) * 2), np.zeros((len(names),) * 2)
+            return None
         lag = correlation_length(residuals, longest=round(0.25 / test.frequency * self.rate))
         scores = larger(
             score_covariance(jacobian * residuals[:, None], lag),

@@ -41,9 +41,11 @@ def test_the_rig_and_the_filter_are_those_of_the_run(tmp_path) -> None:
 
 def test_where_no_test_helps_the_answer_says_so(fitted) -> None:
     advice = fitted.advise("k_e", setting=10, max_stroke="1mm", max_speed="5mm/s")
+    assert "no test is within the limits of the rig and above its noise" in advice.sentence
+    assert not advice.sheets()
+    advice = fitted.advise("k_e", setting=10, max_stroke="8mm", max_speed="0.1m/s")
     assert "no test within these limits" in advice.sentence
     assert " 0 %" not in advice.sentence
-    assert not advice.sheets()
 
 
 def test_the_command_prints_what_the_function_returns(results, fitted, capsys) -> None:
@@ -116,8 +118,10 @@ def test_a_test_that_heats_too_much_is_none(fitted) -> None:
 
 @pytest.mark.parametrize("limit", [{"max_force": "500N"}, {"max_heat": "30W"}])
 def test_logs_beyond_a_limit_of_the_next_test_still_count(fitted, limit) -> None:
-    motion = {"max_stroke": "10mm", "max_frequency": "0.5Hz"}  # below both limits
-    free, limited = (fitted.advise("f_f", setting=10, **motion, **more) for more in ({}, limit))
+    motion = {"max_stroke": "20mm", "max_speed": "0.15m/s"}  # below both limits
+    free, limited = (
+        fitted.advise("force@0.05m/s", setting=1, **motion, **more) for more in ({}, limit)
+    )
     assert [one.share for one in limited.tests] == [one.share for one in free.tests]
     assert free.tests[0].share < 1.0
 
