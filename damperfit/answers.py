@@ -5,21 +5,19 @@ from __future__ import annotations
 import csv
 import math
 import os
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.sheet import text_table
+from damperfit.reporting.sheet import Sheet, text_table
 from damperfit.store import file_set
 from damperfit.tables.files import json_values, time_series_table, write_table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from typing import Self
-
     import numpy as np
     import pandas as pd
     from numpy.typing import NDArray
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
     from damperfit.fleets.survey import HeldFleet
     from damperfit.queries.simulations import ChosenParameters, Variation
     from damperfit.reporting.figures import Plot
-    from damperfit.reporting.sheet import Sheet
     from damperfit.run.logs import LogBatch
 
     FloatArray = NDArray[np.float64]

@@ -8,6 +8,7 @@ told where to, but for `export` and `report`, whose job it is.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
@@ -34,10 +35,9 @@ from damperfit.errors import (
 )
 from damperfit.problem import Option, Words
 from damperfit.store import path_of
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
     from damperfit.answers import (
         Files,
         FirstConfiguration,
@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
     from damperfit.run.identify import Identified, Watch
-    from damperfit.tested.setting import Setting
 
 _FIGURE_KINDS = ("png", "svg", "pdf")
 _FEW = 3

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from functools import cache, wraps
@@ -31,13 +31,10 @@ from damperfit.errors import (
 )
 from damperfit.problem import FilePlace, Option, Words
 from damperfit.store import path_of
-from damperfit.tested.setting import label_of
+from damperfit.tested.setting import Setting, label_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from damperfit.configuration.options import Configuration
-    from damperfit.tested.setting import Setting
 
     P = ParamSpec("P")
     R = TypeVar("R")

@@ -9,27 +9,23 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment.trends import in_few_words
+from damperfit.adjustment.trends import Trend, in_few_words
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification import Status
+from damperfit.identification import Campaign, Fit, Status
 from damperfit.identification.sharing import of_runs, of_settings
 from damperfit.problem import FEW, Key, listed_names
-from damperfit.tested.setting import ADJUSTER, clicks_between
+from damperfit.recording import Trace
+from damperfit.tested.setting import ADJUSTER, Setting, clicks_between
+from damperfit.uncertainty import Assessment, Diagnosis
 from damperfit.uncertainty.grades import doubted_cavitation, what_spreads
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
     from damperfit.adjustment.clicks import Adjustment
-    from damperfit.adjustment.trends import Trend
-    from damperfit.damper.quantity import Quantity
-    from damperfit.identification import Campaign, Fit
-    from damperfit.recording import Trace
-    from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Assessment, Diagnosis
 
 _EXPLAINED = 0.5  # share of the MSE
 _MATTERS = 0.01  # of the force, or of a parameter, which moves the force by no more

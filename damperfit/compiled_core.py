@@ -5,13 +5,9 @@ from __future__ import annotations
 import sys
 from functools import lru_cache
 from importlib import import_module
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 from damperfit.errors import InstallationError
-
-if TYPE_CHECKING:
-    from types import ModuleType
-
 
 _NAME = "damperfit.damper._core"
 _LOADED: dict[str, ModuleType] = {}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copyreg
 import traceback
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
@@ -18,12 +19,9 @@ from pathlib import Path
 from types import EllipsisType
 from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
-from damperfit.problem import Failure, Option, Problem, Words
+from damperfit.problem import Failure, Option, Problem, Where, Words
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from damperfit.problem import Where
     from damperfit.tested.setting import Setting
 
     OnError = Callable[[Setting, Exception], None]

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
 
 
 def at_speeds(

@@ -9,11 +9,9 @@ configuration file the line of a key. Lists group them by code (`listing`).
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 FEW = 20  # sentences in all that are shown one by one; a damper has some twenty settings
 _SHOWN = 3  # sentences of one code that are shown one by one where there are many

@@ -8,22 +8,17 @@ rebound (rod out, tension). Readers make recordings, conditioning turns them int
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.problem import Problem
+from damperfit.tested.setting import Setting
 from damperfit.tested.setting import natural_order as natural_order  # noqa: PLC0414 - also from here
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from damperfit.tested.setting import Setting
-
-    FloatArray = NDArray[np.float64]
 
 _SPEEDS = ("peak_speed_rebound", "peak_speed_bump", "hysteresis_speed")
 _FIGURES = {one: f"{one}_m_per_s" for one in _SPEEDS}

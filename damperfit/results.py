@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 import weakref
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,12 +25,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.adjustment.force_at import Sine, Stage, fastest_sine, has_lost_errors, open_limits
+from damperfit.damper.model import Model, Values
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes, read_text, sha256_of
 from damperfit.problem import Option, Problem, Words, warning
-from damperfit.recording import natural_order
+from damperfit.recording import Recording, natural_order
 from damperfit.reporting.records import (
     checks_in,
     entries_in,
@@ -38,6 +41,7 @@ from damperfit.reporting.records import (
     problems_in,
     units_in,
 )
+from damperfit.simulation import Motion, SolverOptions
 from damperfit.store import file_set, path_of, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
 from damperfit.tables.files import (
@@ -48,6 +52,7 @@ from damperfit.tables.files import (
     write_table,
 )
 from damperfit.tables.reading import (
+    LogSignals,
     check_files,
     facts_of,
     has_table,
@@ -65,25 +70,18 @@ from damperfit.tables.reading import (
     typed_rows,
 )
 from damperfit.tested.setting import Setting, label_of
+from damperfit.uncertainty import SpeedForces
 from damperfit.units.quantities import QuantityError, parse_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-
     import pandas as pd
     import pyarrow as pa
 
     from damperfit.comparison.measured import MeasuredTest
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model, Values
-    from damperfit.damper.quantity import Quantity
     from damperfit.damper.stepping import SteppedDamper
     from damperfit.queries.settings import SettingForces
-    from damperfit.recording import Recording
     from damperfit.reporting.sheet import Sheet
-    from damperfit.simulation import Motion, SolverOptions
-    from damperfit.tables.reading import LogSignals
-    from damperfit.uncertainty import SpeedForces
 
 
 TABLES = (

@@ -10,23 +10,19 @@ Hysteresis is opening minus closing force at half of the peak speed.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.errors import ConfigurationError, SimulationError, refuse_wrong_arguments
 from damperfit.passed_speeds import cycle_energies, in_both_strokes
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.recording import Trace
-
-    FloatArray = NDArray[np.float64]
 
 # The test speeds that damper dynos use by habit, m/s.
 NAMED_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.3, 0.52, 1.05)

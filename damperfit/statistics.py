@@ -7,14 +7,10 @@ load its masked arrays, which `inspect` would wait for.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 # Within so many standard errors lie 95 of 100 normal values.
 NORMAL_95 = 1.959964

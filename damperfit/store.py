@@ -19,15 +19,13 @@ import re
 import shutil
 import tempfile
 import time
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.problem import Option
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
 
 _LOGGER = logging.getLogger(__name__)
 

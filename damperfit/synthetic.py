@@ -13,28 +13,21 @@ samples)``; the true values go to ``truth.csv``. The same options give the same 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
+from damperfit.damper.model import Model, Values
 from damperfit.damper.purdy.closed_forms import gas_pressure
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.problem import Key, Option
 from damperfit.store import file_set
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.model import Model, Values
-    from damperfit.damper.purdy.parameters import Parameters
-
-    FloatArray = NDArray[np.float64]
 
 # Radau's error per step, relative to the oil mass: K_e rtol in pressure. Against rtol 1e-13 the
 # force of the reference set is then right to 1e-4 N at every moment.

@@ -27,18 +27,16 @@ import sys
 import threading
 import time
 import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from itertools import islice
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from damperfit.errors import ConfigurationError, InstallationError
 from damperfit.own_process import child_environment
 from damperfit.problem import Option
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
 
 _LOGGER = logging.getLogger(__name__)
 _LOOK = 0.2  # s; how often who waits asks whether the user wants to stop

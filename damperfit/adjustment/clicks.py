@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,21 +26,16 @@ from damperfit.adjustment.force_at import (
     stage_of,
 )
 from damperfit.adjustment.trends import Trend, find_trends
+from damperfit.identification import Campaign
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95
-from damperfit.tested.setting import ADJUSTER, Setting, lines_of
-from damperfit.units.shown_units import SI
+from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from damperfit.adjustment.force_at import Force
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
-    from damperfit.identification import Campaign
-    from damperfit.tested.setting import SettingLine
     from damperfit.uncertainty import Assessment
-    from damperfit.units.shown_units import ShownUnits
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -26,24 +27,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.damper.quasi_static import QuasiStatic, quasi_static
 from damperfit.errors import SimulationError, sparing
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Model, Values
     from damperfit.errors import OnError
     from damperfit.identification import Fit
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Assessment, SpeedForces
     from damperfit.uncertainty.speed_forces import MeasuredForce
-
-    FloatArray = NDArray[np.float64]
 
 STROKE_WORDS = {"rebound": "rebound", "bump": "compression"}  # keys are the paper's, words people's
 STROKES = tuple(STROKE_WORDS)

@@ -28,26 +28,21 @@ pass a bound set by `_FALSE_ALARM`, and at an end it must break off, not just ge
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.identification import Status
+from damperfit.arrays import FloatArray
+from damperfit.identification import Fit, Status
 from damperfit.statistics import median, student_quantile
 from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.quantity import Quantity
-    from damperfit.identification import Fit
     from damperfit.uncertainty import Uncertainty
-
-    FloatArray = NDArray[np.float64]
 
 SCALES = ("linear", "log", "reciprocal", "from_first", "from_last")
 _SIGN = {"linear": 1.0, "reciprocal": -1.0}  # P is y to this power; on other scales its logarithm

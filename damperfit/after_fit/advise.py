@@ -24,6 +24,7 @@ in units of the noise, with the n samples that count in the choice of a structur
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from statistics import median
@@ -32,9 +33,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from damperfit.adjustment.force_at import force_at
+from damperfit.arrays import FloatArray
 from damperfit.conditioning import condition
 from damperfit.conditioning.filters import apply_filter, design_filter, passed_filter
 from damperfit.configuration.damper_section import damper_of_record
+from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import FRICTION
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConditioningError, ConfigurationError, SimulationError, did_you_mean
@@ -55,14 +58,7 @@ from damperfit.uncertainty.covariance import (
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.model import Model, Values
     from damperfit.results import Run, SettingResult
-
-    FloatArray = NDArray[np.float64]
 
 LAW = "law"
 # Twice the logarithm of a likelihood ratio is very strong evidence from 10 on (Kass and Raftery, J.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,6 @@ from damperfit.problem import Option
 from damperfit.store import path_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from threading import Event
 
     from damperfit.after_fit.advise import Advice

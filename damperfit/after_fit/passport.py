@@ -8,7 +8,7 @@ import re
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from damperfit import __version__
 from damperfit.queries.compared import baseline_text, read_run
@@ -18,12 +18,10 @@ from damperfit.reporting.records import entries_in
 from damperfit.reporting.report import lead
 from damperfit.reporting.sheet import html_table, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import force_sheets, parameter_sheet
+from damperfit.results import Run
 from damperfit.store import check_writable, write_text
 from damperfit.tables.files import json_values
-
-if TYPE_CHECKING:
-    from damperfit.results import Run
-    from damperfit.units.shown_units import ShownUnits
+from damperfit.units.shown_units import ShownUnits
 
 _PAGE = """<!doctype html>
 <html lang=en><meta charset=utf-8>

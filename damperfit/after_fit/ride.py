@@ -17,15 +17,18 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter, design_filter, differentiate
+from damperfit.damper.model import Values
 from damperfit.damper.quantity import RIG
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.stepping import without_rig
@@ -41,14 +44,7 @@ from damperfit.tables.files import json_values
 from damperfit.units.quantities import QuantityError, parse_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.model import Values
     from damperfit.results import Run, SettingResult
-
-    FloatArray = NDArray[np.float64]
 
 # G_d(n_0) at n_0 = 0.1 cycles/m, m3: geometric means of the classes of ISO 8608.
 _ROUGHNESS = {name: 16e-6 * 4.0**k for k, name in enumerate("ABCDEFGH")}

@@ -11,25 +11,23 @@ A blow-off opens at the pressure p on its seat of area A_s, with the preload p A
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
+from damperfit.damper.model import Values
+from damperfit.damper.quantity import Quantity
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 from damperfit.tables.files import finite, json_values
-from damperfit.tested.setting import clicks_between
+from damperfit.tested.setting import Setting, clicks_between
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from damperfit.damper.model import Values
-    from damperfit.damper.quantity import Quantity
     from damperfit.results import Run, SettingResult
-    from damperfit.tested.setting import Setting
 
     Row = Mapping[str, Any]
 

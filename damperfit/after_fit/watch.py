@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,7 +15,6 @@ from damperfit.io.files import sha256_of
 from damperfit.tables.files import json_values
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from threading import Event
 
     from damperfit.results import Run

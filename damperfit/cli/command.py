@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import csv
 import os
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from importlib import import_module
 from inspect import Parameter, Signature, cleandoc, signature, unwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -22,9 +23,6 @@ from damperfit.arguments import PANELS, Keyword, keyword_of, option_of
 from damperfit.cli.console import say, set_colour, show_steps
 from damperfit.configuration.sections import SECTIONS
 from damperfit.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
 
 COMMON = ("json", "quiet", "debug", "version")
 _OF_ALL = ("verbose", "color", "no_progress", "log_file")

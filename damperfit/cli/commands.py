@@ -10,6 +10,7 @@ import re
 import shlex
 import sys
 import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
@@ -47,8 +48,6 @@ from damperfit.errors import ConfigurationError, DamperfitError, SimulationError
 from damperfit.problem import Option
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
     from damperfit.answers import FleetDone
     from damperfit.configuration.options import Configuration
     from damperfit.run.auto_model import LawChoice

@@ -16,6 +16,7 @@ import stat
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime
 from functools import partial
@@ -23,14 +24,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, OutputError
-from damperfit.problem import Option
+from damperfit.problem import Failure, Option
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-
     from rich.console import RenderableType
 
-    from damperfit.problem import Failure
     from damperfit.reporting.sheet import Sheet
     from damperfit.run.identify import Watch
 

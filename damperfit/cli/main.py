@@ -8,9 +8,10 @@ import logging
 import os
 import sys
 import traceback
+from collections.abc import Sequence
 from copy import copy
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
@@ -19,9 +20,6 @@ from damperfit.cli.command import Commands, PanelledCommand, of_presentation, wi
 from damperfit.cli.console import LogFile, record, say, say_lines, shield_streams, unprinted
 from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.own_process import CLOSED_STREAMS, begin
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _INTERRUPTED = 130
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes

@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import StringIO
 from itertools import product
@@ -19,7 +20,14 @@ from pathlib import Path
 from statistics import fmean, median, stdev
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.adjustment.force_at import REPEATS, STROKES, force_at, named_speeds, said_offsets
+from damperfit.adjustment.force_at import (
+    REPEATS,
+    STROKES,
+    Sine,
+    force_at,
+    named_speeds,
+    said_offsets,
+)
 from damperfit.comparison.measured import (
     SAME_MOTION,
     Difference,
@@ -34,26 +42,21 @@ from damperfit.comparison.measured import (
     tests_at,
     zero_shift,
 )
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.io.files import read_text
-from damperfit.problem import Option
+from damperfit.problem import Failure, Option
 from damperfit.statistics import NORMAL_95
 from damperfit.tables.columns import SCHEMA_VERSION
+from damperfit.tested.setting import Setting
 from damperfit.units.quantities import parse_quantity
-from damperfit.units.shown_units import SI
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from damperfit.adjustment.force_at import Sine
-    from damperfit.damper.quantity import Quantity
     from damperfit.errors import OnError
-    from damperfit.problem import Failure
     from damperfit.results import Run
-    from damperfit.tested.setting import Setting
-    from damperfit.units.shown_units import ShownUnits
 
     Readings = dict[Topic, Reading]
     Shift = tuple[float, float]

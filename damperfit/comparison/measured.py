@@ -12,6 +12,7 @@ Student's t counts; of sums of such errors by Welch and Satterthwaite.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from statistics import fmean
@@ -21,22 +22,17 @@ import numpy as np
 from scipy.special import chdtri, stdtr, stdtrit
 
 from damperfit.adjustment.force_at import STROKES
+from damperfit.arrays import FloatArray
 from damperfit.passed_speeds import in_both_strokes
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import student_quantile
-from damperfit.units.shown_units import SI
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.results import Run
     from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
-    from damperfit.units.shown_units import ShownUnits
 
-    FloatArray = NDArray[np.float64]
     Readings = dict["Topic", "Reading"]
 
 # "Same" is said only where a difference of so much of the damping, or of the value, would be seen.

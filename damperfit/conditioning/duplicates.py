@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+from damperfit.recording import Stretch, Trace
+from damperfit.tested.setting import Setting
 
+if TYPE_CHECKING:
     from damperfit.damper.model import Model
-    from damperfit.recording import Stretch, Trace
-    from damperfit.tested.setting import Setting
 
 # Of the range: text of four digits stands 1e-4 beside the binary file, and noise of 4 N in 1300 N
 # makes two tests differ by 4e-3. Two tests of an adjuster that does nothing differ by their noise

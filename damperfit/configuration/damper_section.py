@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, fields, is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from damperfit.damper.model import MODELS, model_named
+from damperfit.damper.model import MODELS, Model, model_named
 from damperfit.damper.mounting import NONE
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Key
 from damperfit.units.quantities import QuantityError, parse_quantity, says_absolute_or_gauge
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from damperfit.damper.model import Model
-
 
 _ASKED_BELOW = 2e5  # Pa: a gauge reading taken as absolute is here a third too low, or more
 # Unit of a key: what it is, and the unit that people measure it in with its size.

@@ -10,28 +10,23 @@ import json
 import math
 import re
 import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
 from damperfit.configuration.damper_section import damper_defaults, not_a_section, unknown_key
 from damperfit.configuration.drawings import MEASURED
-from damperfit.configuration.options import build_configuration
+from damperfit.configuration.options import Configuration, build_configuration
 from damperfit.configuration.sections import SECTIONS, ProfileSection
 from damperfit.damper.model import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.files import IrregularFileError, read_text
 from damperfit.problem import FilePlace, Key, Option
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from damperfit.configuration.options import Configuration
-
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _OF_FILE = Option("config")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import (
     AfterValidator,
@@ -34,6 +35,7 @@ from damperfit.configuration.sections import (
     TestSection,
 )
 from damperfit.damper.model import MODELS, Model
+from damperfit.damper.quantity import Quantity
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
@@ -48,11 +50,6 @@ from damperfit.tested.setting import Setting, parse_setting
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.units.shown_units import parse_units
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-
-    from damperfit.damper.quantity import Quantity
 
 # Keys of [damper] that say what a damper's gas is.
 GAS = ("gas_volume", "gas_pressure", "gas_exponent")

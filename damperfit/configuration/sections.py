@@ -8,13 +8,12 @@ model has the fields of the model that it names.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
     from damperfit.simulation import SolverOptions
     from damperfit.tested.identity import Identity
     from damperfit.tested.setting import Setting

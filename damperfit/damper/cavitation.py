@@ -12,6 +12,7 @@ not cavitate tells where both lines meet zero, and two or three short simulation
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
@@ -20,15 +21,12 @@ import numpy as np
 
 from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.simulation import SolverOptions, motion_of, simulate
+from damperfit.simulation import Response, SolverOptions, motion_of, simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
-
     from damperfit.damper.model import Values
     from damperfit.damper.purdy.parameters import Damper
     from damperfit.recording import Trace
-    from damperfit.simulation import Response
     from damperfit.tested.setting import Setting
 
 # By how much the factors may be looked for, and how exactly. The paper's own statement is "about

@@ -13,22 +13,18 @@ straight line, for which the step below is exact whatever the lag is against the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response
-
-    FloatArray = NDArray[np.float64]
 
 OF_LOAD_CELL = ("moving_mass", "lag")
 

@@ -14,22 +14,19 @@ it is here, and what would have asked says "not evaluated".
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, make_dataclass, replace
 from functools import lru_cache
 from importlib import import_module
 from threading import Lock
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, cast
 from weakref import WeakValueDictionary
 
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Option
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Self
-
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 

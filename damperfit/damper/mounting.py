@@ -31,15 +31,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import DAMPER, RIG, Quantity
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Model, Values
-
 
 NONE, FIT = "none", "fit"
 _OF_MOUNTING: dict[str, Quantity] = {

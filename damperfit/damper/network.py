@@ -50,27 +50,22 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
 from damperfit.damper.stepping import Step
 from damperfit.errors import ConfigurationError, SimulationError, did_you_mean
-from damperfit.simulation import Response, SolverOptions, Work, describe_ending
+from damperfit.simulation import Motion, Response, SolverOptions, Work, describe_ending
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.cylinder import Cylinder
-    from damperfit.simulation import Motion
-
-    FloatArray = NDArray[np.float64]
 
 # In the order of core/network.h: what every network has, whatever its passages.
 BODY_NUMBERS = (

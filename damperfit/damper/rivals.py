@@ -60,28 +60,24 @@ kwok: N. M. Kwok, Q. P. Ha, T. H. Nguyen, J. Li and B. Samali, "A novel hysteret
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
 from damperfit.damper.model import Model
 from damperfit.damper.quantity import FRICTION, OFFSET, RIGID, VISCOUS, Quantity
 from damperfit.errors import SimulationError
-from damperfit.simulation import Response, describe_ending
+from damperfit.simulation import Motion, Response, SolverOptions, describe_ending
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Names, Values
     from damperfit.recording import Trace
-    from damperfit.simulation import Motion, SolverOptions
 
-    FloatArray = NDArray[np.float64]
     Law = tuple[FloatArray, dict[str, FloatArray]]
     Numbers = Mapping[str, float]
 

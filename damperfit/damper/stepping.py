@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from damperfit.damper.load_cell import OF_LOAD_CELL
 from damperfit.damper.quantity import RIG
@@ -14,10 +15,6 @@ from damperfit.errors import ConfigurationError
 from damperfit.simulation import Motion, SolverOptions
 
 if TYPE_CHECKING:
-    from typing import Self
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Model, Values
 
 _ROOM = 1 << 14  # bytes; of the core's state, which it refuses if it is less than that

@@ -10,6 +10,7 @@ values: the density of oil changes by 0.07 % a kelvin, its viscosity by 1 to 4 %
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -21,17 +22,11 @@ from damperfit.errors import ConfigurationError
 from damperfit.problem import Key, Option
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.model import FurtherStart, Names, Values
     from damperfit.damper.valve_dampers import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
-
-    FloatArray = NDArray[np.float64]
 
 BETA = Quantity(
     "beta", "beta", "fall with temperature",

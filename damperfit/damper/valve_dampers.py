@@ -34,13 +34,16 @@ from __future__ import annotations
 import math
 import re
 from collections import ChainMap, Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from damperfit.arrays import FloatArray
 from damperfit.damper.cylinder import AMBIENT, F_0, F_F, K_E, RANGES, Cylinder
 from damperfit.damper.load_cell import OF_LOAD_CELL, before_load_cell
 from damperfit.damper.mounting import NONE, Friction, Mounting
@@ -62,14 +65,8 @@ from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Key
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
     from damperfit.damper.model import Ranges, Values
     from damperfit.recording import Trace
-
-    FloatArray = NDArray[np.float64]
 
 
 STROKES = ("rebound", "compression")

@@ -13,6 +13,7 @@ import io
 import json
 import re
 import zipfile
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -22,23 +23,17 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter, passed_filter
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.exporting.fmu import PLATFORMS, exported_damper
 from damperfit.exporting.fmu_build import this_platform
+from damperfit.exporting.targets import Export, ExportedRun
 from damperfit.problem import Option
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from numpy.typing import NDArray
-
-    from damperfit.exporting.targets import Export, ExportedRun
-    from damperfit.tested.setting import Setting
-
-    FloatArray = NDArray[np.float64]
-    # Time, displacement and velocity of a segment -> force.
     Force = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 _RUN_IN, _EDGE = 0.25, 0.1  # s: a pressure settles, a filter's end is felt

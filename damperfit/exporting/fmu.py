@@ -14,6 +14,7 @@ import math
 import re
 import tomllib
 import zipfile
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache, lru_cache
@@ -23,19 +24,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit import __version__
+from damperfit.damper.model import Values
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError
-from damperfit.exporting.targets import determined_line, rendered, taken_out
+from damperfit.exporting.targets import (
+    ExportedRun,
+    ForceTable,
+    determined_line,
+    rendered,
+    taken_out,
+)
 from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from damperfit.damper.model import Values
-    from damperfit.exporting.targets import ExportedRun, ForceTable
-
     Variable = dict[str, Any]
 
 _HERE = Path(__file__).parent

@@ -14,9 +14,9 @@ import shutil
 import subprocess
 import sys
 from argparse import ArgumentParser
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
 from damperfit.errors import InstallationError, OutputError
 from damperfit.exporting.fmu import (
@@ -28,9 +28,6 @@ from damperfit.exporting.fmu import (
     source_files,
     sources_digest,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 # As the core itself is compiled: the same numbers on every machine.
 _OPTIONS = (

@@ -19,12 +19,14 @@ import re
 import tomllib
 import zipfile
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from importlib import resources
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from pathlib import Path
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -32,6 +34,8 @@ from markupsafe import Markup, escape
 
 from damperfit import __version__
 from damperfit.adjustment.force_at import determined_speed, force_at
+from damperfit.arrays import FloatArray
+from damperfit.damper.model import Model, Values
 from damperfit.damper.mounting import NONE
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.quantity import RIG
@@ -42,24 +46,12 @@ from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Option
 from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
-from damperfit.results import Run
-from damperfit.simulation import Motion, simulate
+from damperfit.results import Run, SettingResult
+from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tables.columns import describe_tables
 from damperfit.tables.files import finite, safe_cell
+from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import SI, ShownUnits
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.model import Model, Values
-    from damperfit.results import SettingResult
-    from damperfit.simulation import SolverOptions
-    from damperfit.tested.setting import Setting
-
-    FloatArray = NDArray[np.float64]
 
 # m/s: low-speed adjusters of cars work at 5 to 50 mm/s; beyond, each point is a fifth farther.
 _TUNED = (5e-3, 7.5e-3, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.035, 0.04, 0.045, 0.05)

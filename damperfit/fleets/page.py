@@ -7,10 +7,12 @@ show the worst, the rest stands in CSV files.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import date, timedelta
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,22 +25,20 @@ from damperfit.fleets.survey import (
     FAR_OFF,
     LEAST_DAMPERS,
     RULE_COLUMNS,
+    DamperLine,
+    HeldFleet,
+    Rows,
+    Series,
+    Survey,
     capability_sheet,
 )
 from damperfit.reporting.compared import tolerance_sheet, tolerance_table
 from damperfit.reporting.figures import RUN_COLOURS, Line, Panel, Plot, setting_panel
 from damperfit.reporting.figures import setting_places as places_of
 from damperfit.reporting.page import PlotData, asset, draw, plotly_script
-from damperfit.reporting.sheet import NOTHING, Column, laid_out, number
+from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 from damperfit.store import file_set
 from damperfit.tables.files import write_table
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from damperfit.fleets.survey import DamperLine, HeldFleet, Rows, Series, Survey
-    from damperfit.reporting.sheet import Sheet
 
 _NAMED = 6  # dampers of one picture that have a colour and a name of their own
 _MOST_POINTS = 500  # of the others that are far off

@@ -15,7 +15,8 @@ import hashlib
 import json
 import os
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 from urllib.parse import quote, unquote
 
 import pyarrow as pa
@@ -25,9 +26,6 @@ from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
 from damperfit.store import file_set, settle
 from damperfit.tables.reading import PART_FOLDERS, RECORD, packed, serial_in, unpacked
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SERIAL = "serial"
 SYMBOL = b"symbol"  # in the metadata of a quantity's column

@@ -9,15 +9,17 @@ import hashlib
 import json
 import re
 from collections import defaultdict, deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import pyarrow as pa
 
 from damperfit import __version__
+from damperfit.configuration.options import Configuration
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.fleets.parts import (
@@ -44,19 +46,13 @@ from damperfit.io.tests_table import is_tests_table, read_tests
 from damperfit.problem import Failure, Option, Problem
 from damperfit.queries.compared import compared_record
 from damperfit.recording import natural_order
+from damperfit.results import Run
+from damperfit.run.identify import Identified
 from damperfit.run.logs import Labels
 from damperfit.tables.columns import adjusters_in, table_schema
 from damperfit.tested.identity import identity_in
 from damperfit.tested.setting import ADJUSTER
-from damperfit.workers import Died, executor
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-
-    from damperfit.configuration.options import Configuration
-    from damperfit.results import Run
-    from damperfit.run.identify import Identified
-    from damperfit.workers import Cluster, Processes
+from damperfit.workers import Cluster, Died, Processes, executor
 
 TABLE_OF_TESTS = "tests.csv"
 _UNREADABLE = "unreadable"

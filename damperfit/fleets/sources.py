@@ -12,12 +12,13 @@ import hashlib
 import os
 import re
 import shutil
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from damperfit import __version__
 from damperfit.errors import ConfigurationError, DamperfitError
@@ -26,9 +27,6 @@ from damperfit.io.formats import LOG_SUFFIXES
 from damperfit.recording import natural_order
 from damperfit.run.log_files import is_own_table, matches, real_path
 from damperfit.workers import executor
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
 
 AT_ONCE = 16  # requests; nearly all of the time is waiting
 _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://")

@@ -9,33 +9,28 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Iterator
 from datetime import date, timedelta
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from damperfit.comparison.comparing import Point
+from damperfit.arrays import FloatArray
+from damperfit.comparison.comparing import Point, Tolerance
 from damperfit.errors import ConfigurationError
 from damperfit.fleets.parts import SERIAL, SYMBOL
 from damperfit.problem import Option
-from damperfit.reporting.sheet import Column, laid_out, number, with_interval
+from damperfit.reporting.sheet import Column, Sheet, laid_out, number, with_interval
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95, chi_squared_quantile, median
 from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     import pyarrow as pa
-    from numpy.typing import NDArray
-
-    from damperfit.comparison.comparing import Tolerance
-    from damperfit.reporting.sheet import Sheet
-
-    FloatArray = NDArray[np.float64]
 
 LEAST_DAMPERS = 8  # in a setting, before one of them is called far off
 FAR_OFF = 8.0  # median absolute deviations: 5.4 standard deviations of a normal distribution

@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from typing import Any
 
 _lock = threading.Lock()
 _usual: dict[str, tuple[Any, int]] = {}  # libraries by their files, and threads they had

@@ -13,13 +13,16 @@ click of it, and stands in the border of the Jacobian with what all of them shar
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.conditioning import apply_filter
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.least_squares import (
@@ -37,29 +40,21 @@ from damperfit.identification.sharing import (
     GAS_FOLLOWER,
     GAS_NAMES,
     Follows,
+    GasLaw,
     Unknown,
     unknown_at,
     unknowns_of,
 )
 from damperfit.problem import Failure
-from damperfit.simulation import motion_of, simulate
+from damperfit.recording import Trace
+from damperfit.simulation import Response, SolverOptions, motion_of, simulate
 from damperfit.statistics import largest_of
 from damperfit.tested.setting import Setting
-from damperfit.workers import executor
+from damperfit.workers import InTurn, Threads, executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Model, Values
     from damperfit.identification.least_squares import LinearSystem
-    from damperfit.identification.sharing import GasLaw
-    from damperfit.recording import Trace
-    from damperfit.simulation import Response, SolverOptions
-    from damperfit.workers import InTurn, Threads
-
-    FloatArray = NDArray[np.float64]
 
 # A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
 _WILD = 1e100

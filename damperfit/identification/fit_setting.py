@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -22,7 +23,9 @@ from zlib import crc32
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.conditioning import noise_floor
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import DamperfitError, FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import (
     Block,
@@ -49,16 +52,9 @@ from damperfit.tested.setting import Setting
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.model import Values
-    from damperfit.damper.quantity import Quantity
     from damperfit.identification.procedures import ProcedureInput
-
-    FloatArray = NDArray[np.float64]
 
 
 # A relative change of the sum of squares below 1e-8 moves no parameter by 1 % of its error; a

@@ -17,25 +17,31 @@ fitted apart does not reach far; it ends when the way stays as it is.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.damper.quantity import DAMPER, LOG, RIG, SETTING
 from damperfit.identification.fit_problem import (
+    Block,
     FitProblem,
+    Point,
     kept_within,
     linearise,
     values_of,
     with_values,
 )
-from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, from_neighbours, is_loose
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, Fit, from_neighbours, is_loose
 from damperfit.identification.least_squares import (
     NO_LENGTH,
     BorderedSystem,
+    Minimum,
     Stopping,
     inverse_information,
     reduced,
@@ -53,21 +59,12 @@ from damperfit.identification.sharing import (
 )
 from damperfit.problem import Failure, Problem, warning
 from damperfit.statistics import chi_squared_quantile
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Model, Values
     from damperfit.damper.purdy.parameters import Damper
-    from damperfit.identification.fit_problem import Block, Point
-    from damperfit.identification.fit_setting import Fit
-    from damperfit.identification.least_squares import Minimum
     from damperfit.identification.procedures import ProcedureInput
-    from damperfit.tested.setting import Setting
-
-    FloatArray = NDArray[np.float64]
 
 # A step that promises less than this share of the cost moves no parameter by 1 % of its error.
 _COST_TOLERANCE = 1e-8

@@ -18,22 +18,19 @@ over the nonlinear regression problems of NIST by ``python -m tests.certificate`
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
 from damperfit.errors import SimulationError
 from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from typing import TypeAlias
-
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
     LinearSystem: TypeAlias = "DenseSystem | BorderedSystem"
     _Model = Callable[[FloatArray], tuple[FloatArray, FloatArray, "Extra"]]
 

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter
-from damperfit.damper.quantity import GAS_AMOUNT, RIG, STIFFNESS
+from damperfit.damper.quantity import GAS_AMOUNT, RIG, STIFFNESS, Quantity
 from damperfit.problem import Problem, warning
-from damperfit.recording import FilterDesign
+from damperfit.recording import FilterDesign, Stretch, Trace
 from damperfit.simulation import Motion, Response, SolverOptions, motion_of, simulate
 from damperfit.statistics import mean_of, median, variance_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Model, Values
-    from damperfit.damper.quantity import Quantity
-    from damperfit.recording import Stretch, Trace
-
-    FloatArray = NDArray[np.float64]
 
 
 # What a fit asks of its logs: how much each sample counts, how many count, what they can tell.

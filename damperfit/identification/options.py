@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -9,14 +10,11 @@ from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.identification.sharing import GAS_FOLLOWER
 from damperfit.problem import Key, Option
 from damperfit.simulation import SolverOptions
-from damperfit.tested.setting import nearest_setting
+from damperfit.tested.setting import Setting, nearest_setting
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
     from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
-    from damperfit.tested.setting import Setting
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum, StrEnum
 from typing import TYPE_CHECKING, TypeVar
@@ -16,8 +17,6 @@ from damperfit.errors import (
 from damperfit.problem import Failure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from damperfit.tested.setting import Setting
 
 Found = TypeVar("Found")

@@ -7,18 +7,20 @@ and fits all settings at once, with R_m3 and f_f, or what the model ties, in com
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
+from damperfit.damper.model import Model, Values
 from damperfit.damper.network import BLOW_OFF_PARTS
-from damperfit.damper.purdy.parameters import REBOUND, cavitation_limit, starting_values
-from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
+from damperfit.damper.purdy.parameters import REBOUND, Damper, cavitation_limit, starting_values
+from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS, Quantity
 from damperfit.damper.temperature_law import BETA
 from damperfit.errors import (
     ConfigurationError,
@@ -59,16 +61,6 @@ from damperfit.recording import Trace, natural_order
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
 from damperfit.tested.setting import Setting
 from damperfit.workers import apart, executor
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from damperfit.damper.model import Model, Values
-    from damperfit.damper.purdy.parameters import Damper
-    from damperfit.damper.quantity import Quantity
-    from damperfit.identification.fit_setting import Search
-    from damperfit.identification.logs import SettledLogs
-
 
 # The settings of a campaign fitted side by side; one that cannot be fitted costs itself alone.
 

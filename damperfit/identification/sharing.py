@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from damperfit.tested.setting import Setting
+from damperfit.tested.setting import Place, Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
-
     from damperfit.damper.model import Values
-    from damperfit.tested.setting import Place
 
 Follows: TypeAlias = "Mapping[str, tuple[str, ...]]"
 """Adjusters that a quantity follows; one that is not named is the damper's."""

@@ -12,27 +12,23 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.conditioning.duplicates import REPEATS, SCATTERS, are_unlike, share_a_motion
+from damperfit.damper.model import Model
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import DamperfitError
 from damperfit.identification.logs import compare
+from damperfit.identification.options import FitOptions
 from damperfit.identification.procedures import identify
+from damperfit.recording import Trace
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.model import Model
-    from damperfit.identification.options import FitOptions
-    from damperfit.recording import Trace
-
-    FloatArray = NDArray[np.float64]
     Pair = tuple[Trace, Trace]
 
 _WINDOW = (0.75, 0.95)  # of the slower log's peak speed; nearer to it there is one way only

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -10,8 +11,6 @@ from damperfit.errors import LogError, TimelessError
 from damperfit.io.options import Profile, ReadOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from damperfit.io.files import Source
     from damperfit.io.force_curves import ForceCurve
     from damperfit.io.formats import Table

@@ -18,14 +18,12 @@ import os
 import re
 import stat
 import zlib
+from io import FileIO
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from damperfit.errors import LogError
-
-if TYPE_CHECKING:
-    from io import FileIO
 
 MAX_TEXT = 100_000_000  # bytes of a file that is no log
 _PIECE = 1 << 20  # bytes unpacked at a time

@@ -4,28 +4,26 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.damper.model import Model, Values
 from damperfit.damper.mounting import NONE
 from damperfit.damper.network import BLOW_OFF_PARTS
 from damperfit.damper.quantity import FRICTION, STIFFNESS
 from damperfit.damper.valve_dampers import ValveDamper
-from damperfit.identification import Status
+from damperfit.identification import Campaign, Status
 from damperfit.identification.sharing import of_settings
 from damperfit.laws.structures import in_other_layouts
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from damperfit.damper.model import Model, Values
-    from damperfit.identification import Campaign
     from damperfit.laws.law_fit import Exchange, LawFit, LawSearch, SettingLogs
     from damperfit.recording import Stretch
-    from damperfit.tested.setting import Setting
 
 __all__ = [
     "SeenAt",

@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
 from damperfit.identification.fit_problem import Block, is_at_edge
 from damperfit.identification.fit_setting import COMPARING, best_of_starts
+from damperfit.identification.least_squares import Minimum
 from damperfit.identification.logs import FEWEST_SAMPLES
+from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Model, Values
-    from damperfit.recording import Trace
-
-    FloatArray = NDArray[np.float64]
-    from collections.abc import Mapping
-
-    from damperfit.identification.least_squares import Minimum
-    from damperfit.tested.setting import Setting
 
 __all__ = [
     "ENOUGH_PERCENT",

@@ -7,6 +7,7 @@ by what is left there, so that a factor of one setting's MSE counts as much as a
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import permutations
@@ -14,24 +15,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.errors import SimulationError
 from damperfit.identification.fit_problem import Block, kept_within
 from damperfit.identification.least_squares import Minimum, Stopping, Transformation, minimise
 from damperfit.identification.logs import FEWEST_SAMPLES
-from damperfit.identification.sharing import Unknown, unknown_at, unknowns_of
-from damperfit.workers import executor
+from damperfit.identification.sharing import Follows, Unknown, unknown_at, unknowns_of
+from damperfit.tested.setting import Setting
+from damperfit.workers import InTurn, Threads, executor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.damper.model import Model, Values
-    from damperfit.identification.sharing import Follows
-    from damperfit.tested.setting import Setting
-    from damperfit.workers import InTurn, Threads
-
-    FloatArray = NDArray[np.float64]
 
 __all__ = ["OneModel"]
 

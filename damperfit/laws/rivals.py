@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from damperfit.damper.rivals import RIVALS, Biviscous, BoucWen, Kwok, RestoringForceSurface, Rival
 from damperfit.errors import SimulationError
-from damperfit.laws.law_fit import Tried, are_alike, fit_law, times_worse
+from damperfit.laws.law_fit import (
+    LawFit,
+    LawSearch,
+    SettingLogs,
+    Tried,
+    are_alike,
+    fit_law,
+    times_worse,
+)
 from damperfit.simulation import SolverOptions
 from damperfit.workers import executor
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from damperfit.damper.rivals import Rival
-    from damperfit.laws.law_fit import LawFit, LawSearch, SettingLogs
 
 __all__ = [
     "YIELDING",

@@ -29,23 +29,25 @@ numbers where these are fewer.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
+from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import DAMPER, RIG
-from damperfit.damper.valve_dampers import ValveDamper, read_loops, valve_starts
+from damperfit.damper.valve_dampers import ValveDamper, ValveReading, read_loops, valve_starts
 from damperfit.errors import SimulationError
 from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import Block, is_at_edge
 from damperfit.identification.fit_setting import spread_starts
-from damperfit.identification.least_squares import Stopping
+from damperfit.identification.least_squares import Minimum, Stopping
 from damperfit.identification.logs import effective_samples
-from damperfit.identification.sharing import unknown_at
+from damperfit.identification.sharing import Follows, Unknown, unknown_at
 from damperfit.laws.law_fit import (
     ENOUGH_PERCENT,
     GAIN,
@@ -55,6 +57,7 @@ from damperfit.laws.law_fit import (
     JudgedLaw,
     LawFit,
     LawSearch,
+    SettingLogs,
     Tried,
     are_alike,
     descended,
@@ -76,22 +79,8 @@ from damperfit.laws.structures import (
     times_in,
 )
 from damperfit.simulation import SolverOptions
-from damperfit.tested.setting import nearest_setting
+from damperfit.tested.setting import Setting, nearest_setting
 from damperfit.workers import executor
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
-
-    from damperfit.damper.model import Model, Values
-    from damperfit.damper.valve_dampers import ValveReading
-    from damperfit.identification.least_squares import Minimum
-    from damperfit.identification.sharing import Follows, Unknown
-    from damperfit.laws.law_fit import SettingLogs
-    from damperfit.tested.setting import Setting
 
 __all__ = ["FLOOR_PERCENT", "search_laws"]
 

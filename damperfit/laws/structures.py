@@ -7,10 +7,12 @@ removes or replaces one of them, in one stroke or in both.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any, cast
 
+from damperfit.damper.model import Model
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import BLEED_WORDS, BLOW_OFF_WORDS, Valve
 from damperfit.damper.quantity import STIFFNESS
@@ -19,9 +21,6 @@ from damperfit.damper.valve_dampers import STROKES as PLACES
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from damperfit.damper.model import Model
     from damperfit.identification.sharing import Follows
 
 __all__ = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, product
@@ -14,21 +15,32 @@ import numpy as np
 
 from damperfit import __version__
 from damperfit.adjustment.force_at import STROKES, Sine
-from damperfit.comparison.comparing import ComparisonOptions, bands_met, compare_runs, tolerated
+from damperfit.comparison.comparing import (
+    ComparisonOptions,
+    Point,
+    RunComparison,
+    Tolerance,
+    bands_met,
+    compare_runs,
+    tolerated,
+)
 from damperfit.comparison.measured import MeasuredTest, measured_tests
 from damperfit.configuration.loading import load_configuration
+from damperfit.configuration.options import Configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, TimelessError
 from damperfit.io import read_curves
 from damperfit.io.files import open_regular, read_text
-from damperfit.problem import Option
+from damperfit.io.force_curves import ForceCurve
+from damperfit.problem import Failure, Option
 from damperfit.queries.settings import positive, refuse_unfitted
 from damperfit.recording import natural_order
 from damperfit.reporting import compared as shown
 from damperfit.reporting.answer import Answer
+from damperfit.reporting.sheet import Sheet
 from damperfit.results import Run
 from damperfit.run.identify import by_damper, folder_name
 from damperfit.run.log_files import expand
-from damperfit.run.logs import Purpose, read_batch
+from damperfit.run.logs import LogBatch, Purpose, read_batch
 from damperfit.run.record import log_warnings
 from damperfit.store import file_set
 from damperfit.tables.columns import (
@@ -46,16 +58,7 @@ from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, parse_units
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
     import pandas as pd
-
-    from damperfit.comparison.comparing import Point, RunComparison, Tolerance
-    from damperfit.configuration.options import Configuration
-    from damperfit.io.force_curves import ForceCurve
-    from damperfit.problem import Failure
-    from damperfit.reporting.sheet import Sheet
-    from damperfit.run.logs import LogBatch
 
 
 # The answer

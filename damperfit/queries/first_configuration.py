@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from damperfit.conditioning import condition
+from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.polarity import CONTRADICTED, UNKNOWN
 from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
+from damperfit.configuration.options import Configuration
 from damperfit.damper.model import model_named
 from damperfit.errors import ConditioningError, ConfigurationError, DamperfitError, LogError
-from damperfit.io import read_logs
+from damperfit.io import ReadOptions, read_logs
 from damperfit.io.labels import guess_settings, unclear_names
 from damperfit.problem import Option
+from damperfit.recording import Recording
 from damperfit.statistics import median
 from damperfit.tested.identity import IDENTITY_KEYS, common_identity, identity_in
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from damperfit.conditioning import ConditionOptions
-    from damperfit.configuration.options import Configuration
-    from damperfit.io import ReadOptions
-    from damperfit.recording import Recording
 
 _FEW = 3  # logs that are read; the others are named alike
 # Units that are tried for a column that says none, the likeliest first.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment.clicks import Click, Wanted, clicks, which_setting
@@ -12,43 +14,37 @@ from damperfit.adjustment.force_at import (
     STROKES,
     Force,
     Sine,
+    Stage,
     credible_forces,
     determined_speed,
     force_at,
     named_speeds,
     offset_sentence,
 )
+from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import RIG
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.sharing import of_settings
-from damperfit.io import read_curves
+from damperfit.io import ReadOptions, read_curves
+from damperfit.io.force_curves import ForceCurve
 from damperfit.problem import Failure, Option
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.inspection import curve_forces_sheet
 from damperfit.reporting.records import to_record
-from damperfit.reporting.sheet import rows_in_units, sheet_in_units
+from damperfit.reporting.sheet import Sheet, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import force_sheets, measured_force_sheet
 from damperfit.simulation import NAMED_SPEEDS, refuse_amplitude
 from damperfit.tables.files import json_values
 from damperfit.tables.rows import adjustment_rows
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.units.quantities import parse_quantity
-from damperfit.units.shown_units import SI
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
     import pandas as pd
 
-    from damperfit.adjustment.force_at import Stage
-    from damperfit.damper.model import Model, Values
-    from damperfit.io import ReadOptions
-    from damperfit.io.force_curves import ForceCurve
-    from damperfit.reporting.sheet import Sheet
     from damperfit.results import Run
-    from damperfit.units.shown_units import ShownUnits
 
 
 def refuse_unfitted(run: Run) -> Run:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from damperfit.configuration.options import parameter_value
+from damperfit.configuration.options import Configuration, parameter_value
+from damperfit.damper.model import Model, Values
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import FAMILIES, REFERENCE_SOURCE, reference_parameters
+from damperfit.damper.quantity import Quantity
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import (
     ConfigurationError,
@@ -23,8 +26,9 @@ from damperfit.errors import (
 from damperfit.identification import unlimited_in, values_from_others
 from damperfit.io import read_log
 from damperfit.problem import Option, listed_names
+from damperfit.recording import Trace
 from damperfit.reporting.simulated import SweepMember
-from damperfit.results import Run, Tested
+from damperfit.results import Run, SettingResult, Tested
 from damperfit.run.logs import Labels, conditioned_as_tested, facts_of
 from damperfit.simulation import (
     Characteristics,
@@ -40,15 +44,6 @@ from damperfit.store import settle
 from damperfit.tables.columns import unknown_schema
 from damperfit.tables.reading import is_part, part_in, table_quantities
 from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
-
-    from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model, Values
-    from damperfit.damper.quantity import Quantity
-    from damperfit.recording import Trace
-    from damperfit.results import SettingResult
 
 # Whose parameters a test is simulated with, and what is known of them
 

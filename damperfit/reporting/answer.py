@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from damperfit.reporting.sheet import html_table, text_table
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from damperfit.reporting.sheet import Sheet
+from damperfit.reporting.sheet import Sheet, html_table, text_table
 
 
 class Answer:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -11,7 +11,14 @@ import numpy as np
 import pyarrow as pa
 
 from damperfit.adjustment.force_at import STROKE_WORDS
-from damperfit.comparison.measured import Sameness, common_tests, verdict_of
+from damperfit.arrays import FloatArray
+from damperfit.comparison.measured import (
+    Difference,
+    MeasuredTest,
+    Sameness,
+    common_tests,
+    verdict_of,
+)
 from damperfit.reporting.figures import (
     RUN_COLOURS,
     Line,
@@ -31,20 +38,12 @@ from damperfit.reporting.sheet import (
     with_interval,
 )
 from damperfit.tables.files import finite
-from damperfit.units.shown_units import SI
+from damperfit.tested.setting import Setting
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.comparison.comparing import Point, RunComparison
-    from damperfit.comparison.measured import Difference, MeasuredTest
     from damperfit.results import Run
-    from damperfit.tested.setting import Setting
-    from damperfit.units.shown_units import ShownUnits
-
-    FloatArray = NDArray[np.float64]
 
 _FIGURES_NOTE = (
     "energy and hysteresis as measured where both ran one motion, hysteresis at half the peak speed"

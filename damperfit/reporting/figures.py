@@ -10,32 +10,29 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from damperfit.adjustment.force_at import STROKE_WORDS
+from damperfit.adjustment.trends import Trend
+from damperfit.arrays import FloatArray
 from damperfit.damper.model import PRESSURES
 from damperfit.reporting.records import entries_in, number_in, trends_in, units_in
 from damperfit.reporting.sheet import number
 from damperfit.reporting.tables import is_one_for_all, scale_of
-from damperfit.tested.setting import Setting, lines_of
+from damperfit.tested.setting import Place, Setting, lines_of
+from damperfit.units.shown_units import ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.adjustment.trends import Trend
     from damperfit.results import Run
     from damperfit.tables.reading import LogSignals
-    from damperfit.tested.setting import Place
-    from damperfit.units.shown_units import ShownUnits
 
-    FloatArray = NDArray[np.float64]
     Range = tuple[float, float]
     Row = Mapping[str, Any]
     Mean = tuple[FloatArray, FloatArray, str]  # velocity, mean force, in words of what

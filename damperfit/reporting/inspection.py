@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -19,8 +20,6 @@ from damperfit.problem import FEW, Problem, listing
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, first_of, laid_out, number
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-
     Facts = Mapping[str, Any]
 
 _VERDICTS = {

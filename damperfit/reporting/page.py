@@ -12,6 +12,7 @@ import base64
 import json
 import math
 from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib import resources
@@ -22,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
+from numpy.typing import NDArray
 
 from damperfit import __version__
 from damperfit.errors import InstallationError
@@ -32,21 +34,23 @@ from damperfit.reporting.compared import (
     tolerance_outcome,
     tolerance_sheet,
 )
-from damperfit.reporting.figures import plot_in_units, setting_colours
+from damperfit.reporting.figures import (
+    Line,
+    LogView,
+    Plot,
+    ReportPlots,
+    plot_in_units,
+    setting_colours,
+)
 from damperfit.reporting.records import checks_in, findings_in, listed_in, number_in
 from damperfit.reporting.report import Section, lead, report_sections, verdict
 from damperfit.reporting.sheet import html_table, printable, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import log_force_sheet, parameter_line, segment_sheet
 from damperfit.tested.setting import Setting
+from damperfit.units.shown_units import ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
     from damperfit.comparison.comparing import Point, RunComparison
-    from damperfit.reporting.figures import Line, LogView, Plot, ReportPlots
-    from damperfit.units.shown_units import ShownUnits
 
 _IDENTITY = ("damper", "serial", "date", "operator", "customer", "rig")
 _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}

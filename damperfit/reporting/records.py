@@ -7,6 +7,7 @@ that is another thing is left out.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
@@ -23,8 +24,6 @@ from damperfit.units.quantities import QuantityError
 from damperfit.units.shown_units import SI, ShownUnits, parse_units
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     Record = Mapping[str, Any]
 
 _T = TypeVar("_T")

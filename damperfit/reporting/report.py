@@ -6,6 +6,7 @@ the sections down.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -58,8 +59,6 @@ from damperfit.tested.identity import identity_sentence
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
     from damperfit.results import Run, Tested
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +18,7 @@ from damperfit.reporting.figures import (
 )
 from damperfit.reporting.sheet import Column, Sheet, laid_out, number
 from damperfit.reporting.tables import BLOCK_LEVELS, sparkline
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from damperfit.simulation import Characteristics, Response
+from damperfit.simulation import Characteristics, Response
 
 _BRANCHES = "force at a speed: mean of both branches; hysteresis: opening less closing branch"
 _BAR = 1e5  # Pa

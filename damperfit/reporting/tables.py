@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.force_at import STROKE_WORDS
-from damperfit.damper.quantity import SETTING
+from damperfit.checks import Check
+from damperfit.damper.quantity import SETTING, Quantity
 from damperfit.reporting.records import entries_in, listed_in, number_in
 from damperfit.reporting.sheet import (
     NOTHING,
@@ -27,10 +29,6 @@ from damperfit.tables.files import finite
 from damperfit.tested.setting import Setting, clicks_between, lines_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-
-    from damperfit.checks import Check
-    from damperfit.damper.quantity import Quantity
     from damperfit.laws.law_fit import LawFit, LawSearch, Tried
 
     Row = Mapping[str, Any]

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from damperfit.conditioning.polarity import YIELDS, held_share
 from damperfit.configuration.damper_section import damper_record
-from damperfit.configuration.options import GAS, followed, gas_in_words, unmatched
+from damperfit.configuration.options import GAS, Configuration, followed, gas_in_words, unmatched
+from damperfit.damper.model import Model
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
-from damperfit.identification import DETECT, GivenStart, shared_names
+from damperfit.identification import DETECT, FitOptions, GivenStart, shared_names
+from damperfit.identification.sharing import Follows
 from damperfit.laws.description import interchangeable_parts, physics_seen, undecided
-from damperfit.laws.law_fit import SettingLogs
+from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, SettingLogs, Tried
 from damperfit.laws.rivals import rank_rivals, yielding_seen
 from damperfit.laws.search import FLOOR_PERCENT, follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
-from damperfit.problem import Problem, failure_lines, note
+from damperfit.problem import Failure, Problem, failure_lines, note
 from damperfit.reporting.answer import Answer
+from damperfit.reporting.sheet import Sheet
 from damperfit.reporting.tables import (
     chosen_records,
     chosen_sheet,
@@ -31,21 +35,10 @@ from damperfit.reporting.tables import (
     tried_laws_sheet,
 )
 from damperfit.run.identify import by_damper, gather, prepare
+from damperfit.run.logs import LogBatch
 from damperfit.tables.files import json_values
+from damperfit.tested.setting import Setting
 from damperfit.workers import available_cores
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model
-    from damperfit.identification import FitOptions
-    from damperfit.identification.sharing import Follows
-    from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, Tried
-    from damperfit.problem import Failure
-    from damperfit.reporting.sheet import Sheet
-    from damperfit.run.logs import LogBatch
-    from damperfit.tested.setting import Setting
 
 __all__ = [
     "GAS_LENGTHS",

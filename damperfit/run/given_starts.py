@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-from damperfit.configuration.options import parameter_value
+from damperfit.configuration.options import Configuration, parameter_value
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import BLOW_OFFS, Valve
 from damperfit.damper.quantity import FRICTION, GAS_AMOUNT, OFFSET, STIFFNESS
@@ -14,14 +15,7 @@ from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import GivenStart, check_start
 from damperfit.problem import Option
 from damperfit.tables.reading import read_known_numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from damperfit.configuration.options import Configuration
-    from damperfit.tested.setting import Setting
-
+from damperfit.tested.setting import Setting
 
 # What dampers of every kind have: a table that tells no more is of another model.
 _EVERYWHERE = frozenset({OFFSET, FRICTION, STIFFNESS, GAS_AMOUNT})

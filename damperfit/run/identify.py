@@ -23,10 +23,12 @@ import math
 import re
 import time
 from collections import defaultdict
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import TRANSIENTS, transients
@@ -37,7 +39,7 @@ from damperfit.conditioning.duplicates import (
     is_same_test,
     rod_area_ratio,
 )
-from damperfit.configuration.options import unmatched
+from damperfit.configuration.options import Configuration, unmatched
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import (
     ConfigurationError,
@@ -46,28 +48,21 @@ from damperfit.errors import (
     OutputError,
     failure_of,
 )
+from damperfit.identification import Campaign, Fit, LogFit
 from damperfit.identification.unlike_motions import contradictory_motions
 from damperfit.problem import Failure, Option, Problem, listed_names, warning
-from damperfit.recording import natural_order
+from damperfit.recording import Trace, natural_order
 from damperfit.run.log_files import expand, real_path
 from damperfit.run.logs import LogBatch, add_traces, read_batch
 from damperfit.store import check_writable, reserved
-from damperfit.uncertainty import SegmentRange, split_cycles
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty import HoldOutOptions, Prediction, SegmentRange, split_cycles
 from damperfit.workers import apart, available_cores, told_here
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-    from contextlib import AbstractContextManager
-    from pathlib import Path
-
-    from damperfit.configuration.options import Configuration
-    from damperfit.identification import Campaign, Fit, LogFit
-    from damperfit.recording import Trace
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
     from damperfit.tables.reading import LogSignals
-    from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import HoldOutOptions, Prediction
 
 
 _LOGGER = logging.getLogger(__name__)

@@ -12,6 +12,7 @@ import logging
 import os
 import re
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.conditioning import condition, examine_raw
+from damperfit.conditioning import ConditionOptions, condition, examine_raw
 from damperfit.conditioning.polarity import CONTRADICTED, UNKNOWN, reversed_in
 from damperfit.errors import (
     ConfigurationError,
@@ -44,23 +45,17 @@ from damperfit.io.labels import (
     unclear_names,
 )
 from damperfit.io.options import SETTING_PATTERN
-from damperfit.io.tests_table import TestRow, facts_in, is_tests_table, read_tests
+from damperfit.io.tests_table import TestRow, TestsTable, facts_in, is_tests_table, read_tests
 from damperfit.problem import Failure, Option, Problem, warning
-from damperfit.recording import Finding, natural_order
+from damperfit.recording import Finding, Recording, Trace, natural_order
 from damperfit.run.log_files import is_own_table, real_path
 from damperfit.tables.files import json_values
 from damperfit.tested.identity import Identity, identity_in
-from damperfit.tested.setting import Setting, letters_of, parse_place
+from damperfit.tested.setting import Place, Setting, letters_of, parse_place
 from damperfit.workers import apart
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-
-    from damperfit.conditioning import ConditionOptions
     from damperfit.configuration.options import Configuration
-    from damperfit.io.tests_table import TestsTable
-    from damperfit.recording import Recording, Trace
-    from damperfit.tested.setting import Place
 
 _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes

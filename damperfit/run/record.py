@@ -11,6 +11,7 @@ configuration alone, so that a bad log beside them changes no byte; run.json tel
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -21,6 +22,7 @@ from damperfit import __version__
 from damperfit.adjustment.clicks import Adjustment, compare_settings
 from damperfit.checks import Check, Subject, missed_gates, run_checks, unchecked
 from damperfit.damper.cavitation import describe_cavitation
+from damperfit.damper.model import Model
 from damperfit.errors import (
     ConfigurationError,
     InstallationError,
@@ -28,14 +30,14 @@ from damperfit.errors import (
     failure_of,
     sparing,
 )
-from damperfit.identification import Status, describe_searches
+from damperfit.identification import Campaign, Status, describe_searches
 from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Trace
 from damperfit.reporting.records import to_record
 from damperfit.reporting.report import markdown_report
 from damperfit.results import Run
-from damperfit.run.logs import Ending
+from damperfit.run.logs import Ending, LogBatch
 from damperfit.tables.columns import (
     PAPER_QUANTITIES,
     SCHEMA_VERSION,
@@ -43,6 +45,7 @@ from damperfit.tables.columns import (
     quantity_records,
 )
 from damperfit.tables.files import json_values, lay_out
+from damperfit.tables.reading import LogSignals
 from damperfit.tables.rows import make_tables, profile_rows, valve_rows
 from damperfit.tested.identity import Identity, common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
@@ -50,8 +53,11 @@ from damperfit.uncertainty import (
     METHOD,
     Assessment,
     Bench,
+    Interval,
+    MisfitProfile,
     Objection,
     Prediction,
+    Uncertainty,
     assess,
     missed_predictions,
     objections,
@@ -66,15 +72,8 @@ from damperfit.units.quantities import engineering
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model
-    from damperfit.identification import Campaign
     from damperfit.run.identify import Clock
-    from damperfit.run.logs import LogBatch
-    from damperfit.tables.reading import LogSignals
-    from damperfit.uncertainty import Interval, MisfitProfile, Uncertainty
 
     _Wider = Callable[[Uncertainty, str, Interval], Interval]
 

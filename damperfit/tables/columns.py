@@ -8,23 +8,20 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
 from functools import cache
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.damper.model import values_type
+from damperfit.damper.model import Values, values_type
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.quantity import Quantity
 from damperfit.tested.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
-
     import pyarrow as pa
-
-    from damperfit.damper.model import Values
 
 
 SCHEMA_VERSION = 2

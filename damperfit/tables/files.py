@@ -9,24 +9,22 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.tables.columns import setting_cells, table_schema
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.quantity import Quantity
     from damperfit.simulation import Response
     from damperfit.tables.reading import LogSignals
     from damperfit.units.shown_units import ShownUnits

@@ -10,9 +10,11 @@ from __future__ import annotations
 import csv
 import json
 from base64 import b64decode, b64encode
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote
 from zlib import compress, decompress
@@ -22,6 +24,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from damperfit.arrays import FloatArray
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text, regular, sha256_of
 from damperfit.store import settle
@@ -35,14 +39,6 @@ from damperfit.tables.columns import (
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.quantity import Quantity
-
-    FloatArray = NDArray[np.float64]
     Rows = tuple[dict[str, Any], ...]
 
 

@@ -4,44 +4,38 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.adjustment.clicks import Adjustment
+from damperfit.adjustment.clicks import Adjustment, Click
+from damperfit.adjustment.force_at import Force
+from damperfit.arrays import FloatArray
 from damperfit.conditioning.measured_characteristics import (
     counted_edges,
     figures_in,
     mean_energy,
     mean_extremes,
 )
+from damperfit.damper.model import Model
+from damperfit.identification import Campaign, Fit, SimulatedLog
 from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.outcome import Status
 from damperfit.passed_speeds import in_both_strokes
+from damperfit.recording import Stretch, Trace
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import mean_of
-from damperfit.tables.columns import CAVITATION, CLICK, FORCE, PAPER_QUANTITIES
+from damperfit.tables.columns import CAVITATION, CLICK, FORCE, PAPER_QUANTITIES, Column
 from damperfit.tables.files import finite, lay_out
 from damperfit.tables.reading import LogSignals
-from damperfit.uncertainty import Assessment
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty import Assessment, Interval, MisfitProfile, Prediction
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-
     import pyarrow as pa
-    from numpy.typing import NDArray
 
-    from damperfit.adjustment.clicks import Click
-    from damperfit.adjustment.force_at import Force
-    from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveCharacteristic
-    from damperfit.identification import Campaign, Fit, SimulatedLog
-    from damperfit.recording import Stretch, Trace
-    from damperfit.tables.columns import Column
-    from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Interval, MisfitProfile, Prediction
-
-    FloatArray = NDArray[np.float64]
 
 
 WITHHELD = "withheld"  # in place of a grade that a low MSE does not deserve

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,7 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.damper.model import Model
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import FitCancelledError, SimulationError, sparing
+from damperfit.identification import Campaign, Fit, Sharing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import is_nothing
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
@@ -22,8 +26,10 @@ from damperfit.identification.sharing import of_settings, unknown_at
 from damperfit.problem import Option, Problem, warning
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95, percentiles
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty.covariance import (
     GasContent,
+    Linearisation,
     Uncertainty,
     gas_content,
     linearise_settings,
@@ -55,14 +61,7 @@ from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
 from damperfit.workers import apart, executor, told_here
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from damperfit.damper.model import Model
-    from damperfit.damper.quantity import Quantity
     from damperfit.errors import OnError
-    from damperfit.identification import Campaign, Fit, Sharing
-    from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.covariance import Linearisation
     from damperfit.uncertainty.grades import Objection
 
 

@@ -46,6 +46,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -53,30 +54,24 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.conditioning import apply_filter
+from damperfit.damper.model import Model, Values
 from damperfit.damper.mounting import other_turns, with_pressed_seal
 from damperfit.errors import SimulationError, sparing
-from damperfit.identification.logs import compare, fast_length, weights
+from damperfit.identification import Campaign, Fit, LogFit, Sharing, SimulatedLog
+from damperfit.identification.logs import SettledCycle, compare, fast_length, weights
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import GAS_FOLLOWER, GAS_NAMES
-from damperfit.recording import FilterDesign
+from damperfit.recording import FilterDesign, Stretch, Trace
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.statistics import NORMAL_95, student_quantile
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.model import Model, Values
     from damperfit.errors import OnError
-    from damperfit.identification import Campaign, Fit, LogFit, Sharing, SimulatedLog
-    from damperfit.identification.logs import SettledCycle
-    from damperfit.recording import Stretch, Trace
-    from damperfit.tested.setting import Setting
-
-    FloatArray = NDArray[np.float64]
 
 
 # Of the largest eigenvalue, of matrices with a diagonal of ones: what is less is rounding.

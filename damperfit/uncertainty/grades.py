@@ -10,40 +10,44 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from damperfit.conditioning import TRANSIENTS, apply_filter, noise_floor
+from damperfit.arrays import FloatArray
+from damperfit.conditioning import TRANSIENTS, GasFacts, apply_filter, noise_floor
 from damperfit.conditioning.polarity import CONTRADICTED, force_level
 from damperfit.damper.cylinder import AMBIENT
 from damperfit.damper.load_cell import behind_lag
+from damperfit.damper.model import Model
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
-from damperfit.identification import GivenStart, compare, identify, normalised_mse
+from damperfit.identification import (
+    Campaign,
+    Fit,
+    FitOptions,
+    GivenStart,
+    LogFit,
+    SimulatedLog,
+    compare,
+    identify,
+    normalised_mse,
+)
 from damperfit.identification.fit_problem import edge_of
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import unlimited_in, values_from_others
 from damperfit.problem import Problem, warning
+from damperfit.recording import Stretch, Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.residuals import residual_scatter
+from damperfit.uncertainty.residuals import Diagnosis, residual_scatter
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.conditioning import GasFacts
-    from damperfit.damper.model import Model
-    from damperfit.identification import Campaign, Fit, FitOptions, LogFit, SimulatedLog
-    from damperfit.recording import Stretch, Trace
     from damperfit.uncertainty.assessment import Assessment
-    from damperfit.uncertainty.residuals import Diagnosis
-
-    FloatArray = NDArray[np.float64]
 
 
 class GradeLimits(NamedTuple):

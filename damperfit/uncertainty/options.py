@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Key
-
-if TYPE_CHECKING:
-    from collections.abc import Container, Iterable, Sequence
 
 
 @dataclass(frozen=True, slots=True)

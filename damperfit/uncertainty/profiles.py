@@ -22,17 +22,24 @@ next point starts there. A parameter of a joint fit is walked with all settings 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
+from damperfit.damper.model import Model, Values
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import FitCancelledError, SimulationError
+from damperfit.identification import Fit
 from damperfit.identification.fit_problem import (
     Block,
     FitProblem,
+    Point,
     does_nothing,
     is_at_edge,
     linearise,
@@ -43,26 +50,20 @@ from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE
 from damperfit.identification.joint import fit_jointly
 from damperfit.identification.least_squares import NO_LENGTH, DenseSystem, Stopping, iterate
 from damperfit.identification.outcome import Status
-from damperfit.identification.sharing import Sharing
+from damperfit.identification.sharing import Sharing, Unknown
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
-from damperfit.uncertainty.covariance import own_names, shared_curvature, solved
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty.covariance import (
+    Linearisation,
+    Uncertainty,
+    own_names,
+    shared_curvature,
+    solved,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.model import Model, Values
-    from damperfit.damper.quantity import Quantity
-    from damperfit.identification import Fit
-    from damperfit.identification.fit_problem import Point
     from damperfit.identification.least_squares import LinearSystem, Minimum, Step
-    from damperfit.identification.sharing import Unknown
-    from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.covariance import Linearisation, Uncertainty
-
-    FloatArray = NDArray[np.float64]
 
 # A rise this far below zero is another, better minimum.
 _BETTER = -0.5

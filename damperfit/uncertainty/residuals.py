@@ -14,31 +14,23 @@ repeating misfit that one signature explains is what a refit with that flaw in t
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.conditioning import apply_filter
 from damperfit.conditioning.polarity import YIELDS, held_shares
 from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings
 from damperfit.problem import Problem, warning
+from damperfit.recording import Stretch, Trace
 from damperfit.statistics import fisher_chance, mean_of, median, student_quantile, variance_of
-from damperfit.uncertainty.covariance import autocorrelation, independent
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.recording import Stretch, Trace
-    from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.covariance import Linearisation
-
-    FloatArray = NDArray[np.float64]
-
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty.covariance import Linearisation, autocorrelation, independent
 
 # Flaws
 

@@ -16,28 +16,22 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import corner_of
 from damperfit.conditioning.measured_characteristics import counted_edges, peak_velocity_forces
 from damperfit.passed_speeds import at_speeds
+from damperfit.recording import Stretch
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95, median
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty.covariance import Linearisation
 from damperfit.uncertainty.residuals import residual_scatter
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.recording import Stretch
-    from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.covariance import Linearisation
-
-    FloatArray = NDArray[np.float64]
 
 PVP, CVP = "pvp", "cvp"
 # Strokes and speeds that differ by less are those of one test.

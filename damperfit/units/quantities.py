@@ -8,14 +8,12 @@ from __future__ import annotations
 import math
 import re
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
 
 if TYPE_CHECKING:
-    from typing import TypeVar
-
     import numpy as np
     from numpy.typing import NDArray
 

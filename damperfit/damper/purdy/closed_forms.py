@@ -30,15 +30,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from damperfit.arrays import FloatArray
 from damperfit.errors import ConfigurationError, SimulationError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from damperfit.damper.purdy.parameters import Damper, Parameters
-
-    FloatArray = NDArray[np.float64]
 
 
 def gas_pressure(damper: Damper, displacement: ArrayLike) -> FloatArray:

@@ -36,12 +36,15 @@ the fallbacks are the paper's published values.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.damper.cylinder import F_0, F_F, K_E, RANGES, Cylinder
 from damperfit.damper.model import FurtherStart, Values
 from damperfit.damper.purdy.closed_forms import gas_pressure, incompressible_design
@@ -49,17 +52,11 @@ from damperfit.damper.quantity import DAMPER, VISCOUS, Quantity
 from damperfit.errors import refuse_wrong_arguments
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.model import Names
     from damperfit.damper.network import Network
     from damperfit.recording import Trace
     from damperfit.simulation import Response, SolverOptions
-
-    FloatArray = NDArray[np.float64]
 
 
 QUANTITIES = (
