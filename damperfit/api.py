@@ -362,7 +362,7 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
     damper: Model | Mapping[str, Any] | None = None,
     on_law: Callable[[str], None] = lambda _: None,
 ) -> LawChoice:
-    """Fit one damper law after the other to the logs and say which one they support.
+    """Fit one model structure after the other to the logs and say which one they support.
 
     Returns
     -------

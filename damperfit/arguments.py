@@ -151,7 +151,7 @@ _ROWS: dict[str, dict[str, tuple[Any, ...]]] = {
     },
     "Fit": {
         "rivals": ("flag", "",
-            "Where the logs choose the model, also rank fourteen from the literature."),
+            "Also rank fourteen models from the literature, with --model auto."),
         "covariate": ("text", "temperature",
             "Let viscous resistances follow the temperature of each log; one beta for all."),
     },
@@ -205,7 +205,7 @@ _ROWS: dict[str, dict[str, tuple[Any, ...]]] = {
         "decimal": ("text", "MARK", "Decimal mark in CSV files: a point or a comma."),
         "extend": ("text", "SPEED", "Extend tables beyond the tested speed; marked as untested."),
         "json": ("flag", "", "Print one JSON document on stdout and nothing else there."),
-        "quiet": ("flag", "", "No progress bar, no remarks; errors are still shown.", "-q"),
+        "quiet": ("flag", "", "No progress bar, no notes; errors are still shown.", "-q"),
         "verbose": ("flag", "",
             "Show each step on stderr: logs read, fits, times, files written.", "-v"),
         "log_file": ("path", "FILE",

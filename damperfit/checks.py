@@ -235,7 +235,7 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
         worst = min(short, key=lambda one: one.noise_percent / one.mse_percent)
         where = of_settings(one.setting for one in short)
         share = 100.0 * worst.noise_percent / worst.mse_percent
-        most = f"setting {worst.setting}: {share:.2g} % of {worst.mse_percent:.3g} %"
+        most = f"setting {worst.setting}: {share:.2g} % of its {worst.mse_percent:.3g} %"
         return False, f"noise explains less than half of the MSE at {where}, least at {most}"
     few = "noise explains half of the MSE or more, or lack of fit is below 1 % of the force"
     return (None, unknown) if unknown else (True, f"{few}, at every setting")

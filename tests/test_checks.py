@@ -113,7 +113,7 @@ FAILING = {
     ),
     "noise_floor_explained": (
         subject(diagnoses=[diagnosis(2, mse=0.62, noise=0.04, is_structured=True)]),
-        "at setting 2, least at setting 2: 6.5 % of 0.62 %",
+        "at setting 2, least at setting 2: 6.5 % of its 0.62 %",
     ),
     "trend_monotone": (
         subject(trends=[trend(monotone=False, sentence="R_m1 turns")]),

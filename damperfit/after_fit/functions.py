@@ -41,7 +41,7 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     minutes: float | None = None,
     config: str | Path | None = None,
 ) -> Advice:
-    """Say which further test narrows an interval most, or tells which structures remain.
+    """Say which further test narrows an interval most, or decides between structures.
 
     Parameters
     ----------

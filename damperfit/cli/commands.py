@@ -243,7 +243,7 @@ def inspect(how: Shown, **given: Any) -> int:
 
 @command(api.models, example="models runs/*.csv --config my.toml --hold-out '*_check.csv'")
 def models(how: Shown, **given: Any) -> int:
-    """Fit one damper law after the other to the logs and say which one they support."""
+    """Fit one model structure after the other to the logs and say which one they support."""
     from damperfit.identification.sharing import of_settings
 
     choice = api.models(**given, on_law=_counting(how))

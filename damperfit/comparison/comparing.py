@@ -695,9 +695,9 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
         "logs",
         first.name,
         second.name,
-        f"both are based on the same logs ({first_names([known[0][one] for one in common])}): what "
-        "differs there is how they were evaluated, and the errors, which are those of two tests, "
-        "are too large",
+        f"both are based on the same logs ({first_names([known[0][one] for one in common])}): "
+        "differences come from the evaluation only, and the errors, which assume two tests, are "
+        "too large",
     )
     turned: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for one in common:

@@ -226,13 +226,13 @@ def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) 
     different = [line for line in known if line.verdict is Sameness.DIFFERENT]
     sure = [line for line in different if line.is_sure]
     undetermined = len(lines) - len(known)
-    beside = f"; of {undetermined} it cannot be determined" if undetermined else ""
+    beside = f"; {undetermined} cannot be determined" if undetermined else ""
     if not different:
         return f"{words}: all {len(known)} the same within errors{beside}"
     if not sure:
         return (
             f"{words}: no significant difference: {len(different)} of {len(known)} lie outside "
-            f"their 95 % interval, and chance alone puts {0.05 * len(known):.2g} there{beside}"
+            f"their 95 % interval, where chance alone puts {0.05 * len(known):.2g}{beside}"
         )
     worst = max(
         sure, key=lambda one: abs(one.difference if math.isnan(one.percent) else one.percent)

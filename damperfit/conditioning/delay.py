@@ -153,7 +153,7 @@ def estimate_delay(  # noqa: PLR0911 - one return a reason
     if total - least[width] < _CLEAR * variance:
         return "no friction stands out at the ends of the stroke"
     if not jumps.min() > _ALIKE * jumps.max():
-        return "what jumps at the ends of the stroke is not friction alone"
+        return "the jump at the ends of the stroke is not friction alone"
     if width > _SHARP or min(least[0.0], least[_AS_IT_IS]) > _ROUNDED * least[width]:
         reason = "a filter in the rig, or seals that stretch before they slide"
         return f"the friction's jump is rounded by {reason}"

@@ -285,7 +285,7 @@ def _stretches(seen: Seen) -> Iterator[Finding]:
         for one in stretches
     )
     n = len(stretches)
-    text = f"{n} stretch{'es' * (n > 1)} evaluated: {parts}"
+    text = f"{n} segment{'s' * (n > 1)} evaluated: {parts}"
     yield Finding("stretches", "note", text, float(n))
 
     peaks = {

@@ -174,7 +174,7 @@ class RigSection(_Declarations):
 
     name = "rig"
     amplitude: float = key("32mm",
-        "amplitude of the motion that simulate and samples make; by default that of the test",
+        "amplitude of the sine that is simulated; by default that of the test",
         "length", above=0.0, most=2.0, option="LENGTH", panel="Motion")
     frequency: float = key("1.5Hz",
         "frequency of that motion; by default that of the test",
@@ -198,8 +198,9 @@ class RigSection(_Declarations):
         "what the log counts where the model's x is 0, as in \"12.5mm\"",
         "length", word="mid-stroke")
     skew: float | str = key("0s",
-        "delay of the force against the displacement, as in 2ms; auto: as estimated, where a "
-        "log can show it; corrected", "time", word="auto", option="TIME|auto", panel="Logs")
+        "delay of the force against the displacement, as in 2ms; auto: the estimated "
+        "one is corrected, where a log shows it",
+        "time", word="auto", option="TIME|auto", panel="Logs")
     max_log_bytes: int = key(500_000_000, "a larger log is refused")
     max_stroke: float = key("0mm",
         "what the rig can do, for advise: amplitude; 0: as tested", "length", least=0.0)
@@ -262,20 +263,20 @@ class IdentificationSection(Section):
         given=dict[str, float | str], option="NAME=VALUE", panel="Fit", kind="values")
     share: list[str] = key(["r_m3", "f_f"],
         "parameters shared by all settings in a joint fit; detect, the default of every model "
-        "but the paper's: what the logs show no adjuster to move",
+        "but the paper's: those that no adjuster moves, as the logs show",
         option="NAME,NAME", panel="Fit", kind="quantities")
     untie: list[str] = key([],
-        "parameters of which each setting has its own value in a fit of all settings (joint, and "
-        "--model auto), although they are the damper's or the rig's",
+        "parameters of the damper or the rig that get a value per setting in a fit of all "
+        "settings (joint, and --model auto)",
         option="NAME,NAME", panel="Fit", kind="quantities")
     bulk_modulus: str = key("free",
-        "how K_e is fitted; free: at each setting; appendix1 (joint only): of all settings from a "
-        "gas content, eq. (28) of the paper", option="NAME", panel="Fit")
+        "how K_e is fitted; free: at each setting; appendix1 (joint only): by one gas content for "
+        "all, eq. (28) of the paper", option="NAME", panel="Fit")
     starts: int = key(1,
-        "fits of each setting, from starts spread over a factor of ten",
+        "fits of each setting, from initial values spread over a factor of ten",
         least=1, most=10_000, option="N", panel="Fit")
     start: Path | None = key("",
-        "where the fits start: table of parameters of an earlier run; as an option also values, "
+        "initial values: table of parameters of an earlier run; as an option also by name, "
         "as in f_f=30,k_e=2e9", option="FILE|NAME=VALUE", panel="Fit", kind="texts")
     start_values: dict[str, float | str] = key({},
         'the same by name, as in {k_e = "1GPa"}; overrides the table', given=dict[str, float | str])

@@ -220,7 +220,7 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
         signs[f"reverse_{channel}"] = is_reversed if isinstance(is_reversed, bool) else None
         if is_reversed is True:
             channels[channel] = -channels[channel]
-            more_notes.append(f"{channel}: sign reversed, as declared")
+            more_notes.append(f"{channel}: sign reversed")
     for channel in EXTRAS:
         values = channels.get(channel, np.empty(0))
         if n_bad := int(np.count_nonzero(~(np.abs(values) < _LARGEST))):  # nor of NaN

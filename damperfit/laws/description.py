@@ -139,8 +139,8 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
             said.append(words.format(_range([factor * one for one in known])) + _where(fits, name))
     said.extend((*_oil_seen(model, fits), *_gas_seen(model, fits)))
     said.extend(
-        f"the {one.label} is not determined: none is taken, and what up to "
-        f"{2.0 * one.ignorance:.2g} {one.shown_unit} would change is in the intervals"
+        f"the {one.label} is not determined: none is taken, and the intervals allow for up to "
+        f"{2.0 * one.ignorance:.2g} {one.shown_unit}"
         for one in model.quantities
         if one.ignorance and one.may_vanish and not any(getattr(at.values, one.name) for at in fits)
     )

@@ -204,7 +204,11 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
             "# reverse_displacement = true     # the log counts compression (rod in) as positive",
             "# reverse_force = true            # remove the #, or declare both false",
         ]
-    lines += ["# temperature_tolerance = inf      # ask for no temperature", ""]
+    lines += [
+        '# columns = {time = "NAME"}        # channels whose columns are not recognised',
+        "# temperature_tolerance = inf      # ask for no temperature",
+        "",
+    ]
     if guessed.adjusters:
         lines.append(
             '[adjusters]                        # clicks count "from open" or "from closed"'

@@ -47,7 +47,7 @@ _MARKS = {
     "not_identifiable": ("?", "not determined by these logs"),
 }
 _BY_CLICK = "shared by all settings, or by those with one click of the adjuster that it follows"
-_OF_MISFIT = "intervals hold noise and lack of fit; parameters.csv has both"
+_OF_MISFIT = "intervals include noise and lack of fit; parameters.csv has both"
 _WITHOUT_VALUE = {"absent", "at_bound", "not_identifiable"}
 _GRADES = ("excellent", "good", "poor", "withheld")
 _CHECK_WORDS = {True: "passed", False: "FAILED", None: "not evaluated"}
@@ -407,7 +407,7 @@ def held_out_sheet(predictions: Iterable[Row], *, is_narrow: bool = False) -> Sh
 # Forces
 
 _WHOSE = ("measured", "simulated")
-_OF_DAMPING = "% of the damping: of the force less the gas force at mid-stroke"
+_OF_DAMPING = "%: of the damping, which is the force less the gas force at mid-stroke"
 _AS_MEASURED = "* measured: the model misses the force there by more than 2 %"
 _SEGMENTS = (
     "Mean of the cycles; where nothing repeats the extremes, and the energy of all of it. "
@@ -484,8 +484,8 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
     marked = next((one for one in places if words(one) != str(one[0])), None)
     if has_click and marked is not None:
         notes.append(
-            f'"{words(marked)}": the change when {marked[1]} alone is turned; the forces of a '
-            "setting are the same in its rows"
+            f'"{words(marked)}": the change when {marked[1]} alone is turned; a setting that '
+            "stands in several rows has the same forces in all"
         )
     notes += [_OF_DAMPING] * has_click
     return laid_out(places, columns, *notes, *_marks(rows))

@@ -536,7 +536,7 @@ def _with_common_signs(
     signs: Any = {f"reverse_{name}": name in channels for name in ("displacement", "force")}
     declared = replace(configuration, reading=replace(reading, **signs))
     how = f"{' and '.join(channels)} reversed" if channels else "nothing reversed"
-    note = f"signs as the other logs of the batch show them: {how}"
+    note = f"signs from the other logs of the batch: {how}"
     again = {}
     for path, name in names.items():
         if _shown(path) in unknown.values():

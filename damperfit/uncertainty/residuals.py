@@ -675,7 +675,8 @@ def _sentence(one: Diagnosis) -> str:
     if not one.hints:
         return f"{text}: {yields if one.has_yielded else unexplained}"
     named = " or ".join(hint.words for hint in one.hints)
-    text = f"{text}: a misfit repeats, {100.0 * one.hints[0].share:.0f} % of it as from {named}"
+    share = f"{100.0 * one.hints[0].share:.0f} %"
+    text = f"{text}: a misfit repeats; {named} would explain {share} of it"
     return f"{text}; {yields}" if one.has_yielded and not one.is_met else text
 
 

@@ -151,8 +151,8 @@ def test_a_tare_that_one_run_cannot_tell_stays_in_the_other() -> None:
 # What else differs
 
 SAME_LOGS = (
-    "both are based on the same logs (x.csv): what differs there is how they were evaluated, and "
-    "the errors, which are those of two tests, are too large"
+    "both are based on the same logs (x.csv): differences come from the evaluation "
+    "only, and the errors, which assume two tests, are too large"
 )
 X = {"log": "x.csv", "sha256": "ab", "setting": 1}
 

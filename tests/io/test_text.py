@@ -57,7 +57,7 @@ READ = {
             "reverse_displacement": True,
         },
         ([0.0, 0.01], [-2, -4], [-1000, -3000]),
-        "force: sign reversed, as declared",
+        "force: sign reversed",
     ),
     "no names": (
         "0\t1\t2\n10\t3\t4\n",
