@@ -42,6 +42,7 @@ from damperfit.simulation import Motion
 from damperfit.statistics import NORMAL_95
 from damperfit.tables.files import json_values
 from damperfit.units.quantities import QuantityError, parse_quantity
+from damperfit.workers import available_cores, executor
 
 if TYPE_CHECKING:
     from damperfit.results import Run, SettingResult
@@ -258,16 +259,22 @@ def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
 def ride_on_road(run: Run, car: Car, settings: Sequence[SettingResult]) -> Ride:
     """Return every setting on the same road."""
     road = _Road(run, car)
-    ridden: list[RideOfSetting] = []
-    lost: list[str] = []
-    for setting in settings:
+
+    def ride(setting: SettingResult) -> RideOfSetting | SimulationError:
         try:
-            ridden.append(road.ride(setting))
-        except SimulationError:
-            lost.append(setting.label)
-            if len(lost) == len(settings):
-                raise
-    return Ride(car, tuple(ridden), tuple(lost))
+            return road.ride(setting)
+        except SimulationError as error:
+            return error
+
+    with executor(available_cores()) as pool:
+        found = list(pool.map(ride, settings))
+    ridden = tuple(one for one in found if isinstance(one, RideOfSetting))
+    for error in found:
+        if isinstance(error, SimulationError) and not ridden:
+            raise error
+    both = zip(settings, found, strict=True)
+    lost = tuple(one.label for one, its in both if isinstance(its, SimulationError))
+    return Ride(car, ridden, lost)
 
 
 class _Road:
