@@ -105,8 +105,9 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     try:
         with open_regular(path) as file:
             before = os.fstat(file.fileno())
+            is_too_large = before.st_size > max_bytes
             # A file that says it is empty may not be (/proc); one byte more shows one that grows.
-            data = _read_up_to(file, min(before.st_size, max_bytes) + 1)
+            data = b"" if is_too_large else _read_up_to(file, before.st_size + 1)
             after = os.fstat(file.fileno())
     except FileNotFoundError as error:
         text = "no such file"
@@ -124,7 +125,7 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         raise LogError(text, subject=shown, code=code) from error
     is_same = (before.st_size, before.st_mtime_ns) == (after.st_size, after.st_mtime_ns)
     text = ""
-    if before.st_size > max_bytes:
+    if is_too_large:
         text = f"{before.st_size} bytes, more than the limit of {max_bytes} (rig.max_log_bytes)"
         code = "too-large"
     elif len(data) != before.st_size or not is_same:

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from damperfit.cli import main
-from damperfit.io.files import MAX_TEXT, IrregularFileError, read_bytes, read_text
+from damperfit.errors import LogError
+from damperfit.io.files import MAX_TEXT, IrregularFileError, read_bytes, read_source, read_text
 from tests.report_folder import make_results
 
 SAMPLE = Path(__file__).parents[2] / "sample_runs" / "setting_10.csv"
@@ -85,6 +86,14 @@ def test_bytes_up_to_a_limit_and_text_with_its_mark(tmp_path) -> None:
         read_bytes(path, max_bytes=5)
     with pytest.raises(IsADirectoryError):
         read_bytes(tmp_path)
+
+
+def test_of_a_log_above_the_limit_nothing_is_read(tmp_path, monkeypatch) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"time_s,force_N\n")
+    monkeypatch.setattr("damperfit.io.files._read_up_to", None)
+    with pytest.raises(LogError, match="15 bytes, more than the limit of 14"):
+        read_source(path, max_bytes=14)
 
 
 # Workbooks: what a small file may be written out to takes little memory.
