@@ -182,12 +182,13 @@ def _standing(channel: _Channel, step: float) -> Iterator[Finding]:
     runs = _runs(values)
     usual = median(runs.length) if _is_held(channel, runs) else 0.0
     is_long = (runs.length > 2.0 * usual) & (runs.least_leap > _LEAP * step)
-    rails, clipped = [], []
+    rails: list[float] = []
+    clipped: set[int] = set()
     for rail in (channel.low, channel.high):
         at = runs.where((values[runs.start] == rail) & is_long)
         if cut := [start for start, stop in at.ends if _is_clip(channel, start, stop)]:
             rails.append(rail)
-            clipped += cut
+            clipped.update(cut)
     if rails:
         share = 100.0 * sum(int(np.count_nonzero(values == rail)) for rail in rails) / n
         text = (

@@ -231,13 +231,15 @@ class Cycles(NamedTuple):
     period: float  # median, samples
     centre: float  # mid-stroke and half the stroke, medians over the cycles, m
     amplitude: float
+    begin: float  # where cycles of another length or size begin, samples; infinite: none do
+    end: float
     n_found: int  # whole cycles of motion in the log, steady or not
     n_elsewhere: int  # steady cycles beyond a break in the motion
     break_at: float  # where the run meets the nearest break, samples
 
 
 def cycles_in(
-    x: FloatArray, speed: FloatArray, run: SteadyRun | None, steadiness: float, *, moved: float
+    x: FloatArray, speed: FloatArray, run: SteadyRun | None, steadiness: float
 ) -> Cycles | None:
     """Return the cycles of x, m, with its speed, m per sample, about a run's middle, if any."""
     if run is not None:
@@ -287,17 +289,34 @@ def cycles_in(
         part for part in (ahead, len(x) - float(marks[-1])) if part <= 0.55 * period + 1.0
     )
     low, high = float(at[begin]), float(at[end])
-    before, behind = int(np.sum(is_steady[:first])), int(np.sum(is_steady[stop:]))
-    run = SteadyRun(slice(begin, end), low, high, period, amplitude, middle)
+    starts_off, stops_off = begin > first, end < stop
+    outer = (
+        low - (1.0 if starts_off else 0.75 * period),
+        high + (1.0 if stops_off else 0.75 * period),
+    )
+    falling = falling[(falling > outer[0]) & (falling < outer[1])]
+    inside = falling[(falling > low) & (falling < high)]
+    if len(inside):
+        # The outer ones may stand half a cycle outside of the rising ones: there half of the
+        # difference that a cycle may have is enough.
+        spare = 0.5 * allowed[0][1] * period
+        ahead, behind = inside[0] - falling[0], falling[-1] - inside[-1]
+        if ahead > 0.0 and abs(ahead - period) > spare:
+            falling, starts_off = falling[1:], True
+        if behind > 0.0 and abs(behind - period) > spare:
+            falling, stops_off = falling[:-1], True
+    before, beyond = int(np.sum(is_steady[:first])), int(np.sum(is_steady[stop:]))
     return Cycles(
         at[begin : end + 1],
-        passages_of(falling, run, x, moved=moved),
+        falling,
         period,
         middle,
         amplitude,
+        begin=low if starts_off else -math.inf,
+        end=high if stops_off else math.inf,
         n_found=int(length / period + 0.02),
-        n_elsewhere=before + behind,
-        break_at=high if behind >= before else low,
+        n_elsewhere=before + beyond,
+        break_at=high if beyond >= before else low,
     )
 
 

@@ -97,7 +97,7 @@ class _Motion:
         longest = max(self.runs, key=lambda run: run.cycles.stop - run.cycles.start, default=None)
         x, interval, steadiness = self.seen.displacement, self.log.interval, self.options.steadiness
         speed = self.seen.velocity * interval
-        return cycles_in(x, speed, longest, steadiness, moved=_MOVED / interval)
+        return cycles_in(x, speed, longest, steadiness)
 
     @property
     def is_one_run(self) -> bool:
@@ -239,7 +239,7 @@ def _window(motion: _Motion) -> FloatArray:
     begin, end = float(cycles.rising[0]), float(cycles.rising[-1])
     begin = 0.0 if begin <= 1.1 * period else begin
     end = n - 1.0 if n - 1.0 - end <= 1.1 * period else end
-    low, high = begin + period + edge, end - edge
+    low, high = max(begin + period + edge, cycles.begin), min(end - edge, cycles.end)
     rising, falling = (
         marks[(marks >= low) & (marks <= high)] for marks in (cycles.rising, cycles.falling)
     )

@@ -256,6 +256,15 @@ def test_cycles_whose_turns_noise_hides_are_found_by_their_middle():
     assert (trace.n_cycles, trace.frequency) == (7, pytest.approx(1.5, rel=0.02))
 
 
+def test_noise_of_few_cycles_takes_none_away():
+    assert condition(speeds((1.0, 0.018, 4.9), noise=8e-4, seed=5)).n_cycles == 3
+
+
+def test_a_cycle_at_the_end_ends_where_another_speed_begins():
+    with pytest.raises(ConditioningError, match="no whole steady cycle is left"):
+        condition(speeds((2.0, 0.03, 2), (1.82, 0.03, 1)))
+
+
 def test_steady_cycles_beyond_a_break_are_told():
     few = warned(speeds((1.5, 0.03, 6), (0, 0.0, 0.6), (1.5, 0.03, 2.2)))["unsteady_cycles"]
     assert few.value == 2.0
