@@ -349,9 +349,10 @@ def _of_exchanges(search: LawSearch, tests: _Tests) -> Iterator[str]:
         times = max(one.times for one in known)
         fits = f"fits with {times:.2g} times the MSE" if times > 1.05 else "fits as well"
         yield (
-            f"Whether it is {part} or {' or '.join(one.instead for one in known)}: the latter "
-            f"{fits}, and the intervals cover both. {tests.faster[0].upper()}{tests.faster[1:]}, "
-            "another gas pressure, or a rigid bar in the damper's place would decide it."
+            f"Whether it is {part}: with {' or '.join(one.instead for one in known)} instead the "
+            f"model {fits}, and the intervals cover both. {tests.faster[0].upper()}"
+            f"{tests.faster[1:]}, another gas pressure, or a rigid bar in the damper's place would "
+            "decide it."
         )
 
 
@@ -481,7 +482,6 @@ def _of_prediction(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
     if tests.fastest < _ONE_FREQUENCY * tests.slowest:
         speed = 0.3 * tests.fastest
     yield (
-        f"How well the law predicts another test: {which}. One more log decides it, of "
-        f"{speed:.2g} m/s at a stroke of {0.6e3 * tests.amplitude:.2g} mm to both sides, held "
-        "out."
+        f"How well the model predicts another test: {which}. One more log would show it, held "
+        f"out, with {speed:.2g} m/s at an amplitude of {0.6e3 * tests.amplitude:.2g} mm."
     )

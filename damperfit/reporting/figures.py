@@ -872,8 +872,8 @@ def _valves(rows: Sequence[Row], log: LogView) -> Iterator[Plot]:
     panel = Panel("pressure across the valve", "bar", "flow", "cm³/s", tuple(lines))
     caption = (
         f"{_DIRECTIONS.capitalize()}. Points: flow read from the loops (displaced by the piston, "
-        "less elasticity) without assuming a valve law; where they leave the curve, the law lacks "
-        "something."
+        "less elasticity) without assuming a valve law; where they leave the curve, the law does "
+        "not fit."
     )
     if openings:
         caption += f" Blow-offs open in {'; in '.join(openings)}."
