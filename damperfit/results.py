@@ -791,7 +791,13 @@ class Run:
         def is_whole(one: SpeedForces) -> bool:
             return {len(one.speeds)} >= {len(getattr(one, name)) for name in names}
 
-        return tuple(one for one in read if one is not None and is_whole(one))
+        # The record says settings by their labels; that of several adjusters is more than its own.
+        known = {one.setting.cell: one.setting for one in self.settings}
+        return tuple(
+            replace(one, setting=known.get(one.setting.cell, one.setting))
+            for one in read
+            if one is not None and is_whole(one)
+        )
 
     @property
     def digest(self) -> str:

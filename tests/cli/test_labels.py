@@ -47,6 +47,15 @@ def results(bodies, tmp_path_factory):
     return out
 
 
+def test_measured_forces_are_known_again_when_a_run_is_read(results, capsys):
+    names = ("setting", "speed_m_per_s", "stroke", "measured_N")
+    rows = pq.read_table(results / "adjustment.parquet").select(names).to_pylist()
+    assert main(["settings", str(results), "--json", "--quiet"]) == 0
+    forces = json.loads(capsys.readouterr().out)["forces"]
+    assert [{name: one[name] for name in names} for one in forces] == rows
+    assert any(row["measured_N"] is not None for row in rows)
+
+
 def test_tables_trends_and_clicks_are_by_adjuster(results):
     for name in ("parameters", "mse", "adjustment", "responses"):
         table = pq.read_table(results / f"{name}.parquet")
