@@ -18,9 +18,6 @@ from typing import Any
 from damperfit.laws import structures
 from tests.bench_numbers import CASES, compared, load_frozen
 
-__all__ = ["PIECES", "switched_off"]
-
-
 _WITH_PART = structures.with_part
 
 

@@ -28,8 +28,6 @@ from tests.rig_like import campaign, dampers, other_laws, rig, test_triangles, v
 from tests.rig_like.bars import SHARED, adjusted
 from tests.rig_like.rig import Body, Channels, Logged, Valve, logged
 
-__all__ = ["MAKERS", "PAPER", "Truth", "copied", "folder_of"]
-
 ROOT = Path(__file__).parents[1]
 SOURCES = (accuracy_of_motions, campaign, convergence, motions, dampers, other_laws, rig,
            test_triangles, valve_bars)  # fmt: skip

@@ -35,8 +35,6 @@ import numpy as np
 from tests.bench_logs import PAPER, Truth, copied, folder_of
 from tests.rig_like import other_laws, valve_bars
 
-__all__ = ["CASES", "Case", "Row", "compared", "measured", "moved", "shown"]
-
 ROOT = Path(__file__).parents[1]
 FROZEN = Path(__file__).with_suffix(".toml")
 MSE_RATIO, STANDARD_ERRORS = 1.02, 0.1

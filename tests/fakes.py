@@ -12,8 +12,6 @@ from damperfit.recording import Drive, FilterDesign, Stretch, Trace
 from damperfit.results import Run
 from damperfit.simulation import SolverOptions
 
-__all__ = ["campaign", "fit", "trace"]
-
 FREE = ("r_m1", "r_m2", "k_e")
 
 

@@ -17,8 +17,6 @@ from damperfit.identification import Campaign
 from damperfit.run import identify
 from damperfit.run.identify import Watch
 
-__all__ = ["fits_anew", "kept_fits"]
-
 
 @dataclass(frozen=True)
 class _Asked:

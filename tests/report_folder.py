@@ -15,8 +15,6 @@ from damperfit.tables.files import lay_out, write_responses, write_table
 from damperfit.tables.rows import characteristic_rows, make_tables, signals_of
 from tests.fakes import campaign, fit
 
-__all__ = ["EVIL", "make_results"]
-
 EVIL = "</script><img src=x onerror=alert(1)>$x_1$.csv"
 
 

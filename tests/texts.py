@@ -32,8 +32,6 @@ from damperfit.tables.rows import make_tables
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results
 
-__all__ = ["FORCES", "LOGS", "STATES", "page_words", "run_of", "texts"]
-
 SNAPSHOT = Path(__file__).parent / "snapshots" / "texts.txt"
 RECORD: dict[str, Any] = {"version": "1.2.3", "procedure": ["Procedure: paper."]}
 CHECKS = (

@@ -25,16 +25,6 @@ if TYPE_CHECKING:
     from damperfit.laws.law_fit import Exchange, LawFit, LawSearch, SettingLogs
     from damperfit.recording import Stretch
 
-__all__ = [
-    "SeenAt",
-    "interchangeable_parts",
-    "opening_force",
-    "physics_seen",
-    "seen_again",
-    "undecided",
-]
-
-
 _UNDETERMINED = (frozenset({Status.NOT_IDENTIFIABLE, Status.ABSENT}), frozenset({Status.AT_BOUND}))
 _NAMED = 3  # settings; of more only the number is given
 _SHOWN_FLOW = 1e-5  # m3/s, at which people are told what a laminar passage costs

@@ -24,27 +24,6 @@ from damperfit.tested.setting import Setting
 if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
 
-__all__ = [
-    "ENOUGH_PERCENT",
-    "GAIN",
-    "PREDICTED_PERCENT",
-    "SEEN_APART",
-    "UNDETERMINED",
-    "Exchange",
-    "JudgedLaw",
-    "LawFit",
-    "LawSearch",
-    "SettingLogs",
-    "Tried",
-    "are_alike",
-    "descended",
-    "fit_at",
-    "fit_law",
-    "predicted_worse",
-    "times_worse",
-]
-
-
 # What a law misses of logs: in all, and at the speed where it is off most.
 
 # Of half the range: the least force that what is left in a stroke is held against.

@@ -27,8 +27,6 @@ from damperfit.workers import InTurn, Threads, executor
 if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
 
-__all__ = ["OneModel"]
-
 # Steps are short beside numbers that logs tell to a thousandth: no step is too short to be tried.
 _SHORTEST = 1e-8
 _LOOK = Stopping(cost_tolerance=1e-2, step_tolerance=_SHORTEST, max_evaluations=10, rest=math.inf)

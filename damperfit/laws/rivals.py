@@ -21,15 +21,6 @@ from damperfit.laws.law_fit import (
 from damperfit.simulation import SolverOptions
 from damperfit.workers import executor
 
-__all__ = [
-    "YIELDING",
-    "held_against",
-    "is_open_to",
-    "rank_rivals",
-    "unbelievable",
-    "yielding_seen",
-]
-
 
 def rank_rivals(
     evidence: Sequence[SettingLogs],

@@ -82,8 +82,6 @@ from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting, nearest_setting
 from damperfit.workers import executor
 
-__all__ = ["FLOOR_PERCENT", "search_laws"]
-
 # Per cent of the variance: misfits below are not told apart, whatever the number of samples.
 FLOOR_PERCENT = 0.0003
 # The same of what was held out, which counts as so many effective samples a setting.

@@ -23,23 +23,6 @@ from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, Valv
 if TYPE_CHECKING:
     from damperfit.identification.sharing import Follows
 
-__all__ = [
-    "BOTH",
-    "LAYOUTS",
-    "PARTS",
-    "STROKES",
-    "Structure",
-    "everything",
-    "exchanges",
-    "in_other_layouts",
-    "in_words",
-    "moves",
-    "times_in",
-    "with_part",
-    "without_part",
-]
-
-
 # Laws next to a law: with a part more or less, of another kind; each in a few words.
 
 BOTH = Valve("orifice", "linear")

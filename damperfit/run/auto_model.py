@@ -40,20 +40,6 @@ from damperfit.tables.files import json_values
 from damperfit.tested.setting import Setting
 from damperfit.workers import available_cores
 
-__all__ = [
-    "GAS_LENGTHS",
-    "LawChoice",
-    "assumed_gas",
-    "choose_law",
-    "declared_dimensions",
-    "is_monotube_open",
-    "open_dimensions",
-    "open_layout",
-    "ties_of",
-    "with_chosen_law",
-]
-
-
 # What is open of a damper where nobody has declared its layout, its dimensions or its gas.
 
 # What a law has of its own, and the lengths that make the paper's gas volume.

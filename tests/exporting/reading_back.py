@@ -8,8 +8,6 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import scipy.io
 
-__all__ = ["READERS", "SIGNS", "combi_matrices", "mat_variables"]
-
 Curves = dict[str, tuple[np.ndarray, np.ndarray]]
 MILLIMETRES = {"LENGTH": "mm", "ANGLE": "degrees", "FORCE": "newton", "MASS": "kg"}
 

@@ -33,8 +33,6 @@ from tests.rig_like.dampers import text_of
 from tests.rig_like.rig import AMBIENT, Body, Channels, Valve, crank, logged
 from tests.rig_like.speed_forces import steady
 
-__all__ = ["Campaign", "drawn", "identified", "logs_of", "steady_force", "told", "written"]
-
 PSI = 6894.757
 LAYOUTS = ("monotube", "twin_tube", "through_flow")
 MOUNTINGS = ("elastic", "rubber", "play", "rubber", "play", "elastic")

@@ -42,18 +42,6 @@ from damperfit.simulation import Motion
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import moved
 
-__all__ = [
-    "Drawn",
-    "draw",
-    "evidence_of",
-    "known_of",
-    "of_several",
-    "parts_of",
-    "searched",
-    "settings_of",
-    "verdict_on",
-]
-
 KINDS = (ThroughFlow, TwinTube, Monotube)
 VALVES = {
     "bleed": Valve("orifice", "none"),

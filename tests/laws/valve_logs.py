@@ -10,8 +10,6 @@ from damperfit.simulation import Motion, simulate
 from damperfit.tested.setting import Setting
 from tests.identification.rig import recorded
 
-__all__ = ["DAMPER_TOML", "VALUES", "damper", "log_text", "moved"]
-
 DAMPER_TOML = """[damper]
 rod_diameter = "10.1mm"
 piston_diameter = "24.8mm"

@@ -5,8 +5,6 @@ R_m3 2.597e6, f_f 50, P_0 4.6e5, gamma 1.4, fourth cycle from rest; x = 0.032 si
 
 from damperfit.damper.purdy.parameters import Parameters
 
-__all__ = ["GOLDEN", "PHASES", "SET_M"]
-
 PHASES = (0.1, 0.2, 0.4, 0.6, 0.9)
 
 

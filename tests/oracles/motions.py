@@ -22,8 +22,6 @@ from tests.oracles.model import equal_pressure_start, instant, solve
 FloatArray = NDArray[np.float64]
 Function = Callable[[float], float]
 
-__all__ = ["MOTIONS", "Drive", "logged", "solved", "steps", "sweep"]
-
 RATE = 1000.0
 AMPLITUDE = 0.032
 

@@ -9,8 +9,6 @@ import math
 import numpy as np
 from scipy.integrate import solve_ivp
 
-__all__ = ["flow_through", "solve"]
-
 
 def flow_through(drop, *, opening, resistance, orifice, width, is_two_way, power=1.0):
     """Mass flow of one passage, kg/s."""

@@ -11,8 +11,6 @@ from scipy.optimize import brentq
 
 from tests.oracles.network import flow_through, law_of
 
-__all__ = ["purdy_force", "steady_force"]
-
 _MOST = 1e9  # Pa
 
 

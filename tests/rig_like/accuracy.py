@@ -21,8 +21,6 @@ from tests.identification.convergence import AMPLITUDE, KINDS, SOLVER, SPEEDS, m
 from tests.identification.rig import recorded
 from tests.rig_like.rig import Body, Channels, Valve, logged, steps
 
-__all__ = ["BARS", "Accuracy", "measured"]
-
 BARS = {"force": 0.5, "opening": 3.0, "bleed": 2.0, "k_s": 5.0, "play": 10.0}  # per cent
 _TOLD = {"fitted", "shared"}
 

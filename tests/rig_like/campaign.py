@@ -18,8 +18,6 @@ import numpy as np
 from tests.rig_like.dampers import adjustable, text_of
 from tests.rig_like.rig import AMBIENT, Body, Channels, crank, logged
 
-__all__ = ["MOUNTINGS", "TESTS", "TOML", "body_of", "written"]
-
 PSI = 6894.757
 MOUNTINGS = {"stiff": (4.5e5, 0.0), "rubber": (1.6e5, 60.0)}  # N/m, N
 TOML = """[damper]

@@ -20,11 +20,6 @@ import numpy as np
 
 from tests.rig_like.rig import FINE, Body, Channels, Logged, Valve, crank, logged
 
-__all__ = [
-    "ADJUSTABLE_TOML", "RIG_TOML", "SETTINGS", "adjustable", "magneto_rheological", "second_rig",
-    "text_of", "written_adjustable", "written_second_rig",
-]  # fmt: skip
-
 LOWS, HIGHS = (6, 10, 14, 18), (1, 2, 3)
 SETTINGS = tuple((low, high) for low in LOWS for high in HIGHS)
 SLOW = ((14, 1), (18, 3))

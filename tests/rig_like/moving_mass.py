@@ -17,8 +17,6 @@ from damperfit.recording import Trace
 from tests.identification.rig import recorded
 from tests.rig_like.rig import Body, Channels, Valve, crank, logged
 
-__all__ = ["LAG", "MODEL", "errors", "loaded_logs"]
-
 TESTS = ((1.0, 0.025), (3.0, 0.015), (6.0, 0.009), (10.0, 0.0055))  # Hz, m
 LAG = 0.004  # s
 BODY = Body(

@@ -18,8 +18,6 @@ from pathlib import Path
 
 import numpy as np
 
-__all__ = ["LAYOUTS", "Body", "Channels", "Logged", "Valve", "crank", "logged", "pulled", "steps"]
-
 FINE = 1e-4  # s, between the places where motion and force are kept
 AMBIENT = 101325.0
 ROUND = 400.0  # Pa, of rig.c

@@ -29,8 +29,6 @@ from tests.rig_like.dampers import text_of
 from tests.rig_like.rig import AMBIENT, Body, Channels, Valve, logged, steps
 from tests.rig_like.valve_bars import TOML
 
-__all__ = ["drawn", "steady", "worst"]
-
 SPEEDS = (0.005, 0.01, 0.025, 0.05, 0.13, 0.25)
 BAR, LEAST = 0.02, 0.2
 LAYOUTS = ("monotube", "twin_tube", "through_flow")
