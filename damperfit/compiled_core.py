@@ -1,7 +1,5 @@
 """The compiled core, wherever it is."""
 
-from __future__ import annotations
-
 import sys
 from functools import lru_cache
 from importlib import import_module

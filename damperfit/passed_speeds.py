@@ -1,7 +1,5 @@
 """Read off a loop: signals where a velocity passes given speeds, and the work of a cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

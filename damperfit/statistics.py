@@ -4,8 +4,6 @@ SciPy and NumPy have them too; SciPy takes longer to load than a fit takes, and 
 load its masked arrays, which `inspect` would wait for.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -10,8 +10,6 @@ Writers are kept apart by locks of the operating system, which end with their pr
 system has none nothing does.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import os

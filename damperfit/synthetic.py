@@ -10,8 +10,6 @@ has noise, steps, a rig filter and a temperature. Every log says ``# rig: synthe
 samples)``; the true values go to ``truth.csv``. The same options give the same bytes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -14,8 +14,6 @@ the interpreter's lock, and 9.1 s by one (medians of three). New interpreters ta
 processor each to begin, and what is done with an item cannot be pickled.
 """
 
-from __future__ import annotations
-
 import gc
 import io
 import logging

@@ -1,7 +1,5 @@
 """The passport of one damper: an A4 page that prints, and a JSON that is a baseline too."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

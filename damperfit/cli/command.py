@@ -4,8 +4,6 @@ The command has no option of its own but those that say how it talks (`PRESENTAT
 panels, by what the options are for.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 from collections.abc import Callable, Iterable, Sequence

@@ -1,7 +1,5 @@
 """The door of the command line: registers the commands, turns errors into lines and exit codes."""
 
-from __future__ import annotations
-
 import errno
 import gc
 import logging

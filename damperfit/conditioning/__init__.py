@@ -6,8 +6,6 @@ filter does and which stands where, `cycles` which cycles count, `segments` what
 the channels count, `delay` by how much the force is late, `findings` what is told of all this.
 """
 
-from __future__ import annotations
-
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import apply_filter, design_filter, differentiate
 from damperfit.conditioning.findings import examine_raw

@@ -5,8 +5,6 @@ displacement goes beyond a quarter of the amplitude on both sides, so noise at r
 Positions are fractional samples, from the cubic Hermite piece of (x, v).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise

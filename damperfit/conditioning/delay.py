@@ -21,8 +21,6 @@ the other: a stiff mounting goes through the friction within a millisecond or tw
 is never that.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -19,8 +19,6 @@ motion, where one speed goes over to another, the drive is wider: a jump of the 
 smeared into what is compared.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

@@ -20,8 +20,6 @@ The compiled core runs them: same numbers as SciPy's `sosfilt` and `sosfiltfilt`
 importing `scipy.signal` takes 0.7 s.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

@@ -20,8 +20,6 @@ Peaks that fall from the first cycle to the last are no scatter: oil that warms 
 curve of second degree through them is taken off before they are said to scatter.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The chain from a recording to a trace, step by step, and the logs that are refused on the way."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

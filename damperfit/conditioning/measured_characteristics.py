@@ -5,8 +5,6 @@ cycles in which the filter still holds another speed; of a motion that
 does not repeat the largest and the smallest force, and the energy of all of it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -14,8 +14,6 @@ Where nothing repeats, the noise is taken for white and read from the fifth diff
 the filter takes off, in which the jumps of friction are few; behind it is what the filter passes.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

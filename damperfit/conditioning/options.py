@@ -1,7 +1,5 @@
 """What a user may say about filters, the rig, the centre and what counts as a steady cycle."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

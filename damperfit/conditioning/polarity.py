@@ -20,8 +20,6 @@ more than twice its doubt (about four standard errors) withholds the grade. Wher
 energy, the log is refused with the question that must be answered.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any, NamedTuple

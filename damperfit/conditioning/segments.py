@@ -12,8 +12,6 @@ is continued by its own cycles (`damperfit.conditioning.timebase`); one between 
 compared from break to break, where that is more.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """What several steps ask of a signal: its noise, and where something lasts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

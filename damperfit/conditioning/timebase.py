@@ -18,8 +18,6 @@ sample has not repeated yet: as long as the force differs from the next cycle's 
 it is run-in, and the log is continued behind it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

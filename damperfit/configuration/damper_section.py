@@ -1,7 +1,5 @@
 """The section [damper] of a configuration: its keys are the fields of the model that it names."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, fields, is_dataclass

@@ -1,7 +1,5 @@
 """What a damper's lengths and pressures are, in words: for whoever measures them on the bench."""
 
-from __future__ import annotations
-
 _CHAMBERS = """\
    rod
     |

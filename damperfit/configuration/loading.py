@@ -4,8 +4,6 @@ A profile of a rig goes before [rig] for its logs; the command line goes before 
 section has is an error; a mistake is told with the file and line, or the option, that gave it.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -27,8 +27,6 @@ the other; elsewhere the difference looks like a drag of the seals, of the oppos
 friction's.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar

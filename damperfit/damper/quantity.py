@@ -4,8 +4,6 @@ What is done with a quantity follows from its scope, its range, whether it is ta
 logarithm, and its role; its name says nothing to anyone but its model.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

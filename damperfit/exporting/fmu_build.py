@@ -6,8 +6,6 @@ python -m damperfit.exporting.fmu_build x86_64-windows     one of them
 Without Zig the machine's own C compiler builds the library of this machine.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import platform as machine
 import shutil

@@ -4,8 +4,6 @@ Its size does not grow with the fleet: a picture has one band and a bounded numb
 show the worst, the rest stands in CSV files.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -9,8 +9,6 @@ is known besides the rows stands in the footer, outside of the schema, which wou
 time; what of run.json is compared is packed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -5,8 +5,6 @@ change) and what was found in it. Where the store tells the same today the objec
 same and not fetched. A store that does not answer costs a damper a sentence and the run nothing.
 """
 
-from __future__ import annotations
-
 import fnmatch
 import hashlib
 import os

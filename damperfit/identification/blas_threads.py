@@ -5,8 +5,6 @@ number belongs to the process: where two runs overlap in it, the first lowers it
 back. Each by itself would put back what it found, and leave one thread for good.
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 from collections.abc import Iterator

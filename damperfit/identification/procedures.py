@@ -4,8 +4,6 @@
 and fits all settings at once, with R_m3 and f_f, or what the model ties, in common.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress

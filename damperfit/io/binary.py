@@ -20,8 +20,6 @@ misread, as 8-byte floats for 8-byte integers, gives integers that no measuremen
 they are refused. Lengths may be anything up to 2^64.
 """
 
-from __future__ import annotations
-
 import io
 import struct
 from collections.abc import Mapping

@@ -10,8 +10,6 @@ not asked again. What a child refuses for want of memory, or dies of, may come f
 then a new one is asked. A child ends when nobody asks for a while, and with its parent.
 """
 
-from __future__ import annotations
-
 import atexit
 import importlib
 import importlib.util

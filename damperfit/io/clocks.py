@@ -15,8 +15,6 @@ A logger that pauses while it writes its buffer leaves pieces of equal length, a
 voltage that steps is another setting: both part a record.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

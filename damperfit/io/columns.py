@@ -5,8 +5,6 @@ that rigs write; a column with the channel's unit goes before one without, fewer
 more. Two columns of time that stand each left of channels of their own are two clocks.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches

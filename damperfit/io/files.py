@@ -7,8 +7,6 @@ bytes are valid Latin-1, so it is taken last, and said. UTF-16 is known by its m
 every second byte is NUL, and so are bytes that a serial line dropped.
 """
 
-from __future__ import annotations
-
 import codecs
 import errno
 import gzip

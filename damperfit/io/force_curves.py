@@ -8,8 +8,6 @@ Traps. Makers write bump as positive numbers. Points that were not measured are 
 without a sign leaves the stroke to the force's sign.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

@@ -20,8 +20,6 @@ at. Each sheet is written out as text and then read like any text log, so names,
 wall-clock times are understood alike; a line number in a message is the row of the sheet.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import importlib
 import io

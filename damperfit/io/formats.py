@@ -4,8 +4,6 @@ Every reader makes `Table`s of a file: named columns whose values are loaded whe
 of them are channels (`columns`, `recordings`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module

@@ -9,8 +9,6 @@ some thirty times the bytes of ``[[],[],...``, recursion ends it in deep nesting
 whole numbers of some thousand digits with an error of its own.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence

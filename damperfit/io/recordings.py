@@ -4,8 +4,6 @@ A servo-hydraulic controller heads each buffer that it writes like a test of its
 record from tests is the step in time from the last row of a block to the first of the next.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace

@@ -5,8 +5,6 @@ One row a log, with the columns ``file``, each adjuster (or ``setting``, a label
 comma, semicolon or tab, UTF-8 or Latin-1.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Mapping, Sequence

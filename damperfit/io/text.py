@@ -15,8 +15,6 @@ nothing of the decimal mark. One dropped byte joins two rows. A controller may w
 buffers whose titles alone tell time.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What is no candidate of the search: models of the literature, and those that yield."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

@@ -26,8 +26,6 @@ follows one adjuster, or none (`_Linear`): before parts are removed, for they ma
 numbers where these are fewer.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The manual: one page a topic, for the terminal (`damperfit help`) and for the site (`mkdocs`)."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from importlib.resources import files

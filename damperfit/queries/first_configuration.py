@@ -1,7 +1,5 @@
 """The first configuration of a damper of your own: what its logs show, what must be measured."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

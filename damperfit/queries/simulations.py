@@ -1,7 +1,5 @@
 """Simulations of one setting: whose parameters, which motion, one test or a sweep."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """What a function returns for people and programs: it prints itself as text and in a notebook."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
 from typing import Any

@@ -1,7 +1,5 @@
 """A simulated cycle and a sweep: their tables, lines for a terminal, and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

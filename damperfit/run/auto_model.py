@@ -1,7 +1,5 @@
 """Logs in, the model that they support out: searched on few settings, then fitted at all."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace

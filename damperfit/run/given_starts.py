@@ -1,7 +1,5 @@
 """Where fits start, as a user has said it: --start FILE and --start NAME=VALUE."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

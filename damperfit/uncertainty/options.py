@@ -1,7 +1,5 @@
 """What a configuration asks of the judgement; checked without loading what judges."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ add, behind the filter and with everything the fit could absorb projected out. T
 repeating misfit that one signature explains is what a refit with that flaw in the model would gain.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -17,8 +17,6 @@ With k = setting - 1:
     f_f  = 50                                                             N
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
