@@ -674,7 +674,7 @@ def _sentence(one: Diagnosis) -> str:
         return f"{text}: {yields if one.has_yielded else unexplained}"
     named = " or ".join(hint.words for hint in one.hints)
     share = f"{100.0 * one.hints[0].share:.0f} %"
-    text = f"{text}: a misfit repeats; {named} would explain {share} of it"
+    text = f"{text}: a misfit repeats, {share} of it explained by {named}"
     return f"{text}; {yields}" if one.has_yielded and not one.is_met else text
 
 

@@ -209,7 +209,7 @@ def test_causes_of_one_run_do_not_contradict_each_other() -> None:
     divided = reconciled([diagnosis(1, late), diagnosis(2, late), diagnosis(3, early, valve)])
     assert [one.hints for one in divided] == [(), (), (valve,)]
     assert "its cause was not found" in divided[0].sentence
-    assert "valve_law_bump 50 would explain" in divided[2].sentence
+    assert "explained by valve_law_bump 50" in divided[2].sentence
     most = reconciled([*(diagnosis(k, late) for k in (1, 2, 3)), diagnosis(4, early)])
     assert [one.hints for one in most] == [(late,)] * 3 + [()]
     # What each setting may have for itself stands in any sign.
