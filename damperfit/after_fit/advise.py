@@ -75,6 +75,7 @@ _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
 _USEFUL, _NOTICED = 0.8, 0.99  # of the interval: what a test that helps, or hardly helps, leaves
 _NOISE = "displacement_noise"  # a finding
+_SPOILT = 1e6  # times the largest plausible value
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
 
 
@@ -399,6 +400,12 @@ def _scales(values: Values, names: Sequence[str]) -> FloatArray:
     return np.array([values[n] if values.quantity(n).is_logarithmic else 1.0 for n in names])
 
 
+def _is_spoilt(values: Values) -> bool:
+    """Whether a table that somebody has edited has a number that no damper has."""
+    sizes = {one.name: max(map(abs, one.plausible)) for one in values.quantities}
+    return not all(abs(values[name]) < _SPOILT * size for name, size in sizes.items())  # nor NaN
+
+
 class _Rig:
     """What tests tell on a rig. Matrices are by u, in the noise s of a setting as the unit."""
 
@@ -407,8 +414,7 @@ class _Rig:
     ) -> None:
         self.run, self.limits = run, limits
         judged = (one for one in settings if one.covariance is not None and len(one.names))
-        sound = (one for one in judged if np.isfinite([one.values[n] for n in one.names]).all())
-        known = [_Known(run, one, question) for one in sound]
+        known = [_Known(run, one, question) for one in judged if not _is_spoilt(one.parameters)]
         self.known = [one for one in known if one.now > 0.0 or question.quantity == LAW]
         self.options, inputs = run.own_configuration.conditioning, entries_in(run.record, "inputs")
         rates = [float(log["sample_rate_Hz"]) for log in inputs if log.get("sample_rate_Hz")]

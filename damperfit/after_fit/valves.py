@@ -260,7 +260,8 @@ def sized(found: Orifices, run: Run, force: float, speed: float) -> Orifices:
             rows.append(row | {"diameter_m": part["diameter_m"] / math.sqrt(times)})
         else:
             row |= {"now": part["pressure_Pa"], "wanted": part["pressure_Pa"] * times, "unit": "Pa"}
-            rows.append(row | {"seat_force_N": times * part.get("seat_force_N", math.nan)})
+            seat = part.get("seat_force_N")
+            rows.append(row | {"seat_force_N": None if seat is None else times * seat})
     sentence = f"{force:.5g} N at {speed:g} m/s: no orifice or preload alone gives it"
     if rows:
         n = len({row["setting"] for row in rows})

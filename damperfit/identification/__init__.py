@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from damperfit.identification.fit_problem import *  # noqa: F403
-    from damperfit.identification.fit_setting import *  # noqa: F403  # noqa: F403
+    from damperfit.identification.fit_setting import *  # noqa: F403
     from damperfit.identification.logs import *  # noqa: F403
     from damperfit.identification.options import *  # noqa: F403
     from damperfit.identification.outcome import *  # noqa: F403

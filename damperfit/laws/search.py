@@ -75,6 +75,7 @@ from damperfit.laws.structures import (
     in_words,
     moves,
     times_in,
+    with_part,
 )
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting, nearest_setting
@@ -763,9 +764,22 @@ class _Search:
         return Tried(law.title, fits), self._yielding
 
     def is_hopeless(self, fit: _Fit) -> bool:
-        """Whether what yields fits and predicts far better than every part of valves together."""
-        beside, found = self.beside_yielding(self.judged(fit))
-        return any(times_worse(one, beside) > _FAR_WORSE for one in found)
+        """Whether what yields fits and predicts far better than every part of valves together.
+
+        Friction that builds up over a distance yields as well: it is asked before they are lost.
+        """
+
+        def is_far(fit: _Fit) -> bool:
+            beside, found = self.beside_yielding(self.judged(fit))
+            return any(times_worse(one, beside) > _FAR_WORSE for one in found)
+
+        if not is_far(fit):
+            return False
+        sliding = Structure(with_part(fit.structure.damper, "presliding"))
+        with suppress(SimulationError):
+            if (glance := self.glanced(sliding, fit)) is not None:
+                return is_far(self.ended_at(glance))
+        return True
 
     def yielding(self, law: Tried, share: float, by_some: float) -> Tried:
         """What yields before it slides, where the logs do and valves tell them less well."""

@@ -416,7 +416,7 @@ class Assessment:
             high = None if high is None or high > most else high
             errors = self.uncertainty(fit.setting)
             above = errors.unopened.get(name) if errors and low is None else None
-            low = above if above and above < getattr(fit.parameters, name) else low
+            low = low if above is None or above >= getattr(fit.parameters, name) else above
         return low, high
 
     def unlimited(self, fit: Fit) -> frozenset[str]:

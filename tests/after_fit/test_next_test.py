@@ -177,6 +177,19 @@ def test_a_part_is_sized_for_a_force(fitted) -> None:
     assert not fitted.valves(force="-900N", velocity="0.2m/s", stroke="rebound").sized
 
 
+def test_a_preload_is_sized_with_and_without_a_seat(tmp_path) -> None:
+    words = ("samples", str(tmp_path), "--model", "twin_tube", "--settings", "3", "--cycles", "6")
+    assert main(words) == 0
+    run = damperfit.identify([tmp_path / "setting_03.csv"], model="twin_tube")
+    asked = {"force": "145N", "velocity": "0.1m/s"}
+    for seat, told in ((None, "-"), ("10mm", " N on the seat")):
+        found = run.valves(**asked, seat=seat)
+        (row,) = (one for one in found.sized if one["unit"] == "Pa")
+        assert (row["seat_force_N"] is None) is (seat is None)
+        assert found.sheets()[-1].rows[-1][-1].endswith(told)
+        assert "nan" not in repr(found)
+
+
 def test_a_model_without_valves_has_none(short) -> None:
     found = damperfit.identify([short / "setting_01.csv"], model="bilinear")
     with pytest.raises(ConfigurationError, match="no orifices"):
@@ -206,3 +219,15 @@ def test_an_edited_table_is_no_bug(edited, value, words) -> None:
     table = table.set_column(place, table.schema.field(place), column)
     pq.write_table(table, edited / "parameters.parquet")
     assert main(words.format(edited).split()) in {0, 1, 2}
+
+
+def test_a_spoilt_number_costs_its_setting_alone(edited) -> None:
+    """Of the others it is still told which test narrows it."""
+    table = pq.read_table(edited / "parameters.parquet")
+    place = table.schema.names.index("r_m2")
+    column = pa.array([1e30, *table["r_m2"].to_pylist()[1:]])
+    table = table.set_column(place, table.schema.field(place), column)
+    pq.write_table(table, edited / "parameters.parquet")
+    advice = damperfit.advise(edited, for_="k_e", max_speed="0.5m/s")
+    assert advice.tests[0].share < 0.9
+    assert set(advice.known["interval_now"]) == {str(n) for n in table["setting"].to_pylist()[1:]}

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.conditioning import condition
+from damperfit.damper.mounting import FIT, Friction
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
 from damperfit.damper.valve_dampers import ThroughFlow
@@ -140,18 +142,39 @@ def test_a_setting_yields_where_all_its_logs_do(monkeypatch, shares, expected) -
     assert law_choice._held_by_some(evidence) == pytest.approx(expected, nan_ok=True)
 
 
-def preloaded() -> tuple[ThroughFlow, list[SettingLogs]]:
-    """A damper with hardly a bleed, and a log of it."""
-    model = damper(has_play_and_lag=False)
-    numbers = {k: v for k, v in VALUES.items() if k in model.names}
-    numbers |= {"rebound_bleed": 5e5, "compression_bleed": 5e5}
-    motion = moved((0.06, 0.24), rate=500.0, cycles=3)
-    force = simulate(model.values(numbers), model, motion).force
+def evidence_of(model, numbers, motion) -> list[SettingLogs]:
+    """A log of valves with hardly any noise."""
+    known = {k: v for k, v in (VALUES | numbers).items() if k in model.names}
+    force = simulate(model.values(known), model, motion).force
     noise, n = np.random.default_rng(1), len(force)
     x = motion.displacement + noise.normal(0.0, 8e-6, n)
     time, force = motion.interval * np.arange(n), force + noise.normal(0.0, 4.0, n)
     trace = condition(Recording("one.csv", "", "", Setting.of(1), time, x, force))
-    return model, [SettingLogs(Setting.of(1), (trace,))]
+    return [SettingLogs(Setting.of(1), (trace,))]
+
+
+def preloaded() -> tuple[ThroughFlow, list[SettingLogs]]:
+    """A damper with hardly a bleed, and a log of it."""
+    model = damper(has_play_and_lag=False)
+    numbers = {"rebound_bleed": 5e5, "compression_bleed": 5e5}
+    return model, evidence_of(model, numbers, moved((0.06, 0.24), rate=500.0, cycles=3))
+
+
+@pytest.mark.slow
+def test_friction_that_builds_up_over_a_distance_stays_beside_valves() -> None:
+    """Without it no part of valves comes near what yields; it comes with a move."""
+    plain = damper(has_play_and_lag=False)
+    numbers = {
+        "rebound_bleed": 5e4, "rebound_opening": 1e5, "rebound_slope": 1.5e6,
+        "compression_bleed": 4.5e4, "compression_opening": 8e4, "compression_slope": 1.2e6,
+        "f_f": 150.0, "presliding": 1e-3,
+    }  # fmt: skip
+    motion = moved((0.05, 0.13, 0.26), amplitude=0.01, rate=1000.0)
+    evidence = evidence_of(replace(plain, friction=Friction(presliding=FIT)), numbers, motion)
+    share = law_choice._held_share(evidence)
+    assert share > 0.7
+    found = search_laws(PURDY_DAMPER, [plain], evidence, held_share=share)
+    assert found.chosen.fits[0].values.presliding == pytest.approx(1e-3, rel=0.05)
 
 
 @pytest.mark.slow
