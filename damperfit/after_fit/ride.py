@@ -215,7 +215,7 @@ def read_car(given: Path | Mapping[str, Any]) -> Car:
         return Car(**{name: _read(name, value) for name, value in section.items()})
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
-        if isinstance(error, tomllib.TOMLDecodeError):
+        if isinstance(error, (tomllib.TOMLDecodeError, UnicodeError)):
             why = f"not a TOML file: {why}"
         subject = given if isinstance(given, Path) else ""
         raise ConfigurationError(why, subject=subject, code="car") from None
