@@ -406,7 +406,13 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     config: str | Path | None = None,
     watch: Watch | None = None,
 ) -> FleetDone:
-    """Fit many dampers, one part each; finished ones are not fitted again."""
+    """Fit many dampers, one part each; finished ones are not fitted again.
+
+    Parameters
+    ----------
+    logs : str or sequence of str, optional
+        Folders, files, patterns, or addresses; without it only the parts that are there are read.
+    """
     given = dict(locals())
     from damperfit.answers import FleetDone
     from damperfit.comparison.comparing import parse_bands

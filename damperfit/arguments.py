@@ -285,12 +285,18 @@ def with_keywords(function: Callable[..., Any]) -> str:
         if line[:4].isspace() and line[4:5].strip()
         for name in line.partition(" : ")[0].split(",")
     }
-    lines = []
-    for name, parameter in signature(function).parameters.items():
+    lines, own = [], signature(function).parameters
+
+    def spelled(option: re.Match[str]) -> str:
+        """An option of the command alone, or of another one, stays that."""
+        name = option[1].replace("-", "_")
+        return f"{name}=" if name in own else option[0]
+
+    for name, parameter in own.items():
         keyword = keyword_of(command, name)
         about = _OF_PYTHON.get(name) or _OF_PYTHON.get(f"{command}.{name}")
         if keyword is not None:
-            about = _OPTION.sub(lambda option: option[1].replace("-", "_") + "=", keyword.help)
+            about = _OPTION.sub(spelled, keyword.help)
         if about is not None and name not in told:
             kind = str(parameter.annotation).removesuffix(" | None")
             kind = kind if kind != "object" else "path, pattern, list of such, or labelled frames"

@@ -296,7 +296,9 @@ def short_listing(sentences: Iterable[object]) -> list[str]:
     return known[:FEW] + ([f"and {more} more; run.json and --json list them all"] * (more > 0))
 
 
-def listing(problems: Iterable[Problem], where: str = "run.json and --json list") -> list[str]:
+def listing(
+    problems: Iterable[Problem], where: str = "run.json and --json list", *, few: int = _NAMES + 1
+) -> list[str]:
     """Return sentences, the gravest first; of many of one code the first, and how many more.
 
     A few are all shown, but for long ones of one code. Within a severity the order stays: what is
@@ -313,7 +315,8 @@ def listing(problems: Iterable[Problem], where: str = "run.json and --json list"
         if len(group) <= _SHOWN or is_short:
             lines += sentences
             continue
-        names = listed_names(list(dict.fromkeys(p.subject for p in group[1:] if p.subject)))
+        subjects = dict.fromkeys(p.subject for p in group[1:] if p.subject)
+        names = listed_names(list(subjects), few=few)
         lines.append(f"{sentences[0]} (and {len(group) - 1} alike{': ' * bool(names)}{names})")
     if len(groups) > FEW:
         n, more = len(groups) - FEW, sum(map(len, list(groups.values())[FEW:]))

@@ -177,6 +177,11 @@ def test_a_setting_of_several_adjusters_has_a_row_for_each_that_was_turned() -> 
     assert [row[0] for row in sheet.rows] == ["R6 C2, C", "R6 C2, R"]
 
 
+def test_the_one_speed_that_was_asked_for_is_told_with_its_digits() -> None:
+    asked = [row | {"speed_m_per_s": 0.12345} for row in FORCES[:2]]
+    assert force_sheets(asked)[0].headings[1] == "0.12345"
+
+
 # Model structures, records
 
 
@@ -282,6 +287,8 @@ def test_inspect_tells_each_kind_of_refusal() -> None:
     assert "run_100.csv: unreadable: line 100: force is 'OVR100'" in joined
     assert joined.count("(and 49 alike: ") == 2
     assert joined.endswith("and 44 more)")
+    some = " ".join(finding_lines([log(k, "no-number") for k in range(1, 22)]))
+    assert all(f"run_{k}.csv" in some for k in range(1, 22))  # a damper's logs are all named
 
 
 def test_a_note_of_many_logs_is_one_line_with_the_range_of_its_value() -> None:

@@ -194,7 +194,7 @@ def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
         n = len({*others} - {first})
         more = f" and {n} other log{'s' * (n > 1)}" if n else ""
         problems.append(Problem(kinds[code, sentence], sentence, severity, f"{first}{more}"))
-    return listing(problems, where="--json lists")
+    return listing(problems, where="--json lists", few=FEW)
 
 
 def _note(findings: Sequence[Facts], n_logs: int) -> str:

@@ -471,7 +471,7 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
     columns = [
         Column(STROKE_WORDS[stroke], "N at", words),
         *(column(f"{speed:.3g}", "m/s", speed, bare_force) for speed in speeds),
-        column(f"{last:.3g}", "m/s ±95 %", last, force),
+        column(f"{last:.3g}" if speeds else f"{last:g}", "m/s ±95 %", last, force),
     ]
     if has_click:
         columns.append(column("change" if wide else "click", "N ±95 %", last, change))

@@ -50,6 +50,8 @@ def copy_of(run):
 
 def test_every_name_is_there_and_importing_it_imports_nothing_of_weight():
     assert all(getattr(damperfit, name).__doc__ for name in NAMES & {*dir(damperfit)})
+    assert "setting= is not needed" in str(damperfit.simulate.__doc__)
+    assert "--list" in str(damperfit.export.__doc__)  # no keyword of it
     heavy = ("numpy", "pandas", "pyarrow", "scipy", "matplotlib")
     code = f"import sys, damperfit\nprint([name for name in {heavy} if name in sys.modules])"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
