@@ -1,4 +1,4 @@
-"""Make-believe rig logs with known parameters, the paper's from an integrator that no fit uses.
+"""Synthetic rig logs with known parameters, the paper's from an integrator that no fit uses.
 
 The paper's model is written out once more in plain Python and integrated by SciPy's Radau, so that
 a fit of these logs also tests the compiled core: no law, stepper or start is shared with it. Other
@@ -132,7 +132,7 @@ def steady_cycle(
 
 
 # Of a steady cycle by the model's own integrator. Only the paper's is integrated once more in plain
-# Python (`steady`); what is made of the others tests fits and searches for a law.
+# Python (`steady_cycle`); what is made of the others tests fits and searches for a law.
 _SAMPLES = 2000  # of a cycle; 0.3 ms at 1.5 Hz
 _CYCLES = 8
 _PERIODIC = 1e-3  # of the force's range: what the last two cycles may differ by
