@@ -268,13 +268,11 @@ def ride_on_road(run: Run, car: Car, settings: Sequence[SettingResult]) -> Ride:
 
     with executor(available_cores()) as pool:
         found = list(pool.map(ride, settings))
-    ridden = tuple(one for one in found if isinstance(one, RideOfSetting))
-    for error in found:
-        if isinstance(error, SimulationError) and not ridden:
-            raise error
-    both = zip(settings, found, strict=True)
-    lost = tuple(one.label for one, its in both if isinstance(its, SimulationError))
-    return Ride(car, ridden, lost)
+    by_label = dict(zip((one.label for one in settings), found, strict=True))
+    lost = {label: one for label, one in by_label.items() if isinstance(one, SimulationError)}
+    if lost and len(lost) == len(settings):
+        raise next(iter(lost.values()))
+    return Ride(car, tuple(one for one in found if isinstance(one, RideOfSetting)), tuple(lost))
 
 
 class _Road:

@@ -8,7 +8,8 @@
     3  from the best layout on, moves of one part (`structures.moves`): each is started from the
        structure at hand and from the loops, screened in a few evaluations, the best four are
        followed to their minimum, and the best by the criterion is taken, until none is better
-    4  the parts in the other layouts; models that yield, where the logs do; the paper's model again
+    4  the parts in the other layouts; models that yield, where the logs do (before the moves, too:
+       where these fit far better there are none); the paper's model again
 
 The criterion of a structure at all settings together, of logs with MSE m and
 held-out MSE h (per cent of the variance)::
@@ -766,7 +767,7 @@ class _Search:
     def is_hopeless(self, fit: _Fit) -> bool:
         """Whether what yields fits and predicts far better than every part of valves together.
 
-        Friction that builds up over a distance yields as well: it is asked before they are lost.
+        Friction that builds up over a distance yields as well: valves are given up only beside it.
         """
 
         def is_far(fit: _Fit) -> bool:
