@@ -416,6 +416,11 @@ LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = 
         {},
     ),
     "force drifts": (LONG, FORCE(lambda y, one: y + 40.0 * ramp(one)), {}),
+    "force drifts over steps": (
+        lambda: log(parts((0.03, 0.3, 3), (0.03, 0.8, 3), (0.03, 1.5, 3))),
+        FORCE(lambda y, one: y + 120.0 * ramp(one)),
+        {},
+    ),
     "force fades": (LONG, FORCE(lambda y, one: y * (1.0 - 0.06 * ramp(one))), {}),
     "stroke drifts": (
         LONG,

@@ -21,7 +21,7 @@ curve of second degree through them is taken off before they are said to scatter
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations, pairwise
 from typing import NamedTuple
@@ -444,11 +444,10 @@ _WARMER = 1.0  # K
 _OF_MOTION = 0.7  # of the noise floor, below which the motion explains some of it
 
 
-def _repetition(  # noqa: PLR0915 - in the order in which it is told
-    trace: Trace, recording: Recording
-) -> Iterator[Finding]:
+def _repetition(trace: Trace, recording: Recording) -> Iterator[Finding]:
     starts = clean_cycles(trace.fastest)
     if len(starts) < 3:
+        yield from _zero_drift(trace, is_warming=False)
         return
     edges = np.rint(starts).astype(np.int64)
 
@@ -491,26 +490,14 @@ def _repetition(  # noqa: PLR0915 - in the order in which it is told
         else:
             text += ": a right model would reach about this MSE"
         yield Finding("noise_floor", "note", text, floor, "%")
+    yield from _zero_drift(trace, is_warming=bool(is_trending and warming))
     if not has_enough:
         return
-    if float(np.ptp(trace.force[trace.compared])) > 0.0:
-        sums = cycle_energies(np.ones_like(trace.force), trace.force, starts, 1.0)
-        drift, error = _drift(sums / np.diff(starts))
-        share = 100.0 * drift / (0.5 * (mean_of(peaks[0]) - mean_of(peaks[1])))
-        text = (
-            f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the "
-            "peak"
-        )
-        fault = ""
-        if not (abs(share) <= _FORCE_DRIFT or abs(drift) <= _SURE * error):
-            if is_trending and warming:
-                text += ", as the peaks change with the temperature"
-            else:
-                fault = "; K_e is off by about as much; check amplifier and temperature"
-        yield _judged("force_drift", text, share, "%", fault=fault)
 
     tops, bottoms = extremes(trace.displacement)
-    middle, swing = _drift(0.5 * (tops + bottoms)), _drift(0.5 * (tops - bottoms))
+    turns = np.arange(len(tops))
+    middle = _drift([(turns, 0.5 * (tops + bottoms))])
+    swing = _drift([(turns, 0.5 * (tops - bottoms))])
     text = (
         f"mid-stroke drifts by {1e3 * middle[0]:+.2g} mm and the amplitude by "
         f"{1e3 * swing[0]:+.2g} mm over the cycles"
@@ -612,14 +599,40 @@ def _force_trend(up: _Peaks, down: _Peaks, warming: tuple[float, float] | None) 
     return Finding("force_trend", "warning", text, share, "%", values=values)
 
 
-def _drift(values: FloatArray) -> tuple[float, float]:
-    """Return how far the straight line through the values goes over all, and its error."""
-    n = len(values)
-    place = np.arange(n) - 0.5 * (n - 1)
-    slope = float(place @ values) / float(place @ place)
-    rest = values - mean_of(values) - slope * place
-    error = math.sqrt(float(rest @ rest) / max(n - 2, 1) / float(place @ place))
-    return slope * (n - 1), error * (n - 1)
+def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Finding]:
+    """How far the mean force goes: each speed has its own, one slope in time is common to all."""
+    cyclic = [stretch for stretch in trace.stretches if stretch.n_cycles > 1]
+    half = 0.5 * float(np.ptp(trace.force[trace.compared]))
+    if sum(stretch.n_cycles - 1 for stretch in cyclic) < _ENOUGH or not half > 0.0:
+        return
+    means = []
+    for stretch in cyclic:
+        starts = clean if len(clean := clean_cycles(stretch)) > 2 else stretch.cycle_starts
+        sums = cycle_energies(np.ones_like(trace.force), trace.force, starts, 1.0)
+        means.append((0.5 * (starts[1:] + starts[:-1]), sums / np.diff(starts)))
+    drift, error = _drift(means)
+    share = 100.0 * drift / half
+    text = f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the "
+    text += "peak"
+    fault = ""
+    if not (abs(share) <= _FORCE_DRIFT or abs(drift) <= _SURE * error):
+        if is_warming:
+            text += ", as the peaks change with the temperature"
+        else:
+            fault = "; K_e is off by about as much; check amplifier and temperature"
+    yield _judged("force_drift", text, share, "%", fault=fault)
+
+
+def _drift(groups: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[float, float]:
+    """Return how far values go over all places, and its error; groups have a level each."""
+    place = np.concatenate([places - mean_of(places) for places, _ in groups])
+    rest = np.concatenate([values - mean_of(values) for _, values in groups])
+    power = float(place @ place)
+    slope = float(place @ rest) / power
+    rest = rest - slope * place
+    degrees = max(len(rest) - len(groups) - 1, 1)
+    over = sum(float(places[-1] - places[0]) for places, _ in groups)
+    return slope * over, math.sqrt(float(rest @ rest) / degrees / power) * over
 
 
 # Temperature. K within a log: viscosity falls by about 2 % a kelvin, and one set of parameters is
