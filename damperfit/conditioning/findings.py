@@ -495,7 +495,7 @@ def _repetition(trace: Trace, recording: Recording) -> Iterator[Finding]:
         return
 
     tops, bottoms = extremes(trace.displacement)
-    turns = np.arange(len(tops))
+    turns = np.arange(len(tops), dtype=np.float64)
     middle = _drift([(turns, 0.5 * (tops + bottoms))])
     swing = _drift([(turns, 0.5 * (tops - bottoms))])
     text = (
