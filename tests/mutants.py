@@ -4,24 +4,27 @@
 
 A mutant changes one comparison, operator, number, truth value or sign. It meets the numbers of
 `test_numbers.py` first, those that have noticed most of its package before the others, and of those
-the quick ones; then the tests of its package and those that import its module, until one fails.
-One that survives is printed with its line: it is either equivalent, or a case of behaviour is
-missing. `--tell` prints what has noticed the others.
+the quick ones; then the tests of its package and those that import its module, until one fails;
+of both only what calls the function. One that survives is printed with its line: it is either
+equivalent, or a case of behaviour is missing. `--tell` prints what has noticed the others.
 """
 
 import argparse
 import ast
 import os
 import random
+import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, is_dataclass
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import FunctionType
 from typing import Any
 
@@ -152,7 +155,8 @@ def tests_of(file: str, root: Path) -> list[str]:
         if path not in own and path.name != "test_numbers.py"
         if module in path.read_text(encoding="utf-8")
     ]
-    return [str(path.relative_to(root)) for path in (*own, *others) if path.exists()]
+    doctests = [root / file] if ">>>" in (root / file).read_text(encoding="utf-8") else []
+    return [str(path.relative_to(root)) for path in (*doctests, *own, *others) if path.exists()]
 
 
 def noticed_by(mutant: Mutant | None, work: Callable[[], str]) -> str:
@@ -238,6 +242,22 @@ def _set_everywhere(name: str, old: Any, new: Any) -> None:
             setattr(other, name, new)
 
 
+def calls_of(work: Callable[[], str]) -> frozenset[tuple[str, str]]:
+    """Return files and functions of the package that some work calls; it must notice nothing."""
+
+    def traced() -> str:
+        codes = set[Any]()
+        sys.settrace(lambda frame, *_: codes.add(frame.f_code))
+        word = work()
+        sys.settrace(None)
+        return word or "".join(f"\n{code.co_filename}:{code.co_name}" for code in codes)
+
+    word = noticed_by(None, traced)
+    assert word.startswith("\n"), f"without a mutant: {word}"
+    places = (line.rpartition(":") for line in word.splitlines() if f"{ROOT}/damperfit" in line)
+    return frozenset((file.removeprefix(f"{ROOT}/"), name) for file, _, name in places)
+
+
 def number_moved(names: list[str]) -> str:
     """Return the first case of the snapshot of which a number has moved."""
     for name in names:
@@ -262,7 +282,20 @@ def test_failed(arguments: list[str]) -> str:
     """Return the first test that fails."""
     failed = _Failed()
     code = pytest.main(arguments, plugins=[failed])
-    return failed.name or ("the collection of tests" if code else "")
+    none = {pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED}
+    return failed.name or ("" if code in none else "the collection of tests")
+
+
+def noticed_anew(mutant: Mutant, tests: list[str]) -> str:
+    """Return whether a copy of everything notices what is made when a module is loaded."""
+    with TemporaryDirectory() as place:
+        copy = shutil.copytree(ROOT, Path(place) / "copy", ignore=shutil.ignore_patterns(".*"))
+        (copy / mutant.file).write_text(mutant.applied(ROOT), encoding="utf-8")
+        pytest_ = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-pno:cacheprovider"]
+        done = subprocess.run(
+            [*pytest_, "tests/test_numbers.py", *tests], cwd=copy, check=False, capture_output=True
+        )
+    return "a new process" if done.returncode else ""
 
 
 def main() -> int:
@@ -289,24 +322,33 @@ def main() -> int:
     for file in sorted((ROOT / "damperfit").rglob("*.py")):
         if file.name != "__main__.py" and "binaries" not in file.parts:
             import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
-    cases, survivors = list(test_numbers.CASES), 0
-    seconds, kills, sound = dict[str, float](), Counter[tuple[str, str]](), set[tuple[str, ...]]()
-    for name in () if options.without_numbers else cases:
+    survivors, seconds, kills = 0, dict[str, float](), Counter[tuple[str, str]]()
+    quiet = ("-q", "-x", "-n0", "-W", "ignore::pytest.PytestAssertRewriteWarning")  # loaded already
+
+    @cache
+    def calls(kind: str, name: str) -> frozenset[tuple[str, str]]:
+        if kind == "numbers":
+            return calls_of(partial(number_moved, [name]))
+        return calls_of(partial(test_failed, [*quiet, name]))
+
+    def meeting(mutant: Mutant, kind: str, names: Iterable[str]) -> list[str]:
+        place = mutant.file, mutant.function
+        return [name for name in names if not mutant.function or place in calls(kind, name)]
+
+    for name in () if options.without_numbers else test_numbers.CASES:
         begin = time.perf_counter()
-        assert not noticed_by(None, partial(number_moved, [name])), f"{name} without a mutant"
+        calls("numbers", name)
         seconds[name] = time.perf_counter() - begin
     for number, mutant in enumerate(drawn, start=1):
         package = Path(mutant.file).parts[1]
-        quiet = ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # loaded already
-        tests = ["-q", "-x", "-n0", *quiet, *tests_of(mutant.file, ROOT)]
-        order = [name for name in seconds if name != "searched" or package == "laws"]  # seconds
+        order = meeting(mutant, "numbers", seconds)
         order.sort(key=lambda name: (-kills[package, name], seconds[name]))
-        if tuple(tests) not in sound:
-            sound.add(tuple(tests))
-            assert not noticed_by(None, partial(test_failed, tests)), f"without a mutant: {tests}"
         killer = noticed_by(mutant, partial(number_moved, order))
         kills[package, killer.removeprefix("numbers of ")] += 1
-        killer = killer or noticed_by(mutant, partial(test_failed, tests))
+        if not killer and (tests := meeting(mutant, "tests", tests_of(mutant.file, ROOT))):
+            killer = noticed_by(mutant, partial(test_failed, [*quiet, *tests]))
+        if not killer and not mutant.function:
+            killer = noticed_anew(mutant, tests_of(mutant.file, ROOT))
         survivors += not killer
         if not killer or options.tell:
             source = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()
