@@ -13,11 +13,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.adjustment.clicks import Adjustment, Click
-from damperfit.adjustment.force_at import Force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.errors import ConfigurationError
-from damperfit.identification import Outcome, compare
+from damperfit.identification import compare
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tables.columns import (
     PAPER_QUANTITIES,
@@ -25,13 +23,13 @@ from damperfit.tables.columns import (
     describe_tables,
     quantity_records,
 )
-from damperfit.tables.files import lay_out, safe_cell, time_series_table, write_table
+from damperfit.tables.files import safe_cell, time_series_table, write_table
 from damperfit.tables.reading import (
     check_files,
     read_rows,
     table_quantities,
 )
-from damperfit.tables.rows import MISSING, characteristic_rows, make_tables
+from damperfit.tables.rows import characteristic_rows, make_tables
 from tests.fakes import campaign, fit, trace, values_in
 from tests.report_folder import put_responses
 
@@ -47,7 +45,6 @@ PARAMETERS = [
     *("lowest_pressure_displacement", "lowest_pressure_velocity", "safe_gas_pressure"),
     "grade_reason",
 ]
-MSE = ["setting", "log", "mse_percent", "noise_floor_percent", "grade", "n_samples", "role"]
 MOTION = ["time_s", "displacement_m", "velocity_m_per_s"]
 PRESSURES = ["pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa"]
 VALUES = Parameters(1.8e4, 3.5e6, 2.6e6, 3.6e8, 50.0)
@@ -60,67 +57,6 @@ def response():
 
 def compared(done):
     return [compare(f.parameters, log.trace, PURDY_DAMPER) for f in done.fits for log in f.logs]
-
-
-def test_columns_are_those_of_the_contract_each_with_its_unit_and_meaning() -> None:
-    tables = make_tables(campaign(fit(1)))
-    assert tables["parameters"].column_names == PARAMETERS
-    assert tables["mse"].column_names == MSE
-    assert time_series_table(response()).column_names == [*MOTION, "force_N", *PRESSURES]
-    for table in tables.values():
-        for field in table.schema:
-            assert field.metadata[b"description"], field.name
-            assert field.metadata[b"unit"] or str(field.type) == "string", field.name
-    units = {f.name: f.metadata[b"unit"].decode() for f in tables["parameters"].schema}
-    for names, unit in (
-        (("k_e", "k_e_ci_low", "lowest_pressure", "safe_gas_pressure"), "Pa"),
-        (("r_m1",), "s sqrt(N)/(m kg)"),
-        (("r_m2", "r_m3", "r_m3_se"), "N s/(m2 kg)"),  # N/m2 over kg/s
-        (("f_f", "f_0", "f_0_ci_low"), "N"),
-    ):
-        assert {units[name] for name in names} == {unit}
-    described = describe_tables()
-    for name, table in tables.items():
-        assert [c["name"] for c in described[name]] == table.column_names
-        assert [c["type"] for c in described[name]] == [str(f.type) for f in table.schema]
-
-
-def test_a_row_holds_what_its_fit_found_and_null_for_what_is_not_known() -> None:
-    done = campaign(fit(3, f_0=-2.5), fit(5, outcome=Outcome.CAVITATING))
-    table = make_tables(done, expected=(3, 4, 5))["parameters"]
-    row, missing, cavitating = table.to_pylist()
-    assert (missing["setting"], missing["outcome"], missing["r_m1"]) == (4, MISSING, None)
-    expected = {name: getattr(done.fits[0].parameters, name) for name in NAMES} | {
-        "setting": 3, "r_m1_status": "fitted", "r_m3_status": "shared", "f_0_status": "fixed",
-        "grade": "excellent", "outcome": "converged", "n_logs": 1, "n_samples": 333,
-        "evaluations": 12, "lowest_pressure": 7e4, "lowest_pressure_chamber": 2,
-        "lowest_pressure_displacement": 0.001, "lowest_pressure_velocity": 0.3,
-        "r_m3_cavitation_margin": 0.176, "safe_gas_pressure": 3.9e5,
-        **{f"{name}_{part}": None for name in NAMES for part in ("se", "ci_low", "ci_high")},
-    }  # fmt: skip
-    assert {name: row[name] for name in expected} == expected
-    assert cavitating["r_m3_cavitation_margin"] is None  # NaN in the fit
-
-
-def test_a_change_of_force_stands_in_the_row_of_the_harder_setting() -> None:
-    first, second = (
-        Force(setting, 0.3, "bump", -100.0 * setting, 2.0, 2.0, np.zeros(0), gas=-20.0, tare=3.0)
-        for setting in (1, 2)
-    )
-    click = Click(1, 2, 0.3, "bump", -100.0, -105.5, -94.5, 90.0, 84.0, 96.0)
-    told = Adjustment(forces=(first, second), clicks=(click,))
-    table = make_tables(campaign(fit(1), fit(2)), adjustment=told)["adjustment"]
-    plain, changed = table.to_pylist()
-    known = {
-        "setting": 1, "speed_m_per_s": 0.3, "stroke": "bump", "force_N": -100.0, "force_se_N": 2.0,
-        "force_ci_low_N": first.low, "force_ci_high_N": first.high, "force_misfit_se_N": 0.0,
-        "origin": "model", "gas_N": -20.0, "tare_N": 3.0, "tested": "yes",
-    }  # fmt: skip
-    assert plain == dict.fromkeys(table.column_names) | known
-    assert first.high - first.low == pytest.approx(7.84, abs=1e-3)
-    assert changed["setting"] == 2
-    changes = [changed[name] for name in table.column_names if name.startswith("change_")]
-    assert changes == [-100.0, -105.5, -94.5, 90.0, 84.0, 96.0]
 
 
 # Files
@@ -336,15 +272,6 @@ def test_hysteresis_is_opening_less_closing_force_in_both_strokes() -> None:
         there = 10.0 * omega * math.sqrt(SPEED**2 - row["speed_rebound_m_per_s"] ** 2)
         assert row["measured_hysteresis_rebound_N"] == pytest.approx(2.0 * there, rel=1e-2)
         assert row["measured_hysteresis_bump_N"] == pytest.approx(-2.0 * there, rel=1e-2)
-
-
-def test_a_model_without_gas_leaves_the_cells_empty() -> None:
-    table = lay_out("characteristics", rows_of(trace(7), gas=None), settings=[7])
-    first = table.to_pylist()[0]
-    assert first["measured_rebound_N"] > 0.0
-    without = [name for name in table.column_names if "without_gas" in name or "mean_gas" in name]
-    assert len(without) == 7
-    assert all(first[name] is None for name in without)
 
 
 def test_motion_that_does_not_repeat_has_its_extremes_and_no_hysteresis() -> None:

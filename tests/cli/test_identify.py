@@ -20,7 +20,6 @@ from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.units.quantities import find_unit
 from tests.fakes import values_in
 
-SAMPLES = Path(__file__).parents[2] / "sample_runs"
 TABLES = ("parameters", "mse", "adjustment", "characteristics", "valve_parts")
 FILES = {f"{name}.{kind}" for name in TABLES for kind in ("parquet", "csv")}
 FILES |= {"responses.parquet", "report.md", "run.json"}
@@ -36,16 +35,6 @@ def rows_of(name: str, folder="results") -> list[dict]:
 
 def cells_of(path) -> list[dict[str, str]]:
     return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
-
-
-def test_the_parameters_are_the_true_ones(logs, results) -> None:
-    found = values_in(results / "parameters.parquet")
-    assert found == values_in(results / "parameters.csv")
-    for setting, true in values_in(logs / "truth.csv").items():
-        off = {"r_m1": 2e-3, "r_m2": 5e-3, "k_e": 2e-2, "r_m3": 1e-2, "f_f": 2e-2}
-        for name, share in off.items():
-            value = getattr(found[setting], name)
-            assert value == pytest.approx(getattr(true, name), rel=share), name
 
 
 def test_run_json_tells_the_whole_story(logs, results) -> None:
@@ -75,17 +64,6 @@ def test_a_gate_that_is_not_met_is_code_4_and_everything_is_written(run, logs) -
     assert "setting 1: MSE" in ended.err
     assert {path.name for path in Path("results").iterdir()} == FILES
     assert run("identify", logs / "setting_01.csv", "--max-mse", "1").code == 0
-
-
-def test_several_logs_of_one_setting_are_fitted_together(run, logs, repeated) -> None:
-    text = (logs / "setting_01.csv").read_text()
-    for name, content in (("a", text), ("b", repeated(text, 1))):
-        Path(name).mkdir()
-        Path(name, "x.csv").write_text(content)
-    assert run("identify", "a/x.csv", "b/x.csv").code == 0
-    (row,) = rows_of("parameters")
-    assert (row["setting"], row["n_logs"]) == (1, 2)
-    assert [row["log"] or "" for row in rows_of("mse")] == ["", "a/x.csv", "b/x.csv"]
 
 
 def test_a_log_without_a_setting_takes_the_one_given_or_fails(run, logs) -> None:

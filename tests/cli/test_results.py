@@ -89,28 +89,6 @@ def test_the_sample_runs_get_what_the_paper_found_by_hand(samples) -> None:
     assert all(trend["monotone"] and trend["direction"] == "rising" for trend in trends.values())
 
 
-@pytest.mark.parametrize(
-    ("question", "stroke", "wanted", "neighbours"),
-    [
-        ("--force 900N --velocity 0.2m/s", "rebound", 900.0, (12, 13)),
-        ("--force -900N --velocity 0.2m/s", "bump", -900.0, (11, 12)),
-        ("--force 0.9kN --velocity -200mm/s", "bump", -900.0, (11, 12)),
-        ("--force=900 --velocity=0.2 --stroke bump", "bump", -900.0, (11, 12)),
-    ],
-)
-def test_which_setting_gives_a_force(run, samples, question, stroke, wanted, neighbours) -> None:
-    ended = run("settings", samples, *question.split(), "--json")
-    assert ended.code == 0, ended.err
-    document = json.loads(ended.out)
-    assert document["question"] == {"speed": 0.2, "force": wanted, "stroke": stroke}
-    (answer,) = document["answers"]
-    assert (answer["below"], answer["above"]) == neighbours
-    assert answer["below"] < answer["low"] < answer["position"] < answer["high"] < answer["above"]
-    forces = {r["setting"]: r["force_N"] for r in document["forces"] if r["stroke"] == stroke}
-    between = sorted(forces[setting] for setting in neighbours)
-    assert between[0] < wanted < between[1]
-
-
 def test_a_speed_beyond_the_tests_is_answered_with_a_note(run, results) -> None:
     told = {"0.5m/s": ("no", "never tested at settings 1-3"), "0.2": ("yes", "")}
     for speed, (tested, note) in told.items():

@@ -69,15 +69,6 @@ def test_the_true_damper_fits_behind_every_filter(case):
         assert np.array_equal(trace.force, log.force[at : at + len(trace.force)])
 
 
-def test_another_corner_and_order_in_the_rig():
-    sections = butter(2, 50.0, fs=1000.0, output="sos")
-    log = in_the_rig(lambda s: sosfilt(sections, s))
-    options = ConditionOptions(rig_filter="causal", rig_filter_corner=50.0, rig_filter_order=2)
-    # 1/(1 + (1.5/50)^4) takes 8e-7 off the motion
-    assert misfit(condition(log, options)) < 2e-6
-    assert misfit(condition(log, ConditionOptions(rig_filter="causal"))) > 1e-3
-
-
 @given(
     frequency=st.floats(0.5, 8.0),
     rate=st.sampled_from([250.0, 300.0, 500.0, 1000.0, 2000.0, 5000.0]),

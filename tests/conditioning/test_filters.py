@@ -22,13 +22,11 @@ from damperfit.conditioning.filters import (
     complete_causal,
     completed,
     fading_samples,
-    fitting_corner,
     with_corner,
 )
 from damperfit.errors import ConditioningError
-from tests.conditioning.logs import found, sine_log
+from tests.conditioning.logs import sine_log
 
-rates = st.floats(100.0, 5000.0)
 seeds = st.integers(0, 2**31)
 
 
@@ -124,30 +122,6 @@ def test_values_between_samples_are_those_of_a_polynomial() -> None:
 # A corner that follows the motion, and refusals that offer the one that fits.
 
 AUTO = ConditionOptions(auto_corner=True)
-
-
-@pytest.mark.parametrize(
-    ("frequency", "rate", "corner"),
-    [
-        (0.2, 1000.0, 30.0),
-        (1.5, 500.0, 30.0),
-        (1.6, 500.0, 32.0),
-        (10.0, 1024.0, 200.0),
-        (10.0, 300.0, 120.0),
-        (1.0, 50.0, 20.0),
-        (0.0, 1000.0, 30.0),
-    ],
-)
-def test_twenty_harmonics_pass(frequency, rate, corner):
-    assert fitting_corner(frequency, rate) == corner
-
-
-@pytest.mark.parametrize(("frequency", "is_reported"), [(3.6, False), (3.9, True)])
-def test_fewer_than_eight_harmonics_are_told(frequency, is_reported):
-    told = found(sine_log(frequency=frequency, amplitude=0.01))
-    assert ("filter_corner" in told) is is_reported
-    if is_reported:
-        assert "conditioning.filter_corner = 'auto' takes 78 Hz" in told["filter_corner"].sentence
 
 
 @pytest.mark.parametrize(

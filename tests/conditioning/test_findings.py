@@ -43,22 +43,6 @@ TEST = NominalTest(frequency=1.5, amplitude=0.032, temperature=26.0, temperature
 OPTIONS = ConditionOptions(nominal=TEST)
 
 
-def clipped(log, channel, share):
-    return changed(log, channel, lambda values: np.minimum(values, share * values.max()))
-
-
-def standing(log, channel, first, n):
-    def change(values):
-        values[first : first + n] = values[first]
-        return values
-
-    return changed(log, channel, change)
-
-
-def rounded(log, channel, n_steps):
-    return changed(log, channel, lambda y: np.rint(y * n_steps / np.ptp(y)) * np.ptp(y) / n_steps)
-
-
 def spiked(log, channel, rows, size):
     def change(values):
         values[rows] += size * np.ptp(values)
@@ -67,62 +51,8 @@ def spiked(log, channel, rows, size):
     return changed(log, channel, change)
 
 
-def drifting(log, channel, share):
-    line = 0.5 * share * np.linspace(-0.5, 0.5, len(log.time))
-    return changed(log, channel, lambda values: values + np.ptp(values) * line)
-
-
-def scattered(log, share):
-    """Each cycle has its own size of force."""
-    cycle = (log.time * 1.5).astype(int)
-    sizes = 1.0 + share * np.random.default_rng(5).normal(size=cycle.max() + 1)
-    return replace(log, force=log.force * sizes[cycle])
-
-
-def wrongly_stamped(log, share):
-    moved_by = np.random.default_rng(3).uniform(-share, share, len(log.time)) * 0.002
-    return replace(log, time=log.time + moved_by)
-
-
-def frozen(log, rows):
-    x, force = log.displacement.copy(), log.force.copy()
-    for first in range(1000, 9000, 1000):
-        x[first : first + rows], force[first : first + rows] = x[first], force[first]
-    return replace(log, displacement=x, force=force)
-
-
 LOG, STILL, SINE = made(), made(noise=(0.0, 0.0)), sine_log()
-SPEED = np.gradient(STILL.displacement, STILL.time)
-SPRING = 30_000.0 * (SINE.displacement - 0.0123)  # N; beside it a damper takes little energy
-LINE = np.linspace(-0.5, 0.5, len(LOG.time))
 # Finding: what spoils a log by so much; the most that is no warning, the least that is one.
-LIMITS = {
-    "force_drift": (lambda s: drifting(STILL, "force", s), 0.0120, 0.0130),  # 1 % of the peak
-    "stroke_drift": (lambda s: drifting(STILL, "displacement", s), 0.060, 0.064),
-    "cycle_scatter": (lambda s: scattered(STILL, s), 0.0155, 0.0162),  # 1 %, and what chance adds
-    "temperature": (lambda s: replace(STILL, temperature=26.0 + s + 0.0 * LINE), 0.99, 1.01),  # K
-    "temperature_drift": (lambda s: replace(STILL, temperature=26.0 + s * LINE), 2.35, 2.45),
-    "displacement_noise": (lambda s: made(noise=(4.0, s)), 28e-6, 30e-6),  # m
-    "displacement_steps": (lambda n: rounded(STILL, "displacement", n), 502, 496),
-    "force_steps": (lambda n: rounded(STILL, "force", n), 126, 123),
-    "force_clipping": (lambda s: clipped(LOG, "force", 1.0 - s), 0.0034, 0.0039),
-    "force_spikes": (lambda s: spiked(STILL, "force", [1500], s), 0.195, 0.207),
-    "force_range": (lambda s: replace(STILL, force=STILL.force * s), 0.0071, 0.0067),  # 10 N
-    "force_stuck": (lambda n: standing(LOG, "force", 2000, n), 10, 11),
-    "velocity_channel": (lambda s: replace(STILL, velocity=(1.0 + s) * SPEED), 0.08, 0.12),
-    "force_polarity": (lambda s: replace(SINE, force=SPRING + s * SINE.force), 0.3, 0.02),
-    "jitter": (lambda s: wrongly_stamped(LOG, s), 0.030, 0.045),  # of a step
-    "frozen_rows": (lambda n: frozen(SINE, n), 4, 30),
-    "filter_corner": (lambda f: sine_log(frequency=f, amplitude=0.01), 3.6, None),
-}
-
-
-@pytest.mark.parametrize("name", LIMITS)
-def test_a_fault_is_a_warning_from_its_limit_on(name) -> None:
-    spoil, inside, outside = LIMITS[name]
-    assert name not in warned(spoil(inside), OPTIONS)
-    if outside is not None:
-        assert name in warned(spoil(outside), OPTIONS)
 
 
 CLEAN = list(
@@ -189,15 +119,6 @@ def test_the_noise_told_is_that_of_the_velocity_behind_the_filter(rate):
     assert told == pytest.approx(100.0 * np.std(seen) / (2 * np.pi * 1.5 * 0.032), rel=0.1)
 
 
-@pytest.mark.parametrize(("noise", "severity"), [(0.3, "warning"), (0.6, "note"), (1.2, "note")])
-def test_noise_of_half_a_step_turns_coarse_steps_of_the_force_into_scatter(noise, severity):
-    log = made(noise=(0.0, 8e-6))
-    step = np.ptp(log.force) / 60.0
-    blurred = log.force + noise * step * np.random.default_rng(2).normal(size=len(log.force))
-    log = replace(log, force=step * np.rint(blurred / step))
-    assert found(log, OPTIONS)["force_steps"].severity == severity
-
-
 # An undeclared filter in the rig is remarked on; a raw log is not.
 
 
@@ -248,22 +169,6 @@ def test_a_raw_motion_that_does_not_repeat_is_not_suspected(force_noise) -> None
     assert "rig_filter" not in found(wandering(force_noise=force_noise))
 
 
-@pytest.mark.parametrize(
-    ("order", "corner", "is_told"),
-    [(1, 10.0, True), (1, 20.0, True), (4, 30.0, True), (2, 100.0, False), (4, 120.0, False),
-     (0, 25, True)],
-)  # fmt: skip
-def test_a_force_that_is_smoothed_alone_is_told_where_it_does_harm(order, corner, is_told) -> None:
-    raw = rig_log(10, noise=4.0)
-    if order:
-        log = behind(raw, order, corner, both=False)
-    else:  # a running mean of so many samples
-        mean = np.convolve(raw.force, np.full(corner, 1.0 / corner))[: len(raw.force)]
-        log = replace(raw, force=mean)
-    assert ("force_smoothed" in found(log)) is is_told
-    assert "rig_filter" not in found(log)
-
-
 # A copy is told by its noise: tests of an adjuster that does nothing are tests of their own.
 
 
@@ -279,14 +184,6 @@ def noisy(seed, newtons=0.3):
 def test_the_same_motion_recorded_twice_is_no_copy(newtons):
     traces = [condition(noisy(seed, newtons)) for seed in (1, 2, 3)]
     assert not copies_in(traces, {trace.name: trace.name for trace in traces})
-
-
-@pytest.mark.parametrize("digits", [1, 2, 6])
-def test_a_copy_of_fewer_digits_is_found(digits):
-    log = noisy(1)
-    copy = replace(log, name="copy.csv", force=np.round(log.force, digits))
-    traces = [condition(log), condition(copy)]
-    assert list(copies_in(traces, {trace.name: trace.name for trace in traces})) == ["log_1.csv"]
 
 
 # What sound logs show and was taken for a fault, each beside the true fault of that name.
@@ -374,17 +271,6 @@ def test_what_stands_is_neither_clipped_nor_stuck(motion, step, law):
     assert not {name for name in names if name.startswith("displacement")}
 
 
-@pytest.mark.parametrize("law", [static, relaxing])
-def test_what_is_clipped_or_stuck_beside_them_is_told(law):
-    log = logged(sine(1.5, 0.032, 12), law, steps=(1e-6, 0.0))
-    cut = replace(log, displacement=np.minimum(log.displacement, 0.031))
-    assert "displacement_clipping" in warned(cut)
-    assert "displacement_stuck" in warned(standing(log, "displacement", 4100, 40))
-    play = logged(with_play(), law, steps=(1e-6, 0.0))
-    cut = replace(play, displacement=np.clip(play.displacement, -0.0305, 0.0305))
-    assert "displacement_clipping" in warned(cut)
-
-
 def test_a_triangle_that_is_cut_is_clipped_and_a_trapezoid_is_not():
     turns = np.arange(12000) / 1000.0
     triangle = 0.03 * (2.0 / np.pi) * np.arcsin(np.sin(2.0 * np.pi * turns))
@@ -441,24 +327,3 @@ def test_a_trend_of_the_peaks_is_told_from_their_scatter(size, warm, names):
         return size * v / np.abs(v).max()
 
     assert set(warned(logged(sine(2.0, 0.01, 60), law, noise=(2e-6, 0.3), warm=warm))) == names
-
-
-@pytest.mark.parametrize(
-    ("frequency", "size", "is_told"),
-    [
-        (17.3, 25.0, True),
-        (9.1, 20.0, True),
-        (17.04, 40.0, True),  # between two lines of the spectrum
-        (18.0, 60.0, False),
-        (17.3, 2.0, False),
-    ],
-)
-def test_a_line_off_the_harmonics_is_told(frequency, size, is_told):
-    x = sine(1.5, 0.03, 14)
-    hum = size * np.sin(2.0 * np.pi * frequency * np.arange(len(x)) / RATE)
-    warnings = warned(logged(x, lambda _, v: static_force(v) + hum, noise=(2e-6, 3.0)))
-    assert ("force_line" in warnings) is is_told
-    if is_told:
-        assert warnings["force_line"].value == pytest.approx(frequency, abs=0.03)
-        told = re.search(r", (\S+) N, which", warnings["force_line"].text)
-        assert float(told[1]) == pytest.approx(size, rel=0.07)

@@ -60,14 +60,6 @@ def test_it_is_what_noise_costs_a_perfect_model(kind, cycles, rate):
     assert np.mean(found) == pytest.approx(expected, rel=0.06 if trace.n_cycles < 5 else 0.02)
 
 
-def test_a_force_that_drifts_is_scatter():
-    log = smooth_log(15.0, 1000.0)
-    trace = condition(replace(log, force=log.force + 20.0 * (log.time - log.time.mean())))
-    middles = 20.0 / 1.5 * np.arange(trace.n_cycles)
-    expected = 100.0 * np.var(middles, ddof=1) / np.var(trace.force[trace.compared])
-    assert noise_floor(trace) == pytest.approx(expected, rel=0.01)
-
-
 def test_a_single_cycle_cannot_say():
     trace = condition(smooth_log(15.0, 1000.0))
     (run,) = trace.stretches

@@ -91,27 +91,6 @@ def test_no_cycle_that_leads_over_is_in_a_steady_run(share, where):
     assert leading_over(share, where) == 0.0
 
 
-@pytest.mark.parametrize(
-    ("size", "where"), [(0.97, PLACES[0]), (1.03, PLACES[1]), (1.045, PLACES[2]), (1.015, "kept")]
-)
-def test_no_cycle_of_another_size_is_in_a_steady_run(size, where):
-    if where == "kept":  # by less than the rig may; whole cycles begin in the middle of this one
-        assert leading_over(0.0, "before another speed", size=size) > 0.4
-    else:
-        assert leading_over(0.0, where, size=size) == 0.0
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize(
-    ("share", "is_kept"), [(-0.0106, True), (-0.0118, False), (0.0088, True), (0.0104, False)]
-)
-def test_a_cycle_before_another_speed_may_be_off_by_one_percent(share, is_kept, seed):
-    # Of the period: a slow one ends where the filter has moved its last passage, by 0.1 % of it.
-    inside = leading_over(share, "before another speed", seed=seed)
-    assert (inside > 0.4) is is_kept
-    assert inside == 0.0 or is_kept
-
-
 @pytest.mark.parametrize(("turns", "is_used"), [(2.5, False), (5.5, True)])
 def test_motion_that_does_not_repeat_needs_more_than_three_cycles(turns, is_used):
     t = np.arange(round(turns * RATE)) / RATE
@@ -251,15 +230,6 @@ def test_what_is_asked_of_a_continued_log_is_read_in_its_own_samples():
     assert trace.stretches[-1].first > 10750  # the whole log; the trace begins before it
 
 
-def test_cycles_whose_turns_noise_hides_are_found_by_their_middle():
-    trace = condition(speeds((1.5, 0.005, 10), noise=1e-3))
-    assert (trace.n_cycles, trace.frequency) == (7, pytest.approx(1.5, rel=0.02))
-
-
-def test_noise_of_few_cycles_takes_none_away():
-    assert condition(speeds((1.0, 0.018, 4.9), noise=8e-4, seed=5)).n_cycles == 3
-
-
 def test_a_cycle_at_the_end_ends_where_another_speed_begins():
     with pytest.raises(ConditioningError, match="no whole steady cycle is left"):
         condition(speeds((2.0, 0.03, 2), (1.82, 0.03, 1)))
@@ -332,11 +302,6 @@ def test_run_up_and_coast_down_pass_through_conditioning() -> None:
     assert cut.whole.start_time + shift / RATE == pytest.approx(cut.start_time)
 
 
-def test_a_log_that_begins_in_motion_has_no_run_up() -> None:
-    (down,) = transients(conditioned(run_up()[1300:])).stretches
-    assert down.first > 4000
-
-
 @pytest.mark.parametrize("rest", [0.6, 0.05])
 def test_steady_cycles_that_begin_and_end_at_once_are_no_test(rest) -> None:
     still = np.zeros(round(rest * RATE))
@@ -344,56 +309,3 @@ def test_steady_cycles_that_begin_and_end_at_once_are_no_test(rest) -> None:
     cut = conditioned(np.concatenate([still, x, still]))
     assert transients(cut) is None
     assert cut.whole is None
-
-
-@pytest.mark.parametrize(("share", "is_there"), [(0.947, True), (0.953, False)])
-def test_cycles_of_the_same_stroke_and_speed_are_no_test(share, is_there) -> None:
-    whole = conditioned(run_up(cycles=9.0)).whole
-    (one,) = whole.stretches
-    # The last three cycles are not compared, and as fast and long as a share of the others.
-    less = replace(one, stop=round(one.cycle_starts[3]), cycle_starts=one.cycle_starts[:4],
-                   amplitude=one.amplitude / share, peak_speed=one.peak_speed / share)  # fmt: skip
-    parts = transients(replace(whole, stretches=(less,))).stretches
-    assert any(part.first < one.stop - 500 < part.stop for part in parts) is is_there
-
-
-@pytest.mark.parametrize(("pause", "parts"), [(0.44, 2), (0.50, 3)])
-def test_a_rest_in_the_coast_down_is_left_out(pause, parts) -> None:
-    x = run_up(start=-np.pi / 2.0)
-    at = 6800 + int(np.argmin(np.abs(np.gradient(x)[6800:7200])))  # at a turn
-    x = np.concatenate([x[:at], np.full(round(pause * RATE), x[at]), x[at:]])
-    assert len(transients(conditioned(x).whole).stretches) == parts
-
-
-@pytest.mark.parametrize(("share", "has_run_up"), [(0.019, True), (0.021, False)])
-def test_what_comes_before_counts_where_the_log_begins_at_rest(two_speeds, share, has_run_up):
-    fastest = max(one.peak_speed for one in two_speeds.stretches)
-    velocity = two_speeds.velocity.copy()
-    velocity[:24], velocity[24] = 0.0, share * fastest  # 50 ms
-    velocity[25] = fastest
-    first = transients(replace(two_speeds, velocity=velocity)).stretches[0]
-    assert (first.stop <= two_speeds.stretches[0].first) is has_run_up
-
-
-@pytest.mark.parametrize(("length", "is_there"), [(0.26, True), (0.24, False)])
-def test_a_moment_tells_nothing(two_speeds, length, is_there) -> None:
-    between = transients(two_speeds).stretches[1]
-    first, second = two_speeds.stretches
-    n = round(length / two_speeds.interval)
-    begin = (between.first + between.stop - n) // 2
-    close = (replace(first, stop=begin), replace(second, first=begin + n))
-    parts = transients(replace(two_speeds, stretches=close)).stretches
-    assert any(begin <= one.first < second.first for one in parts) is is_there
-
-
-@pytest.mark.parametrize(("share", "is_there"), [(0.021, True), (0.019, False)])
-def test_rest_is_no_motion(two_speeds, share, is_there) -> None:
-    """What moves between the speeds by less than a fiftieth of the longest stroke."""
-    first, second = two_speeds.stretches
-    between = slice(first.stop, second.first)
-    longest = max(one.amplitude for one in two_speeds.stretches)
-    x = two_speeds.displacement.copy()
-    # Beyond the other strokes, so that no passage there is like a steady one.
-    x[between] = 0.03 + np.linspace(0.0, 2.0 * share * longest, between.stop - between.start)
-    parts = transients(replace(two_speeds, displacement=x)).stretches
-    assert any(first.stop <= one.first < second.first for one in parts) is is_there

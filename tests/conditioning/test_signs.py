@@ -16,7 +16,6 @@ from damperfit.uncertainty.grades import LIMITS, offset_mismatch
 from tests.conditioning.logs import RATE, found, logged, moving, recording, sine, sine_log
 from tests.fakes import trace as fake_trace
 from tests.identification.rig import recording as rig_log
-from tests.oracles.motions import road
 
 SLIM = Damper(
     rod_diameter=0.012,
@@ -133,15 +132,6 @@ def test_a_tare_is_told_with_what_to_do(setting) -> None:
     assert found(trace)["tare"].value == pytest.approx(2.0 * GAS, abs=15.0)
 
 
-@pytest.mark.parametrize("tare", [175.0, 200.0, 260.0])  # the level is 0.3 to 1 times the gas's
-def test_a_cell_zeroed_before_mounting_is_no_doubt_about_declared_signs(tare) -> None:
-    log = log_of(10, tare=tare)
-    assert "direction" in found(log, PURDY)
-    assert "direction" not in found(replace(log, reverse_force=False), PURDY)
-    declared = replace(log, reverse_force=False, reverse_displacement=False)
-    assert "direction" not in found(declared, PURDY)
-
-
 @pytest.mark.parametrize("level", [GAS, 100.0, -GAS])
 def test_a_damper_without_such_valves_is_never_reversed(level) -> None:
     """A magneto-rheological one: yield, little viscosity, a slow rise."""
@@ -167,26 +157,6 @@ def placed(drive, offset=0.0):
     """A log of 12 s of a motion at 500 Hz, the log's 0 so far off."""
     x = np.array([drive.displacement(at) for at in (np.arange(6000) / 500.0).tolist()])
     return moving(x + offset, rate=500.0)
-
-
-@pytest.mark.parametrize(
-    ("offset", "severity"),
-    [(0.0, "note"), (0.0130, "note"), (-0.0130, "note"), (0.0150, "warning"), (-0.060, "warning")],
-)
-def test_a_road_counts_from_the_logs_own_zero_unless_that_is_far_off(offset, severity) -> None:
-    """The limit is a third of the amplitude, 14 mm of 42."""
-    log = placed(road(reach=0.042, duration=12.0, seed=1))
-    x = log.displacement
-    log = replace(log, displacement=x - 0.5 * (x.max() + x.min()) + offset)
-    trace = condition(log)
-    finding = found(trace)["mid_stroke"]
-    assert finding.severity == severity
-    assert "shifts R_m3" in finding.sentence
-    assert "rig.centre" in finding.sentence
-    assert trace.centre == pytest.approx(0.0 if severity == "note" else offset, abs=1e-3)
-    said = condition(log, ConditionOptions(centre=0.002))
-    assert said.centre == 0.002
-    assert found(said)["mid_stroke"].severity == "note"
 
 
 STRANGE = {
@@ -251,13 +221,6 @@ def test_a_rest_shows_the_signs_of_both_channels(with_gas, mirror):
     trace = condition(mirrored(resting(), (x, f), centre=0.0), with_gas)
     assert put_right(trace) == ["displacement"] * (x < 0) + ["force"] * (f < 0)
     assert trace.shows_signs
-
-
-@pytest.mark.parametrize(("rest", "tare"), [(0.2, 0.0), (0.6, GAS)])
-def test_a_short_rest_or_a_tared_cell_shows_nothing(with_gas, rest, tare):
-    trace = condition(resting(mirror=-1.0, rest=rest, tare=tare), with_gas)
-    assert not put_right(trace)
-    assert not trace.shows_signs
 
 
 # A force that one stroke holds down to low speed is no level of the force, nor a direction.

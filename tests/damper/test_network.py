@@ -107,58 +107,6 @@ CASES = {
 FRICTION = ("presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed")
 RUBBER = ("rubber", "rubber_bend")
 ABSENT = {"free_gas", "k_s", "play", "drag", *FRICTION, *RUBBER}
-PHASES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.9)
-# 4th cycle from rest at x = 0: force N, pressures bar. Two independent codes agree on every digit.
-GOLDEN = {
-    "a": (
-        (905.35, 25.8949, 0.9780, 4.0947),
-        (267.55, 10.8866, 2.6379, 3.8412),
-        (-651.42, 6.1464, 12.8422, 3.8265),
-        (-1312.91, 22.9552, 32.5497, 4.0410),
-        (-1409.86, 25.7894, 35.6439, 5.1146),
-        (871.66, 26.9255, 2.0786, 5.1799),
-    ),
-    "b": (
-        (258.70, 13.9377, 7.2066, 7.2881),
-        (223.75, 12.9404, 7.0477, 7.0785),
-        (-263.21, 6.9918, 11.1622, 7.0185),
-        (-352.12, 7.1366, 13.0998, 7.2086),
-        (-358.93, 8.1112, 14.0897, 8.1836),
-        (253.11, 14.7341, 8.0160, 8.0975),
-    ),
-    "c": (
-        (73.64, 9.7756, 7.3420, 7.4161),
-        (4.53, 7.9293, 7.1376, 7.1651),
-        (-85.12, 7.1355, 7.6597, 7.1620),
-        (-174.12, 7.3338, 9.6459, 7.4033),
-        (-180.68, 8.3253, 10.6454, 8.3949),
-        (67.41, 10.7422, 8.3132, 8.3873),
-    ),
-    "d": (
-        (675.24, 24.6580, 3.8980, 4.0904),
-        (192.31, 10.8167, 3.7785, 3.8393),
-        (-233.96, 6.2799, 6.3725, 3.8376),
-        (-488.06, 14.8953, 15.1419, 4.0776),
-        (-520.22, 16.0314, 16.2772, 5.1675),
-        (644.21, 25.7350, 4.9827, 5.1758),
-    ),
-    "e": (
-        (268.76, 38.1854, 17.7850, 17.7850),
-        (-260.45, 21.2993, 16.6993, 16.6993),
-        (-674.63, 12.4760, 16.7225, 16.7225),
-        (-735.50, 12.8200, 17.8677, 17.8677),
-        (-871.63, 17.6048, 22.6599, 22.6599),
-        (135.15, 42.8944, 22.4955, 22.4955),
-    ),
-    "f": (
-        (135.61, 11.2116, 7.3336, 7.4154),
-        (91.27, 9.9316, 7.1190, 7.1500),
-        (-285.35, 7.1073, 11.7140, 7.1345),
-        (-692.58, 7.2955, 20.1746, 7.3674),
-        (-713.20, 8.3058, 21.4768, 8.3777),
-        (129.28, 12.2028, 8.3282, 8.4100),
-    ),
-}
 SHARP = SolverOptions(tolerance=1e-3, rounding=1.0, max_steps_per_sample=100_000)
 SMOOTH = SolverOptions(tolerance=1e-7, rounding=100.0, max_steps_per_sample=100_000)
 
@@ -169,15 +117,6 @@ def run(name, *, per_cycle=1000, cycles=4, options=SHARP, sensitivities=(), **ch
     motion = sine_motion(amplitude, frequency, cycles=cycles, sample_rate=rate)
     how = {"sensitivities": sensitivities, "options": options}
     return simulate_network(network, values | changed, damper, motion, **how)
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_golden_values(name):
-    response = run(name)
-    at = [3000 + round(1000 * q) for q in PHASES]
-    for index, (force, *bars) in zip(at, GOLDEN[name], strict=True):
-        assert response.force[index] == pytest.approx(force, abs=0.011)
-        assert response.pressures[:, index] / 1e5 == pytest.approx(bars, abs=2.1e-4)
 
 
 MOUNTINGS = {"rigid": (0.0, 0.0, 0.0), "elastic": (2e6, 0.0, 60.0), "play": (3e5, 7e-4, 60.0)}
@@ -566,12 +505,3 @@ def test_below_the_solvers_dead_band_friction_turns_as_it_did(mounting):
     np.testing.assert_array_equal(below.force, sharp.force)
     assert not below.sensitivities["turning_speed"].any()
     assert np.max(np.abs(above.force - sharp.force)) > 1.0
-
-
-@pytest.mark.parametrize("mounting", [RIGID, ELASTIC, PLAY], ids=["rigid", "elastic", "play"])
-def test_the_bias_of_a_usual_tolerance_is_below_it(mounting):
-    usual, sharp = (
-        run("b", options=options, per_cycle=300, **mounting, **ALL).force[600:]
-        for options in (SolverOptions(tolerance=1e-2), SHARP)
-    )
-    assert np.sqrt(np.mean((usual - sharp) ** 2)) < 0.15

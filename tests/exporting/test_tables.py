@@ -8,7 +8,6 @@ import numpy as np
 import openpyxl
 import pytest
 
-from damperfit.damper.model import MODELS
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
@@ -22,7 +21,6 @@ from tests.exporting.conftest import told
 from tests.exporting.reading_back import READERS
 from tests.exporting.units import with_friction_error
 from tests.oracles.steady import purdy_force, steady_force
-from tests.test_every_model import truth_of
 
 SPEEDS = (0.005, 0.01, 0.025, 0.05, 0.13, 0.25)  # m/s: what a dyno's report is asked for
 POUND = 4.4482216152605
@@ -153,17 +151,6 @@ def test_nothing_beyond_the_tested_speed_unless_asked_and_then_marked(handed) ->
     for speed in (0.3, 1.6):
         with pytest.raises(ConfigurationError, match=r"above the tested 0.301 m/s and up to 5"):
             force_tables(handed, extend=speed)
-
-
-@pytest.mark.parametrize("name", sorted(MODELS))
-def test_every_model_has_a_table(handed, name) -> None:
-    model = MODELS[name]()
-    run = replace(handed, damper=model, settings=(SettingResult(Setting.of(1), truth_of(model)),))
-    (table,) = force_tables(run)
-    assert np.isfinite(table.forces).all()
-    assert table.forces[0] < 0.0 < table.forces[-1]
-    if name == "linear":  # without storage: friction at rest alone
-        assert max(miss.percent for miss in road_misses(run, table)) < 0.5
 
 
 def test_the_road_is_the_standard_one_and_velocity_is_its_derivative() -> None:

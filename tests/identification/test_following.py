@@ -49,13 +49,6 @@ def test_the_logs_tell_what_follows_which_adjuster(found: Campaign) -> None:
             assert fit.status[name] == ("fitted" if name == "f_0" else "shared")
 
 
-def test_what_one_adjuster_moves_is_told_without_a_second() -> None:
-    logs = [replace(log(at(low, 1)), setting=low) for low in (6, 14)]
-    sharing = identify(logs, DAMPER, FOUND).sharing
-    assert not sharing.follows
-    assert set(sharing.jointly) == {"rebound_opening", "rebound_slope", "k_e", "f_f"}
-
-
 def test_a_setting_that_does_not_tell_it_takes_it_from_others() -> None:
     # At the stiff click of high speed a slow log never opens the blow-off.
     logs = [*adjusted.logs()[:3], log(SETTINGS[3], speeds=(0.02, 0.04))]

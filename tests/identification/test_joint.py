@@ -61,18 +61,6 @@ def test_what_is_shared_is_an_option() -> None:
     assert found[0].parameters.f_0 == found[1].parameters.f_0 == pytest.approx(118.0, abs=0.5)
 
 
-def test_what_is_not_shared_is_the_settings_own() -> None:
-    # Friction used to be held at the mean, "fixed", and R_m3 had half its error.
-    frictions = {1: 30.0, 8: 50.0, 14: 70.0}
-    logs = [
-        trace(setting, replace(reference_parameters(setting), f_f=f_f), noise=4.0)
-        for setting, f_f in frictions.items()
-    ]
-    for fit in identify(logs, PURDY_DAMPER, FitOptions("joint", share=("r_m3",))).fits:
-        assert (fit.status["r_m3"], fit.status["f_f"]) == ("shared", "fitted")
-        assert fit.parameters.f_f == pytest.approx(frictions[fit.setting], rel=0.02)
-
-
 def test_a_setting_outside_of_the_joint_fit_lends_it_no_weight() -> None:
     logs = traces([1, 10, 20], noise=4.0, duration=5.0)
     three = identify(logs, PURDY_DAMPER, FitOptions("joint"))

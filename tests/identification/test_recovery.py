@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfilt, sosfiltfilt
 
-from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning import condition
 from damperfit.damper.cavitation import Cavitation, describe_cavitation, examine_cavitation
 from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
@@ -23,7 +22,6 @@ from tests.identification.rig import (
     OMEGA,
     is_near,
     recorded,
-    recording,
     short_trace,
     short_traces,
     trace,
@@ -66,28 +64,6 @@ def test_paper_procedure_recovers_all_settings_from_noisy_logs(settings) -> None
         assert fit.cavitation.r_m3_margin == pytest.approx(1 / 0.85 - 1, abs=0.025)
 
 
-@pytest.mark.parametrize("kind", ["causal", "zero_phase"])
-def test_logs_that_the_rig_has_filtered(kind: str) -> None:
-    sections = butter(4, 30.0, fs=1000.0, output="sos")
-    run, logs = sosfilt if kind == "causal" else sosfiltfilt, []
-    for setting in (1, 8, 20):
-        raw = recording(setting, noise=4.0, duration=12.0)
-        x, force = (run(sections, one) for one in (raw.displacement, raw.force))
-        filtered = replace(raw, displacement=x, force=force)
-        logs.append(condition(filtered, ConditionOptions(rig_filter=kind)))
-    for fit in identify(logs, PURDY_DAMPER).fits:
-        assert is_near(fit.parameters, reference_parameters(fit.setting), **PAPER_BARS)
-
-
-def test_the_stiff_settings_come_back_from_the_cavitating_minimum() -> None:
-    # Used to end with R_m3 up and f_f at zero when every parameter was free from the start.
-    for fit in identify(
-        short_traces([16, 18, 20], noise=4.0), PURDY_DAMPER, FitOptions("plain")
-    ).fits:
-        assert fit.outcome is Outcome.CONVERGED
-        assert is_near(fit.parameters, reference_parameters(fit.setting), r_m3=0.03, f_f=0.03)
-
-
 @pytest.mark.parametrize(
     ("gas_pressure", "setting", "free"),
     [
@@ -106,15 +82,6 @@ def test_a_damper_that_cavitates_is_found_from_the_closed_form(gas_pressure, set
     assert fit.cavitation.fraction > 0.3
     bars = {"r_m1": 5e-3, "r_m2": 5e-3, "r_m3": 5e-3, "f_f": 0.02}
     assert is_near(fit.parameters, reference_parameters(setting), **bars)
-
-
-def test_friction_is_shared_in_a_damper_that_cavitates_at_every_setting() -> None:
-    damper = replace(PURDY_DAMPER, gas_pressure=1.5e5)
-    campaign = identify(short_traces([1, 15], damper=damper, noise=4.0), damper)
-    assert campaign.warnings == ()
-    for fit in campaign.fits:
-        assert fit.status["f_f"] == "shared"
-        assert is_near(fit.parameters, reference_parameters(fit.setting), r_m3=3e-3, f_f=0.01)
 
 
 def test_another_damper_with_no_number_of_the_paper() -> None:
@@ -150,19 +117,6 @@ def test_wrong_lengths_and_gas_cost_what_the_manual_says() -> None:
         damper = replace(PURDY_DAMPER, gas_pressure=factor * PURDY_DAMPER.gas_pressure)
         (fit,) = identify([log], damper, FitOptions("plain", (*FREE, *KNOWN))).fits
         assert fit.mse_percent < 0.3
-
-
-def test_the_tolerance_of_the_fit_is_enough() -> None:
-    """It moves no parameter by a hundredth of its error."""
-    truth = reference_parameters(10)
-    log = short_trace(10, noise=4.0)
-    start = truth.replace({name: 1.2 * getattr(truth, name) for name in FREE})
-    loose, tight = (
-        minimised(Block(PURDY_DAMPER, (log,), FREE, solver), start).values
-        for solver in (FitOptions().solver, SolverOptions(1e-5))
-    )
-    for name, near in (("r_m1", 1e-5), ("r_m2", 5e-5), ("k_e", 2e-4)):
-        assert getattr(loose, name) == pytest.approx(getattr(tight, name), rel=near)
 
 
 def test_jobs_and_order_give_the_same_bits() -> None:
@@ -267,14 +221,6 @@ def test_rigid_oil_is_fitted_and_has_no_upper_limit(setting, amplitude, noise) -
     said = next(str(one) for one in undetermined if one.values["quantity"] == "k_e")
     assert f"not identifiable upward: at least {low:.4g} Pa (95 %)" in said
     assert said in map(str, assessment.doubts(campaign))
-
-
-def test_friction_is_told_by_logs_of_rigid_oil() -> None:
-    # Used to be held at the fallback of 50 N, as no fit with everything free was sound.
-    truth = replace(reference_parameters(10), f_f=70.0)
-    campaign, _ = judged(rigid(10, 0.01, 2.0, truth))
-    assert campaign.fits[0].status["f_f"] == "shared"
-    assert campaign.fits[0].parameters.f_f == pytest.approx(70.0, rel=0.01)
 
 
 def _curvature(fit: Fit) -> float:

@@ -36,7 +36,7 @@ from damperfit.recording import Trace
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess
 from damperfit.uncertainty.grades import objections
-from tests.identification.rig import errors, trace, traces
+from tests.identification.rig import errors, trace
 from tests.laws.valve_logs import VALUES, damper, moved, noisy_trace
 
 FREE = ("r_m1", "r_m2", "k_e")
@@ -95,20 +95,6 @@ def test_starts_are_spread_over_the_whole_range_and_always_the_same() -> None:
     assert min(y.f_0 for y in found) < -200.0
 
 
-def test_a_sound_setting_has_one_minimum() -> None:
-    logs = traces([3], noise=4.0, duration=4.0)
-    plain = identify(logs, PURDY_DAMPER, FitOptions("plain", FREE, KNOWN))
-    many = identify(logs, PURDY_DAMPER, FitOptions("plain", FREE, KNOWN, starts=5))
-    assert plain.searches == many.warnings == ()
-    (found,) = many.searches
-    assert (found.n_starts, found.n_failed, len(found.minima)) == (5, 0, 1)
-    assert found.minima[0].n_starts == 5
-    assert many.fits[0].parameters == plain.fits[0].parameters
-    assert many.fits[0].evaluations > 4 * plain.fits[0].evaluations
-    (said,) = describe_searches(many.searches)
-    assert said == "setting 3, r_m1, r_m2, k_e free, 5 starts: all end in one minimum"
-
-
 def test_the_way_out_of_the_cavitating_minimum_is_found_and_used(monkeypatch) -> None:
     truth = reference_parameters(18)
     local = replace(truth, r_m3=4.4e6, f_f=1.0)
@@ -143,13 +129,6 @@ def test_a_flat_minimum_is_one_minimum(searched) -> None:
     _, found = searched(*ends)
     assert len(found.minima) == 1
     assert found.warning == ""
-
-
-def test_procedure_paper_searches_what_it_takes_r_m3_from_too() -> None:
-    logs = traces([1, 9], noise=4.0, duration=4.0)
-    campaign = identify(logs, PURDY_DAMPER, FitOptions(starts=3), jobs=2)
-    # The lowest setting is searched with everything free too, for the R_m3 that all others use.
-    assert [(one.setting, len(one.free)) for one in campaign.searches] == [(1, 5), (1, 3), (9, 3)]
 
 
 def started(start: GivenStart):

@@ -25,21 +25,13 @@ from damperfit.identification.fit_setting import describe_fit, fit_setting
 from damperfit.identification.logs import settled
 from damperfit.identification.outcome import attempted
 from damperfit.identification.unlike_motions import _differing
-from damperfit.problem import Words
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions, simulate
-from damperfit.uncertainty import assess
 from tests.conditioning.logs import sine_log, static_force
 from tests.identification.rig import short_trace, short_traces, traces
 
 FREE = ("r_m1", "r_m2", "k_e")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
-PLAIN = FitOptions("plain")
-
-
-def fitted(setting: int, **fixed: float) -> Fit:
-    options = FitOptions(fixed=fixed)
-    return identify([short_trace(setting, noise=4.0)], PURDY_DAMPER, options).fits[0]
 
 
 def test_mse_is_the_papers() -> None:
@@ -49,15 +41,6 @@ def test_mse_is_the_papers() -> None:
     off = 10.0 * rng.standard_normal(5000)
     expected = 100.0 * np.sum(off**2) / (5000 * np.var(force))
     assert normalised_mse(force, force + off) == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("seed", [3, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
-def test_no_friction_is_reported_as_at_bound(seed: int) -> None:
-    truth = replace(reference_parameters(4), f_f=1e-6)
-    (fit,) = identify([short_trace(4, truth, noise=4.0, seed=seed)], PURDY_DAMPER, PLAIN).fits
-    assert fit.status["f_f"] == "at_bound"
-    assert fit.outcome is Outcome.AT_BOUND
-    assert fit.parameters.r_m1 == pytest.approx(truth.r_m1, rel=3e-3)
 
 
 def test_a_fit_that_stops_at_a_wall_of_failed_trials_has_not_converged(monkeypatch) -> None:
@@ -77,22 +60,6 @@ def test_a_fit_that_stops_at_a_wall_of_failed_trials_has_not_converged(monkeypat
     fit = describe_fit(9, judged, block)
     assert "failed-trials" in {one.code for one in fit.warnings}
     assert fit.parameters.r_m1 <= 0.9 * truth.r_m1
-
-
-def test_a_single_setting_that_cannot_fix_the_shared_ones_uses_the_papers_with_a_warning() -> None:
-    truth = replace(reference_parameters(12), r_m3=2.6e3, f_f=1e-3)
-    campaign = identify([short_trace(12, truth, noise=4.0, duration=4.0)], PURDY_DAMPER)
-    assumed = next(one for one in campaign.warnings if "2.597e+06" in str(one))
-    assert "--fix r_m3=VALUE" in str(assumed)
-    assert "fix={'r_m3': VALUE}" in assumed.sentence(Words("damperfit.identify"))
-
-
-def test_fixed_values_are_kept_and_what_is_found_once_is_shared() -> None:
-    fit = fitted(3, r_m3=2.5e6, f_f=60.0)
-    assert (fit.parameters.r_m3, fit.parameters.f_f) == (2.5e6, 60.0)
-    assert (fit.status["r_m3"], fit.status["r_m1"]) == ("fixed", "fitted")
-    status = fitted(2, f_f=50.0).status
-    assert (status["r_m3"], status["f_f"], status["k_e"]) == ("shared", "fixed", "fitted")
 
 
 def test_stopping_keeps_the_finished_settings() -> None:
@@ -118,45 +85,6 @@ def test_a_log_of_another_damper_is_called_poor_and_does_not_stop_the_run() -> N
     assert campaign.failures == ()
     assert campaign.fits[0].mse_percent > 5.0
     assert campaign.fits[0].outcome is not Outcome.CONVERGED
-
-
-def with_frictions(frictions, noise, procedure="paper", **options):
-    return identify(
-        [
-            short_trace(k, replace(reference_parameters(k), f_f=f_f), noise=noise, **options)
-            for k, f_f in zip((1, 5, 10), frictions, strict=True)
-        ],
-        PURDY_DAMPER,
-        FitOptions(procedure),
-    )
-
-
-@pytest.mark.parametrize("procedure", ["paper", "joint"])
-def test_friction_that_varies_neither_bends_r_m3_nor_stays_unnamed(procedure) -> None:
-    # Held at the mean friction, R_m3 of the lowest setting came out 31 % low.
-    campaign = with_frictions((30.0, 50.0, 70.0), 4.0, procedure)
-    assert campaign.sharing.friction_varies
-    assert campaign.fits[0].parameters.r_m3 == pytest.approx(2.597e6, rel=0.03)
-    first = assess(campaign, PURDY_DAMPER).diagnoses[0]
-    assert first.hints[0].name == "f_f"
-    assert "f_f is shared by all settings and here too high" in first.sentence
-
-
-@pytest.mark.parametrize(
-    ("frictions", "noise", "varies"),
-    [
-        ((50.0, 51.0, 49.0), 2.0, False),
-        ((30.0, 50.0, 70.0), 2.0, True),
-        ((2.0, 2.0, 2.0), 20.0, False),  # noise moves them by half
-    ],
-)
-def test_whether_one_friction_holds_for_all_settings(frictions, noise, varies) -> None:
-    sharing = with_frictions(frictions, noise, duration=10.0).sharing
-    assert sharing.friction_varies is varies
-    if noise < 10.0:
-        assert sharing.spread == pytest.approx((min(frictions), max(frictions)), rel=0.02)
-    else:
-        assert sharing.spread[1] > 1.5 * sharing.spread[0]
 
 
 # Logs of one setting under different motions that contradict each other are named.

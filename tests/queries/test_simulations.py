@@ -22,7 +22,6 @@ from damperfit.queries.simulations import (
     parse_variation,
     run_sweep,
 )
-from damperfit.reporting.simulated import sweep_pressure_plot, sweep_sentence
 from damperfit.results import Tested
 from damperfit.tables.files import write_table
 from damperfit.tables.rows import make_tables
@@ -156,21 +155,6 @@ def family(text):
 
 def peaks(kin):
     return kin.figures.peak_force_rebound, -kin.figures.peak_force_bump
-
-
-def test_valve_3_moves_rebound_only_and_cavitates_chamber_2():
-    low, base, high = family("r_m3=0.5,1,1.5")
-    assert peaks(low)[1] == pytest.approx(peaks(high)[1], rel=1e-3)
-    assert peaks(low)[0] < peaks(base)[0] < peaks(high)[0]
-    assert [kin.cavitation > 0.0 for kin in (low, base, high)] == [False, False, True]
-    assert high.figures.cavitation_shares[1] == high.cavitation
-    sentence = sweep_sentence("r_m3", [high, low, base])
-    assert sentence.startswith("r_m3 x0.5 to x1.5: peak rebound ")
-    assert "cavitation: chamber 2 for " in sentence
-    bands = [
-        sweep_pressure_plot(one, file_name="a", title="a").panels[0].bands for one in (base, high)
-    ]
-    assert [bool(one) for one in bands] == [False, True]
 
 
 @pytest.mark.parametrize("name", ["p_0", "gamma", "amplitude", "frequency"])

@@ -74,22 +74,6 @@ def asked_for(text: str, **identification):
     return load_configuration(overlay=damper | {"identification": identification})
 
 
-def test_what_temperature_does_is_found_within_its_interval() -> None:
-    model, joint = WithTemperature(PURDY_DAMPER, 43.0), ("r_m3", "f_f", "beta")
-    logs = [log(setting, warmth) for setting in (1, 10) for warmth in (COLD, WARM)]
-    campaign = identify(logs, model, FitOptions("joint", share=joint))
-    assert campaign.sharing.jointly == joint
-    for fit, known in zip(campaign.fits, assess(campaign, model).uncertainties, strict=True):
-        assert (fit.outcome, fit.status["beta"]) == (Outcome.CONVERGED, Status.SHARED)
-        interval = known.intervals["beta"]
-        assert interval.low < BETA < interval.high
-        assert interval.error < 0.02 * BETA
-        true = known_at(int(fit.setting.cell), 43.0)
-        for name in OWN[:4]:
-            off = abs(getattr(fit.parameters, name) - getattr(true, name))
-            assert off < 4.0 * known.intervals[name].error
-
-
 def test_the_reference_is_the_mean_of_the_logs_unless_it_is_said() -> None:
     traces = [log(1, COLD), log(1, WARM)]
     mean = with_reference(asked_for("mean"), traces)

@@ -41,28 +41,6 @@ def test_a_viscous_damper_has_no_hysteresis_and_known_forces() -> None:
     assert found.speed_forces[1].bump == pytest.approx(-100.0, rel=1e-6)
 
 
-def test_hysteresis_is_opening_minus_closing_at_half_the_peak_speed() -> None:
-    time = np.arange(4001) / 2000.0
-    x, v = np.sin(2 * np.pi * time), 2 * np.pi * np.cos(2 * np.pi * time)
-    # A spring adds -k x: opening in rebound is x < 0, so opening minus closing is 2 k |x|.
-    found = characterise(
-        Response(time, x, v, -100.0 * x, np.ones((3, 4001)), np.ones((2, 4001))), 1.0
-    )
-    assert found.hysteresis_speed == pytest.approx(math.pi)
-    assert found.hysteresis_rebound == pytest.approx(200.0 * math.cos(math.pi / 6), rel=1e-4)
-    assert found.hysteresis_bump == pytest.approx(-200.0 * math.cos(math.pi / 6), rel=1e-4)
-
-
-def test_the_share_of_cavitation_and_the_pressure_range_are_those_of_the_last_cycle() -> None:
-    soft = characterise(_response(SET_M), 1.5)
-    assert soft.cavitation_shares == (0.0, 0.0, 0.0)
-    assert soft.pressure_ranges[2][0] == pytest.approx(3.81e5, rel=1e-2)
-    hard = replace(SET_M, r_m3=2.597e6 * 1.5)
-    shares = characterise(_response(hard), 1.5).cavitation_shares
-    assert shares[0] == shares[2] == 0.0
-    assert 0.01 < shares[1] < 0.5
-
-
 def test_the_last_whole_cycle_counts_and_one_is_enough() -> None:
     four, six = (
         characterise(_response(SET_M, cycles=cycles, rate=1500.0), 1.5).energy for cycles in (4, 6)

@@ -47,17 +47,6 @@ def both():
     return found
 
 
-def test_forces_of_a_sound_log_agree_and_have_no_error_of_the_model(both) -> None:
-    _, known, found = both[0]
-    assert {one.stroke for one in known.forces} == {"rebound", "bump"}
-    for one in found.forces:
-        assert (one.misfit, one.origin, one.disagrees) == (0.0, "model", False)
-        # The loop holds the gas force away from mid-stroke: 4 N at its ends.
-        assert one.measured_force == pytest.approx(one.force, rel=0.01, abs=8.0)
-        assert one.high - one.force == pytest.approx(1.959964 * one.error)
-    assert all(one.misfit == 0.0 for one in known.uncertainties[0].intervals.values())
-
-
 def test_a_model_that_misses_gives_the_measured_force(both) -> None:
     _, known, found = both[1]
     assert known.diagnoses[0].is_structured

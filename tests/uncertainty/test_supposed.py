@@ -55,14 +55,6 @@ def test_an_interval_reaches_as_far_as_one_error_of_each_supposition_moves_the_f
     assert found["rebound_slope"].misfit > 2.0 * found["rebound_slope"].error
 
 
-def test_the_truth_lies_within(alone) -> None:
-    truth, found = adjusted.numbers(adjusted.at(14, 3)), alone[1]
-    for name in VALVES:
-        assert found[name].low < truth[name] < found[name].high, name
-    slope = found["rebound_slope"]
-    assert abs(truth["rebound_slope"] - math.sqrt(slope.low * slope.high)) > 1.96 * slope.error
-
-
 def test_what_somebody_has_given_leaves_no_doubt_but_of_the_form_of_friction(log, monkeypatch):
     campaign = fitted(log, drag=1.5 * DRAG)
     assert all(one.misfit > 0.0 for one in intervals(campaign).values())
