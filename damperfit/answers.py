@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from damperfit.comparison.comparing import Tolerance
+    from damperfit.comparison.tolerance import Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.exporting import Export
     from damperfit.exporting.check import SettingCheck

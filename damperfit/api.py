@@ -415,7 +415,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     from damperfit.answers import FleetDone
-    from damperfit.comparison.comparing import parse_bands
+    from damperfit.comparison.tolerance import parse_bands
     from damperfit.fleets.run import planned, run_fleet, share_of
     from damperfit.run.identify import Watch
     from damperfit.workers import Cluster, Processes
@@ -718,16 +718,9 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
 ) -> Comparison:
     """Show what differs between results, and whether it is more than chance."""
     given = dict(locals())
-    from damperfit.comparison.comparing import parse_bands
-    from damperfit.queries.compared import (
-        Comparison,
-        baseline_text,
-        compare_all,
-        comparison_options,
-        one_run,
-    )
+    from damperfit.comparison.tolerance import parse_bands
+    from damperfit.queries.compared import compare_all, comparison_options
     from damperfit.results import Run
-    from damperfit.store import write_text
 
     places = [folder_of(one, "damperfit.compare") for one in runs]
     is_alone = len(runs) == 1 and not (tolerance or save)
@@ -765,15 +758,9 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
             names.setdefault(one.folder, f"result {k}")
     options = replace(options, names=names)
     file: Any = config
-    if paths["save"] is not None:
-        run = one_run(places[0], options, config=file, reading=reading)
-        write_text(paths["save"], baseline_text(run, is_measured=measured))
-        if len(places) == 1 and bands is None:
-            return Comparison()
-    repeated = [Path(one) for one in repeats or ()]
-    done = compare_all(
-        places, options, repeats=repeated, tolerance=bands, config=file, reading=reading
-    )
+    how: dict[str, Any] = {"config": file, "reading": reading, "save": paths["save"]}
+    how["repeats"] = [Path(one) for one in repeats or ()]
+    done = compare_all(places, options, tolerance=bands, **how)
     done.write(paths["out"], paths["junit"])
     return done
 

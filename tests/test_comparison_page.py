@@ -7,12 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from damperfit.comparison.comparing import (
-    ComparisonOptions,
-    compare_runs,
-    parse_tolerance,
-    tolerated,
-)
+from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.comparison.tolerance import parse_tolerance, tolerated
 from damperfit.reporting.compared import comparison_markdown, difference_plots, loop_plots
 from damperfit.reporting.page import comparison_page
 from damperfit.tested.setting import Setting

@@ -1,5 +1,9 @@
 """Runs compared: what was measured first, then forces, parameters, energy and hysteresis.
 
+Two runs are two tests, so that their errors add. What both have in common does not: at the same
+motion a wrong model misses the same force in both, and only by how much it misses them differently
+is an error of the difference (`Reading.misses`).
+
 At a setting where a model misses the measured force of any run by more than it may, the measured
 forces of all are compared, at every speed: a model that misses one is not asked for the next, and a
 difference must be of one kind. Where every run knows the offset of its rig, which is tared before
@@ -9,14 +13,10 @@ may be the reason.
 
 from __future__ import annotations
 
-import csv
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from io import StringIO
 from itertools import product
-from pathlib import Path
 from statistics import fmean, median, stdev
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,37 +30,35 @@ from damperfit.adjustment.force_at import (
 )
 from damperfit.comparison.measured import (
     SAME_MOTION,
-    Difference,
     Reading,
-    Sameness,
     Topic,
-    compared,
     measured_readings,
-    outcome_of,
+    reach_of,
     repeat_scatter,
-    surely_different,
     tests_at,
     zero_shift,
 )
-from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings, of_settings
-from damperfit.io.files import read_text
 from damperfit.problem import Failure, Option
 from damperfit.statistics import NORMAL_95
-from damperfit.tables.columns import SCHEMA_VERSION
-from damperfit.tested.setting import Setting
-from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from damperfit.damper.quantity import Quantity
     from damperfit.errors import OnError
     from damperfit.results import Run
+    from damperfit.tested.setting import Setting
 
     Readings = dict[Topic, Reading]
-    Shift = tuple[float, float]
 
+# "Same" is said only where a difference of so much of the damping, or of the value, would be seen.
+SEEN = 0.05
+_LEVEL = 0.05  # of all verdicts of a comparison together
+_MOST_LOG = 700.0  # beyond it exp overflows
 _EACH, _CONSTANT = "the motion of each test", "constant speed"
 _KINDS = ("measured", "force", "parameter", "figure")
 _FEW_REPEATS = 3  # fewer tell little of a scatter
@@ -70,6 +68,184 @@ _OBJECTIONS = {
     Status.ABSENT.value: "the law is fitted without it there",
 }
 _ONCE = {Status.SHARED.value, Status.FIXED.value, Status.NOT_IDENTIFIABLE.value}
+
+
+# Two numbers beside each other
+
+SAME, DIFFERENT, UNDETERMINED = "same", "different", "undetermined"  # verdicts, for scripts
+
+
+class Difference(NamedTuple):
+    """Two readings of one subject, the second beside the first (of the reference)."""
+
+    subject: Topic
+    first: Reading
+    second: Reading
+    low: float = math.nan  # 95 % interval of the difference; NaN where no error is known
+    high: float = math.nan
+    # The same in per cent, for a force of the reference's damping: positive is harder; for a
+    # hysteresis of half the force's range. NaN where there is nothing to take it of.
+    percent: float = math.nan
+    percent_low: float = math.nan
+    percent_high: float = math.nan
+    chance: float = math.nan  # how often chance alone makes a difference as large; NaN: not known
+    verdict: str = UNDETERMINED  # at 95 %, each line by itself
+    reason: str = ""  # why nothing can be said
+    is_sure: bool = False  # different also when it is remembered how many lines there are
+    words: str = ""  # the verdict, where the subject has words of its own
+
+    @property
+    def difference(self) -> float:
+        """Second less first."""
+        return self.second.value - self.first.value
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether measured numbers are compared."""
+        return self.first.is_measured and self.second.is_measured
+
+
+def compared(
+    subject: Topic, first: Reading, second: Reading, *, is_same_motion: bool = False
+) -> Difference:
+    """Return two readings beside each other; of one model and motion, common misfit cancels."""
+    a, b = first.value, second.value
+    reason = first.objection or second.objection
+    if not (math.isfinite(a) and math.isfinite(b)):
+        return Difference(subject, first, second, reason=reason or "not known for both")
+    is_log = subject.is_logarithmic and a > 0.0 and b > 0.0
+    units = (a, b) if is_log else (1.0, 1.0)
+    misfits = [one.misfit / unit for one, unit in zip((first, second), units, strict=True)]
+    misfit, apart = math.hypot(*misfits), second.misses - first.misses
+    if first.is_measured and second.is_measured:
+        misfit = 0.0
+    elif is_same_motion and any(misfits) and math.isnan(apart):
+        misfit = abs(misfits[1] - misfits[0])
+    elif is_same_motion and any(misfits):
+        noise = (one.misses_error for one in (first, second) if math.isfinite(one.misses_error))
+        misfit = math.sqrt(max(apart**2 - sum(error**2 for error in noise), 0.0))
+    others = [*second.errors(1.0 / units[1]), (misfit, math.inf)]
+    of_both = [*first.errors(1.0 / units[0]), *others]
+    step = math.log(b / a) if is_log else b - a
+    reach, chance = reach_of(of_both, step)
+    if is_log:
+        low, high = (math.exp(min(end, _MOST_LOG)) - 1.0 for end in (step - reach, step + reach))
+        share = reach
+        numbers = (a * low, a * high, 100.0 * (b / a - 1.0), 100.0 * low, 100.0 * high)
+    else:
+        scale = first.scale if math.isfinite(first.scale) else a
+        percent = share = math.nan
+        if scale:
+            # The first number is the denominator too: its error counts 1 + share times.
+            percent = 100.0 * step / scale
+            share = reach_of([*first.errors(1.0 + step / scale), *others])[0] / abs(scale)
+        if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
+            percent = math.nan
+        ends = (percent - 100.0 * share, percent + 100.0 * share)
+        numbers = (step - reach, step + reach, percent, *ends)
+    verdict = UNDETERMINED
+    if not reason and not math.isfinite(reach):
+        reason = "no errors are known"
+    elif not reason and abs(step) > reach:
+        verdict = DIFFERENT
+    elif not reason and share > SEEN:
+        # At its passage through zero a force has no per cent to speak of: newtons say it.
+        reason = f"a difference of {100.0 * share:.2g} % would go unnoticed"
+    elif not reason:
+        verdict = SAME
+    return Difference(subject, first, second, *numbers, chance, verdict, reason)
+
+
+def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
+    """Return the lines with `Difference.is_sure` set, by Holm's procedure over all of them.
+
+    Among many lines one in twenty differs by chance. What is left here is so in one comparison of
+    twenty, however the lines hang together.
+    """
+    chances = sorted(line.chance for line in lines if math.isfinite(line.chance))
+    limit = -1.0  # the largest chance of those that are sure
+    for rank, chance in enumerate(chances):
+        if chance > _LEVEL / (len(chances) - rank):
+            break
+        limit = chance
+    return tuple(
+        line._replace(is_sure=line.chance <= limit and line.verdict == DIFFERENT) for line in lines
+    )
+
+
+# Lines in words: what differs, by how much, or why nothing can be said.
+
+
+def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) -> str:
+    """Say how many differ, which most, and what chance would do."""
+    n_measured = sum(one.is_measured for one in lines) if lines[0].subject.kind == "force" else 0
+    if n_measured:
+        part = f" ({n_measured} of {len(lines)} as measured)"
+        words += " as measured" if n_measured == len(lines) else part
+    known = [line for line in lines if line.verdict != UNDETERMINED]
+    if not known:
+        return f"{words}: cannot be determined ({lines[0].reason})"
+    different = [line for line in known if line.verdict == DIFFERENT]
+    sure = [line for line in different if line.is_sure]
+    undetermined = len(lines) - len(known)
+    beside = f"; {undetermined} cannot be determined" if undetermined else ""
+    if not different:
+        return f"{words}: all {len(known)} the same within errors{beside}"
+    if not sure:
+        return (
+            f"{words}: no significant difference: {len(different)} of {len(known)} lie outside "
+            f"their 95 % interval, where chance alone puts {0.05 * len(known):.2g}{beside}"
+        )
+    worst = max(
+        sure, key=lambda one: abs(one.difference if math.isnan(one.percent) else one.percent)
+    )
+    how_many = "all" if len(sure) == len(different) else str(len(sure))
+    return (
+        f"{words}: {len(different)} of {len(known)} differ, {how_many} of them significantly; most "
+        f"{worst.subject.place(units)}: {difference_of(worst, units)}{beside}"
+    )
+
+
+def difference_of(line: Difference, units: ShownUnits = SI) -> str:
+    """Say how large a difference is, with its interval."""
+    unit = line.subject.unit
+    if math.isnan(line.percent):
+        text = units.write(line.difference, unit, "+.4g")
+        low, high = (units.show(end, unit) for end in (line.low, line.high))
+        return f"{text} ({low:+.3g} to {high:+.3g})" if math.isfinite(low) else text
+    text = f"{line.percent:+.2f} %"
+    if math.isfinite(line.percent_low):
+        text += f" ({line.percent_low:+.2f} to {line.percent_high:+.2f} %)"
+    if line.subject.kind == "force":
+        form = "+.1f" if units.of("N") == "N" else "+.3g"
+        text += f", {units.write(line.difference, 'N', form)}"
+    return text
+
+
+def verdict_of(line: Difference, units: ShownUnits = SI, *, says_measured: bool = True) -> str:
+    """Say the verdict of a line in words, and of a force whether it was measured."""
+    subject, a, b = line.subject, line.first.value, line.second.value
+    text = line.words or "same within errors"
+    if not line.words and line.verdict == UNDETERMINED:
+        text = f"cannot be determined: {line.reason}"
+    elif not line.words and line.verdict == DIFFERENT:
+        if subject.name.startswith("hysteresis") and a * b > 0.0:
+            # Its sign is the way round the loop: -54 N after -57 N is a narrower loop.
+            size = units.write(abs(abs(b) - abs(a)), subject.unit, ".2g")
+            how = f"the loop is {size} {'wider' if abs(b) > abs(a) else 'narrower'}"
+        elif math.isnan(line.percent):
+            size = units.write(abs(line.difference), subject.unit, ".3g")
+            how = f"{size} {'more' if line.difference > 0.0 else 'less'}"
+        else:
+            words = ("softer", "harder") if subject.kind == "force" else ("less", "more")
+            two_digits = f"{float(f'{abs(line.percent):.2g}'):.15g}"  # without a power of ten
+            how = f"{two_digits} % {words[line.percent > 0.0]}"
+        text = f"different{'' if line.is_sure else ', perhaps by chance'}: {how}"
+    is_marked = says_measured and subject.kind == "force" and line.is_measured
+    return f"{text} (measured)" if is_marked else text
+
+
+# Two runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,17 +280,22 @@ class RunComparison:
     repeats: tuple[Run, ...]  # of the reference: their scatter, not the errors, is the measure
     circumstances: tuple[Circumstance, ...]  # what they differ in besides
     settings: tuple[Setting, ...]  # that both have
-    motion: str  # at which forces are compared, for people
+    is_without_model: bool  # measured curves alone are compared
     lines: tuple[Difference, ...]  # measured forces, forces, parameters, figures
     identical: tuple[Setting, ...] = ()  # at which both have the same logs, byte for byte
+    units: ShownUnits = SI  # in which people want it told
     notes: tuple[str, ...] = ()  # what a reader must know; nothing is missing
     remarks: tuple[str, ...] = ()  # what could not be compared
     traces: tuple[str, ...] = ()  # where internal errors happened
-    units: ShownUnits = SI  # in which people want it told
 
     def of(self, kind: str) -> tuple[Difference, ...]:
         """Return the lines of a kind: "measured", "force", "parameter" or "figure"."""
         return tuple(line for line in self.lines if line.subject.kind == kind)
+
+    @property
+    def motion(self) -> str:
+        """At which forces are compared, for people."""
+        return _EACH if self.is_without_model else _CONSTANT
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -134,17 +315,11 @@ class RunComparison:
         return (*first, *(outcome_of(lines, words, self.units) for lines, words in groups if lines))
 
     @property
-    def is_without_model(self) -> bool:
-        """Whether measured curves alone are compared."""
-        return self.motion == _EACH
-
-    @property
     def forces_title(self) -> str:
         """What forces are compared, as in "Forces as measured at the motion of each test"."""
         forces = self.of("force")
         is_measured = bool(forces) and all(line.is_measured for line in forces)
-        motion = self.units.say_lengths(self.motion)
-        return f"Forces {'as measured ' if is_measured else ''}at {motion}"
+        return f"Forces {'as measured ' if is_measured else ''}at {self.motion}"
 
     @property
     def differing(self) -> tuple[str, ...]:
@@ -158,7 +333,7 @@ class RunComparison:
         return (*alike, *self.notes)
 
 
-def compare_runs(  # noqa: C901, PLR0912, PLR0915 - one step after the other
+def compare_runs(
     first: Run,
     second: Run,
     options: ComparisonOptions = ComparisonOptions(),
@@ -178,103 +353,68 @@ def compare_runs(  # noqa: C901, PLR0912, PLR0915 - one step after the other
         pairs = list(zip(runs, known, strict=True))[:3]
         listed = "; ".join(f"{r.shown_as} has {of_settings(s) if s else 'none'}" for r, s in pairs)
         raise ConfigurationError(f"no setting is common to all: {listed}", code="nothing-in-common")
-    failure_log: list[Failure] = []
+    failures: list[Failure] = []
 
     def take(setting: Setting, error: Exception) -> None:
-        failure_log.append(failure_of(error, f"simulating setting {setting}"))
+        failures.append(failure_of(error, f"simulating setting {setting}"))
 
-    # Where the gas is declared, and not alike, it is known what shifts the forces.
-    is_other_gas = not is_bare and len(set(map(_gas_force, runs))) > 1
-    shifts = [(0.0, 0.0) if is_other_gas else zero_shift(first, run, settings) for run in runs]
-    forces: tuple[Readings, ...] = tuple({} for _ in runs)
-    parameters, bare, is_same_motion = forces, set(), True
+    is_same_motion = True
     if is_bare:
-        measured = measured_readings(runs, settings, speeds=options.speeds)
+        tables = measured_readings(runs, settings, speeds=options.speeds)
     else:
+        forces = force_readings(
+            runs, settings, speeds=_speeds_reached(runs, options), on_error=take
+        )
         measured = measured_readings(runs, settings, kind="measured")
-        top = min(run.motion.peak_speed for run in runs)
-        top = top if options.sine is None else options.sine.peak_speed
-        # The named ones that the sine or all tests have reached.
-        speeds = options.speeds or named_speeds(top)
-        if not speeds:
-            raise ConfigurationError(
-                f"none is reached by {top:.3g} m/s; give {{velocity}}",
-                velocity=Option("velocity"),
-                subject="the named test speeds",
-                code="no-speed",
-            )
-        forces = force_readings(runs, settings, speeds=speeds, on_error=take)
         parameters = parameter_readings(runs, settings)
-        bare = known_tares(runs, settings)
+        tables = tuple(a | b | c for a, b, c in zip(measured, forces, parameters, strict=True))
         motions = [(run.motion.amplitude, run.motion.frequency) for run in runs]
         is_same_motion = all(  # what each model misses there was measured
             abs(one / own - 1.0) <= SAME_MOTION
             for motion in motions
             for one, own in zip(motion, motions[0], strict=True)
         )
-    tables: list[Readings] = []
-    for tests, models, values, (shift, its_error) in zip(
-        measured, forces, parameters, shifts, strict=True
-    ):
-        tables.append(table := tests | models | values)
-        for topic, one in table.items():
-            if topic.speed is None or (topic.kind == "force" and topic.setting in bare):
-                continue
-            size, error = shift, its_error
-            if size and not one.is_measured:
-                # A model without an offset took up between none of a zero shift and all.
-                size, error = 0.5 * size, math.hypot(0.5 * error, size / math.sqrt(12.0))
-            repeat = math.hypot(one.repeat, error)
-            table[topic] = replace(one, value=one.value - size, repeat=repeat)
     if not any(tables[0]):
         raise ConfigurationError(
             f"{first.shown_as} and {second.shown_as}: nothing can be compared at setting "
             f"{listed_settings(settings)}: no motion is common to both",
             code="nothing-in-common",
         )
-    hashes = {
-        setting: [
-            {digest for digest, log in _inputs(run) if log["setting"] == setting.cell}
-            for run in runs
-        ]
-        for setting in settings
-    }
-    identical = tuple(one for one, (a, *more) in hashes.items() if a and all(b == a for b in more))
+    # Where the gas is declared, and not alike, it is known what shifts the forces.
+    is_other_gas = not is_bare and len(set(map(_gas_force, runs))) > 1
+    shifts = [(0.0, 0.0) if is_other_gas else zero_shift(first, run, settings) for run in runs]
+    bare = set() if is_bare else known_tares(runs, settings)
+    *references, other = (
+        _unshifted(table, bare, *shift) for table, shift in zip(tables, shifts, strict=True)
+    )
+    identical = tuple(setting for setting in settings if _has_one_set_of_logs(runs, setting))
     lines: list[Difference] = []
-    *references, other = tables
     for kind in _KINDS:  # what is asked of the forces and of the parameters are two questions
         group = []
         for topic, reading in other.items():
             mine = [table[topic] for table in references if topic in table]
             if topic.kind != kind or len(mine) < len(references):
                 continue
-            if repeats:
-                line = compared(topic, _mean(topic, mine), _bare(reading))
-            else:
-                line = compared(topic, mine[0], reading, is_same_motion=is_same_motion)
-            group.append(line)
+            line = compared(topic, mine[0], reading, is_same_motion=is_same_motion)
+            group.append(compared(topic, _mean(topic, mine), reading.bare) if repeats else line)
         lines += surely_different(group)
     lines = [
         # What was measured of the same logs is the same, whatever a filter has made of it.
-        replace(line, verdict=Sameness.SAME, is_sure=False, words="identical: the same logs")
+        line._replace(verdict=SAME, is_sure=False, words="identical: the same logs")
         if line.is_measured and line.subject.setting in identical
         else line
         for line in lines
     ]
     if not is_bare:
         lines += figure_lines(first, second, settings)
-    return RunComparison(
-        *(first, second, tuple(repeats)),
-        circumstances(first, second, options.units, is_bare=is_bare),
-        settings,
-        _EACH if is_bare else _CONSTANT,
-        tuple(lines),
-        identical,
-        tuple(_notes(runs, settings, forces, lines, shifts, options.units, is_bare=is_bare)),
-        tuple(dict.fromkeys(one.message for one in failure_log)),
-        tuple(one.trace for one in failure_log if one.trace),
-        options.units,
+    besides = circumstances(first, second, options.units, is_bare=is_bare)
+    found = RunComparison(
+        *(first, second, tuple(repeats), besides, settings, is_bare),
+        *(tuple(lines), identical, options.units),
+        remarks=tuple(dict.fromkeys(one.message for one in failures)),
+        traces=tuple(one.trace for one in failures if one.trace),
     )
+    return replace(found, notes=tuple(_notes(found, runs, tables, shifts)))
 
 
 def settings_of(run: Run, *, is_bare: bool) -> tuple[Setting, ...]:
@@ -282,6 +422,42 @@ def settings_of(run: Run, *, is_bare: bool) -> tuple[Setting, ...]:
     if is_bare:
         return tuple(sorted({test.setting for test in run.tests}))
     return tuple(stage.setting for stage in run.settings)
+
+
+def _speeds_reached(runs: Sequence[Run], options: ComparisonOptions) -> tuple[float, ...]:
+    """The speeds that were asked for, else the named ones that the sine or all tests reach."""
+    top = min(run.motion.peak_speed for run in runs)
+    top = top if options.sine is None else options.sine.peak_speed
+    speeds = options.speeds or named_speeds(top)
+    if not speeds:
+        raise ConfigurationError(
+            f"none is reached by {top:.3g} m/s; give {{velocity}}",
+            velocity=Option("velocity"),
+            subject="the named test speeds",
+            code="no-speed",
+        )
+    return speeds
+
+
+def _unshifted(table: Readings, bare: set[Setting], shift: float, error: float) -> Readings:
+    """Readings with the zero shift taken off the forces, but off those without their tare."""
+    # A model without an offset took up between none of a zero shift and all.
+    of_model = math.hypot(0.5 * error, shift / math.sqrt(12.0))
+    found = dict(table)
+    for topic, reading in table.items() if shift else ():
+        if topic.speed is not None and not (topic.kind == "force" and topic.setting in bare):
+            size, unsure = (shift, error) if reading.is_measured else (0.5 * shift, of_model)
+            repeat = math.hypot(reading.repeat, unsure)
+            found[topic] = reading._replace(value=reading.value - size, repeat=repeat)
+    return found
+
+
+def _has_one_set_of_logs(runs: Sequence[Run], setting: Setting) -> bool:
+    """Whether all have the same logs of a setting, byte for byte."""
+    first, *others = (
+        {digest for digest, log in _inputs(run) if log["setting"] == setting.cell} for run in runs
+    )
+    return bool(first) and all(own == first for own in others)
 
 
 def _mean(topic: Topic, readings: Sequence[Reading]) -> Reading:
@@ -294,25 +470,19 @@ def _mean(topic: Topic, readings: Sequence[Reading]) -> Reading:
     values, n = [one.value for one in readings], len(readings)
     objection = next((one.objection for one in readings if one.objection), "")
     if not all(map(math.isfinite, values)):
-        return replace(readings[0], value=math.nan, objection=objection)
+        return readings[0]._replace(value=math.nan, objection=objection)
     mean, error = fmean(values), stdev(values)
     if topic.is_logarithmic and min(values) > 0.0:
         logs = [math.log(value) for value in values]
         mean = math.exp(fmean(logs))
         error = mean * stdev(logs)
-    return replace(
-        _bare(readings[0]),
+    return readings[0].bare._replace(
         value=mean,
         error=error * math.sqrt(1.0 + 1.0 / n),
         freedom=float(n - 1),
         scale=fmean(one.scale for one in readings),
         objection=objection,
     )
-
-
-def _bare(reading: Reading) -> Reading:
-    """Return a reading without errors: the scatter of repeats is the measure."""
-    return replace(reading, error=0.0, repeat=0.0, misfit=0.0, misses=math.nan)
 
 
 # What was fitted, as readings
@@ -334,8 +504,10 @@ def force_readings(
     for run in runs:
         stages = [stage for stage in run.settings if stage.setting in settings]
         forces = force_at(stages, run.damper, speeds, measured=run.speed_forces, on_error=on_error)
-        at_place = {(one.setting, one.speed, one.stroke): one for one in forces}
-        tables.append({k: one if k[0] in bare else one.with_tare for k, one in at_place.items()})
+        tables.append({
+            (one.setting, one.speed, one.stroke): one if one.setting in bare else one.with_tare
+            for one in forces
+        })  # fmt: skip
     order = product(settings, speeds, STROKES)
     common = [key for key in order if all(key in table for table in tables)]
     doubted = {key[0] for key in common if any(table[key].disagrees for table in tables)}
@@ -376,6 +548,12 @@ def _knows_gas(run: Run) -> bool:
     return run.damper.rest_force(0.0) is not None
 
 
+def _gas_force(run: Run) -> float:
+    """Return the force of the declared gas at mid-stroke, N, to nine digits; NaN: none is known."""
+    force = run.damper.rest_force(0.0)
+    return math.nan if force is None else float(f"{float(force):.9g}")
+
+
 def freedom_of(run: Run, setting: Setting) -> float:
     """Degrees of freedom of a setting's errors: its cycles less one a log; infinite: not known."""
     row = run.row(setting)
@@ -399,9 +577,9 @@ def parameter_readings(runs: Sequence[Run], settings: Sequence[Setting]) -> tupl
     What all settings share is one number, and stands once.
     """
     tables: tuple[Readings, ...] = tuple({} for _ in runs)
+    by_run = [[run.row(setting) for setting in settings] for run in runs]
     for quantity in comparable_quantities(runs):
         name, status = quantity.name, f"{quantity.name}_status"
-        by_run = [[run.row(setting) for setting in settings] for run in runs]
         is_shared = all(
             len({row.get(name) for row in rows}) == 1 and {row.get(status) for row in rows} <= _ONCE
             for rows in by_run
@@ -436,24 +614,19 @@ def figure_lines(first: Run, second: Run, settings: Sequence[Setting]) -> Iterat
     """Yield MSE and distance from cavitation by setting: numbers without errors, told in words."""
     for setting in settings:
         rows = (first.row(setting), second.row(setting))
-        figures = [
-            (
-                Topic("figure", "mse", "MSE", "%", setting),
-                [_number(row.get("mse_percent")) for row in rows],
-                [str(row.get("grade") or "no grade") for row in rows],
-            )
-        ]
+        misfits = [_number(row.get("mse_percent")) for row in rows]
+        grades = [str(row.get("grade") or "no grade") for row in rows]
+        figures = [("mse", "MSE", misfits, grades)]
         margins = [100.0 * _number(row.get("r_m3_cavitation_margin")) for row in rows]
         is_empty = [bool(row.get("cavitation_fraction")) for row in rows]
         if any(map(math.isfinite, margins)) or any(is_empty):
-            topic = Topic("figure", "cavitation_margin", "R_m3 below cavitation", "%", setting)
-            figures.append((topic, margins, ["cavitates" if one else "full" for one in is_empty]))
-        for topic, values, (a, b) in figures:
-            verdict, words = Sameness.DIFFERENT, f"{a}, now {b}"
-            if a == b:
-                verdict, words = Sameness.SAME, f"both {a}"
-            a_value, b_value = map(Reading, values)
-            yield Difference(topic, a_value, b_value, verdict=verdict, words=words)
+            chambers = ["cavitates" if one else "full" for one in is_empty]
+            figures.append(("cavitation_margin", "R_m3 below cavitation", margins, chambers))
+        for name, label, values, (a, b) in figures:
+            first_value, second_value = map(Reading, values)
+            verdict, words = (SAME, f"both {a}") if a == b else (DIFFERENT, f"{a}, now {b}")
+            topic = Topic("figure", name, label, "%", setting)
+            yield Difference(topic, first_value, second_value, verdict=verdict, words=words)
 
 
 def _number(value: Any) -> float:
@@ -463,30 +636,26 @@ def _number(value: Any) -> float:
 # What a reader must know
 
 
-def _notes(  # noqa: C901, PLR0912, PLR0913 - all that was compared, one thing after the other
+def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the other
+    found: RunComparison,
     runs: Sequence[Run],
-    settings: Sequence[Setting],
     tables: Sequence[Readings],
-    lines: Sequence[Difference],
-    shifts: Sequence[Shift],
-    units: ShownUnits,
-    *,
-    is_bare: bool,
+    shifts: Sequence[tuple[float, float]],
 ) -> Iterator[str]:
-    if 0 < (n := len(runs) - 2) < _FEW_REPEATS:
+    is_bare, units, forces = found.is_without_model, found.units, found.of("force")
+    if 0 < (n := len(found.repeats)) < _FEW_REPEATS:
         yield (
             f"the scatter of A is that of {n + 1} runs, {n} degree{'s' * (n > 1)} of freedom: "
             f"intervals are {'six times' if n == 1 else 'twice'} as wide as those of many would be"
         )
-    forces = [line for line in lines if line.subject.kind == "force"]
-    at = [one for one in settings if one in {line.subject.setting for line in forces}]
-    if lost := [setting for setting in settings if forces and setting not in at]:
+    with_forces = {line.subject.setting for line in forces}
+    at = [setting for setting in found.settings if setting in with_forces]
+    if lost := [setting for setting in found.settings if forces and setting not in at]:
         yield f"{of_settings(lost)}: no motion is common to both: not compared"
     top = min((stage.top_speed for run in runs for stage in run.settings), default=math.inf)
-    speeds = {line.subject.speed or 0.0 for line in lines if not line.is_measured}
-    beyond = sorted(speed for speed in speeds if speed > (1.0 + REPEATS) * top)
-    if beyond and not is_bare:
-        listed = ", ".join(units.write_speed(speed) for speed in beyond)
+    speeds = {line.subject.speed or 0.0 for line in forces if not line.is_measured}
+    if beyond := sorted(speed for speed in speeds if speed > (1.0 + REPEATS) * top):
+        listed = ", ".join(map(units.write_speed, beyond))
         yield (
             f"{listed} was never tested (tested: up to {units.write_speed(float(f'{top:.3g}'))}): "
             "the forces there are the models', extrapolated"
@@ -504,20 +673,7 @@ def _notes(  # noqa: C901, PLR0912, PLR0913 - all that was compared, one thing a
                 f"much is taken off{'' if is_bare else of_models}"
             )
     for run in runs:
-        notes = run.record.get("notes", ()) if is_bare else run.notes
-        yield from (f"{run.name}: {note}" for note in notes)
-        share, freedom = repeat_scatter(run)
-        if share:
-            yield (
-                f"{run.name}: tests of one setting differ by {100.0 * share:.2g} % of the damping "
-                f"beyond their noise ({freedom:.0f} degrees of freedom): counted in the errors of "
-                "forces, energy and hysteresis, not in those of parameters"
-            )
-        if not is_bare and not run.speed_forces:
-            yield (
-                f"{run.name}: the lack of fit to the measured force is not known (an older "
-                "version, or no motion repeats): it is not in the errors of forces"
-            )
+        yield from (f"{run.name}: {note}" for note in _own_notes(run, is_bare=is_bare))
     if is_bare or not forces:
         return
     # Why forces of fitted runs are compared as measured.
@@ -539,9 +695,9 @@ def _notes(  # noqa: C901, PLR0912, PLR0913 - all that was compared, one thing a
         yield f"at {where_measured} the measured forces of both are compared: {why}"
     # What became of the rigs' force offsets.
     bare = known_tares(runs, at)
-    known = [[one.offset for one in run.settings if one.setting in bare] for run in runs]
-    if any(map(any, known)):
-        pairs = zip(runs, known, strict=True)
+    offsets = [[one.offset for one in run.settings if one.setting in bare] for run in runs]
+    if any(map(any, offsets)):
+        pairs = zip(runs, offsets, strict=True)
         each = "; ".join(f"{run.name}: {said_offsets(mine)}" for run, mine in pairs)
         yield f"the rigs' force offsets, their tares, are left out of the forces ({each})"
     for run in () if any(shift for shift, _ in shifts) else runs:
@@ -555,9 +711,24 @@ def _notes(  # noqa: C901, PLR0912, PLR0913 - all that was compared, one thing a
         yield "fitted with different models: no parameter is common to both"
 
 
+def _own_notes(run: Run, *, is_bare: bool) -> Iterator[str]:
+    yield from run.record.get("notes", ()) if is_bare else run.notes
+    share, freedom = repeat_scatter(run)
+    if share:
+        yield (
+            f"tests of one setting differ by {100.0 * share:.2g} % of the damping beyond their "
+            f"noise ({freedom:.0f} degrees of freedom): counted in the errors of forces, energy "
+            "and hysteresis, not in those of parameters"
+        )
+    if not is_bare and not run.speed_forces:
+        yield (
+            "the lack of fit to the measured force is not known (an older version, or no motion "
+            "repeats): it is not in the errors of forces"
+        )
+
+
 # What two runs differ in besides their numbers
 
-_SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
 _TEMPERATURES_DIFFER = 2.0  # degC; forces fall as the oil thins
 _WHOSE = ("damper", "serial", "customer", "operator", "date", "rig")
 # Keys of the run's configuration, with words for people, that change what comes of the same logs.
@@ -576,57 +747,36 @@ _HOW = {
     ("identification", "share"): ("procedure", "shared parameters"),
     ("identification", "bulk_modulus"): ("procedure", "bulk modulus"),
 }
+# Kinds of what differs, what matters most first.
+_ORDER = (
+    *("logs", "rig", "identity", "settings", "model", "damper", "gas", "motion", "temperature"),
+    *("filter", "procedure", "version"),
+)
 
 
-def circumstances(  # noqa: C901, PLR0912, PLR0915 - one thing after the other
+def circumstances(
     first: Run, second: Run, units: ShownUnits = SI, *, is_bare: bool = False
 ) -> tuple[Circumstance, ...]:
     """Return what two runs differ in, what matters most first; is_bare: measured curves alone."""
     runs = (first, second)
-    differences = [*_of_logs(first, second)]
+    found = [*_of_logs(first, second)]
 
-    def differs(kind: str, what: str, a: object, b: object, more: str = "") -> None:
-        sentence = f"{what}: {a}, then {b}{more}"
-        differences.append(Circumstance(kind, str(a), str(b), sentence))
+    def differs(kind: str, what: str, a: str, b: str, more: str = "") -> None:
+        found.append(Circumstance(kind, a, b, f"{what}: {a}, then {b}{more}"))
 
-    for key in _WHOSE:
-        a, b = (run.identity.get(key) for run in runs)
-        if a and b and a != b:
-            differs("identity", key, a, b)
+    facts, others = (
+        {what: rest for what, *rest in _facts(run, units, is_bare=is_bare)} for run in runs
+    )
+    for what, (kind, text, more) in facts.items():
+        if what in others and others[what][1] != text:
+            differs(kind, what, text, others[what][1], more)
     known = [settings_of(run, is_bare=is_bare) for run in runs]
     alone = [[one for one in known[k] if one not in known[1 - k]] for k in (0, 1)]
     for run, own in zip(runs, alone, strict=True):
         if own:
             sentence = f"{of_settings(own)} only in {run.name}: not compared"
             a, b = map(listed_settings, alone)
-            differences.append(Circumstance("settings", a, b, sentence))
-    # Of measured curves the damper need not be known.
-    models = [] if is_bare else [run.damper for run in runs]
-    if models and models[0].name != models[1].name:
-        more = ": only forces are compared, not parameters"
-        differs("model", "model", models[0].name, models[1].name, more)
-    elif models:
-        names = [", ".join(model.names) for model in models]
-        if names[0] != names[1]:
-            sentence = "the models have different quantities: those with the same name are compared"
-            differences.append(Circumstance("model", names[0], names[1], sentence))
-        units_of = {one.name: one.unit for one in second.quantities}
-        for one in first.quantities:
-            if one.unit != (unit := units_of.get(one.name, one.unit)):
-                differs("model", f"unit of {one.name}", one.unit, unit, ": it is not compared")
-        for name, (_, _, unit) in models[0].ranges.items():
-            sizes: list[Any] = [getattr(model, name, None) for model in models]
-            is_known = all(isinstance(size, float) for size in sizes)
-            if is_known and not math.isclose(*sizes, rel_tol=_SAME):
-                kind = "gas" if name.startswith("gas_") else "damper"
-                differs(kind, f"damper.{name}", *(f"{one:.6g} {unit}".strip() for one in sizes))
-        forces = [_gas_force(run) for run in runs]
-        if math.isfinite(sum(forces)) and not math.isclose(*forces, rel_tol=_SAME):
-            form = ".1f" if units.of("N") == "N" else ".3g"
-            apart = units.write(forces[1] - forces[0], "N", f"+{form}")
-            more = f": {apart} of every difference of force is the declared gas"
-            gas, other = (units.write(force, "N", form) for force in forces)
-            differs("gas", "gas force at mid-stroke", gas, other, more)
+            found.append(Circumstance("settings", a, b, sentence))
     common = [setting for setting in known[0] if setting in known[1]]
     motions = [
         [(one.amplitude, one.frequency) for setting in common for one in tests_at(run, setting)[:1]]
@@ -635,9 +785,8 @@ def circumstances(  # noqa: C901, PLR0912, PLR0915 - one thing after the other
     if not all(motions) and not is_bare:
         motions = [[(run.motion.amplitude, run.motion.frequency)] for run in runs]
     if all(motions):
-        middle = [tuple(median(one[k] for one in own) for k in (0, 1)) for own in motions]
-        (size, rate), (other_size, faster) = middle
-        if max(abs(other_size / size - 1.0), abs(faster / rate - 1.0)) > SAME_MOTION:
+        middle = [[median(sizes) for sizes in zip(*own, strict=True)] for own in motions]
+        if any(abs(b / a - 1.0) > SAME_MOTION for a, b in zip(*middle, strict=True)):
             here, there = (
                 units.say_lengths(f"{1e3 * amplitude:.4g} mm at {frequency:.4g} Hz")
                 for amplitude, frequency in middle
@@ -646,28 +795,47 @@ def circumstances(  # noqa: C901, PLR0912, PLR0915 - one thing after the other
     heat = [[t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs]
     if all(heat) and abs(fmean(heat[0]) - fmean(heat[1])) > _TEMPERATURES_DIFFER:
         differs("temperature", "temperature", *(f"{fmean(one):.1f} degC" for one in heat))
+    return tuple(sorted(found, key=lambda one: _ORDER.index(one.kind)))
 
-    def listed(value: object) -> str:
-        if isinstance(value, dict):
-            value = [f"{key} = {one}" for key, one in value.items()]
-        return (", ".join(map(str, value)) or "none") if isinstance(value, list) else str(value)
 
+def _facts(  # noqa: PLR0912 - one kind after the other
+    run: Run, units: ShownUnits, *, is_bare: bool
+) -> Iterator[tuple[str, str, str, str]]:
+    """Yield what may differ between runs: its name, kind and value, and what follows from it."""
+    for key in _WHOSE:
+        if owner := run.identity.get(key):
+            yield key, "identity", str(owner), ""
+    if not is_bare:  # of measured curves the damper need not be known
+        damper = run.damper
+        yield "model", "model", damper.name, ": only forces are compared, not parameters"
+        more = ": those with the same name are compared"
+        yield f"quantities of {damper.name}", "model", ", ".join(damper.names), more
+        for one in run.quantities:
+            yield f"unit of {one.name}", "model", one.unit, ": it is not compared"
+        for name, (_, _, unit) in damper.ranges.items():
+            if isinstance(size := getattr(damper, name, None), float):
+                kind = "gas" if name.startswith("gas_") else "damper"
+                yield f"damper.{name}", kind, f"{size:.6g} {unit}".strip(), ""
+        if math.isfinite(gas := _gas_force(run)):
+            force = units.write(gas, "N", ".1f" if units.of("N") == "N" else ".3g")
+            more = ": so much of every difference of force is the declared gas"
+            yield "gas force at mid-stroke", "gas", force, more
+    document = run.record.get("configuration")
     for (section, key), (kind, words) in _HOW.items():
-        values: list[Any] = []
-        for run in runs:
-            document = run.record.get("configuration")
-            own_keys = document.get(section) if isinstance(document, dict) else None
-            values.append(own_keys.get(key) if isinstance(own_keys, dict) else None)
-        if None not in values and values[0] != values[1]:
-            differs(kind, words, *map(listed, values))
-    for key, words in (("version", "damperfit"), ("schema_version", "schema of the results")):
-        values = [run.record.get(key) for run in runs]
-        if None not in values and values[0] != values[1]:
-            old = min((one for one in values if isinstance(one, int)), default=SCHEMA_VERSION)
-            is_older = key == "schema_version" and old < SCHEMA_VERSION
-            more = "; what the older run lacks is not compared" if is_older else ""
-            differs("version", words, values[0], values[1], more)
-    return tuple(differences)
+        keys = document.get(section) if isinstance(document, dict) else None
+        value: Any = keys.get(key) if isinstance(keys, dict) else None
+        if isinstance(value, dict):
+            value = [f"{name} = {one}" for name, one in value.items()]
+        if isinstance(value, list):
+            value = ", ".join(map(str, value)) or "none"
+        if value is not None:
+            yield words, kind, str(value), ""
+    more = "; what the older run lacks is not compared"
+    for name, words, follows in (
+        ("version", "damperfit", ""), ("schema_version", "schema of the results", more),
+    ):  # fmt: skip
+        if (number := run.record.get(name)) is not None:
+            yield words, "version", str(number), follows
 
 
 def _inputs(run: Run) -> list[tuple[str, dict[str, Any]]]:
@@ -682,30 +850,28 @@ def _inputs(run: Run) -> list[tuple[str, dict[str, Any]]]:
 
 def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
     """Yield that logs are in both, and which of these were read with other signs."""
-
-    def first_names(logs: Sequence[Mapping[str, Any]]) -> str:
-        names = sorted(str(log.get("log")) for log in logs)
-        return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-
     known = [dict(_inputs(run)) for run in (first, second)]
     common = known[0].keys() & known[1].keys()
-    if not common:
-        return
-    yield Circumstance(
-        "logs",
-        first.name,
-        second.name,
-        f"both are based on the same logs ({first_names([known[0][one] for one in common])}): "
-        "differences come from the evaluation only, and the errors, which assume two tests, are "
-        "too large",
-    )
-    turned: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+
+    def named(digests: Sequence[str]) -> str:
+        names = sorted(str(known[0][one].get("log")) for one in digests)
+        return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+    if common:
+        yield Circumstance(
+            "logs",
+            first.name,
+            second.name,
+            f"both are based on the same logs ({named([*common])}): differences come from the "
+            "evaluation only, and the errors, which assume two tests, are too large",
+        )
+    turned: dict[tuple[str, str], list[str]] = {}
     for one in common:
         signs = [logs[one].get("reversed") for logs in known]
         if all(isinstance(channels, list) for channels in signs) and signs[0] != signs[1]:
             a, b = (" and ".join(map(str, channels or ())) or "nothing" for channels in signs)
-            turned.setdefault((a, b), []).append(known[0][one])
-    for (a, b), logs in sorted(turned.items()):
+            turned.setdefault((a, b), []).append(one)
+    for (a, b), digests in sorted(turned.items()):
         is_stroke = ("displacement" in a) is not ("displacement" in b)
         words = ("rebound", "bump") if is_stroke else ("positive", "negative")
         yield Circumstance(
@@ -713,219 +879,6 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
             a,
             b,
             f"reversed, as positive in compression: {a} in {first.name}, {b} in {second.name} "
-            f"({first_names(logs)}): what is {words[0]} in one is {words[1]} in the other; "
+            f"({named(digests)}): what is {words[0]} in one is {words[1]} in the other; "
             "declare rig.reverse_displacement and rig.reverse_force",
         )
-
-
-def _gas_force(run: Run) -> float:
-    """Return the force of the declared gas at mid-stroke, N, to nine digits; NaN: none is known."""
-    force = run.damper.rest_force(0.0)
-    return math.nan if force is None else float(f"{float(force):.9g}")
-
-
-# Forces held against bands: around those of the reference, or nominal ones
-
-_UNIT = re.compile(r"(_n|_m_per_s|_m/s)$")  # of a column's name, in lower case
-_PER_CENT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*%\s*")
-
-
-class Band(NamedTuple):
-    """Where a force may lie, N, positive in rebound."""
-
-    setting: str  # its label; empty: every one
-    speed: float  # m/s, positive
-    stroke: str
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True)
-class Tolerance:
-    """How far forces may be from those of the reference, or which bands they must keep."""
-
-    source: str  # as it was given, for people
-    share: float = 0.0  # of the reference's damping,
-    newtons: float = 0.0  # and N; the larger of the two counts
-    bands: tuple[Band, ...] = ()  # nominal forces in place of a reference's
-
-
-@dataclass(frozen=True, slots=True)
-class Point:
-    """A force held against its band, N, positive in rebound."""
-
-    run: str  # whose
-    setting: Setting | str
-    speed: float  # m/s; NaN where a whole setting is missing
-    stroke: str
-    force: float  # NaN where it is not known
-    low: float
-    high: float
-    reach: float = math.nan  # half of the 95 % interval of the force; NaN: not known
-    reason: str = ""  # why it could not be looked at
-    is_measured: bool = False
-    units: ShownUnits = SI  # in which people want it told
-
-    @property
-    def margin(self) -> float:
-        """How far inside the band, N; negative: outside."""
-        return min(self.force - self.low, self.high - self.force)
-
-    @property
-    def is_met(self) -> bool:
-        """Whether the force is inside; one that could not be looked at is not."""
-        return self.margin >= 0.0
-
-    @property
-    def words(self) -> str:
-        """The result in words."""
-        if math.isnan(self.margin):
-            return f"not evaluated: {self.reason}"
-        near = ", no further than its error" if abs(self.margin) <= self.reach else ""
-        mark = " (measured)" if self.is_measured else ""
-        side, where = ("passes", "inside") if self.is_met else ("FAILS", "outside")
-        return f"{side}, {self.units.write(abs(self.margin), 'N', '.3g')} {where}{near}{mark}"
-
-
-def _refused(given: str | Path, why: str) -> ConfigurationError:
-    return ConfigurationError(why, where=Option("tolerance", given), code="bad-tolerance")
-
-
-def parse_tolerance(text: str) -> Tolerance:
-    """Return a tolerance from text: per cent of the damping, newtons, or both.
-
-    Examples
-    --------
-    >>> parse_tolerance("5%, 10N")
-    Tolerance(source='5%, 10N', share=0.05, newtons=10.0, bands=())
-    """
-    share = newtons = 0.0
-    for part in text.split(","):
-        if per_cent := _PER_CENT.fullmatch(part):
-            share = float(per_cent[1]) / 100.0
-            continue
-        try:
-            newtons = parse_quantity(part.strip(), "force")
-        except ConfigurationError as error:
-            why = (
-                "expected per cent, newtons, both as in 5%,10N, or the name of a file with "
-                "nominal forces"
-            )
-            raise _refused(text, why) from error
-    if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
-        raise _refused(text, "expected a tolerance above zero")
-    return Tolerance(text, share, newtons)
-
-
-def parse_bands(text: str | None) -> Tolerance | None:
-    """Return the tolerance that the text of a command line means: a file, or per cent and newtons.
-
-    A file is CSV with the columns speed, stroke, and force with tolerance (5% or 20N), or low and
-    high; setting may be missing or empty, the row is then of every setting. Makers write bump as
-    positive numbers: such a force is taken as negative.
-    """
-    if text is None:
-        return None
-    path = Path(text)
-    # "2.5%" has a suffix too, as pathlib sees it.
-    if not (path.is_file() or path.suffix[1:2].isalpha()):
-        return parse_tolerance(text)
-    try:
-        lines = StringIO(read_text(path), newline="")
-    except (OSError, UnicodeDecodeError) as error:
-        why = f"cannot be read: {getattr(error, 'strerror', None) or error}"
-        raise _refused(path, why) from error
-    reader = csv.DictReader(line for line in lines if line.strip() and not line.startswith("#"))
-    names = {_UNIT.sub("", (name or "").strip().lower()): name for name in reader.fieldnames or ()}
-    has_band = {"force", "tolerance"} <= names.keys() or {"low", "high"} <= names.keys()
-    if not {"speed", "stroke"} <= names.keys() or not has_band:
-        why = "expected the columns speed, stroke, and force with tolerance, or low and high; found"
-        raise _refused(path, f"{why} {', '.join(reader.fieldnames or ()) or 'nothing'}")
-    bands = []
-    for number, row in enumerate(reader, start=2):
-        try:
-            bands.append(_band({key: (row.get(name) or "").strip() for key, name in names.items()}))
-        except (ConfigurationError, ValueError) as error:
-            raise _refused(path, f"row {number}: {error}") from error
-    if not bands:
-        raise _refused(path, "no row below the headings")
-    return Tolerance(str(path), bands=tuple(bands))
-
-
-def _band(cells: Mapping[str, str]) -> Band:
-    stroke = cells["stroke"].lower()
-    if stroke not in STROKES:
-        raise ValueError(f"stroke {cells['stroke']!r}: expected {' or '.join(STROKES)}")
-    speed = abs(parse_quantity(cells["speed"], "velocity"))
-    if speed == 0.0:
-        raise ValueError("speed 0: expected a speed above zero")
-    if cells.get("low") and cells.get("high"):
-        low, high = (parse_quantity(cells[name], "force") for name in ("low", "high"))
-    else:
-        force = parse_quantity(cells.get("force", ""), "force")
-        may = parse_tolerance(cells.get("tolerance", ""))
-        reach = max(may.share * abs(force), may.newtons)
-        low, high = force - reach, force + reach
-    if stroke == "bump" and low + high > 0.0:
-        low, high = -high, -low
-    if low > high:
-        raise ValueError(f"low {low:g} N is above high {high:g} N")
-    return Band(cells.get("setting", ""), speed, stroke, low, high)
-
-
-def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, ...]:
-    """Return the forces of a run held against those of the reference.
-
-    A setting of the reference that the run does not have could not be looked at.
-    """
-    name, units = comparison.second.name, comparison.units
-    points = []
-    for line in comparison.of("force"):
-        first, topic = line.first, line.subject
-        size = first.scale if first.scale and math.isfinite(first.scale) else first.value
-        reach = max(tolerance.share * abs(size), tolerance.newtons)
-        points.append(
-            Point(
-                *(name, topic.setting or "", topic.speed or math.nan, topic.stroke),
-                *(line.second.value, first.value - reach, first.value + reach),
-                line.high - line.difference,
-                *(line.reason, line.is_measured, units),
-            )
-        )
-    nowhere = (math.nan, "", math.nan, math.nan, math.nan)  # speed, stroke, force and band
-    points += [
-        Point(name, setting, *nowhere, reason="not tested", units=units)
-        for setting in settings_of(comparison.first, is_bare=comparison.is_without_model)
-        if setting not in comparison.settings
-    ]
-    return tuple(points)
-
-
-def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tuple[Point, ...]:
-    """Return the forces of a run held against nominal bands."""
-    is_bare = options.is_measured or not run.settings
-    settings = settings_of(run, is_bare=is_bare)
-    speeds = sorted({band.speed for band in tolerance.bands})
-    if is_bare:
-        (table,) = measured_readings((run,), settings, speeds=speeds)
-    else:
-        top = (options.sine or run.motion).peak_speed
-        reached = [speed for speed in speeds if speed <= (1.0 + REPEATS) * top]
-        (table,) = force_readings((run,), settings, speeds=reached) if reached else ({},)
-    known: dict[Any, Reading] = {(t.setting, t.speed, t.stroke): one for t, one in table.items()}
-    points = []
-    for band in tolerance.bands:
-        mine: list[Any] = [one for one in settings if band.setting in {"", str(one)}]
-        why = "the test does not reach the speed" if mine else "the setting was not tested"
-        for setting in mine or [band.setting]:
-            reading = known.get((setting, band.speed, band.stroke))
-            if reading is None or math.isnan(reading.value):
-                reading = Reading(math.nan, objection=why)
-            points.append(
-                Point(
-                    *(run.name, setting, band.speed, band.stroke),
-                    *(reading.value, band.low, band.high, reading.half_interval),
-                    *(reading.objection, reading.is_measured, options.units),
-                )
-            )
-    return tuple(points)

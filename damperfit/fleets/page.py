@@ -23,7 +23,6 @@ from damperfit.fleets.survey import (
     FAR_OFF,
     LEAST_DAMPERS,
     RULE_COLUMNS,
-    DamperLine,
     HeldFleet,
     Rows,
     Series,
@@ -320,10 +319,10 @@ def outlier_sheet(found: Survey, *, most: int | None = None) -> Sheet:
     return laid_out(list(farthest.itertuples())[:most], columns, note)
 
 
-def damper_sheet(dampers: Sequence[DamperLine], *, most: int | None = None) -> Sheet:
+def damper_sheet(dampers: Sequence[Any], *, most: int | None = None) -> Sheet:
     """Return every damper in a line; of many those with failures, far off, or the worst MSE."""
 
-    def badness(one: DamperLine) -> tuple[int, int, float]:
+    def badness(one: Any) -> tuple[int, int, float]:
         error = one.worst_mse if math.isfinite(one.worst_mse) else math.inf
         return -one.n_failures, -one.n_outliers, -error
 

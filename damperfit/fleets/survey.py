@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterator
 from datetime import date, timedelta
 from functools import partial
@@ -19,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.comparison.comparing import Point, Tolerance
+from damperfit.comparison.tolerance import Point, Tolerance
 from damperfit.errors import ConfigurationError
 from damperfit.fleets.parts import SERIAL, SYMBOL
 from damperfit.problem import Option
@@ -51,31 +50,19 @@ class Series(NamedTuple):
     stroke: str = ""  # rebound or bump; empty of a parameter
 
 
-class DamperLine(NamedTuple):
-    """One damper in a line."""
-
-    damper: str  # its serial; empty where none is known
-    n_settings: int  # with a fit
-    n_failures: int
-    n_outliers: int
-    worst_mse: float  # per cent; NaN where nothing was fitted
-    worst_setting: str
-    grade: str  # the worst one
-    date: str  # of its latest test; empty where none is known
-    error: str  # the first failure
-
-
 class Survey(NamedTuple):
     """What a fleet's table tells.
 
-    `rows` are the fitted ones: damper, place of its setting among `settings`, day since 1970 (NaN:
-    not known). `values` are those of all series, by series, setting and damper, with their standard
-    `error` and what all dampers have there: `n_dampers`, `median`, `low` and `high` of the middle
-    90 %, `quarter` and `three_quarters`, `distance` from the median. `outliers` are rows of it, the
-    farthest first.
+    `dampers` are rows of damper (its serial; empty: not known), n_settings with a fit, n_failures,
+    n_outliers, worst_mse (per cent; NaN: no fit), worst_setting, the worst grade, the date of the
+    latest test, and the first error. `rows` are the fitted settings: damper, place of its setting
+    among `settings`, day since 1970 (NaN: not known). `values` are those of all series, by series,
+    setting and damper, with their standard `error` and what all dampers have there: `n_dampers`,
+    `median`, `low` and `high` of the middle 90 %, `quarter` and `three_quarters`, `distance` from
+    the median. `outliers` are rows of it, the farthest first.
     """
 
-    dampers: tuple[DamperLine, ...]  # every one, by serial number
+    dampers: tuple[Any, ...]  # every one, by serial number
     settings: tuple[Setting, ...]
     series: tuple[Series, ...]
     rows: pd.DataFrame
@@ -102,21 +89,20 @@ def survey(table: pa.Table) -> Survey:
         }
     ).sort_values("setting", kind="stable")
     series, columns = [], []
+    of_paper = {one.name: one.symbol for one in PAPER_QUANTITIES}
     for name in table.column_names:
         match = _FORCE.fullmatch(name)
-        if not match and f"{name}_se" not in table.column_names:
-            continue
-        values = _numbers(table, name)[rows.index]
-        is_known = np.isfinite(values)
         error = f"{name.removesuffix('_N')}_se_N" if match else f"{name}_se"
-        errors = _numbers(table, error)[rows.index]
+        if not match and error not in table.column_names:
+            continue
+        values, errors = (_numbers(table, one)[rows.index] for one in (name, error))
+        is_known = np.isfinite(values)
         # A parameter that was fitted nowhere and is the same everywhere: nothing to see.
         is_held = is_known.sum() > 1 and not np.ptp(values[is_known])
         is_held = is_held and not np.isfinite(errors).any() and not match
         if is_held or not is_known.any():
             continue
-        known_rows = rows[is_known].assign(value=values[is_known], error=errors[is_known])
-        columns.append(known_rows.assign(series=name))
+        columns.append(rows.assign(series=name, value=values, error=errors)[is_known])
         if match:
             speed, stroke = float(match[2]) / 1000.0, match[1]
             label = f"force in {stroke} at {speed:g} m/s"
@@ -124,18 +110,14 @@ def survey(table: pa.Table) -> Survey:
         else:
             metadata = table.schema.field(name).metadata or {}
             # Older parts, of the paper's model, do not tell what people call a quantity.
-            of_paper = {one.name: one.symbol for one in PAPER_QUANTITIES}
             symbol = metadata.get(SYMBOL, of_paper.get(name, name).encode())
             series.append(Series(name, symbol.decode(), metadata.get(b"unit", b"").decode()))
-    values = _with_bands(
-        pd.concat(columns, ignore_index=True)
-        if columns
-        else rows.iloc[:0].assign(series="", value=0.0, error=0.0)
-    )
+    nothing = rows.iloc[:0].assign(series="", value=0.0, error=0.0)
+    values = _with_bands(pd.concat(columns or [nothing], ignore_index=True))
     is_far = (values["n_dampers"] >= LEAST_DAMPERS) & (values["distance"].abs() > FAR_OFF)
     outliers = values[is_far].sort_values("distance", key=lambda x: -x.abs(), kind="stable")
-    dampers = _lines(frame, Counter(outliers["damper"]))
-    return Survey(tuple(dampers), tuple(settings), tuple(series), rows, values, outliers)
+    dampers = _dampers(frame, outliers)
+    return Survey(dampers, tuple(settings), tuple(series), rows, values, outliers)
 
 
 def _with_bands(values: Any) -> Any:
@@ -153,35 +135,31 @@ def _with_bands(values: Any) -> Any:
     return values.assign(distance=beside.div(deviation).where(deviation > 0.0, 0.0))
 
 
-def _lines(frame: Any, n_outliers: Counter[str]) -> list[DamperLine]:
-    rows: dict[str, list[Any]] = {}
-    for (
-        row
-    ) in frame.itertuples():  # by hand: what pandas does with each of 10 000 groups takes 10 s
-        rows.setdefault(row.damper, []).append(row)
-    lines = []
-    for damper, own in rows.items():
-        failed, fitted = ([row for row in own if bool(row.error_kind) is k] for k in (True, False))
-        judged = [row for row in fitted if math.isfinite(row.mse)]
-        worst = max(judged, key=lambda row: float(row.mse), default=None)
-        lines.append(
-            DamperLine(
-                damper,
-                len({row.setting for row in fitted}),
-                len(failed),
-                n_outliers[damper],
-                math.nan if worst is None else float(worst.mse),
-                "" if worst is None else worst.setting,
-                max(
-                    (row.grade for row in fitted if row.grade in _GRADES),
-                    key=_GRADES.index,
-                    default="",
-                ),
-                max((row.date for row in fitted), default=""),
-                failed[0].error if failed else "",
-            )
-        )
-    return lines
+def _dampers(frame: Any, outliers: Any) -> tuple[Any, ...]:
+    """Every damper in a row; by whole columns, as Python in each of 10 000 groups takes 10 s."""
+    is_failed = frame["error_kind"] != ""
+    failed, fitted = frame[is_failed], frame[~is_failed]
+    judged = fitted[np.isfinite(fitted["mse"])].sort_values("mse", ascending=False, kind="stable")
+    worst = judged.drop_duplicates("damper").set_index("damper")
+    grades = fitted["grade"].map({grade: k for k, grade in enumerate(_GRADES)}).astype(float)
+    counts = {
+        "n_settings": fitted.groupby("damper")["setting"].nunique(),
+        "n_failures": failed["damper"].value_counts(),
+        "n_outliers": outliers["damper"].value_counts(),
+    }
+    texts = {
+        "worst_setting": worst["setting"],
+        "grade": grades.groupby(fitted["damper"]).max().map(dict(enumerate(_GRADES))),
+        "date": fitted.groupby("damper")["date"].max(),
+        "error": failed.drop_duplicates("damper").set_index("damper")["error"],
+    }
+    names = frame["damper"].unique()
+    columns = {"damper": names}
+    columns |= {name: own.reindex(names).fillna(0).astype(int) for name, own in counts.items()}
+    columns |= {"worst_mse": worst["mse"].reindex(names)}
+    columns |= {name: own.reindex(names).fillna("") for name, own in texts.items()}
+    rows: Any = pd.DataFrame(columns, index=names)
+    return tuple(rows.itertuples(index=False, name="DamperLine"))
 
 
 def _texts(table: pa.Table, column: str) -> list[str]:
@@ -257,28 +235,19 @@ def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
     damper lacks of it is missed. A ConfigurationError: a nominal force is at a speed that a fleet's
     table does not have.
     """
-    forces = [one for one in found.series if one.stroke]
+    forces = {one.name: one for one in found.series if one.stroke}
     everyone = [one.damper for one in found.dampers]
-    by_series: dict[Any, Any] = dict(tuple(found.values.groupby("series")))
-    held: list[tuple[Series, Any]] = []  # forces with their bands
+    values = found.values[found.values["series"].isin(forces)]
+    parts: list[Any] = [values.iloc[:0].assign(least=0.0, most=0.0)]  # forces with their bands
     lost: list[Point] = []
-
-    def lose(reason: str, damper: str, setting: Setting | str = "", *band: Any) -> None:
-        speed, stroke, low, high = band or (math.nan, "", math.nan, math.nan)
-        lost.append(Point(damper, setting, speed, stroke, math.nan, low, high, reason=reason))
-
     if not tolerance.bands:
-        having = {damper for one in forces for damper in by_series[one.name]["damper"]}
-        for damper in everyone:
-            if damper not in having:
-                lose("it has no force at any named speed", damper)
-        for one in forces:
-            rows = by_series[one.name]
-            reach = np.maximum(tolerance.share * rows["median"].abs(), tolerance.newtons)
-            held.append(
-                (one, rows.assign(least=rows["median"] - reach, most=rows["median"] + reach))
-            )
-    speeds = sorted({*NAMED_SPEEDS, *(one.speed for one in forces)})
+        having = set(values["damper"])
+        why = "it has no force at any named speed"
+        lost += [Point(damper, "", reason=why) for damper in everyone if damper not in having]
+        reach = np.maximum(tolerance.share * values["median"].abs(), tolerance.newtons)
+        least, most = values["median"] - reach, values["median"] + reach
+        parts.append(values.assign(least=least, most=most))
+    speeds = sorted({*NAMED_SPEEDS, *(one.speed for one in forces.values())})
     for band in tolerance.bands:
         if not any(abs(speed - band.speed) <= _NEAR for speed in speeds):
             raise ConfigurationError(
@@ -288,38 +257,41 @@ def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
                 code="no-speed",
             )
         places = [k for k, one in enumerate(found.settings) if band.setting in {"", str(one)}]
-        reached: set[tuple[int, str]] = set()
-        for one in forces:
-            if one.stroke == band.stroke and abs(one.speed - band.speed) <= _NEAR:
-                rows = by_series[one.name]
-                rows = rows[rows["setting"].isin(places)]
-                held.append((one, rows.assign(least=band.low, most=band.high)))
-                reached |= set(zip(rows["setting"], rows["damper"], strict=True))
-        ends = (band.speed, band.stroke, band.low, band.high)
+        names = [
+            name
+            for name, one in forces.items()
+            if one.stroke == band.stroke and abs(one.speed - band.speed) <= _NEAR
+        ]
+        own = values[values["series"].isin(names) & values["setting"].isin(places)]
+        parts.append(own.assign(least=band.low, most=band.high))
         fitted = found.rows[found.rows["setting"].isin(places)]
-        tested = set(zip(fitted["setting"], fitted["damper"], strict=True))
-        for k, damper in sorted(tested - reached):
-            lose("the test does not reach the speed", damper, found.settings[k], *ends)
+        tested, reached = (
+            set(zip(rows["setting"], rows["damper"], strict=True)) for rows in (fitted, own)
+        )
+        ends = (band.speed, band.stroke, math.nan, band.low, band.high, math.nan)
+        why = "the test does not reach the speed"
+        lost += [
+            Point(damper, found.settings[k], *ends, why) for k, damper in sorted(tested - reached)
+        ]
         why = "the setting was not tested" if band.setting else "nothing was fitted"
         having = {damper for _, damper in tested}
-        for damper in everyone:
-            if damper not in having:
-                lose(why, damper, band.setting, *ends)
-    missed = [
-        Point(
-            *(row.damper, found.settings[row.setting], one.speed, one.stroke),
-            *(row.value, row.least, row.most),
-        )
-        for one, rows in held
-        for row in rows[
-            (rows["value"] < rows["least"]) | (rows["value"] > rows["most"])
-        ].itertuples()
-    ]
-    n_points = len(lost) + sum(len(rows) for _, rows in held)
-    missed = [*lost, *sorted(missed, key=lambda one: one.margin)]
-    none = found.values.iloc[:0].assign(least=0.0, most=0.0)
-    in_bands = pd.concat([rows for _, rows in held] or [none])
-    return HeldFleet(tolerance.source, n_points, len(everyone), tuple(missed), in_bands)
+        lost += [
+            Point(damper, band.setting, *ends, why) for damper in everyone if damper not in having
+        ]
+    held = pd.concat(parts)
+    outside: Any = held[(held["value"] < held["least"]) | (held["value"] > held["most"])]
+    missed = []
+    for row in outside.itertuples():
+        of = (row.damper, found.settings[row.setting])
+        force = forces[row.series]
+        missed.append(Point(*of, force.speed, force.stroke, row.value, row.least, row.most))
+    return HeldFleet(
+        tolerance.source,
+        len(lost) + len(held),
+        len(everyone),
+        (*lost, *sorted(missed, key=lambda one: one.margin)),
+        held,
+    )
 
 
 # Whether making dampers is under control: Cp and Cpk of each force, and rules over the dates

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +15,9 @@ import numpy as np
 
 from damperfit import __version__
 from damperfit.adjustment.force_at import STROKES, Sine
-from damperfit.comparison.comparing import (
-    ComparisonOptions,
-    Point,
-    RunComparison,
-    Tolerance,
-    bands_met,
-    compare_runs,
-    tolerated,
-)
+from damperfit.comparison.comparing import ComparisonOptions, RunComparison, compare_runs
 from damperfit.comparison.measured import MeasuredTest, measured_tests
+from damperfit.comparison.tolerance import Point, Tolerance, bands_met, tolerated
 from damperfit.configuration.loading import load_configuration
 from damperfit.configuration.options import Configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, TimelessError
@@ -33,7 +26,7 @@ from damperfit.io.files import open_regular, read_text
 from damperfit.io.force_curves import ForceCurve
 from damperfit.problem import Failure, Option
 from damperfit.queries.settings import positive, refuse_unfitted
-from damperfit.recording import natural_order
+from damperfit.recording import Trace, natural_order
 from damperfit.reporting import compared as shown
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import Sheet
@@ -42,7 +35,7 @@ from damperfit.run.identify import by_damper, folder_name
 from damperfit.run.log_files import expand
 from damperfit.run.logs import LogBatch, Purpose, read_batch
 from damperfit.run.record import log_warnings
-from damperfit.store import file_set
+from damperfit.store import file_set, write_text
 from damperfit.tables.columns import (
     adjusters_in,
     column_names,
@@ -59,9 +52,6 @@ from damperfit.units.shown_units import SI, parse_units
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-# The answer
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -87,27 +77,31 @@ class Comparison(Answer):
     @property
     def markdown(self) -> str:
         """The comparison as a page of Markdown."""
-        return self._told_by(shown.comparison_markdown)
-
-    def _told_by(self, outlet: Callable[..., str]) -> str:
-        return outlet(self.comparisons, self.points, source=self.tolerance, alone=self.alone)
+        how: Any = {"source": self.tolerance, "alone": self.alone}
+        return shown.comparison_markdown(self.comparisons, self.points, **how)
 
     def write(self, out: Path | None, junit: Path | None) -> None:
         """Write page, Markdown, JSON and tables into a folder; the points as JUnit XML."""
         from damperfit.reporting.page import comparison_page
 
-        if out is not None:
-            text = json.dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-            texts = {"html": self._told_by(comparison_page), "md": self.markdown, "json": text}
+        if out is not None and (self.comparisons or self.points):
+            how: Any = {"source": self.tolerance, "alone": self.alone}
+            document = json.dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False)
+            texts = {
+                "html": comparison_page(self.comparisons, self.points, **how),
+                "md": self.markdown,
+                "json": f"{document}\n",
+            }
             tables = {"differences": shown.comparison_table(self.comparisons)}
             if self.points:
                 tables["tolerance"] = shown.tolerance_table(self.points)
             with file_set(out) as files:
-                for suffix, one in texts.items():
-                    content = one.encode("utf-8", "backslashreplace")
+                for suffix, text in texts.items():
+                    content = text.encode("utf-8", "backslashreplace")
                     files.path(f"comparison.{suffix}").write_bytes(content)
-                for name, suffix in product(tables, (".csv", ".parquet")):
-                    write_table(files.path(name + suffix), tables[name], suffix=suffix)
+                for name, table in tables.items():
+                    for suffix in (".csv", ".parquet"):
+                        write_table(files.path(name + suffix), table, suffix=suffix)
         if junit is not None:
             with file_set(junit.parent) as files:
                 report = shown.junit_report(self.points, source=self.tolerance)
@@ -153,18 +147,21 @@ def comparison_options(
         raise ConfigurationError(
             "expected a speed other than zero", where=Option("velocity", "0"), code="out-of-range"
         )
-    text, of_sine, known = "", Option("amplitude", amplitude), Option("measured")
     if (amplitude is None) != (frequency is None):
-        text = "{amplitude} and {frequency} make the sine together; give both or neither"
-        of_sine, known = Option("amplitude"), Option("frequency")
-    elif amplitude is not None and is_measured:
-        text = (
-            "{amplitude} cannot be combined with {measured}: measured forces are "
-            "of the motions that were run; leave one of the two out"
+        raise ConfigurationError(
+            "{amplitude} and {frequency} make the sine together; give both or neither",
+            code="not-together",
+            amplitude=Option("amplitude"),
+            frequency=Option("frequency"),
         )
-    if text:
-        options = {"amplitude": of_sine, known.name: known}
-        raise ConfigurationError(text, code="not-together", **options)
+    if amplitude is not None and is_measured:
+        raise ConfigurationError(
+            "{amplitude} cannot be combined with {measured}: measured forces are of the motions "
+            "that were run; leave one of the two out",
+            code="not-together",
+            amplitude=Option("amplitude", amplitude),
+            measured=Option("measured"),
+        )
     size = positive(amplitude, "length", "amplitude")
     rate = positive(frequency, "frequency", "frequency")
     sine = Sine(size, rate) if size and rate else None
@@ -172,7 +169,7 @@ def comparison_options(
     return ComparisonOptions(sine, tuple(speeds), is_measured, jobs, wanted)
 
 
-def compare_all(
+def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on the way
     paths: Sequence[Path],
     options: ComparisonOptions,
     *,
@@ -180,11 +177,16 @@ def compare_all(
     tolerance: Tolerance | None = None,
     config: Path | None = None,
     reading: Configuration | None = None,
+    save: Path | None = None,
 ) -> Comparison:
-    """Return every pair compared."""
+    """Return every pair compared; the first run is saved as a baseline, which may be all."""
     places = _Places([*paths, *repeats], options, config, reading)
-    nominal = tolerance is not None and bool(tolerance.bands)
-    is_single = nominal and len(paths) == 1 and not places.inside(paths[0])
+    if save is not None:
+        write_text(save, baseline_text(places.only(paths[0]), is_measured=options.is_measured))
+        if len(paths) == 1 and tolerance is None:
+            return Comparison()
+    nominal = tolerance if tolerance is not None and tolerance.bands else None
+    is_single = nominal is not None and len(paths) == 1 and not places.inside(paths[0])
     pairs, alone = ([], ()) if is_single else places.pairs(paths)
     if repeats and len({first for first, _ in pairs}) > 1:
         raise ConfigurationError(
@@ -195,7 +197,7 @@ def compare_all(
     taken = {second.resolve(): "what is compared with it" for _, second in pairs}
     taken |= {first.resolve(): "A itself" for first, _ in pairs}
     for place in repeats:
-        if word := taken.setdefault(place.resolve(), ""):
+        if word := taken.get(place.resolve()):
             raise ConfigurationError(
                 f"is {word}; give further runs of the reference, each once",
                 where=Option("repeats", place),
@@ -207,9 +209,8 @@ def compare_all(
     if len({run.name for run in known.values()}) < len({run.shown_as for run in known.values()}):
         for run in known.values():  # where two are called alike, as much of their path
             run.name = "/".join(Path(run.shown_as).resolve().parts[-2:])
-    for place, name in options.names.items():
-        if place in known:
-            known[place].name = known[place].shown_as = name
+    for place in known.keys() & options.names.keys():
+        known[place].name = known[place].shown_as = options.names[place]
     comparisons = tuple(
         compare_runs(known[a], known[b], options, repeats=[known[place] for place in repeats])
         for a, b in pairs
@@ -220,31 +221,12 @@ def compare_all(
         remarks += [f"{run.shown_as}: {remark}" for remark in own]
     remarks += [f"{one.second.shown_as}: {remark}" for one in comparisons for remark in one.remarks]
     points: list[Point] = []
-    if tolerance is not None and nominal:
-        points = [p for place in wanted for p in bands_met(known[place], tolerance, options)]
+    if nominal is not None:
+        points = [p for place in wanted for p in bands_met(known[place], nominal, options)]
     elif tolerance is not None:
         points = [p for one in comparisons for p in tolerated(one, tolerance)]
     source = tolerance.source if tolerance else ""
     return Comparison(comparisons, alone, tuple(dict.fromkeys(remarks)), tuple(points), source)
-
-
-def one_run(
-    place: Path,
-    options: ComparisonOptions,
-    *,
-    config: Path | None = None,
-    reading: Configuration | None = None,
-) -> Run:
-    """Return a single run, to be kept; arguments as of `compare_all`."""
-    places = _Places([place], options, config, reading)
-    if named := list(places.groups.get(place, {})):
-        raise ConfigurationError(
-            f"logs of {len(named)} dampers ({', '.join(named[:3])}"
-            f"{', ...' * (len(named) > 3)}); a baseline is of one: give its folder",
-            subject=place,
-            code="several-dampers",
-        )
-    return places.run(place)
 
 
 # What a command line names: which runs, and which pairs of them
@@ -274,13 +256,18 @@ class _Places:
                 self._read(place, configuration, options.jobs)
 
     def _read(self, place: Path, configuration: Configuration, jobs: int) -> None:
-        is_folder = place.is_dir() and not _is_run(place) and not _runs_in(place)
-        is_log = place.is_file() and not is_baseline(place) and not is_part(place)
-        # A pattern or a list of logs is no file or folder of this name.
-        is_several = not place.exists() and (str(place)[0] == "@" or set("*?[") & set(str(place)))
-        folders = [place] if is_log or is_several or (is_folder and _holds_logs(place)) else []
-        if is_folder and not folders:
-            folders = [one for one in _listed(place) if _holds_logs(one)]
+        """Read the raw logs that a place names; those of a folder of folders, each by itself."""
+        folders = [place]
+        if place.is_dir():
+            if _is_run(place) or _runs_in(place):
+                return
+            if not _holds_logs(place):
+                folders = [one for one in _listed(place) if _holds_logs(one)]
+        elif place.is_file():
+            if is_baseline(place) or is_part(place):
+                return
+        elif str(place)[0] != "@" and not set("*?[") & set(str(place)):
+            return  # no pattern and no list of logs
         runs: dict[str, Run] = {}
         for folder in folders:
             try:
@@ -296,12 +283,23 @@ class _Places:
             raise NoUsableLogError(self.remarks[-1])
         if runs:
             self.groups[place] = {name: Path(run.shown_as) for name, run in runs.items() if name}
-            self._runs |= {Path(run.shown_as) if n else place: run for n, run in runs.items()}
+            self._runs |= {self.groups[place].get(name, place): run for name, run in runs.items()}
 
     def run(self, place: Path) -> Run:
         """Return the run in a place."""
         known = self._runs.get(place)
         return known or read_run(place, config=self.config, is_measured=self.is_measured)
+
+    def only(self, place: Path) -> Run:
+        """Return the run in a place that holds no other."""
+        if named := list(self.groups.get(place, {})):
+            raise ConfigurationError(
+                f"logs of {len(named)} dampers ({', '.join(named[:3])}"
+                f"{', ...' * (len(named) > 3)}); a baseline is of one: give its folder",
+                subject=place,
+                code="several-dampers",
+            )
+        return self.run(place)
 
     def pairs(self, paths: Sequence[Path]) -> tuple[list[tuple[Path, Path]], tuple[str, ...]]:
         """Return what is compared with what, and what has no partner, a sentence each.
@@ -398,32 +396,35 @@ def _holds_logs(folder: Path) -> bool:
 
 def read_run(path: Path, *, config: Path | None = None, is_measured: bool = False) -> Run:
     """Return a run to be compared: results, a baseline or a part; or measured curves alone."""
-    text, run = "", None
-    if is_part(path) and is_measured:
-        text = (
-            "a part of a fleet keeps no measured cycles; give {measured} the logs, or "
-            "results of damperfit identify"
-        )
-    elif is_part(path):
+
+    def refused(text: str) -> ConfigurationError:
+        measured = Option("measured")
+        return ConfigurationError(text, measured=measured, subject=path, code="no-results")
+
+    if is_part(path):
+        if is_measured:
+            raise refused(
+                "a part of a fleet keeps no measured cycles; give {measured} the logs, or "
+                "results of damperfit identify"
+            )
         run = Run.load(path, config=config)
-    elif path.is_dir() and _is_run(path):
-        run = Run.load(path, parts=("parameters", "responses"), config=config)
     elif path.is_dir():
-        text = "holds no results of damperfit identify; expected run.json and parameters.parquet"
+        if not _is_run(path):
+            raise refused(
+                "holds no results of damperfit identify; expected run.json and parameters.parquet"
+            )
+        run = Run.load(path, parts=("parameters", "responses"), config=config)
     elif not path.is_file():
-        text = "no such file or folder"
+        raise refused("no such file or folder")
     elif not is_baseline(path):
-        text = (
-            "neither a results folder nor a baseline; to compare logs and files of "
-            "curves, give {measured}"
+        raise refused(
+            "neither a results folder nor a baseline; to compare logs and files of curves, give "
+            "{measured}"
         )
     else:
         run = _read_baseline(path, config)
         if not run.rows("parameters") and not is_measured:
-            text = "a baseline of measured curves, nothing was fitted; give {measured}"
-    if run is None or text:
-        measured = Option("measured")
-        raise ConfigurationError(text, measured=measured, subject=path, code="no-results")
+            raise refused("a baseline of measured curves, nothing was fitted; give {measured}")
     if not is_measured:
         return refuse_unfitted(run)
     if not run.tests:
@@ -534,25 +535,28 @@ def _read_baseline(path: Path, config: Path | None) -> Run:
 
 
 def _kept_test(record: dict[str, Any]) -> MeasuredTest:
+    cells = record["setting"]
+    adjusters = [name for name in cells if name != "setting" and name not in column_names()]
+    n, k = len(record["force"]), len(record["speeds"])
+    pairs = record["figures"]
+
     def array(values: Any, *shape: int) -> Any:  # None is not known
         numbers = np.array(values, dtype=np.float64)
-        if numbers.shape != (shape or (len(values),)):
-            raise ValueError(f"numbers of shape {numbers.shape}")
+        if numbers.shape != shape:
+            raise ValueError(f"numbers of shape {numbers.shape}, expected {shape}")
         return numbers
 
-    cells = record["setting"]
-    names = [name for name in cells if name != "setting" and name not in column_names()]
-    numbers: dict[str, Any] = {name: float(np.float64(record[name])) for name in _NUMBERS}
-    numbers |= {name: array(record[name]) for name in _ARRAYS}
-    array(record["force"], len(numbers["velocity"]))
-    n_speeds = len(numbers["speeds"])
     return MeasuredTest(
-        setting=read_setting(cells, names) or Setting.of(0),
+        setting=read_setting(cells, adjusters) or Setting.of(0),
         log=str(record["log"]),
         n_cycles=int(record["n_cycles"]),
-        strokes={name: array(rows, 2, n_speeds) for name, rows in record["strokes"].items()},
-        figures={name: tuple(array(pair, 2).tolist()) for name, pair in record["figures"].items()},
-        **numbers,
+        **{name: float(array(record[name])) for name in _NUMBERS},
+        displacement=array(record["displacement"], n if record["displacement"] else 0),
+        velocity=array(record["velocity"], n),
+        force=array(record["force"], n),
+        speeds=array(record["speeds"], k),
+        strokes={name: array(rows, 2, k) for name, rows in record["strokes"].items()},
+        figures={name: tuple(array(pair, 2).tolist()) for name, pair in pairs.items()},
     )
 
 
@@ -585,19 +589,11 @@ def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -
 def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
     timeless = [one for one in batch.failures if one.kind == TimelessError.__name__]
     lost = [one.message for one in batch.failures if one not in timeless]
-    tests: list[MeasuredTest] = []
     about = (*batch.notes, *batch.skipped_files, *batch.remarks, *log_warnings(batch.traces))
     notes = list(map(str, about))
+    tests: list[MeasuredTest] = []
     for trace in batch.traces:
-        nothing = np.full((4, len(trace.force)), np.nan)  # no model: no force, no pressures
-        time = trace.start_time + trace.interval * np.arange(len(trace.force), dtype=np.float64)
-        signals = LogSignals(
-            *(trace.setting or _NAMELESS, trace.name, time),
-            *(trace.displacement, trace.velocity, trace.force, nothing[0], nothing[1:]),
-        )
-        segments = [stretch.describe(trace) for stretch in trace.stretches]
-        mean = math.nan if trace.temperature is None else trace.temperature
-        own = measured_tests(signals, segments, temperature=mean)
+        own = _of_trace(trace)
         tests += own
         if not own:
             lost.append(f"{trace.name}: no measured cycles to compare; no motion in it repeats")
@@ -647,6 +643,18 @@ def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
     return run
 
 
+def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
+    time = trace.start_time + trace.interval * np.arange(len(trace.force), dtype=np.float64)
+    signals = LogSignals(
+        *(trace.setting or _NAMELESS, trace.name, time),
+        *(trace.displacement, trace.velocity, trace.force),
+        *(np.empty(0), np.empty((3, 0))),  # no model: no force, no pressures
+    )
+    mean = math.nan if trace.temperature is None else trace.temperature
+    segments = [one.describe(trace) for one in trace.stretches]
+    return measured_tests(signals, segments, temperature=mean)
+
+
 def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
     """Return a curve without time as a test without a motion: no errors are known."""
     speeds = np.unique(np.abs(curve.velocity[curve.velocity != 0.0]))
@@ -657,7 +665,6 @@ def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
         except ValueError:
             setting = Setting.of(curve.label)
     forces = {side: [curve.force_at(v, side) for v in speeds.tolist()] for side in STROKES}
-    unknown = [math.nan] * len(speeds)
     return MeasuredTest(
         setting=setting,
         log=curve.name,
@@ -668,5 +675,5 @@ def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
         velocity=curve.velocity,
         force=curve.force,
         speeds=speeds,
-        strokes={stroke: np.array([own, unknown]) for stroke, own in forces.items()},
+        strokes={name: np.array([own, [math.nan] * len(own)]) for name, own in forces.items()},
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -12,13 +13,8 @@ import pyarrow as pa
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.arrays import FloatArray
-from damperfit.comparison.measured import (
-    Difference,
-    MeasuredTest,
-    Sameness,
-    common_tests,
-    verdict_of,
-)
+from damperfit.comparison.comparing import DIFFERENT, SAME, Difference, verdict_of
+from damperfit.comparison.measured import MeasuredTest, common_tests
 from damperfit.reporting.figures import (
     RUN_COLOURS,
     Line,
@@ -42,7 +38,8 @@ from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from damperfit.comparison.comparing import Point, RunComparison
+    from damperfit.comparison.comparing import RunComparison
+    from damperfit.comparison.tolerance import Point
     from damperfit.results import Run
 
 _FIGURES_NOTE = (
@@ -65,40 +62,38 @@ def comparison_sheets(
     }
     notes = [", ".join(f"{name} in {unit}" for name, unit in known.items())] if known else []
 
-    def change(line: Difference) -> tuple[str, str]:
+    def change(line: Difference) -> str:
+        of_value = units.write(line.difference, line.subject.unit, "+.3g")
+        return of_value if math.isnan(line.percent) else f"{line.percent:+.2f}"
+
+    def interval(line: Difference) -> str:
+        low, high, form = line.percent_low, line.percent_high, "+.2f"
         if math.isnan(line.percent):
-            unit = line.subject.unit
-            low, high = (units.show(end, unit) for end in (line.low, line.high))
-            interval = f"{low:+.3g} to {high:+.3g}" if math.isfinite(low) else NOTHING
-            return units.write(line.difference, unit, "+.3g"), interval
-        low, high = line.percent_low, line.percent_high
-        interval = NOTHING if math.isnan(low) else f"{low:+.2f} to {high:+.2f}"
-        return f"{line.percent:+.2f}", interval
+            low, high = (units.show(end, line.subject.unit) for end in (line.low, line.high))
+            form = "+.3g"
+        return f"{low:{form}} to {high:{form}}" if math.isfinite(low) else NOTHING
+
+    def figure(line: Difference) -> str:
+        return f"{line.subject.label}, {units.of(line.subject.unit)}"
 
     of_parameters = [
         _SETTING,
         Column("parameter", "", lambda line: line.subject.label, is_number=False),
         *_pair(units, "", 5),
-        Column("B - A", "%", lambda line: change(line)[0]),
-        Column("", "%, 95 %", lambda line: change(line)[1]),
+        Column("B - A", "%", change),
+        Column("", "%, 95 %", interval),
         _verdict(units),
     ]
-
-    def figure(line: Difference) -> str:
-        return f"{line.subject.label}, {units.of(line.subject.unit)}"
-
     of_figures = [
         _SETTING,
         Column("figure", "", figure, is_number=False),
         *(*_pair(units, ""), _difference(units, "±95 %"), _verdict(units)),
     ]
+    figures = laid_out(comparison.of("figure"), of_figures, _FIGURES_NOTE)
     sheets = (
         (comparison.forces_title, comparison_force_sheet(comparison, is_short=is_short)),
         ("Parameters", laid_out(parameters, of_parameters, *notes)),
-        (
-            "Energy, hysteresis, MSE, cavitation",
-            laid_out(comparison.of("figure"), of_figures, _FIGURES_NOTE),
-        ),
+        ("Energy, hysteresis, MSE, cavitation", figures),
     )
     return [(title, sheet) for title, sheet in sheets if sheet.rows]
 
@@ -114,17 +109,17 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     if is_short and len(lines) > _MANY:
         fastest = max(line.subject.speed or 0.0 for line in lines)
         top = [line for line in lines if line.subject.speed == fastest]
-        shown = [line for line in lines if line in top or line.verdict is not Sameness.SAME]
+        shown = [line for line in lines if line in top or line.verdict != SAME]
         shown = shown if len(shown) <= _MANY else top
     of = "A's damping" if has_model else "A's measured force, gas included"
     notes = [f"B - A, positive: B is harder; % of {of}"]
     if has_model and any(line.is_measured for line in shown):
         notes.append("measured: A and B are the forces that were measured, not those of a model")
     if len(shown) < len(lines):
-        rest = [line for line in lines if line not in shown]
-        n = sum(line.verdict is Sameness.DIFFERENT for line in rest)
+        n = sum(line.verdict == DIFFERENT for line in lines if line not in shown)
         differ = f", {n} of them different" if n else ""
-        notes.append(f"{len(rest)} more lines{differ}: --json and --out have all")
+        more = len(lines) - len(shown)
+        notes.append(f"{more} more lines{differ}: --json and --out have all")
     force = units.of("N")
 
     def percent(line: Difference) -> str:
@@ -149,16 +144,13 @@ _STROKE = Column("stroke", "", lambda one: STROKE_WORDS.get(one.stroke, ""), is_
 
 
 def _pair(units: ShownUnits, unit: str, digits: int = 4) -> list[Column]:
-    """Return the columns of both values."""
+    """The columns of both values."""
 
-    def column(heading: str, name: str) -> Column:
-        def cell(line: Difference) -> str:
-            value = units.show(getattr(line, name).value, line.subject.unit)
-            return number(value, digits=digits)
+    def cell(name: str, line: Difference) -> str:
+        return number(units.show(getattr(line, name).value, line.subject.unit), digits=digits)
 
-        return Column(heading, unit, cell)
-
-    return [column("A", "first"), column("B", "second")]
+    ends = (("A", "first"), ("B", "second"))
+    return [Column(heading, unit, partial(cell, name)) for heading, name in ends]
 
 
 def _difference(units: ShownUnits, unit: str) -> Column:
@@ -185,18 +177,16 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
     more = len(order) - len(shown)
     units = points[0].units if points else SI
 
-    def newtons(heading: str, name: str) -> Column:
-        def cell(one: Point) -> str:
-            return number(units.show(getattr(one, name), "N"), digits=4)
+    def force(name: str, one: Point) -> str:
+        return number(units.show(getattr(one, name), "N"), digits=4)
 
-        return Column(heading, units.of("N"), cell)
-
+    forces = (("force", "force"), ("from", "low"), ("to", "high"))
     columns = [
         Column("run", "", lambda one: one.run, is_number=False),
         Column("set", "", lambda one: str(one.setting)),
         Column("speed", units.of("m/s"), lambda one: _speed(finite(one.speed), units)),
         _STROKE,
-        *(newtons("force", "force"), newtons("from", "low"), newtons("to", "high")),
+        *(Column(heading, units.of("N"), partial(force, name)) for heading, name in forces),
         Column("result", "", lambda one: one.words, is_number=False),
     ]
     return laid_out(shown, columns, *([f"{more} more points pass"] if more else []))
@@ -273,7 +263,7 @@ _COLUMNS: _Columns = (
     ("percent_ci_high", _FLOAT, "95 % interval of percent", lambda d: d.percent_high),
     ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1",
      lambda d: d.chance),
-    ("verdict", _TEXT, "same, different or undetermined", lambda d: d.verdict.value),
+    ("verdict", _TEXT, "same, different or undetermined", lambda d: d.verdict),
     ("is_sure", _TRUTH, "different even when the number of lines is allowed for",
      lambda d: d.is_sure),
     ("source", _TEXT, "model or measured", _source),

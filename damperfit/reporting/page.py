@@ -50,7 +50,8 @@ from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import ShownUnits
 
 if TYPE_CHECKING:
-    from damperfit.comparison.comparing import Point, RunComparison
+    from damperfit.comparison.comparing import RunComparison
+    from damperfit.comparison.tolerance import Point
 
 _IDENTITY = ("damper", "serial", "date", "operator", "customer", "rig")
 _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}

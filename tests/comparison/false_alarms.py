@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from damperfit.adjustment.force_at import fastest_sine, stage_of
-from damperfit.comparison.comparing import ComparisonOptions, compare_runs
-from damperfit.comparison.measured import Sameness, measured_tests
+from damperfit.comparison.comparing import DIFFERENT, ComparisonOptions, compare_runs
+from damperfit.comparison.measured import measured_tests
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -105,7 +105,7 @@ def shares(comparisons: list) -> dict[str, tuple[float, float, float]]:
     for one in comparisons:
         for kind in ("force", "parameter", "figure"):
             told = [line for line in one.of(kind) if np.isfinite(line.chance)]
-            lines[kind].append(np.mean([line.verdict is Sameness.DIFFERENT for line in told]))
+            lines[kind].append(np.mean([line.verdict == DIFFERENT for line in told]))
             pairs[kind].append(any(line.is_sure for line in told))
     # Lines of one pair hang together, pairs do not.
     n = len(comparisons)
@@ -118,7 +118,7 @@ def shares(comparisons: list) -> dict[str, tuple[float, float, float]]:
 def found(comparisons: list, name: str = "r_m1") -> float:
     """Return the share of settings and pairs in which a parameter is called different."""
     lines = [line for one in comparisons for line in one.of("parameter")]
-    own = [line.verdict is Sameness.DIFFERENT for line in lines if line.subject.name == name]
+    own = [line.verdict == DIFFERENT for line in lines if line.subject.name == name]
     return float(np.mean(own))
 
 

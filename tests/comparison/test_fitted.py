@@ -119,7 +119,7 @@ def test_a_tare_is_no_difference_of_forces_and_a_changed_valve_is() -> None:
     done = compared(run("a", 11.6), run("b", 36.6))
     forces = done.of("force")
     assert [line.difference for line in forces] == pytest.approx([0.0] * 8, abs=1e-9)
-    assert {line.verdict.value for line in forces} == {"same"}
+    assert {line.verdict for line in forces} == {"same"}
     said = "the rigs' force offsets, their tares, are left out of the forces (a: 11.6 N; b: 36.6 N)"
     assert said in done.notes
     alike, tared = (
@@ -229,7 +229,7 @@ def test_another_motion_or_temperature_is_named_beyond_a_limit(changed, begins) 
 def test_the_gas_and_units_are_named() -> None:
     first, second = _said({}, {"damper": replace(PURDY_DAMPER, gas_pressure=5.6e5)})
     assert first == "damper.gas_pressure: 460000 Pa, then 560000 Pa"
-    assert second.startswith("gas force at mid-stroke: -130.4 N, then -158.8 N: -28.4 N of every")
+    assert second.startswith("gas force at mid-stroke: -130.4 N, then -158.8 N: so much of every")
     own, *rest = PURDY_DAMPER.quantities
     other = {"quantities": (replace(own, unit="furlong"), *rest)}
     told = "unit of r_m1: s sqrt(N)/(m kg), then furlong: it is not compared"

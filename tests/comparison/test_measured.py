@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from damperfit import results
-from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.comparison.comparing import DIFFERENT, UNDETERMINED, ComparisonOptions, compare_runs
 from damperfit.comparison.measured import (
-    Sameness,
     common_tests,
     measured_readings,
     measured_tests,
@@ -93,7 +92,7 @@ def test_dampers_that_are_mounted_anew_are_seldom_called_different(pairs: int) -
     both = ((campaign(rng, 4, cycles=4), campaign(rng, 4, cycles=4)) for _ in range(pairs))
     lines = [one for pair in both for one in compare_runs(*pair, options).of("force")]
     # Eight a pair, in four settings of their own.
-    assert np.mean([one.verdict is Sameness.DIFFERENT for one in lines]) < 0.13
+    assert np.mean([one.verdict == DIFFERENT for one in lines]) < 0.13
 
 
 @pytest.mark.parametrize(
@@ -130,11 +129,11 @@ def test_a_scatter_of_tests_keeps_a_difference_from_being_called_one() -> None:
     quiet = run(measured(noise=2.0, seed=1))
     other = run(measured(factor=1.03, noise=2.0, seed=2), name="b")
     line = next(one for one in compare_runs(quiet, other, MEASURED).of("force"))
-    assert compare_runs(quiet, other, MEASURED).of("force")[-1].verdict is Sameness.DIFFERENT
+    assert compare_runs(quiet, other, MEASURED).of("force")[-1].verdict == DIFFERENT
     factors = (0.97, 1.03, 0.96, 1.04)
     loud = run(*(measured(factor=f, noise=2.0, seed=k) for k, f in enumerate(factors)))
     found = compare_runs(loud, other, MEASURED)
-    assert found.of("force")[-1].verdict is not Sameness.DIFFERENT
+    assert found.of("force")[-1].verdict != DIFFERENT
     assert any("tests of one setting differ by" in note for note in found.notes)
     assert line.is_measured
 
@@ -144,18 +143,18 @@ def test_repeats_are_the_measure() -> None:
     reference = [run(measured(factor=f), name=str(f)) for f in factors]
     other = run(measured(factor=1.03), name="b")
     bare = compare_runs(reference[0], other, MEASURED)
-    assert all(line.verdict is Sameness.UNDETERMINED or line.percent for line in bare.of("force"))
+    assert all(line.verdict == UNDETERMINED or line.percent for line in bare.of("force"))
     found = compare_runs(reference[0], other, MEASURED, repeats=reference[1:])
     line = found.of("force")[-2]
     at = [one.tests[0].force_at(line.subject.speed, "rebound")[0] for one in reference]
     assert line.first.value == pytest.approx(np.mean(at))
     reach = 3.182446 * np.std(at, ddof=1) * math.sqrt(1.25)  # Student's t, three degrees
     assert line.high - line.difference == pytest.approx(reach, rel=1e-5)
-    assert line.verdict is not Sameness.DIFFERENT
+    assert line.verdict != DIFFERENT
     far = compare_runs(
         reference[0], run(measured(factor=1.2), name="c"), MEASURED, repeats=reference[1:]
     )
-    assert far.of("force")[-2].verdict is Sameness.DIFFERENT
+    assert far.of("force")[-2].verdict == DIFFERENT
 
 
 def test_a_force_near_nothing_has_newtons_and_no_per_cent() -> None:

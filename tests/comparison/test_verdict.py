@@ -10,20 +10,19 @@ from scipy.stats import t as student
 
 from damperfit.comparison.comparing import (
     ComparisonOptions,
-    Point,
-    bands_met,
     compare_runs,
-    parse_bands,
-    parse_tolerance,
-    tolerated,
-)
-from damperfit.comparison.measured import (
-    Reading,
-    Topic,
     compared,
     difference_of,
     surely_different,
     verdict_of,
+)
+from damperfit.comparison.measured import Reading, Topic
+from damperfit.comparison.tolerance import (
+    Point,
+    bands_met,
+    parse_bands,
+    parse_tolerance,
+    tolerated,
 )
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.compared import junit_report, tolerance_outcome, tolerance_sheet
@@ -75,7 +74,7 @@ OFF = Reading(-0.1, 0.5, scale=100.0)
 )
 def test_two_readings_are_the_same_or_not(topic, first, second, is_one_motion, verdict) -> None:
     line = compared(topic, first, second, is_same_motion=is_one_motion)
-    assert line.verdict.value == verdict
+    assert line.verdict == verdict
     assert bool(line.reason) == (verdict == OPEN)
 
 
@@ -118,7 +117,7 @@ def test_differences_and_per_cents_have_intervals() -> None:
 )
 def test_what_is_not_known_is_not_judged(second, reason) -> None:
     line = compared(VALUE, Reading(100.0, 1.0), second)
-    assert line.verdict.value == OPEN
+    assert line.verdict == OPEN
     assert line.reason.startswith(reason)
 
 
@@ -128,9 +127,9 @@ def test_holm_remembers_how_many_lines_there_are_and_chance_is_told_as_often_as_
     lines = [compared(FORCE, force(1000.0), force(1000.0 + step)) for step in steps]
     told = surely_different(lines[::-1])[::-1]
     assert [one.is_sure for one in told] == [True, True, True, False, False]
-    assert [one.verdict.value for one in told[:4]] == [OTHER] * 4
+    assert [one.verdict for one in told[:4]] == [OTHER] * 4
     values = np.random.default_rng(7).normal(1000.0, 1.0, (4000, 2))
-    verdicts = [compared(FORCE, force(a), force(b)).verdict.value == OTHER for a, b in values]
+    verdicts = [compared(FORCE, force(a), force(b)).verdict == OTHER for a, b in values]
     assert np.mean(verdicts) == pytest.approx(0.05, abs=0.01)
 
 

@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import chi2
 
 from damperfit.cli.main import main
-from damperfit.comparison.comparing import Band, Tolerance, parse_tolerance
+from damperfit.comparison.tolerance import Band, Tolerance, parse_tolerance
 from damperfit.errors import ConfigurationError
 from damperfit.fleets.page import (
     MOST_LINES,
