@@ -34,9 +34,11 @@ from damperfit.io.files import read_bytes, read_text, sha256_of
 from damperfit.problem import Option, Problem, Words, warning
 from damperfit.recording import Recording, natural_order
 from damperfit.reporting.records import (
+    all_in,
     checks_in,
     entries_in,
     failures_in,
+    inside,
     number_in,
     problems_in,
     units_in,
@@ -46,6 +48,7 @@ from damperfit.store import file_set, path_of, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
 from damperfit.tables.files import (
     json_pieces,
+    lay_out,
     responses_table,
     table_in_units,
     write_responses,
@@ -54,11 +57,9 @@ from damperfit.tables.files import (
 from damperfit.tables.reading import (
     LogSignals,
     check_files,
-    facts_of,
     has_table,
     is_part,
     part_in,
-    read_arrow,
     read_facts,
     read_part,
     read_record,
@@ -67,7 +68,6 @@ from damperfit.tables.reading import (
     read_table,
     table_quantities,
     title_of,
-    typed_rows,
 )
 from damperfit.tested.setting import Setting, label_of
 from damperfit.uncertainty import SpeedForces
@@ -99,7 +99,7 @@ _LONG = 10.0  # s of a log
 _WORDS = Words("damperfit.identify")
 _OF_CALL = {"_config", "_temperature", "_scratch"}  # of a run that is read: they are its reader's
 _IN_MEMORY = (
-    *("record", "quantities", "tables", "report_text", "place", "shown_as"),
+    *("record", "quantities", "facts", "report_text", "place", "shown_as"),
     *("_rows", "_signals", "_remarks", "_config", "_temperature", "_source", "_scratch"),
 )
 
@@ -301,10 +301,10 @@ class Run:
 
     It prints itself, and pickles with all its files. `record` is what run.json tells; `quantities`
     what the columns of the parameters are of; `place` the folder, part of a fleet or table that it
-    stands in, None: nowhere yet; `tables` and `report_text` those that it was made with, where it
-    was not read. `config` is a file of the user, whose damper is taken where the run does not tell
-    its own, `temperature` that of the oil, as typed. `signals` may be what makes them, one log
-    after the other, when they are first wanted.
+    stands in, None: nowhere yet; `facts` what its tables tell of how they were made. ``config`` is
+    a file of the user, whose damper is taken where the run does not tell its own, ``temperature``
+    that of the oil, as typed. ``signals`` may be what makes them, one log after the other, when
+    they are first wanted.
     """
 
     def __init__(  # noqa: PLR0913 - what a run is made of
@@ -318,9 +318,8 @@ class Run:
         remarks: Sequence[str] = (),
         config: Path | None = None,
         temperature: str | None = None,
-        tables: Mapping[str, pa.Table] | None = None,
+        facts: Mapping[str, Any] | None = None,
     ) -> None:
-        self.tables = dict(tables or {})
         self.record: dict[str, Any] = dict(record or {})
         self.quantities = quantities
         self.place = place
@@ -331,6 +330,8 @@ class Run:
         self._config, self._temperature = config, temperature
         self._source = self.shown_as = str(place or "")  # where people are told that it stands
         self._scratch: Path | None = None
+        if facts is not None:
+            self.facts = dict(facts)
 
     @classmethod
     def load(
@@ -441,12 +442,9 @@ class Run:
     def rows(self, name: str) -> tuple[dict[str, Any], ...]:
         """Return the rows of a table, by column; None where a cell or a column is missing."""
         if name not in self._rows:
-            known: tuple[dict[str, Any], ...] = ()
-            if (table := self.tables.get(name)) is not None:
-                known = typed_rows(table.column_names, table.to_pylist(), name, self.quantities)
-            is_needed = name in {"parameters", "mse"}
-            if self._is_folder and (is_needed or has_table(self.folder, self.record, name)):
-                known = read_rows(self.folder, name, self._remarks, self.quantities, self.record)
+            if not self._is_folder or not (name in {"parameters", "mse"} or self._has(name)):
+                return ()
+            known = read_rows(self.folder, name, self._remarks, self.quantities, self.record)
             once = {row["setting"]: row for row in reversed(known)}  # the first of each
             if name == "parameters" and len(once) < len(known):
                 known = tuple(reversed(once.values()))
@@ -455,6 +453,28 @@ class Run:
                 )
             self._rows[name] = known
         return self._rows[name]
+
+    def _has(self, name: str) -> bool:
+        is_stored = self._is_folder and has_table(self.folder, self.record, name)
+        return name in self._rows or is_stored or (name == "responses" and bool(self._signals))
+
+    def table(self, name: str) -> pa.Table:
+        """Return a table as it is written: its columns have units and meaning as metadata."""
+        if name == "responses":
+            return responses_table(self.signals, **self._layout)
+        return lay_out(name, self.rows(name), **self._layout)
+
+    @property
+    def _layout(self) -> dict[str, Any]:
+        """What all tables have in common: whether settings are numbers, what columns are of."""
+        settings = [row["setting"] for row in self.rows("parameters")]
+        return {"settings": settings, "quantities": self.quantities, "facts": self.facts}
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """What its tables tell of how they were made."""
+        known = read_facts(self.folder / "parameters.parquet") if self._is_folder else {}
+        return {key: value for key, value in known.items() if key not in _OF_TABLE}
 
     @property
     def signals(self) -> tuple[LogSignals, ...]:
@@ -502,7 +522,7 @@ class Run:
 
     def document(self) -> dict[str, Any]:
         """Return run.json and the rows of parameters and MSE as one JSON document."""
-        return self.record | {n: self.tables[n].to_pylist() for n in ("parameters", "mse")}
+        return self.record | {n: self.table(n).to_pylist() for n in ("parameters", "mse")}
 
     # The settings
 
@@ -626,20 +646,20 @@ class Run:
         """Rig, conditioning, procedure and damper it was made with, as far as they are told."""
         from damperfit.configuration.loading import load_configuration
 
-        known = {key: _inside(self.record, "configuration", key) for key in ("rig", "conditioning")}
+        known = {key: inside(self.record, "configuration", key) for key in ("rig", "conditioning")}
         sections = {  # JSON has no infinity: null is the default
             key: {name: value for name, value in section.items() if value is not None}
             for key, section in known.items()
             if isinstance(section, dict)
         }
-        procedure = _inside(self.record, "configuration", "identification", "procedure")
+        procedure = inside(self.record, "configuration", "identification", "procedure")
         sections |= {"identification": {"procedure": procedure}} if procedure else {}
         return load_configuration(overlay=sections | {"damper": self.declared_damper or {}})
 
     @property
     def shown_speeds(self) -> tuple[float, ...]:
         """The speeds at which forces are shown, m/s: ``output.speeds`` of the run."""
-        speeds = _inside(self.record, "configuration", "output", "speeds")
+        speeds = inside(self.record, "configuration", "output", "speeds")
         with suppress(QuantityError, TypeError):
             return tuple(sorted(parse_quantity(one, "velocity") for one in speeds or ()))
         return ()
@@ -657,18 +677,15 @@ class Run:
     @cached_property
     def declared_damper(self) -> Mapping[str, Any] | None:
         """Its [damper], as it was written; None: it is not told."""
-        known = _inside(self.record, "configuration", "damper")
-        if not isinstance(known, dict) and self._is_folder:
-            facts = read_facts(self.folder / "parameters.parquet")
-            known = _inside(facts, "configuration", "damper")
-        return known if isinstance(known, dict) else None
+        known = (inside(one, "configuration", "damper") for one in (self.record, self.facts))
+        return next((one for one in known if isinstance(one, dict)), None)
 
     @property
     def source(self) -> str:
         """Where damper and motion are told, for people."""
         if not self._is_folder:
             return self._source
-        is_in_record = isinstance(_inside(self.record, "configuration", "damper"), dict)
+        is_in_record = isinstance(inside(self.record, "configuration", "damper"), dict)
         return str(self.folder / ("run.json" if is_in_record else "parameters.parquet"))
 
     def configured(
@@ -699,7 +716,7 @@ class Run:
         if not takes_motion:
             return meant
         motion = self.motion_of_tests
-        rig = _inside(self.record, "configuration", "rig")
+        rig = inside(self.record, "configuration", "rig")
         if motion is None and isinstance(rig, dict) and {"amplitude", "frequency"} <= rig.keys():
             size = parse_quantity(rig["amplitude"], "length")
             motion = Sine(size, parse_quantity(rig["frequency"], "frequency"))
@@ -782,10 +799,7 @@ class Run:
     @cached_property
     def speed_forces(self) -> tuple[SpeedForces, ...]:
         """Measured forces at the named speeds, and what the model misses; older runs: none."""
-        from damperfit.reporting.records import read_back
-        from damperfit.uncertainty import SpeedForces
-
-        read = (read_back(SpeedForces, entry) for entry in entries_in(self.record, "speed_forces"))
+        read = all_in(self.record, "speed_forces", SpeedForces)
         names = ("measured", "measured_se", "difference", "misfit")
 
         def is_whole(one: SpeedForces) -> bool:
@@ -796,7 +810,7 @@ class Run:
         return tuple(
             replace(one, setting=known.get(one.setting.cell, one.setting))
             for one in read
-            if one is not None and is_whole(one)
+            if is_whole(one)
         )
 
     @property
@@ -860,8 +874,7 @@ class Run:
 
     def profile(self, name: str) -> pd.DataFrame:
         """Return the profile of a parameter that `identify` was asked for, by setting."""
-        is_there = "profiles" in self.tables or has_table(self.folder, self.record, "profiles")
-        known = self.frame("profiles") if is_there else None
+        known = self.frame("profiles") if self._has("profiles") else None
         names = [] if known is None else sorted(set(known["parameter"]))
         if known is None or name not in names:
             there = f"there are {', '.join(names)}" if names else "give identify profile=[...]"
@@ -982,26 +995,16 @@ class Run:
 
     def frame(self, name: str = "parameters") -> pd.DataFrame:
         """Return a table, as "parameters", "mse" or "adjustment"; ``attrs["units"]`` by column."""
-        import pandas as pd
-
         name = str(name)
-        table = self.tables.get(name)
-        if name == "responses" and self.place is None and self.signals:
-            table = responses_table(self.signals, **self._of_responses())
-        if table is None and name in TABLES and self._is_folder:
-            with suppress(OSError, ValueError):  # missing or damaged: its CSV, if there is one
-                table = read_arrow(self.folder / f"{name}.parquet")
-        if table is not None:
+        there = [one for one in TABLES if self._has(one)]
+        if name in there and (name == "responses" or self.rows(name) or self.place is None):
+            table = self.table(name)
             frame: pd.DataFrame = table.to_pandas()
-            told = ((one.name, (one.metadata or {}).get(b"unit", b"")) for one in table.schema)
+            told = ((one.name, one.metadata.get(b"unit", b"")) for one in table.schema)
             frame.attrs["units"] = {column: unit.decode() for column, unit in told if unit}
             return frame
-        if name in {*TABLES} - {"responses"} and (rows := self.rows(name)):
-            return pd.DataFrame([{**row, "setting": row["setting"].cell} for row in rows])
-        there = [one for one in TABLES if one in self.tables or has_table(self.folder, {}, one)]
         known = f"there {'are ' if there else 'is none'}{', '.join(there)}"
-        hint = did_you_mean(name, there)
-        text = f"no table {name!r} in these results; {known}.{hint}"
+        text = f"no table {name!r} in these results; {known}.{did_you_mean(name, there)}"
         raise ConfigurationError(text, code="no-table")
 
     def to_frame(self) -> pd.DataFrame:
@@ -1089,15 +1092,16 @@ class Run:
         """Write a run that is in memory as a set of files; those of an earlier run go."""
         begin, units = perf_counter(), units_in(self.record)
         with file_set(folder) as files:
-            for name, table in self.tables.items():
+            for name in self._rows:
+                table = self.table(name)
                 write_table(files.path(f"{name}.parquet"), table, suffix=".parquet")
                 shown = table_in_units(table, units)
                 write_table(files.path(f"{name}.csv"), shown, suffix=".csv")
             signals = self._signals() if callable(self._signals) else self._signals or ()
-            write_responses(files.path("responses.parquet"), signals, **self._of_responses())
+            write_responses(files.path("responses.parquet"), signals, **self._layout)
             text = self.report_text.encode("utf-8", "backslashreplace")
             files.path("report.md").write_bytes(text)
-            for name in set(TABLES) - {*self.tables, "responses"}:
+            for name in set(TABLES) - {*self._rows, "responses"}:
                 files.without(f"{name}.parquet")
                 files.without(f"{name}.csv")
             files.without(PAGE)
@@ -1113,24 +1117,12 @@ class Run:
                     file.write(piece.encode("utf-8", "backslashreplace"))
         forget_figures(folder)
 
-    def _of_responses(self) -> dict[str, Any]:
-        """Return what the table of signals has in common with that of the parameters."""
-        rows, known = self.rows("parameters"), self.tables.get("parameters")
-        facts = {} if known is None else facts_of(known.schema)
-        return {
-            "settings": [row["setting"] for row in rows if row["mse_percent"] is not None],
-            "quantities": self.quantities,
-            "facts": {key: value for key, value in facts.items() if key not in _OF_TABLE},
-        }
-
     def __getstate__(self) -> dict[str, Any]:
         """Return all that is known, in memory: what a pickle holds."""
         self.signals  # noqa: B018 - read
+        for name in TABLES:
+            self.rows(name)
         if self._is_folder:
-            for name in set(TABLES) - {"responses", *self.tables}:
-                self.rows(name)
-                with suppress(OSError, ValueError):
-                    self.tables[name] = read_arrow(self.folder / f"{name}.parquet")
             with suppress(OSError, ValueError):
                 self.report_text = self.report_text or read_text(self.folder / "report.md")
         known = {name: getattr(self, name) for name in _IN_MEMORY}
@@ -1308,12 +1300,6 @@ def _errors(
     shared = tuple(name for name in names if name in told)
     order = [names.index(name) for name in (*own, *shared)]
     return own, shared, covariance[np.ix_(order, order)]
-
-
-def _inside(document: Any, *keys: str) -> Any:
-    for key in keys:
-        document = document.get(key) if isinstance(document, dict) else None
-    return document
 
 
 def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:

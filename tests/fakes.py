@@ -1,8 +1,10 @@
 """Small hand-made campaigns for tests of tables and reports: no fit, no file, known numbers."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
@@ -11,6 +13,9 @@ from damperfit.problem import Failure, Problem
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace
 from damperfit.results import Run
 from damperfit.simulation import SolverOptions
+from damperfit.tables.columns import PAPER_QUANTITIES
+from damperfit.tables.files import lay_out
+from damperfit.tables.rows import campaign_rows
 
 FREE = ("r_m1", "r_m2", "k_e")
 
@@ -88,6 +93,14 @@ def fit(
 def campaign(*fits: Fit, **more: object) -> Campaign:
     """Return a campaign of these fits."""
     return Campaign(procedure="paper", fits=fits, **more)  # type: ignore[arg-type]
+
+
+def make_tables(done: Campaign, *, facts: object = None, **how: object) -> dict[str, pa.Table]:
+    """Return the tables of a campaign as they are written."""
+    rows = campaign_rows(done, **how)  # type: ignore[arg-type]
+    layout: Any = {"settings": [row["setting"] for row in rows["parameters"]], "facts": facts}
+    layout["quantities"] = done.quantities or PAPER_QUANTITIES
+    return {name: lay_out(name, of, **layout) for name, of in rows.items()}
 
 
 def changed(run, *, record=None, signals=None, **rows):

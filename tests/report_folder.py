@@ -12,8 +12,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Campaign, Outcome, SimulatedLog, compare
 from damperfit.tables.columns import describe_tables, table_schema
 from damperfit.tables.files import lay_out, write_responses, write_table
-from damperfit.tables.rows import characteristic_rows, make_tables, signals_of
-from tests.fakes import campaign, fit
+from damperfit.tables.rows import characteristic_rows, signals_of
+from tests.fakes import campaign, fit, make_tables
 
 EVIL = "</script><img src=x onerror=alert(1)>$x_1$.csv"
 

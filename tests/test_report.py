@@ -36,9 +36,8 @@ from damperfit.reporting.tables import (
     tried_laws_sheet,
 )
 from damperfit.tables.columns import PAPER_QUANTITIES
-from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
-from tests.fakes import campaign, failed, fit
+from tests.fakes import campaign, failed, fit, make_tables
 from tests.texts import FORCES, SNAPSHOT, texts, written
 
 SHEET = Sheet(

@@ -29,8 +29,8 @@ from damperfit.tables.reading import (
     read_rows,
     table_quantities,
 )
-from damperfit.tables.rows import characteristic_rows, make_tables
-from tests.fakes import campaign, fit, trace, values_in
+from damperfit.tables.rows import characteristic_rows
+from tests.fakes import campaign, fit, make_tables, trace, values_in
 from tests.report_folder import put_responses
 
 NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0")

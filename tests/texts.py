@@ -28,7 +28,8 @@ from damperfit.reporting.tables import (
 )
 from damperfit.results import Run
 from damperfit.tables.columns import PAPER_QUANTITIES
-from damperfit.tables.rows import make_tables
+from damperfit.tables.reading import typed_rows
+from damperfit.tables.rows import campaign_rows
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results
 
@@ -84,8 +85,10 @@ STATES: dict[str, tuple[Any, dict[str, Any], tuple[int, ...]]] = {
 
 def run_of(done: Any, record: dict[str, Any], expected: tuple[int, ...] = ()) -> Run:
     """Return a run of these fits."""
-    tables = make_tables(done, expected=expected)
-    return Run(RECORD | record, tables=tables, quantities=done.quantities or PAPER_QUANTITIES)
+    quantities = done.quantities or PAPER_QUANTITIES
+    rows = campaign_rows(done, expected=expected)
+    typed = {name: typed_rows(name, of, quantities) for name, of in rows.items()}
+    return Run(RECORD | record, typed, quantities=quantities)
 
 
 # Rows of the table "adjustment": the second setting is missed by the model in rebound at 0.3 m/s.

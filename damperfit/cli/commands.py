@@ -198,8 +198,8 @@ def _tell_of_run(damper: Identified, how: Shown) -> None:
 
 
 def _blocks_of_run(damper: Identified) -> list[Any]:
-    from damperfit.reporting.records import checks_in, law_in, predictions_in
-    from damperfit.reporting.sheet import parameters_in_units, rows_in_units, sheet_in_units
+    from damperfit.reporting.records import checks_in, entries_in, law_in
+    from damperfit.reporting.sheet import rows_in_units, sheet_in_units
     from damperfit.reporting.tables import (
         check_lines,
         force_sheets,
@@ -209,15 +209,15 @@ def _blocks_of_run(damper: Identified) -> list[Any]:
     )
 
     run, configuration = damper.run, damper.configuration
-    tables, units = run.tables, configuration.output.units
-    forces = force_sheets(rows_in_units(tables["adjustment"].to_pylist(), units))
-    rows, quantities = parameters_in_units(tables["parameters"].to_pylist(), run.quantities, units)
-    held_out, law = predictions_in(run.record), law_in(run.record)
+    units = configuration.output.units
+    forces = force_sheets(rows_in_units(run.rows("adjustment"), units))
+    rows = run.rows("parameters")
+    held_out, law = entries_in(run.record, "held_out"), law_in(run.record)
     as_fitted = run.record.get("procedure") or [configuration.damper_sentence]
     return [
         f"damper {damper.owner}" * bool(damper.beside),
         *(sheet_in_units(sheet, units) for sheet in forces),
-        parameter_sheet(rows, quantities, levels=spark_levels()),
+        parameter_sheet(rows, run.quantities, levels=spark_levels(), units=units),
         *([held_out_sheet(held_out, is_narrow=True)] if held_out else []),
         as_fitted[0],
         " ".join(law_sentences(law, with_undecided=False)),

@@ -366,7 +366,7 @@ def _force_columns(stroke: str, speed: float) -> tuple[str, str]:
 def _part_rows(run: Run, damper: str) -> Iterator[dict[str, Any]]:
     """Yield one row a setting: parameters, whose it is, forces at named speeds."""
     forces: dict[str, dict[str, float]] = defaultdict(dict)
-    for row in run.tables["adjustment"].to_pylist():
+    for row in run.table("adjustment").to_pylist():
         force, error = _force_columns(row["stroke"], row["speed_m_per_s"])
         forces[str(row["setting"])] |= {force: row["force_N"], error: row["force_se_N"]}
     own = {
@@ -374,7 +374,7 @@ def _part_rows(run: Run, damper: str) -> Iterator[dict[str, Any]]:
         "date": run.record["test"].get("date"),
         _REFERENCE: run.record["configuration"]["damper"]["reference_temperature"],
     }
-    for row in run.tables["parameters"].to_pylist():
+    for row in run.table("parameters").to_pylist():
         places = {name: str(row[name]) for name in adjusters_in(list(row), run.quantities)}
         setting = str(row["setting"])
         yield row | places | forces[setting] | own | {"setting": setting}

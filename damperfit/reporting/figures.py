@@ -25,7 +25,7 @@ from damperfit.arrays import FloatArray
 from damperfit.damper.model import PRESSURES
 from damperfit.reporting.records import entries_in, number_in, trends_in, units_in
 from damperfit.reporting.sheet import number
-from damperfit.reporting.tables import is_one_for_all, scale_of
+from damperfit.reporting.tables import Shown, is_one_for_all
 from damperfit.tested.setting import Place, Setting, lines_of
 from damperfit.units.shown_units import ShownUnits
 
@@ -595,7 +595,7 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
     rows, trends = shown.run.rows("parameters"), trends_in(shown.run.record)
     places = setting_places(row["setting"] for row in rows)
     for one in shown.run.quantities:
-        name, scale = one.name, scale_of(one)
+        name, scale = one.name, Shown(one)
         status_of = {row["setting"]: row[f"{name}_status"] for row in rows}
         known = [
             row

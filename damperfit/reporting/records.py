@@ -39,10 +39,6 @@ _KEYS: dict[type, dict[str, str]] = {
     },
     Finding: {"text": "sentence"},
 }
-_OF_PREDICTIONS = (
-    *("amplitude_m", "frequency_Hz", "mse_percent"),
-    *("fitted_mse_percent", "expected_mse_percent"),
-)
 _PLAIN = frozenset({float, int, str, bool, type(None)})
 
 
@@ -144,6 +140,13 @@ _READ: dict[Any, Callable[[Any], Any]] = {
 # What a record holds
 
 
+def inside(document: object, *keys: str) -> Any:
+    """Return what stands below keys, one in the other; None where there is no such place."""
+    for key in keys:
+        document = document.get(key) if isinstance(document, dict) else None
+    return document
+
+
 def listed_in(record: Record, key: str) -> list[Any]:
     """Return a list of the record, empty where there is none."""
     value = record.get(key)
@@ -162,42 +165,42 @@ def number_in(record: Record, key: str) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _all(kind: type[_T], record: Record, key: str) -> tuple[_T, ...]:
+def all_in(record: Record, key: str, kind: type[_T]) -> list[_T]:
+    """Return what a list of the record holds, as it was given to `to_record`."""
     read = (read_back(kind, entry) for entry in listed_in(record, key))
-    return tuple(one for one in read if one is not None)
+    return [one for one in read if one is not None]
 
 
-def checks_in(record: Record) -> tuple[Check, ...]:
+def checks_in(record: Record) -> list[Check]:
     """Return the checks in the order of the record."""
-    return _all(Check, record, "checks")
+    return all_in(record, "checks", Check)
 
 
-def trends_in(record: Record) -> tuple[Trend, ...]:
+def trends_in(record: Record) -> list[Trend]:
     """Return the trends by parameter, their points by setting."""
-    return tuple(
+    return [
         replace(trend, points=tuple(sorted(trend.points, key=lambda point: point.setting)))
-        for trend in _all(Trend, record, "trends")
-    )
+        for trend in all_in(record, "trends", Trend)
+    ]
 
 
-def findings_in(log: Record) -> tuple[Finding, ...]:
+def findings_in(log: Record) -> list[Finding]:
     """Return the findings of one entry of ``inputs``, the gravest first."""
     findings = []
     for entry in listed_in(log, "findings"):
-        finding = read_back(Finding, entry)
-        if finding is not None and "values" in entry:  # to be worded by whoever shows it
+        if (finding := read_back(Finding, entry)) is None:
+            continue
+        if "values" in entry:  # to be worded by whoever shows it
             problem = Problem.of_record(entry)
             finding = replace(finding, text=problem.text, values=problem.values)
-        findings += [finding] if finding is not None else []
+        findings.append(finding)
     order = {"refusal": 0, "warning": 1}
-    return tuple(sorted(findings, key=lambda finding: order.get(finding.severity, 2)))
+    return sorted(findings, key=lambda finding: order.get(finding.severity, 2))
 
 
 def units_in(record: Record) -> ShownUnits:
     """Return the units in which the run was shown; SI where it does not say."""
-    units: Any = record.get("configuration")
-    for key in ("output", "units"):
-        units = units.get(key) if isinstance(units, dict) else None
+    units = inside(record, "configuration", "output", "units")
     with suppress(QuantityError):
         return parse_units(units) if isinstance(units, str) else SI
     return SI
@@ -243,16 +246,7 @@ def gaps_in(record: Record) -> tuple[tuple[int, int], ...]:
 
 def sentences_in(record: Record, about: str) -> list[str]:
     """Return what the run said of a subject, such as "identifiability"; older runs said nothing."""
-    sentences = record.get("sentences")
-    return [str(one) for one in listed_in(sentences, about)] if isinstance(sentences, dict) else []
-
-
-def predictions_in(record: Record) -> list[dict[str, Any]]:
-    """Return what was held out, predicted and not fitted, an entry each."""
-    return [
-        entry | {key: _number(entry.get(key)) for key in _OF_PREDICTIONS}
-        for entry in entries_in(record, "held_out")
-    ]
+    return list(map(str, listed_in({about: inside(record, "sentences", about)}, about)))
 
 
 def law_in(record: Record) -> Record:

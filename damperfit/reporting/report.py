@@ -25,7 +25,6 @@ from damperfit.reporting.records import (
     law_in,
     listed_in,
     number_in,
-    predictions_in,
     problems_in,
     sentences_in,
     trends_in,
@@ -34,7 +33,6 @@ from damperfit.reporting.sheet import (
     Sheet,
     escape,
     markdown_table,
-    parameters_in_units,
     percent,
     rows_in_units,
     sheet_in_units,
@@ -130,8 +128,8 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield Section("Gates not met", "alarm", list(map(str, listed_in(record, "gates_missed"))))
     yield table("Force by setting", "top", *force_sheets(forces), scaled=True)
     yield Section("Model structure that the logs support", "words", law_sentences(law))
-    shown = parameters_in_units(parameters, run.quantities, units)
-    yield table("Parameters", "parameters", parameter_sheet(*shown))
+    found = parameter_sheet(parameters, run.quantities, units=units)
+    yield table("Parameters", "parameters", found)
     errors_by_log = mse_sheet(run.rows("mse"), parameters, run.quantities)
     yield table("MSE by setting and log", "tables", errors_by_log)
     summary = [check_summary(checks)] if checks else []
@@ -139,7 +137,7 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield Section("Warnings", "words", listing(problems_in(record)))
     yield Section("What to do", "words", sorted(f"{one}: {advice[one]}" for one in outcomes))
     yield Section("Verdicts", "words", verdicts(run))
-    held_out = held_out_sheet(predictions_in(record))
+    held_out = held_out_sheet(entries_in(record, "held_out"))
     yield table("Held out: predicted, not fitted", "words", held_out)
     trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
     offset = sentences_in(record, "force_offset")

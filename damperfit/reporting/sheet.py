@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from unicodedata import combining, east_asian_width
 
 if TYPE_CHECKING:
-    from damperfit.damper.quantity import Quantity
     from damperfit.units.shown_units import ShownUnits
 
 NOTHING = "-"
@@ -352,24 +351,3 @@ def rows_in_units(rows: Iterable[Mapping[str, Any]], units: ShownUnits) -> list[
         return units.show(cell, unit) if unit and isinstance(cell, float) else cell
 
     return [{name: scaled(name, cell) for name, cell in row.items()} for row in rows]
-
-
-def parameters_in_units(
-    rows: Sequence[Mapping[str, Any]], quantities: Sequence[Quantity], units: ShownUnits
-) -> tuple[list[dict[str, Any]], tuple[Quantity, ...]]:
-    """Return rows with what is a force scaled, and the quantities as shown; R_m1 keeps its own."""
-    shown: list[Quantity] = []
-    names: set[str] = set()
-    for one in quantities:
-        if one.unit == "N" != units.of("N"):
-            ends = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
-            names.update(f"{one.name}{end}" for end in ends)
-            low, high, size = (units.show(at, "N") for at in (*one.plausible, one.size))
-            force: Any = {"unit": units.of("N"), "shown_unit": ""}
-            one = replace(one, plausible=(low, high), size=size, **force)  # noqa: PLW2901 - as shown
-        shown.append(one)
-
-    def scaled(name: str, cell: Any) -> Any:
-        return units.show(float(cell), "N") if name in names and cell is not None else cell
-
-    return [{name: scaled(name, cell) for name, cell in row.items()} for row in rows], tuple(shown)

@@ -6,8 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.checks import Check
@@ -25,14 +24,11 @@ from damperfit.reporting.sheet import (
 )
 from damperfit.statistics import NORMAL_95
 from damperfit.tables.columns import PAPER_QUANTITIES
-from damperfit.tables.files import finite
-from damperfit.tested.setting import Setting, clicks_between, lines_of
+from damperfit.tested.setting import ADJUSTER, Setting, clicks_between, lines_of
+from damperfit.units.shown_units import SI, ShownUnits
 
-if TYPE_CHECKING:
-    from damperfit.laws.law_fit import LawFit, LawSearch, Tried
-
-    Row = Mapping[str, Any]
-    Place = tuple[Any, str | None]  # a setting, and the adjuster that was turned
+Row = Mapping[str, Any]
+Place = tuple[Any, str | None]  # a setting, and the adjuster that was turned
 
 
 _SHORT = 5  # letters of a unit that fits over a column
@@ -56,17 +52,19 @@ ASCII_LEVELS = ".:-=+*#@"  # for terminals and files that know nothing else: mor
 _FEWEST, _MOST = 3, 60  # settings that a sparkline is drawn of
 
 
-class Scale(NamedTuple):
-    """How a parameter is shown: its unit, its power of ten, and what stands on an axis."""
+class Shown:
+    """How a quantity is shown: in which unit, to which power of ten, and its value in a row."""
 
-    unit: str
-    power: int
-    axis: str
-
-    @property
-    def factor(self) -> float:
-        """From SI to what is shown."""
-        return 10.0**-self.power
+    def __init__(self, quantity: Quantity, units: ShownUnits = SI) -> None:
+        is_converted = quantity.unit == "N" != units.of("N")  # of resistances nothing else is usual
+        shown = units.of("N") if is_converted else quantity.shown_unit
+        has_power = shown[:2] == "10"  # "10³ s √N / (m kg)" is for an axis alone
+        self.quantity, self.name, self.symbol = quantity, quantity.name, quantity.symbol
+        self.unit = shown if shown and not has_power else quantity.unit
+        self.axis, self.power = shown or quantity.unit, quantity.power
+        self.factor = 10.0**-quantity.power  # from SI to what is shown
+        if is_converted:
+            self.factor = units.show(self.factor, "N")
 
     @property
     def short_unit(self) -> str:
@@ -83,20 +81,50 @@ class Scale(NamedTuple):
             return f"{text} times 1e{self.power} {self.unit}"
         return f"{f'({text})' if ' ' in text else text}e{self.power} {self.unit}"
 
+    def status(self, row: Row) -> str | None:
+        """Return how the value was found."""
+        status: str | None = row[f"{self.name}_status"]
+        return status
 
-def scale_of(quantity: Quantity) -> Scale:
-    """Return how a quantity is shown."""
-    shown = quantity.shown_unit
-    has_power = shown[:2] == "10"  # "10³ s √N / (m kg)" is for an axis alone
-    unit = shown if shown and not has_power else quantity.unit
-    return Scale(unit, quantity.power, shown or quantity.unit)
+    def value(self, row: Row) -> str:
+        """Return the value with its 95 % interval."""
+        numbers = (row[self.name], row.get(f"{self.name}_ci_low"), row.get(f"{self.name}_ci_high"))
+        known = (None if one is None else self.factor * one for one in numbers)
+        return with_interval(*known, digits=4)
+
+    def bound(self, row: Row) -> str:
+        """Return a value at a bound as the limit it ran into; empty where it is far from it."""
+        value, (low, high) = row[self.name], self.quantity.plausible
+        if value is None or self.status(row) != "at_bound" or not self.quantity.is_logarithmic:
+            return ""
+        if value < _AT_BOUND * low:
+            return f"<{max(value, low) * self.factor:.2g}"
+        return f">{min(value, high) * self.factor:.2g}" if value > high / _AT_BOUND else ""
+
+    def cell(self, row: Row) -> str:
+        """Return the value with the mark of how it was found."""
+        mark, _ = _MARKS.get(self.status(row) or "", ("", ""))
+        if self.status(row) in {"absent", "not_identifiable"}:
+            return mark  # no number that pretends to be known
+        return f"{self.bound(row) or self.value(row)} {mark}".rstrip()
+
+    def is_idle(self, row: Row) -> bool:
+        """Whether it is held at its default, or does nothing."""
+        value, one = row[self.name], self.quantity
+        is_default = one.default is not None and value in (None, one.default)
+        is_nothing = one.may_vanish and value is not None and value <= one.plausible[0]
+        return (is_default or is_nothing) and self.status(row) in ("fixed", None)
 
 
 # Parameters
 
 
 def parameter_sheet(
-    rows: Sequence[Row], quantities: Sequence[Quantity] = PAPER_QUANTITIES, *, levels: str = ""
+    rows: Sequence[Row],
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
+    *,
+    levels: str = "",
+    units: ShownUnits = SI,
 ) -> Sheet:
     """Return one row per setting: parameters with their 95 % intervals, MSE, grade, remarks.
 
@@ -104,26 +132,25 @@ def parameter_sheet(
     out. ``levels`` are the characters, from low to high, of a course over the settings.
     """
     own, notes = [], []
-    for one in quantities:
-        if rows and all(_is_idle(row, one) for row in rows):
+    for one in (Shown(quantity, units) for quantity in quantities):
+        if rows and all(map(one.is_idle, rows)):
             continue
         # What is each setting's own keeps its column, unless it is one fitted value for all.
-        is_shared = all(row[f"{one.name}_status"] == "shared" for row in rows)
-        is_told_once = is_shared or one.scope != SETTING or one.default is not None
-        if is_told_once and is_one_for_all(rows, one.name):
+        is_shared = all(one.status(row) == "shared" for row in rows)
+        is_own = one.quantity.scope == SETTING and one.quantity.default is None
+        if (is_shared or not is_own) and is_one_for_all(rows, one.name):
             row = next(row for row in rows if row[one.name] is not None)
-            how = "shared by all settings" if row[f"{one.name}_status"] == "shared" else "fixed"
-            notes.append(f"{one.symbol} = {scale_of(one).say(_value(row, one))}, {how}")
+            how = "shared by all settings" if one.status(row) == "shared" else "fixed"
+            notes.append(f"{one.symbol} = {one.say(one.value(row))}, {how}")
         else:
             own.append(one)
 
-    def column(one: Quantity) -> Column:
-        spread = " ±95 %" * any(" " in _value(row, one) for row in rows)
-        return Column(one.symbol, f"{scale_of(one).short_unit}{spread}", partial(_cell, one))
+    def unit(one: Shown) -> str:
+        return one.short_unit + " ±95 %" * any(" " in one.value(row) for row in rows)
 
     columns = [
         Column.text("set", "setting", is_number=True),
-        *map(column, own),
+        *(Column(one.symbol, unit(one), one.cell) for one in own),
         Column("MSE", "%", lambda row: percent(row["mse_percent"])),
         Column.text("grade", "grade", missing=NOTHING),
     ]
@@ -131,13 +158,6 @@ def parameter_sheet(
         columns.append(Column("remarks", "", remarks_on, is_number=False))
     courses = _courses(rows, own, levels) if levels else ()
     return laid_out(rows, columns, *notes, *courses, *_legend(rows, own))
-
-
-def _is_idle(row: Row, one: Quantity) -> bool:
-    value = row[one.name]
-    is_default = one.default is not None and value in (None, one.default)
-    is_nothing = one.may_vanish and value is not None and value <= one.plausible[0]
-    return (is_default or is_nothing) and row[f"{one.name}_status"] in ("fixed", None)
 
 
 def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
@@ -148,69 +168,39 @@ def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
     return bool(values) and is_held and max(values) - min(values) <= _SAME * abs(values[0])
 
 
-def _value(row: Row, quantity: Quantity) -> str:
-    """Return a value as it is shown, with its 95 % interval."""
-    factor, name = scale_of(quantity).factor, quantity.name
-    numbers = (row[name], row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high"))
-    return with_interval(*(None if one is None else factor * one for one in numbers), digits=4)
-
-
-def _cell(quantity: Quantity, row: Row) -> str:
-    status = row[f"{quantity.name}_status"] or ""
-    mark, _ = _MARKS.get(status, ("", ""))
-    if status in {"absent", "not_identifiable"}:
-        return mark  # no number that pretends to be known
-    return f"{_bound(row, quantity) or _value(row, quantity)} {mark}".rstrip()
-
-
-def _bound(row: Row, quantity: Quantity) -> str:
-    """Return a value at a bound as the limit it ran into; empty where it is far from it."""
-    value, factor = row[quantity.name], scale_of(quantity).factor
-    is_at_bound = row[f"{quantity.name}_status"] == "at_bound"
-    if value is None or not is_at_bound or not quantity.is_logarithmic:
-        return ""
-    low, high = quantity.plausible
-    if value < _AT_BOUND * low:
-        return f"<{max(value, low) * factor:.2g}"
-    return f">{min(value, high) * factor:.2g}" if value > high / _AT_BOUND else ""
-
-
 def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> str:
     """Return the parameters of one setting in a sentence, those not known left out."""
     parts = []
-    for one in quantities:
-        scale, status = scale_of(one), row[f"{one.name}_status"]
-        if row[one.name] is None or _is_idle(row, one):
+    for one in map(Shown, quantities):
+        status = one.status(row)
+        if row[one.name] is None or one.is_idle(row):
             continue
         if status == "absent":
-            parts.append(f"no {one.label}")
+            parts.append(f"no {one.quantity.label}")
         elif status == "not_identifiable":
             parts.append(f"{one.symbol} cannot be determined")
-        elif bound := _bound(row, one):
+        elif bound := one.bound(row):
             words = "below" if bound.startswith("<") else "above"
-            parts.append(f"{one.symbol} {words} {scale.say(bound[1:])} (at bound)")
+            parts.append(f"{one.symbol} {words} {one.say(bound[1:])} (at bound)")
         else:
             words = "" if status in {"fitted", None} else f" ({status.replace('_', ' ')})"
-            parts.append(f"{one.symbol} = {scale.say(_value(row, one))}{words}")
+            parts.append(f"{one.symbol} = {one.say(one.value(row))}{words}")
     return f"{', '.join(parts)}." if parts else ""
 
 
-def _legend(rows: Sequence[Row], shown: Sequence[Quantity]) -> Iterator[str]:
+def _legend(rows: Sequence[Row], shown: Sequence[Shown]) -> Iterator[str]:
     """Yield what units and marks of a table of parameters mean."""
     groups: dict[str, list[str]] = {}
     for one in shown:
-        scale = scale_of(one)
-        if scale.short_unit != scale.unit:
-            power = f"1e{scale.power} " if scale.power else ""
-            groups.setdefault(f"{power}{scale.unit}", []).append(one.symbol)
+        if one.short_unit != one.unit:
+            power = f"1e{one.power} " if one.power else ""
+            groups.setdefault(f"{power}{one.unit}", []).append(one.symbol)
     if groups:
         yield ", ".join(f"{_listed(symbols)} in {unit}" for unit, symbols in groups.items())
-    used = {row[f"{one.name}_status"] for row in rows for one in shown}
-    marks = {
-        status: f"{mark} {words}" for status, (mark, words) in _MARKS.items() if status in used
-    }
+    used = {one.status(row) for row in rows for one in shown}
+    marks = {how: f"{mark} {words}" for how, (mark, words) in _MARKS.items() if how in used}
     for one in shown:
-        if len({row[one.name] for row in rows if row[f"{one.name}_status"] == "shared"}) > 1:
+        if len({row[one.name] for row in rows if one.status(row) == "shared"}) > 1:
             marks["shared"] = f"s {_BY_CLICK}"
     if marks:
         yield ", ".join(marks.values())
@@ -235,40 +225,37 @@ def sparkline(values: Iterable[float | None], *, levels: str = BLOCK_LEVELS) -> 
     """
     known = [math.nan if value is None else float(value) for value in values]
     finite = [value for value in known if math.isfinite(value)] or [0.0]
-    low, span = min(finite), (max(finite) - min(finite)) or math.inf
-    middle, top = len(levels) // 2, len(levels) - 1
-    return "".join(
-        " " if not math.isfinite(value)
-        else levels[middle if span == math.inf else min(top, int((value - low) / span * (top + 1)))]
-        for value in known
-    )  # fmt: skip
+    low, span, n = min(finite), max(finite) - min(finite), len(levels)
+
+    def level(value: float) -> int:
+        return min(n - 1, int((value - low) / span * n)) if span else n // 2
+
+    return "".join(levels[level(one)] if math.isfinite(one) else " " for one in known)
 
 
-def _courses(rows: Sequence[Row], shown: Sequence[Quantity], levels: str) -> Iterator[str]:
+def _courses(rows: Sequence[Row], shown: Sequence[Shown], levels: str) -> Iterator[str]:
     """Yield each parameter over the settings as one line, and the MSE, which spans decades."""
     errors = [row["mse_percent"] for row in rows]
     seen = [error for error in errors if error is not None]
     if len(seen) < _FEWEST or len(rows) > _MOST:
         return
     for one in shown:
-        name, scale = one.name, scale_of(one)
         known = {
-            k: (row[name], row[f"{name}_se"] or 0.0)
+            k: (row[one.name], row[f"{one.name}_se"] or 0.0)
             for k, row in enumerate(rows)
-            if row[f"{name}_status"] not in _WITHOUT_VALUE and row[name] is not None
+            if one.status(row) not in _WITHOUT_VALUE and row[one.name] is not None
         }
         if len(known) < _FEWEST:
             continue
         # Scaled to the height of a line, values that errors cannot tell apart would have a course.
         pairs = itertools.combinations(known.values(), 2)
         is_flat = not any(abs(a - b) > math.hypot(e, f) for (a, e), (b, f) in pairs)
-        heights = {} if is_flat else {k: value for k, (value, _) in known.items()}
-        course = [0.0 if is_flat else heights.get(k) for k in range(len(rows))]
-        values = [scale.factor * value for value, _ in known.values()]
+        course = [0.0 if is_flat else known.get(k, (None,))[0] for k in range(len(rows))]
+        values = [one.factor * value for value, _ in known.values()]
         ends = f"{number(min(values), digits=4)} to {number(max(values), digits=4)}"
         flat = ", drawn flat: within their standard errors" if is_flat else ""
         line = sparkline(course, levels=levels)
-        yield f"{one.symbol:<4} {line}  {ends} {scale.short_unit}{flat}"
+        yield f"{one.symbol:<4} {line}  {ends} {one.short_unit}{flat}"
     line = sparkline([math.log10(error) if error else None for error in errors], levels=levels)
     ends = f"{percent(min(seen))} to {percent(max(seen))} %, logarithmic"
     yield f"{'MSE':<4} {line}  {ends}"
@@ -278,17 +265,14 @@ def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
     """Return what makes a setting less than plainly fitted; of these quantities bounds as well."""
     outcome = (row.get("outcome") or "outcome unknown").replace("_", " ")
     share = row.get("cavitation_fraction")
-    cavitates = f"cavitates {100.0 * share:.0f} % of the time" if share else ""
-    words = {outcome}
-    if outcome == "converged" or (outcome == "cavitating" and cavitates):
-        words = set()
-    remarks = [*words]
-    for status in ("at_bound", "not_identifiable"):
+    remarks = [] if outcome == "converged" or (outcome == "cavitating" and share) else [outcome]
+    for word in ("at bound", "not identifiable"):
+        status = word.replace(" ", "_")
         own = [one.symbol for one in quantities if row.get(f"{one.name}_status") == status]
-        word = status.replace("_", " ")
         if own:
             remarks = [one for one in remarks if one != word] + [f"{_listed(own)} {word}"]
-    return "; ".join([*remarks, cavitates] if cavitates else remarks)
+    cavitates = [f"cavitates {100.0 * share:.0f} % of the time"] if share else []
+    return "; ".join([*remarks, *cavitates])
 
 
 # MSE, cavitation, checks, held out
@@ -383,20 +367,27 @@ def check_sheet(checks: Sequence[Check]) -> Sheet:
 def held_out_sheet(predictions: Iterable[Row], *, is_narrow: bool = False) -> Sheet:
     """Return one row per prediction; ``is_narrow``: without motion and expected MSE."""
 
+    def figure(heading: str, unit: str, name: str, shown: Callable[[float], str]) -> Column:
+        def cell(row: Row) -> str:
+            value = number_in(row, name)
+            return NOTHING if value is None else shown(value)
+
+        return Column(heading, unit, cell)
+
     def frequency(row: Row) -> str:
         # What moves beside the steady cycles has no frequency of its own.
-        rate = row.get("frequency_Hz")
-        return number(rate, digits=3) if rate and rate > 0.0 else "varies"
+        rate = number_in(row, "frequency_Hz") or 0.0
+        return number(rate, digits=3) if rate > 0.0 else "varies"
 
     columns = [
         Column.text("set", "setting", is_number=True),
         Column.text("held out", "log"),
         Column.text("cycles", "cycles"),
-        Column.of("ampl.", "mm", "amplitude_m", digits=3, factor=1e3),
+        figure("ampl.", "mm", "amplitude_m", lambda size: number(1e3 * size, digits=3)),
         Column("freq.", "Hz", frequency),
-        Column("MSE", "%", lambda row: percent(row.get("mse_percent"))),
-        Column("fitted", "%", lambda row: percent(row.get("fitted_mse_percent"))),
-        Column("expected", "%", lambda row: percent(row.get("expected_mse_percent"))),
+        figure("MSE", "%", "mse_percent", percent),
+        figure("fitted", "%", "fitted_mse_percent", percent),
+        figure("expected", "%", "expected_mse_percent", percent),
         Column.text("verdict", "verdict"),
     ]
     if is_narrow:
@@ -447,7 +438,8 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
 
     def words(place: Place) -> str:
         setting, changed = str(place[0]), place[1]
-        return f"{setting}, {changed}" if changed is not None and " " in setting else setting
+        is_named = changed not in (None, ADJUSTER) and " " in setting
+        return f"{setting}, {changed}" if is_named else setting
 
     def column(heading: str, unit: str, speed: float, cell: Callable[[Row], str]) -> Column:
         return Column(heading, unit, lambda place: cell(table.get((*place, speed), {})))
@@ -668,82 +660,3 @@ def law_sentences(choice: Row, *, with_undecided: bool = True) -> list[str]:
     keys = ("sentences", "undecided") if with_undecided else ("sentences",)
     sentences = (str(one) for key in keys for one in listed_in(choice, key))
     return [f"The logs support {choice['chosen']}.", *sentences]
-
-
-def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
-    """Return what the chosen structure found: a row a quantity, a column a setting."""
-    from damperfit.laws.law_fit import UNDETERMINED
-
-    def value(fit: LawFit, quantity: Quantity) -> str:
-        name = quantity.name
-        mark = "!" if name in fit.at_bound else "?" * (name in fit.undetermined)
-        return number(getattr(fit.values, name) / 10.0**quantity.power, digits=4) + mark
-
-    shown = [one for one in fits[0].model.quantities if one.name in fits[0].free]
-    rows = [(q.label, q.shown_unit or q.unit, *(value(fit, q) for fit in fits)) for q in shown]
-    rows.append(("MSE", "%", *(percent(fit.mse_percent) for fit in fits)))
-    rows.append(("MSE held out", "%", *(percent(fit.held_out_percent) for fit in fits)))
-    notes = []
-    if any(fit.at_bound for fit in fits):
-        notes.append("! at a bound: not determined by these logs")
-    if any(fit.undetermined for fit in fits):
-        notes.append(
-            f"? not determined by these logs: {UNDETERMINED:g} times as much or little would do as "
-            "well"
-        )
-    headings = ("setting", "", *(str(fit.setting) for fit in fits))
-    is_number = (False, False, *(True for _ in fits))
-    return Sheet(headings, ("",) * len(headings), tuple(rows), is_number, tuple(notes))
-
-
-# The same as numbers, for JSON
-
-
-def tried_law_records(search: LawSearch) -> list[dict[str, Any]]:
-    """Return the candidates as numbers, with the reasons."""
-    return [
-        {"law": law.tried.title, "model": law.tried.fits[0].model.name, "is_chosen": law.is_taken}
-        | _fitted(law.tried)
-        | {"change": law.change, "gain": finite(law.gain), "bic": finite(law.bic)}
-        | {"reason": law.reason}
-        for law in search.laws
-    ]
-
-
-def rival_records(rivals: Sequence[Tried]) -> list[dict[str, Any]]:
-    """Return the models of the literature as numbers."""
-    known = [(one, one.fits[0].model) for one in rivals]
-    return [
-        {"title": one.title, "model": model.name}
-        | {key: getattr(model, key, "") for key in ("source", "caveat")}
-        | _fitted(one)
-        for one, model in known
-    ]
-
-
-def _fitted(one: Tried) -> dict[str, Any]:
-    return {
-        "free": list(one.fits[0].free),
-        "at_bound": list(one.at_bound),
-        "mse_percent": one.mse_percent,
-        "held_out_mse_percent": finite(one.held_out_percent),
-    }
-
-
-def chosen_records(fits: Sequence[LawFit]) -> list[dict[str, Any]]:
-    """Return what the chosen structure found as numbers in SI."""
-    return [
-        {
-            "setting": fit.setting.cell,
-            "values": dict(zip(fit.values.names, fit.values.numbers, strict=True)),
-            "free": list(fit.free),
-            "at_bound": list(fit.at_bound),
-            "not_told": list(fit.undetermined),
-            "mse_percent": fit.mse_percent,
-            "stretch_mse_percent": list(fit.stretches),
-            "held_out_mse_percent": finite(fit.held_out_percent),
-            "held_out": fit.held_out or None,
-            "evaluations": fit.evaluations,
-        }
-        for fit in fits
-    ]

@@ -12,29 +12,30 @@ from damperfit.configuration.damper_section import damper_record
 from damperfit.configuration.options import GAS, Configuration, followed, gas_in_words, unmatched
 from damperfit.damper.model import Model
 from damperfit.damper.purdy.parameters import Damper
+from damperfit.damper.quantity import Quantity
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.identification import DETECT, FitOptions, GivenStart, shared_names
 from damperfit.identification.sharing import Follows
 from damperfit.laws.description import interchangeable_parts, physics_seen, undecided
-from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, SettingLogs, Tried
+from damperfit.laws.law_fit import (
+    UNDETERMINED,
+    JudgedLaw,
+    LawFit,
+    LawSearch,
+    SettingLogs,
+    Tried,
+)
 from damperfit.laws.rivals import rank_rivals, yielding_seen
 from damperfit.laws.search import FLOOR_PERCENT, follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import Failure, Problem, failure_lines, note
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.sheet import Sheet
-from damperfit.reporting.tables import (
-    chosen_records,
-    chosen_sheet,
-    rival_records,
-    rival_sheet,
-    tried_law_records,
-    tried_laws_sheet,
-)
+from damperfit.reporting.sheet import Sheet, number, percent
+from damperfit.reporting.tables import rival_sheet, tried_laws_sheet
 from damperfit.run.identify import by_damper, gather, prepare
 from damperfit.run.logs import LogBatch
-from damperfit.tables.files import json_values
+from damperfit.tables.files import finite, json_values
 from damperfit.tested.setting import Setting
 from damperfit.workers import available_cores
 
@@ -82,15 +83,6 @@ def is_monotube_open(configuration: Configuration, search: LawSearch, layout: st
     """Whether a monotube is excluded only by a gas pressure that nobody has declared.
 
     Its rod side is empty in bump at the gas pressure times the annulus.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        What is declared.
-    search : LawSearch
-        The law that was taken, and which layouts fit alike.
-    layout : str or None
-        That was named for the search.
     """
     damper, taken = configuration.damper, search.chosen.fits[0].model
     known = (
@@ -110,63 +102,50 @@ def is_monotube_open(configuration: Configuration, search: LawSearch, layout: st
 def open_layout(
     configuration: Configuration, fit: LawFit, layout: str | None, *, is_open: bool
 ) -> tuple[str, ...]:
-    """What is open of the layout, but for layouts that fit alike, in a sentence.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        What is declared.
-    fit : LawFit
-        Of the law that was taken.
-    layout : str or None
-        That was named for the search.
-    is_open : bool
-        Of `is_monotube_open`.
-    """
+    """Return what is open of the layout, but for layouts that fit alike, in a sentence."""
     if is_open and isinstance(fit.model, ValveDamper):
-        said = (
-            f"The layout, {fit.model.name.replace('_', ' ')} or monotube: the gas pressure is not "
-            f"declared, and a monotube with more than the {1e-5 * fit.model.gas_pressure:.3g} bar "
-            "that were taken may fit as well. Pressures and orifices of the valves differ with it "
-            "(intervals of identify hold both). Declare the layout (damper.model, or a "
-            "layout for models), or the gas pressure as measured."
+        name, pressure = fit.model.name.replace("_", " "), 1e-5 * fit.model.gas_pressure
+        text = (
+            f"The layout, {name} or monotube: the gas pressure is not declared, and a monotube "
+            f"with more than the {pressure:.3g} bar that were taken may fit as well. Pressures and "
+            "orifices of the valves differ with it (intervals of identify hold both). Declare the "
+            "layout (damper.model, or a layout for models), or the gas pressure as measured."
         )
-        return (said,)
-    if not isinstance(fit.model, Damper) or "damper.model" in configuration.declared:
+    elif not isinstance(fit.model, Damper) or "damper.model" in configuration.declared:
         return ()
-    if layout is not None:
-        said = (
+    elif layout is not None:
+        text = (
             f"The valves of the {layout.replace('_', ' ')}: the paper's model is enough for these "
             f'logs, and its resistances are none of theirs. damper.model = "{layout}" keeps them.'
         )
-        return (said,)
-    said = (
-        "The layout: the paper's model is enough for these logs, but a damper that is built "
-        "otherwise may fit it as well, with other resistances and pressures for the same forces. "
-        "Where the maker's drawing shows another layout, name it (damper.model, or a "
-        "layout for models)."
-    )
-    return (said,)
+    else:
+        text = (
+            "The layout: the paper's model is enough for these logs, but a damper that is built "
+            "otherwise may fit it as well, with other resistances and pressures for the same "
+            "forces. Where the maker's drawing shows another layout, name it (damper.model, or a "
+            "layout for models)."
+        )
+    return (text,)
 
 
 def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...]:
-    """What of the rig may be the doing of dimensions that nobody has declared, in a sentence."""
+    """Return what of the rig may be the doing of undeclared dimensions, in a sentence."""
     damper = configuration.damper
     if not isinstance(fit.model, ValveDamper) or not isinstance(damper, Damper | ValveDamper):
         return ()
     known = {one.removeprefix("damper.") for one in configuration.declared}
     if isinstance(damper, Damper):
         known = {*declared_dimensions(configuration, damper)}
-    missing = [said for name, said in _DIMENSIONS.items() if name not in known]
-    parts = [said for name, said in _OF_RIG.items() if name in fit.free]
+    missing = [words for name, words in _DIMENSIONS.items() if name not in known]
+    parts = [words for name, words in _OF_RIG.items() if name in fit.free]
     if not missing or not parts:
         return ()
-    said = (
+    text = (
         f"Whether {_listed(parts)} {'are' if len(parts) > 1 else 'is'} the rig's: "
         f"{_listed(missing)} {'are' if len(missing) > 1 else 'is'} not declared, and a wrong "
         "one may look like that. Declare them as measured."
     )
-    return (said,)
+    return (text,)
 
 
 def _listed(words: Sequence[str]) -> str:
@@ -200,16 +179,8 @@ def ties_of(
     """Return from a model and what is free to the adjusters that each quantity follows.
 
     What is the damper's or the rig's follows none, and the rest is each setting's own; so is
-    everything where each setting is to be fitted by itself.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        The procedure, and what is declared of the adjusters.
-    adjusters : tuple of str
-        Of the settings.
-    is_adjusted : bool
-        Whether what is declared to follow an adjuster does.
+    everything where each setting is to be fitted by itself. With ``is_adjusted`` what is declared
+    to follow an adjuster does.
     """
     options, declared = configuration.identification, configuration.declared
     is_apart = "identification.procedure" in declared and options.procedure != "joint"
@@ -237,30 +208,13 @@ def ties_of(
 class LawChoice(Answer):
     """What was tried, and the chosen law at every setting.
 
-    Attributes
-    ----------
-    search : LawSearch
-        All laws tried on the settings that were compared.
-    compared : tuple of Setting
-        Those settings.
-    fits : tuple of LawFit
-        The chosen law, one a setting.
-    failures : tuple of Failure
-        Logs that cannot be used.
-    lost : tuple of Setting
-        Settings that the chosen law cannot be simulated at.
-    rivals : tuple of Tried
-        Models of the literature at the settings that were compared; empty unless asked for.
-    remarks : tuple of Problem
-        What was done with the logs: copies left out, contradictions averaged.
-    undecided : tuple of str
-        What the logs leave open, and which test would decide it.
-    alike : tuple of str
-        Of these, what may be taken for each other: layouts, a lag and an elasticity.
-    open_layouts : tuple of str
-        Layouts that the logs exclude only with a gas pressure that nobody has declared.
-    assumed : tuple of str
-        What the configuration takes of the damper where nobody has declared it.
+    `compared` are the settings that `search` tried all laws on, `fits` the chosen law, one a
+    setting, `lost` settings that it cannot be simulated at, `rivals` models of the literature at
+    those compared, if asked for. `failures` are logs that cannot be used, `remarks` say what was
+    done with the logs. `undecided` is what the logs leave open, and which test would decide it;
+    `alike`, of these, what may be taken for each other; `open_layouts` what the logs exclude only
+    with a gas pressure that nobody has declared; `assumed` what the configuration takes of the
+    damper where nobody has declared it.
     """
 
     search: LawSearch
@@ -303,22 +257,46 @@ class LawChoice(Answer):
         """Return the laws that were tried, the chosen one by setting, models of the literature."""
         document = self.document()
         tried = tried_laws_sheet(document, is_narrow=True)
-        return (tried, chosen_sheet(self.fits), rival_sheet(document))
+        return (tried, _chosen_sheet(self.fits), rival_sheet(document))
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values, as it stands in run.json."""
-        n_eff = self.search.n_eff
+        search, n_eff = self.search, self.search.n_eff
         return {
             "chosen": self.supported,
-            "model": self.search.chosen.fits[0].model.name,
+            "model": search.chosen.fits[0].model.name,
             "compared_settings": [one.cell for one in self.compared],
             "effective_samples": None if math.isnan(n_eff) else n_eff,
-            "laws": tried_law_records(self.search),
-            "settings": chosen_records(self.fits),
+            "laws": [
+                {"law": law.tried.title, "model": law.tried.fits[0].model.name}
+                | {"is_chosen": law.is_taken, **_figures(law.tried), "change": law.change}
+                | {"gain": finite(law.gain), "bic": finite(law.bic), "reason": law.reason}
+                for law in search.laws
+            ],
+            "settings": [
+                {
+                    "setting": fit.setting.cell,
+                    "values": dict(fit.values),
+                    "free": list(fit.free),
+                    "at_bound": list(fit.at_bound),
+                    "not_told": list(fit.undetermined),
+                    "mse_percent": fit.mse_percent,
+                    "stretch_mse_percent": list(fit.stretches),
+                    "held_out_mse_percent": finite(fit.held_out_percent),
+                    "held_out": fit.held_out or None,
+                    "evaluations": fit.evaluations,
+                }
+                for fit in self.fits
+            ],
             "lost_settings": [one.cell for one in self.lost],
-            "rivals": rival_records(self.rivals),
+            "rivals": [
+                {"title": one.title, "model": one.fits[0].model.name}
+                | {key: getattr(one.fits[0].model, key, "") for key in ("source", "caveat")}
+                | _figures(one)
+                for one in self.rivals
+            ],
             "layouts_alike": list(self.layouts_alike),
-            "spread": {str(s.cell): dict(one) for s, one in self.search.spread.items()},
+            "spread": {str(s.cell): dict(one) for s, one in search.spread.items()},
             "exchanges": [
                 {
                     "part": one.part,
@@ -326,10 +304,10 @@ class LawChoice(Answer):
                     "times_mse": one.times,
                     "values": {str(s.cell): asdict(values) for s, values in one.values.items()},
                 }
-                for one in self.search.exchanges
+                for one in search.exchanges
             ],
             "sentences": list(self.sentences),
-            "doubt": self.search.doubt,
+            "doubt": search.doubt,
             "undecided": list(self.undecided),
             "remaining": [
                 {
@@ -340,9 +318,43 @@ class LawChoice(Answer):
                         for fit in one.fits
                     ],
                 }
-                for one in remaining(self.search)
+                for one in remaining(search)
             ],
         }
+
+
+def _figures(one: Tried) -> dict[str, Any]:
+    return {
+        "free": list(one.fits[0].free),
+        "at_bound": list(one.at_bound),
+        "mse_percent": one.mse_percent,
+        "held_out_mse_percent": finite(one.held_out_percent),
+    }
+
+
+def _chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
+    """Return what the chosen structure found: a row a quantity, a column a setting."""
+
+    def value(fit: LawFit, quantity: Quantity) -> str:
+        name = quantity.name
+        mark = "!" if name in fit.at_bound else "?" * (name in fit.undetermined)
+        return number(getattr(fit.values, name) / 10.0**quantity.power, digits=4) + mark
+
+    shown = [one for one in fits[0].model.quantities if one.name in fits[0].free]
+    rows = [(q.label, q.shown_unit or q.unit, *(value(fit, q) for fit in fits)) for q in shown]
+    rows.append(("MSE", "%", *(percent(fit.mse_percent) for fit in fits)))
+    rows.append(("MSE held out", "%", *(percent(fit.held_out_percent) for fit in fits)))
+    notes = []
+    if any(fit.at_bound for fit in fits):
+        notes.append("! at a bound: not determined by these logs")
+    if any(fit.undetermined for fit in fits):
+        notes.append(
+            f"? not determined by these logs: {UNDETERMINED:g} times as much or little would do as "
+            "well"
+        )
+    headings = ("setting", "", *(str(fit.setting) for fit in fits))
+    is_number = (False, False, *(True for _ in fits))
+    return Sheet(headings, ("",) * len(headings), tuple(rows), is_number, tuple(notes))
 
 
 def remaining(search: LawSearch) -> list[Tried]:
@@ -381,32 +393,12 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     on_law: Callable[[JudgedLaw], None] = lambda _: None,
     on_rival: Callable[[Tried], None] | None = None,
 ) -> LawChoice:
-    """Return the law that logs tell of their damper.
+    """Return the law that logs tell of their damper; a ConfigurationError: no log can be used.
 
-    Parameters
-    ----------
-    configuration : Configuration
-        Damper, rig, what is held out.
-    logs : sequence of str
-        Paths and patterns.
-    layout : str, optional
-        One of `LAYOUTS`, where the damper's maker has said it; by default that of the model that is
-        declared, or any.
-    jobs : int, optional
-        Workers; the cores available by default.
-    setting : Setting, optional
-        Setting of logs that do not give one.
-    start : GivenStart
-        A place more where every law may start, as far as it has these quantities.
-    on_law : callable
-        Called with every law that was judged.
-    on_rival : callable, optional
-        Called with every model of the literature; None: they are not ranked.
-
-    Raises
-    ------
-    ConfigurationError
-        A path or pattern names no file, or no log can be used.
+    ``layout`` is one of `LAYOUTS`, by default that of the model that is declared, or any;
+    ``start`` a place more where every law may start, as far as it has these quantities. ``on_law``
+    is called with every law that was judged, ``on_rival`` with every model of the literature;
+    without it they are not ranked.
     """
     workers = jobs or available_cores()
     batch, named = gather(configuration, logs, jobs=workers, setting=setting)
@@ -414,24 +406,24 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     prepare(configuration, batch, configuration.hold_out, named, is_law_open=True)
     evidence = _evidence(batch, start, configuration.identification.fixed)
     if not evidence:
-        said = "; ".join(failure_lines(batch.failures)[:3])
+        lines = "; ".join(failure_lines(batch.failures)[:3])
+        why = f": {lines}" if lines else ""
         raise ConfigurationError(
-            f"no log can be used to compare laws{f': {said}' if said else ''}; "
-            "damperfit inspect shows what is wrong with them",
+            f"no log can be used to compare laws{why}; damperfit inspect shows what is wrong with "
+            "them",
             code="no-log",
         )
-    solver = configuration.identification.solver
-    ends = _softest_and_stiffest(evidence)
-    adjusters = evidence[0].setting.adjusters
+    options = configuration.identification
+    ends, adjusters = _softest_and_stiffest(evidence), evidence[0].setting.adjusters
     search = search_laws(
         _plain(configuration),
         _layouts(configuration, layout),
         evidence,
         follows=ties_of(configuration, adjusters),
         adjusted=ties_of(configuration, adjusters, is_adjusted=True),
-        solver=solver,
+        solver=options.solver,
         on_law=on_law,
-        n_starts=configuration.identification.starts,
+        n_starts=options.starts,
         jobs=workers,
         is_tying=_is_tying(configuration),
         held_share=_held_share(ends),
@@ -439,10 +431,9 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     )
     rivals: tuple[Tried, ...] = ()
     if on_rival is not None:
-        rivals = rank_rivals(ends, solver=solver, on_rival=on_rival, jobs=workers)
-    found = search.chosen.fits
-    fitted = {one.setting for one in found}
-    best = search.chosen.fits[0]
+        rivals = rank_rivals(ends, solver=options.solver, on_rival=on_rival, jobs=workers)
+    fits = search.chosen.fits
+    fitted, best = {fit.setting for fit in fits}, fits[0]
     is_open = is_monotube_open(configuration, search, layout)
     doubts = (
         *open_layout(configuration, best, layout, is_open=is_open),
@@ -450,20 +441,20 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     )
     return LawChoice(
         search,
-        tuple(one.setting for one in evidence),
-        found,
-        tuple(batch.failures),
-        tuple(one.setting for one in evidence if one.setting not in fitted),
-        rivals,
-        (
+        compared=tuple(one.setting for one in evidence),
+        fits=fits,
+        failures=tuple(batch.failures),
+        lost=tuple(one.setting for one in evidence if one.setting not in fitted),
+        rivals=rivals,
+        remarks=(
             *batch.remarks,
             *assumed_gas(configuration, [one.tried for one in search.laws]),
-            *_tied_still(configuration.identification.untied, best),
+            *_tied_still(options.untied, best),
         ),
-        (*doubts, *undecided(search, found, evidence)),
-        (*doubts, *interchangeable_parts(search, found, evidence)),
-        (Monotube.name,) if is_open else (),
-        configuration.notes,
+        undecided=(*doubts, *undecided(search, fits, evidence)),
+        alike=(*doubts, *interchangeable_parts(search, fits, evidence)),
+        open_layouts=(Monotube.name,) if is_open else (),
+        assumed=configuration.notes,
     )
 
 
@@ -486,13 +477,6 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     """Return the configuration with what was chosen: the damper, what is free, where to start.
 
     What somebody has asked for of quantities that the law does not have is left out.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        As the law was chosen with.
-    choice : LawChoice
-        What `choose_law` found.
     """
     best = choice.search.chosen.fits[0]
     made = replace(

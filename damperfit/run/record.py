@@ -44,9 +44,9 @@ from damperfit.tables.columns import (
     describe_tables,
     quantity_records,
 )
-from damperfit.tables.files import json_values, lay_out
-from damperfit.tables.reading import LogSignals
-from damperfit.tables.rows import make_tables, profile_rows, valve_rows
+from damperfit.tables.files import json_values
+from damperfit.tables.reading import LogSignals, typed_rows
+from damperfit.tables.rows import campaign_rows, profile_rows, valve_rows
 from damperfit.tested.identity import Identity, common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.uncertainty import (
@@ -528,27 +528,23 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         "configuration": {k: v for k, v in configuration.document.items() if k != "output"},
         "inputs": {log.log: log.sha256 for log in batch.logs if log.log in seen},
     }
-    rows: dict[str, list[dict[str, Any]]] = {"characteristics": list(characteristics)}
-    for fit in fits:
-        with sparing(fit.setting, failure_log.at("reading the valves of")):
-            valves = damper.valve_characteristics(fit.parameters, [log.trace for log in fit.logs])
-            rows.setdefault("valves", []).extend(valve_rows(fit.setting, valves))
-    if configuration.profile:
-        rows["profiles"] = profile_rows(
-            one for one in assessment.profiles if one.name in configuration.profile
-        )
-    tables = make_tables(
+    rows = campaign_rows(
         campaign,
         assessment=assessment,
         predictions=judgement.predictions,
         adjustment=adjustment,
         expected=configuration.rig.settings,
-        facts=facts,
-    ) | {
-        name: lay_out(name, of, facts=facts, settings=settings, quantities=quantities)
-        for name, of in rows.items()
-        if of or name != "valves"
-    }
+    )
+    rows["characteristics"] = list(characteristics)
+    for fit in fits:
+        with sparing(fit.setting, failure_log.at("reading the valves of")):
+            valves = damper.valve_characteristics(fit.parameters, [log.trace for log in fit.logs])
+            if read := list(valve_rows(fit.setting, valves)):
+                rows.setdefault("valves", []).extend(read)
+    if configuration.profile:
+        rows["profiles"] = profile_rows(
+            one for one in assessment.profiles if one.name in configuration.profile
+        )
     failures = (*failures_of(configuration, batch, campaign), *failure_log.failures)
     gates = (
         *gates_not_met(configuration, batch, campaign),
@@ -649,10 +645,11 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     }
     # Key by key, so that no two forms of all of it stand beside each other.
     record = {key: json_values(document.pop(key)) for key in list(document)}
+    typed = {name: typed_rows(name, of, quantities) for name, of in rows.items()}
     with suppress(ConfigurationError):  # a model without orifices and openings
-        parts = Run(record, quantities=quantities, tables=tables).valves().rows
-        tables["valve_parts"] = lay_out("valve_parts", parts, facts=facts, settings=settings)
-    run = Run(record, quantities=quantities, tables=tables, signals=signals)
+        parts = Run(record, typed, quantities=quantities).valves().rows
+        typed["valve_parts"] = typed_rows("valve_parts", parts, quantities)
+    run = Run(record, typed, quantities=quantities, signals=signals, facts=facts)
     run.report_text = markdown_report(run)
     return run, failures
 

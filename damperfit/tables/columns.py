@@ -290,8 +290,9 @@ def describe_tables(
 
 
 def column_kinds(name: str, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> dict[str, type]:
-    """Return the Python type of each column of a table, in order."""
-    return {column.name: _KINDS[column.kind] for column in _columns(name, (), quantities)}
+    """Return the Python type of each column of a table, in order, but for adjusters."""
+    columns = (*_columns(name, (), quantities), *[_CHANGED] * (name == "adjustment"))
+    return {column.name: _KINDS[column.kind] for column in columns}
 
 
 @cache
@@ -343,8 +344,8 @@ def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setti
         places = (parse_place(str(cell)) for cell in cells)
         return Setting(tuple(zip(adjusters, places, strict=True)))
     cell = row["setting"]
-    if cell is None or cell == "":
-        return None
+    if isinstance(cell, Setting) or cell in (None, ""):
+        return cell or None
     text = str(cell)
     return Setting.of(parse_place(text) if len(text) <= LONGEST_WORD else text)
 

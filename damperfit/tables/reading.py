@@ -36,6 +36,7 @@ from damperfit.tables.columns import (
     quantities_in,
     read_setting,
 )
+from damperfit.tables.files import finite
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
@@ -87,16 +88,11 @@ def facts_of(schema: pa.Schema) -> dict[str, Any]:
     return {}
 
 
-def read_arrow(path: Path) -> pa.Table:
-    """Return a table of a Parquet file, whose pages are as they were written."""
-    with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
-        return file.read()
-
-
 def _cells(path: Path) -> tuple[list[str], list[dict[str, Any]]]:
     """Return the names of a table's columns and its rows as they stand in the file."""
     if path.suffix.lower() == ".parquet":
-        table = read_arrow(path)
+        with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
+            table = file.read()
         return table.column_names, table.to_pylist()
     lines = StringIO(read_text(path), newline="")
     reader = csv.DictReader((line for line in lines if not line.startswith("#")), strict=True)
@@ -105,16 +101,17 @@ def _cells(path: Path) -> tuple[list[str], list[dict[str, Any]]]:
 
 
 def typed_rows(
-    names: Sequence[str], rows: Iterable[Mapping[str, Any]], table: str, of: Sequence[Quantity]
+    table: str, rows: Iterable[Mapping[str, Any]], of: Sequence[Quantity], names: Sequence[str] = ()
 ) -> Rows:
     """Return the rows that say their setting, by column; None where a cell or a column is missing.
 
-    A KeyError, TypeError or ValueError tells of a column of settings that is missing, or of a cell
-    that is none of its kind.
+    They come from a file with columns of these names, or from a fit. A KeyError, TypeError or
+    ValueError tells of a column of settings that is missing, or of a cell that is none of its kind.
     """
 
     def cell(value: Any, kind: type) -> Any:
-        return None if value is None or (value == "" and kind is not str) else kind(value)
+        is_empty = value is None or (value == "" and kind is not str)
+        return None if is_empty else finite(kind(value))
 
     adjusters, kinds = adjusters_in(names, of), column_kinds(table, of)
     del kinds["setting"]
@@ -185,7 +182,7 @@ def read_rows(
             names, cells = _cells(path)
             if "setting" not in names:
                 raise KeyError("setting")  # noqa: TRY301 - as of a damaged file
-            rows = typed_rows(names, cells, table, quantities)
+            rows = typed_rows(table, cells, quantities, names)
         except FileNotFoundError:
             remarks.append(f"{path.name} is missing")
         except KeyError as error:
@@ -278,7 +275,7 @@ def read_table(
                     subject=path,
                     code="not-a-table",
                 )
-        rows = typed_rows(names, cells, "parameters", quantities)
+        rows = typed_rows("parameters", cells, quantities, names)
     except OSError as error:
         why = f"cannot be read: {error.strerror or error}"
         raise ConfigurationError(why, subject=path, code="unreadable") from error

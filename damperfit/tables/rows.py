@@ -26,15 +26,13 @@ from damperfit.passed_speeds import in_both_strokes
 from damperfit.recording import Stretch, Trace
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import mean_of
-from damperfit.tables.columns import CAVITATION, CLICK, FORCE, PAPER_QUANTITIES, Column
-from damperfit.tables.files import finite, lay_out
+from damperfit.tables.columns import CAVITATION, CLICK, FORCE, Column
+from damperfit.tables.files import finite
 from damperfit.tables.reading import LogSignals
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Interval, MisfitProfile, Prediction
 
 if TYPE_CHECKING:
-    import pyarrow as pa
-
     from damperfit.damper.valve_dampers import ValveCharacteristic
 
 
@@ -54,19 +52,17 @@ def grade(mse_percent: float) -> str:
     return "good" if mse_percent < _GOOD else "poor"
 
 
-def make_tables(
+def campaign_rows(
     campaign: Campaign,
     *,
     assessment: Assessment = Assessment(),
     predictions: Sequence[Prediction] = (),
     adjustment: Adjustment = Adjustment(),
     expected: Iterable[Setting] = (),
-    facts: Mapping[str, Any] | None = None,
-) -> dict[str, pa.Table]:
-    """Return the tables "parameters", "mse" and "adjustment" of a campaign.
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows of the tables "parameters", "mse" and "adjustment" of a campaign.
 
-    Settings that were expected and have no fit get a row of nulls; the facts go into the schemas
-    and depend on the inputs alone.
+    Settings that were expected and have no fit get a row that tells nothing else.
     """
     reasons = {
         setting: "; ".join(one.sentence for one in why)
@@ -104,15 +100,10 @@ def make_tables(
             add_error(prediction.setting, prediction, "held_out")
     for setting in expected:
         parameters.setdefault(setting, {"setting": setting, "outcome": MISSING})
-    rows: dict[str, Sequence[Mapping[str, Any]]] = {
+    return {
         "parameters": [parameters[setting] for setting in sorted(parameters)],
         "mse": errors,
         "adjustment": adjustment_rows(adjustment.forces, adjustment.clicks),
-    }
-    quantities = campaign.quantities or PAPER_QUANTITIES
-    return {
-        name: lay_out(name, of, facts=facts, settings=tuple(parameters), quantities=quantities)
-        for name, of in rows.items()
     }
 
 

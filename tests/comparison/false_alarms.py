@@ -25,9 +25,9 @@ from damperfit.recording import Trace
 from damperfit.results import Run
 from damperfit.simulation import SolverOptions
 from damperfit.tables.reading import LogSignals
-from damperfit.tables.rows import make_tables
 from damperfit.uncertainty import assess
 from tests.fakes import fitted_run as fitted_run_of
+from tests.fakes import make_tables
 from tests.identification.rig import recording
 from tests.uncertainty.coverage import MadeUpCampaign, noisy
 

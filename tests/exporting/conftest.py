@@ -15,8 +15,7 @@ from damperfit.exporting import fmu as libraries
 from damperfit.exporting.fmu_build import build
 from damperfit.results import Run
 from damperfit.tables.files import write_table
-from damperfit.tables.rows import make_tables
-from tests.fakes import campaign, fit
+from tests.fakes import campaign, fit, make_tables
 
 SETTINGS = (1, 10, 20)
 

@@ -22,12 +22,11 @@ from damperfit.results import Run, SettingResult
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tables.files import write_table
 from damperfit.tables.reading import LogSignals
-from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
 from tests.exporting.conftest import told
 from tests.exporting.reading_back import READERS, SIGNS, combi_matrices, mat_variables
 from tests.exporting.units import exported, with_friction_error
-from tests.fakes import campaign, fit
+from tests.fakes import campaign, fit, make_tables
 from tests.test_every_model import truth_of
 
 TABLES = sorted(READERS)

@@ -24,9 +24,9 @@ from damperfit.queries.simulations import (
 )
 from damperfit.results import Tested
 from damperfit.tables.files import write_table
-from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
 from tests import fakes
+from tests.fakes import make_tables
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
 from tests.test_every_model import TRUTH
 
