@@ -2,7 +2,7 @@
 
 A function of `damperfit.api` names its keywords in its signature; what a keyword takes and what it
 is for stand here, or with the key of the configuration that it sets
-(`damperfit.configuration.sections`). The command of the same name makes its options of both. An
+(`damperfit.sections`). The command of the same name makes its options of both. An
 entry ``command.keyword`` goes before that of the keyword alone.
 
 A command hands texts over and a call in Python values; both are read by the kinds of the keywords,
@@ -22,7 +22,6 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
 
-from damperfit.configuration.sections import SECTIONS
 from damperfit.errors import (
     UNWRITTEN,
     ConfigurationError,
@@ -30,6 +29,7 @@ from damperfit.errors import (
     refuse_wrong_arguments,
 )
 from damperfit.problem import FilePlace, Option, Words
+from damperfit.sections import SECTIONS
 from damperfit.store import path_of
 from damperfit.tested.setting import Setting, label_of
 

@@ -52,7 +52,7 @@ def _texts(path: Path) -> list[tuple[int, str]]:
 def unknown_names(text: str) -> list[str]:
     """Return what a text names that does not exist."""
     bad = [option for option in OPTION.findall(text) if option not in OPTIONS | OTHERS]
-    profile = {field.name for field in fields(Profile)}
+    profile = set(Profile._fields)
     for section, key, inner in KEY.findall(text):
         if key not in DEFAULTS[section]:
             bad.append(f"{section}.{key}")

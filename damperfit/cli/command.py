@@ -19,8 +19,8 @@ from typer.core import TyperCommand, TyperGroup
 from damperfit import __version__
 from damperfit.arguments import PANELS, Keyword, keyword_of, option_of
 from damperfit.cli.console import say, set_colour, show_steps
-from damperfit.configuration.sections import SECTIONS
 from damperfit.errors import ConfigurationError
+from damperfit.sections import SECTIONS
 
 COMMON = ("json", "quiet", "debug", "version")
 _OF_ALL = ("verbose", "color", "no_progress", "log_file")

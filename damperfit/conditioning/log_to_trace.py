@@ -57,9 +57,9 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         )
     options = options or ConditionOptions()
     if options.spikes == "bridge":
-        options = replace(options, spikes="keep")
+        options = options.but(spikes="keep")
         # A spike may be beyond what a log may hold; what is left when it is gone may not.
-        lenient = condition(recording, replace(options, max_force=math.inf))
+        lenient = condition(recording, options.but(max_force=math.inf))
         recording = bridge_spikes(recording, samples_a_cycle(lenient))
     _refuse_dead(recording)
     options, corner = with_corner(recording, options)

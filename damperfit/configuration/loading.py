@@ -20,11 +20,11 @@ from pydantic import ValidationError
 from damperfit.configuration.damper_section import damper_defaults, not_a_section, unknown_key
 from damperfit.configuration.drawings import MEASURED
 from damperfit.configuration.options import Configuration, build_configuration
-from damperfit.configuration.sections import SECTIONS, ProfileSection
 from damperfit.damper.model import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.files import IrregularFileError, read_text
 from damperfit.problem import FilePlace, Key, Option
+from damperfit.sections import SECTIONS, ProfileSection
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _OF_FILE = Option("config")
@@ -46,6 +46,7 @@ _EXPECTED = {
     "dict": "a section of keys",
     "greater_than": "more than {gt:g}",
     "greater_than_equal": "{ge:g} or more",
+    "less_than": "less than {lt:g}",
     "less_than_equal": "at most {le:g}",
     "literal_error": "{expected}",
 }
@@ -255,9 +256,8 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
     # pydantic ends with the branch of a union that it tried, which is no key.
     source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
     keys = keys[: max(_depth(source.values, keys), 1)]
+    known = (ProfileSection if keys[:2] == ["rig", "profiles"] else SECTIONS[keys[0]]).entries()
     if kind == "extra_forbidden":
-        is_profile = keys[:2] == ["rig", "profiles"]
-        known = (ProfileSection if is_profile else SECTIONS[keys[0]]).entries()
         return source.blame(unknown_key(keys[-1], known, *keys[:-1]), *keys)
     if kind == "model" or (kind == "dict" and len(keys) == 1):
         return source.blame(not_a_section(*keys), *keys)
@@ -266,7 +266,8 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
         reason = "expected sections named [rig.profiles.NAME]"
     elif not reason:
         reason = f"expected {_EXPECTED.get(kind, 'another value').format(**context)}"
-    entry = SECTIONS[keys[0]].entries().get(keys[1]) if len(keys) == 2 else None
+    entry = known.get(keys[-1])
+    code = "out-of-range" if kind.startswith(("greater", "less")) else "wrong-value"
     if kind == "less_than_equal" and entry is not None and entry.dimension:
         unit = entry.default.lstrip("0123456789.").replace("mm", "m")
         reason += f" {unit}; a bare number is in {unit}, as in {entry.default!r}"
@@ -274,7 +275,9 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
     for one in keys[: _depth(source.values, keys)]:  # as it was written, not as it was converted
         typed = typed[int(one) if isinstance(typed, list | tuple) else one]
     found = "" if isinstance(typed, dict) else f", found {typed!r}"
-    return source.blame(ConfigurationError(f"{reason}{found}", code="wrong-value"), *keys)
+    if near := did_you_mean(str(typed), entry.words if entry is not None else ()):
+        found += f".{near}"
+    return source.blame(ConfigurationError(f"{reason}{found}", code=code), *keys)
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:

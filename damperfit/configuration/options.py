@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
@@ -25,8 +25,17 @@ from pydantic import (
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest, OffsetFacts
 from damperfit.configuration.damper_section import damper_defaults, damper_of, damper_record
 from damperfit.configuration.drawings import MEASURED
-from damperfit.configuration.sections import (
+from damperfit.damper.model import MODELS, Model
+from damperfit.damper.quantity import Quantity
+from damperfit.damper.temperature_law import BETA, WithTemperature
+from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
+from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
+from damperfit.io import Profile, ReadOptions
+from damperfit.io.tests_table import FACTS, fact_of
+from damperfit.problem import Key
+from damperfit.sections import (
     SECTIONS,
+    Declarations,
     Entry,
     OutputSection,
     ProfileSection,
@@ -34,15 +43,6 @@ from damperfit.configuration.sections import (
     SimulationSection,
     TestSection,
 )
-from damperfit.damper.model import MODELS, Model
-from damperfit.damper.quantity import Quantity
-from damperfit.damper.temperature_law import BETA, WithTemperature
-from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
-from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
-from damperfit.io import Profile, ReadOptions
-from damperfit.io.options import Declarations
-from damperfit.io.tests_table import FACTS, fact_of
-from damperfit.problem import Key
 from damperfit.simulation import SolverOptions
 from damperfit.tables.columns import column_names
 from damperfit.tested.identity import IDENTITY_KEYS
@@ -110,7 +110,7 @@ class Configuration:
         return replace(
             self,
             damper=damper,
-            conditioning=replace(self.conditioning, **facts),
+            conditioning=self.conditioning.but(**facts),
             identification=fit,
             document={**self.document, "damper": damper_record(damper)},
         )
@@ -277,16 +277,6 @@ def _whole_or_share(cycles: float) -> float:
     return cycles
 
 
-def _quantity(entry: Entry) -> BeforeValidator:
-    """Return what takes text with a unit, a bare number in SI, or the word."""
-
-    def convert(value: object) -> object:
-        is_text = isinstance(value, str) and not (entry.word and value == entry.word)
-        return parse_quantity(str(value), entry.dimension) if is_text else value
-
-    return BeforeValidator(convert)
-
-
 def _type_of(name: str, entry: Entry) -> Any:
     """Return the type of a key, as pydantic checks it."""
     if entry.given == "sign":
@@ -300,15 +290,21 @@ def _type_of(name: str, entry: Entry) -> Any:
     is_list = isinstance(entry.default, list)
     kind: Any = float if entry.dimension else str if is_list else type(entry.default)
     if kind in {int, float}:
-        limits: dict[str, Any] = {"gt": entry.above, "ge": entry.least, "le": entry.most}
+        limits: dict[str, Any] = {"gt": entry.above, "ge": entry.least}
+        limits |= {"lt": entry.below, "le": entry.most}
         limits["allow_inf_nan"] = False if kind is float and not entry.has_infinity else None
-        given = {name: limit for name, limit in limits.items() if limit is not None}
-        kind = Annotated[kind, Field(**given)]
+        kind = Annotated[kind, Field(**{n: one for n, one in limits.items() if one is not None})]
     if name == "hold_out_cycles":
         kind = Annotated[kind, AfterValidator(_whole_or_share)]
     if entry.dimension:
+
+        def in_si(value: object) -> object:
+            """Text with a unit, a bare number in SI, or the word."""
+            is_text = isinstance(value, str) and not (entry.word and value == entry.word)
+            return parse_quantity(str(value), entry.dimension) if is_text else value
+
         written = WithJsonSchema({"type": ["number", "string"]})
-        kind = Annotated[kind | str if entry.word else kind, _quantity(entry), written]
+        kind = Annotated[kind | str if entry.word else kind, BeforeValidator(in_si), written]
     if not is_list:
         return Annotated[kind, Field(min_length=1)] if name == "folder" else kind
     return Annotated[list[kind], Field(min_length=1)] if name == "speeds" else list[kind]
@@ -348,54 +344,61 @@ def build_configuration(
     left = {key: one for key, one in own.items() if f"identification.{key}" not in declared}
     document = {**document, "identification": document["identification"] | left}
     values = document_model().model_validate(document).model_dump(exclude_unset=True)
-    fit, output, test = values["identification"], values["output"], values["test"]
-    damper = damper_of(values["damper"])
-    adjusters = check_adjusters(values["adjusters"])
-    labels = {
-        _read(label, partial(parse_setting, str(label), adjusters), "settings")
-        for label in values["rig"]["settings"]
-    }
-    rig = RigSection(**values["rig"] | {"settings": tuple(sorted(labels))})
-    how = {"adjusters": adjusters, "max_bytes": values["rig"]["max_log_bytes"]}
-    reading = ReadOptions(**_declared(values["rig"]), **how)
-    profiles = tuple(
-        Profile(name=name, files=keys.get("files", ""), declared=_declared(keys))
-        for name, keys in values["rig"]["profiles"].items()
+    damper, adjusters = damper_of(values["damper"]), check_adjusters(values["adjusters"])
+    rig_values, fit, output, test = (
+        {key: _as_read(one) for key, one in values[name].items()}
+        for name in ("rig", "identification", "output", "test")
     )
-    checks: tuple[str, ...] = ()
+    labels = (
+        _read(label, partial(parse_setting, str(label), adjusters), "settings")
+        for label in rig_values["settings"]
+    )
+    rig = RigSection(**rig_values | {"settings": tuple(sorted({*labels}))})
+    reading = ReadOptions(
+        **_declared(rig_values),
+        adjusters=adjusters,
+        max_bytes=rig.max_log_bytes,
+        profile=rig.profile,
+        profiles=tuple(
+            Profile(name, keys.get("files", ""), _declared(keys))
+            for name, keys in rig.profiles.items()
+        ),
+    )
+    reading.check()
     if output["checks"]:
         from damperfit.checks import expand_checks
 
         is_any = math.isinf(rig.temperature_tolerance)
         pointless = ("temperature_in_window",) if is_any else ()
-        names = [name.strip() for name in output["checks"]]
-        checks = expand_checks(names, pointless=pointless)
+        output["checks"] = expand_checks(output["checks"], pointless=pointless)
+    output["speeds"] = tuple(sorted(set(output["speeds"])))
+    output["units"] = parse_units(output["units"], Key(("output", "units")))
+    check_profile_names(fit["profile"], damper.names, fixed=fit["fix"])
     is_open = "damper.model" not in declared
-    profiled = tuple(name.strip() for name in fit["profile"])
-    check_profile_names(profiled, damper.names, fixed=fit["fix"])
+    named = {*fit["fix"], *fit["free"]}
+    solver = SolverOptions(values["simulation"]["tolerance"], dead_band=fit["dead_band"])
     return Configuration(
         damper=damper,
         rig=rig,
-        reading=replace(reading, profile=values["rig"]["profile"], profiles=profiles),
+        reading=reading,
         test=TestSection(**test | {"table": _path(test["table"]), "typed": frozenset()}),
-        conditioning=_conditioning(
-            values["conditioning"], rig, facts_of_damper(damper, {*fit["fix"], *fit["free"]})
-        ),
+        conditioning=_conditioning(values["conditioning"], rig, facts_of_damper(damper, named)),
         identification=_fit_options(fit, damper, values["adjusters"], is_open=is_open),
-        hold_out=HoldOutOptions(tuple(fit["hold_out"]), fit["hold_out_cycles"]),
+        hold_out=HoldOutOptions(fit["hold_out"], fit["hold_out_cycles"]),
         start_table=_path(fit["start"]),
-        profile=profiled,
-        simulation=SimulationSection(**values["simulation"], dead_band=fit["dead_band"]),
-        output=OutputSection(
-            folder=_path(output["folder"]),
-            max_mse_percent=output["max_mse_percent"],
-            checks=checks,
-            speeds=tuple(sorted(set(output["speeds"]))),
-            units=parse_units(output["units"], Key(("output", "units"))),
-        ),
+        profile=fit["profile"],
+        simulation=SimulationSection(**values["simulation"], solver=solver),
+        output=OutputSection(**output | {"folder": _path(output["folder"])}),
         declared=declared,
         document=document,
     )
+
+
+def _as_read(value: Any) -> Any:
+    """Return a list as a tuple, names in it without the blanks of a comma."""
+    if not isinstance(value, list):
+        return value
+    return tuple(one.strip() if isinstance(one, str) else one for one in value)
 
 
 def _path(text: str) -> Path | None:
@@ -403,8 +406,8 @@ def _path(text: str) -> Path | None:
 
 
 def _declared(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys that are given, as `Declarations` has them."""
-    given = {one.name: values[one.name] for one in fields(Declarations) if one.name in values}
+    """Return the keys of `Declarations` that are given, what logs were tested at in SI."""
+    given = {key: _as_read(values[key]) for key in Declarations.entries() if key in values}
     if "tested_at" in given:  # a name that is none is left to the reader's options
         given["tested_at"] = {
             name: _read(text, partial(fact_of, name, str(text)), "tested_at", name)
@@ -412,11 +415,16 @@ def _declared(values: dict[str, Any]) -> dict[str, Any]:
             else math.nan
             for name, text in given["tested_at"].items()
         }
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
+    return given
 
 
 def _conditioning(own: dict[str, Any], rig: RigSection, facts: dict[str, Any]) -> ConditionOptions:
     is_auto = isinstance(own["filter_corner"], str)
+    low, high = own["min_amplitude"], own["max_amplitude"]
+    if not low < high:
+        text = f"found {low:g} m, expected less than max_amplitude, {high:g} m"
+        where = Key(("min_amplitude",), ("max_amplitude",))
+        raise ConfigurationError(text, where=where, code="out-of-range")
     names = ("frequency", "amplitude", "temperature", "temperature_tolerance")
     motion = {name: getattr(rig, name) for name in names}
     return ConditionOptions(
@@ -445,15 +453,15 @@ def _fit_options(
     counted = [(name, next((one for one in how if one in _FROM), "")) for name, how in words]
     options = FitOptions(
         procedure=fit["procedure"],
-        free=tuple(name.strip() for name in fit["free"]) or None,
+        free=fit["free"] or None,
         fixed=in_si("fix"),
         start=GivenStart(in_si("start_values")),
-        share=with_beta(damper, fit["share"], named={*fit["free"], *fit["fix"]}),
+        share=_with_beta(damper, fit["share"], named={*fit["free"], *fit["fix"]}),
         follows=followed(adjusters, damper, is_law_open=is_open),
         from_closed=tuple(name for name, word in counted if word == _CLOSED),
         solver=SolverOptions(tolerance=fit["tolerance"], dead_band=fit["dead_band"]),
         max_evaluations=fit["max_evaluations"],
-        untied=tuple(name.strip() for name in fit["untie"]),
+        untied=fit["untie"],
         bulk_modulus=fit["bulk_modulus"],
         starts=fit["starts"],
         fallbacks={"r_m3": fit["fallback_r_m3"], "f_f": fit["fallback_f_f"]},
@@ -484,9 +492,8 @@ def facts_of_damper(damper: Model, named: Collection[str]) -> dict[str, Any]:
     return {"gas": gas, "offset": offset, "chamber_lengths": damper.chamber_lengths}
 
 
-def with_beta(damper: Model, share: Sequence[str], *, named: Collection[str]) -> tuple[str, ...]:
-    """Return what all settings share, and what temperature does, which is one damper's."""
-    names = tuple(name.strip() for name in share)
+def _with_beta(damper: Model, names: tuple[str, ...], *, named: Collection[str]) -> tuple[str, ...]:
+    """What all settings share, and what temperature does, which is one damper's."""
     is_said = BETA.name in {*names, *named} or names == ("detect",)
     return names if is_said or not isinstance(damper, WithTemperature) else (*names, BETA.name)
 

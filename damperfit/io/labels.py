@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 from damperfit.errors import LogError
 from damperfit.io.columns import visible
-from damperfit.io.options import SETTING_PATTERN
 from damperfit.problem import Option, Problem, note
+from damperfit.sections import SETTING_PATTERN
 from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import (
     ADJUSTER,

@@ -29,6 +29,7 @@ FACTS = {
 _OF_PREAMBLES = ("gas_pressure", "temperature")
 _FILE = ("file", "log", "filename", "datei")
 _MAX_BYTES = 10_000_000
+_MAX_SKEW = 0.1  # s; more is no skew between channels but two clocks
 _SHORT = 4  # letters; shorter names lie near too many words
 
 
@@ -37,6 +38,8 @@ def fact_of(key: str, text: str) -> float:
     value = parse_quantity(text, FACTS[key])
     if key == "gas_pressure" and not says_absolute_or_gauge(text):
         raise ValueError("expected a unit that says what it counts from, as in 5.6bara or 80psig")
+    if key == "skew" and abs(value) > _MAX_SKEW:
+        raise ValueError(f"expected at most {_MAX_SKEW:g} s either way")
     return value
 
 

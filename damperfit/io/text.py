@@ -29,8 +29,9 @@ from damperfit.errors import LogError
 from damperfit.io.columns import has_channel, mentions_channel, visible
 from damperfit.io.files import Source, to_utf8
 from damperfit.io.formats import Column, FloatArray, Samples, Table
-from damperfit.io.options import EXTRAS, SEPARATORS, ReadOptions
+from damperfit.io.options import EXTRAS, ReadOptions
 from damperfit.recording import Finding
+from damperfit.sections import SEPARATORS
 from damperfit.statistics import median
 from damperfit.tested.identity import names_identity
 from damperfit.units.quantities import is_unit

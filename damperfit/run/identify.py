@@ -545,7 +545,7 @@ def without_contradictions(
 def _leave_out(
     batch: LogBatch, sentences: Mapping[Setting, str], configuration: Configuration
 ) -> None:
-    if configuration.rig.is_averaging:
+    if configuration.rig.contradictions == "average":
         batch.remarks += [
             warning("logs-differ", f"{text}; averaged", f"setting {one}")
             for one, text in sentences.items()

@@ -44,11 +44,11 @@ from damperfit.io.labels import (
     one_of_several,
     unclear_names,
 )
-from damperfit.io.options import SETTING_PATTERN
 from damperfit.io.tests_table import TestRow, TestsTable, facts_in, is_tests_table, read_tests
 from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Finding, Recording, Trace, natural_order
 from damperfit.run.log_files import is_own_table, real_path
+from damperfit.sections import SETTING_PATTERN
 from damperfit.tables.files import json_values
 from damperfit.tested.identity import Identity, identity_in
 from damperfit.tested.setting import Place, Setting, letters_of, parse_place
@@ -405,10 +405,10 @@ def conditioned_as_tested(
         temperature = np.full(len(recording.time), facts["temperature"])
         recording = replace(recording, temperature=temperature)
     if "skew" in facts:
-        options = replace(options, skew=facts["skew"])
+        options = options.but(skew=facts["skew"])
     pressure = facts.get("gas_pressure")
     if pressure is not None and options.gas is not None:
-        options = replace(options, gas=options.gas._replace(pressure=pressure))
+        options = options.but(gas=options.gas._replace(pressure=pressure))
     trace = condition(recording, options)
     return trace if pressure is None else replace(trace, gas_pressure=pressure)
 
@@ -534,7 +534,7 @@ def _with_common_signs(
         return logs
     (channels,) = shown
     signs: Any = {f"reverse_{name}": name in channels for name in ("displacement", "force")}
-    declared = replace(configuration, reading=replace(reading, **signs))
+    declared = replace(configuration, reading=reading.but(**signs))
     how = f"{' and '.join(channels)} reversed" if channels else "nothing reversed"
     note = f"signs from the other logs of the batch: {how}"
     again = {}
@@ -608,7 +608,7 @@ def _conditioned(
     told: dict[str, Any] = whose | ({"tested_at": tested_at} if tested_at else {})
     told["reversed"] = reversed_in(recording, trace)
     log.facts = _facts_of_trace(trace, len(recording.time), recording.notes, **told)
-    if configuration.rig.is_strict and trace.warnings:
+    if configuration.rig.strict and trace.warnings:
         more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
         text = "refused because of a warning, as strict quality was requested"
         refused = QualityError(

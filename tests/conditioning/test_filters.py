@@ -1,7 +1,6 @@
 """Filters, slopes and values between samples; the corner that follows the motion."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -129,7 +128,7 @@ AUTO = ConditionOptions(auto_corner=True)
 )
 def test_a_corner_that_is_not_ours_to_choose_stands(more):
     """Behind a filter in the rig the simulated force must pass that one, whatever the motion."""
-    options = replace(AUTO, **more)
+    options = AUTO.but(**more)
     assert with_corner(sine_log(frequency=5.0), options) == (options, ())
 
 
@@ -151,4 +150,4 @@ def test_a_refusal_offers_a_corner_that_fits():
     fast = sine_log(frequency=12.0, amplitude=0.003, cycles=60)
     key, corner = offered(fast, ConditionOptions(filter_corner=10.0))
     assert (key, corner) == ("conditioning.filter_corner", 240.0)
-    assert condition(fast, replace(ConditionOptions(), filter_corner=corner)).n_cycles > 5
+    assert condition(fast, ConditionOptions(filter_corner=corner)).n_cycles > 5

@@ -76,7 +76,7 @@ def test_a_clean_log_gives_no_warning(rate, wave, noise, bits):
 
 def test_spikes_are_bridged_only_when_declared():
     """Also where one is beyond the limits of a log."""
-    clean, bridge = condition(LOG, OPTIONS), replace(OPTIONS, spikes="bridge")
+    clean, bridge = condition(LOG, OPTIONS), OPTIONS.but(spikes="bridge")
     log = spiked(LOG, "force", [1500, 2222, 3000], 0.5)
     bridged = condition(log, bridge)
     told = found(bridged)["force_spikes_bridged"]

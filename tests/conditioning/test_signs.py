@@ -123,7 +123,7 @@ def test_a_tare_is_told_with_what_to_do(setting) -> None:
     assert "--free r_m1,r_m2,k_e,f_0" in tare.sentence
     assert "--fix f_0=130N" in tare.sentence
     assert told["direction"].severity == "warning"  # no gas to tell by, and it says so
-    known = replace(PURDY, offset=replace(OFFSET, is_known=True))
+    known = PURDY.but(offset=replace(OFFSET, is_known=True))
     assert found(log, known)["tare"].severity == "note"
     # Twice the gas: the level is +130 N, but rebound curves more than bump, so rebound it is.
     trace = condition(log_of(setting, tare=2.0 * GAS), PURDY)
@@ -178,7 +178,7 @@ def test_strange_forces_are_told_or_refused_and_nothing_else(force, scale) -> No
     for skew in (0.0, "auto"):
         values = [0.0]
         with suppress(ConditioningError):  # one line of ours; any other exception fails
-            trace = condition(log, replace(PURDY, skew=skew))
+            trace = condition(log, PURDY.but(skew=skew))
             values = [one.value or 0.0 for one in trace.findings]
         assert np.isfinite(values).all()
 

@@ -164,12 +164,12 @@ damper = 3 -> write \[damper\]
 [rig] | reverse_force = 'yes' -> :2: .*expected true, false or 'detect', found 'yes'
 [rig] | reverse_force = 1 -> expected true, false or 'detect', found 1
 [rig] | skew = '2mm' -> :2: rig\.skew: no unit of time 'mm'
-[rig] | skew = '3s' -> skew: found 3\.0, expected 'auto' or at most 0\.1 s
+[rig] | skew = '3s' -> skew: expected at most 0\.1 s
 [rig] | setting_pattern = '(' -> setting_pattern.*regular expression
 [rig] | profile = 'lab' -> no profile 'lab'
 [rig.profiles.lab] | file = 'x' -> unknown key 'file' in \[rig\.profiles\.lab\].*'files'
 [rig] | units = {force = 'mm'} -> no unit of force 'mm'
-[conditioning] | filter_order = 99 -> filter_order: found 99
+[conditioning] | filter_order = 99 -> filter_order: expected at most 12, found 99
 [identification] | fix = {ke = 1} -> no parameter 'ke'.*Did you mean 'k_e'
 [identification] | fix = {k_e = '5 apples'} -> k_e = 5 apples: expected a number in Pa
 [identification] | free = 'r_m1' -> identification\.free: .*list

@@ -18,7 +18,7 @@ PLAIN = load_configuration()
 def labels(paths, adjusters="", **rig):
     text = load_configuration(overlay={"rig": rig} if rig else {})
     if adjusters:
-        reading = replace(text.reading, adjusters=tuple(adjusters.split()))
+        reading = text.reading.but(adjusters=tuple(adjusters.split()))
         text = replace(text, reading=reading)
     return Labels(paths, text)
 

@@ -1,14 +1,17 @@
 """The sections of a configuration: each key once, with its default, what it is for, and its option.
 
 From here come the defaults, the page that `damperfit config` prints, the options of the commands
-and the keywords of the functions; `damperfit.configuration.options` makes one pydantic model of it.
-Nothing here needs pydantic, so that help is there at once. [damper] beside the two keys of any
-model has the fields of the model that it names.
+and the keywords of the functions; the parts of the program are given the sections themselves, or
+classes on them. `damperfit.configuration.options` makes one pydantic model of it. Nothing here
+needs pydantic, so that help is there at once. [damper] beside the two keys of any model has the
+fields of the model that it names.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -30,6 +33,7 @@ class Entry(NamedTuple):
     words: tuple[str, ...] = ()  # all that may be written
     above: float | None = None  # limits of a number
     least: float | None = None
+    below: float | None = None
     most: float | None = None
     has_infinity: bool = False  # it may be infinite
     given: Any = None  # what is written, where it is no more of the default's type
@@ -45,23 +49,56 @@ def key(default: Any, about: str, dimension: str = "", **how: Any) -> Any:
 
 
 class Section(SimpleNamespace):
-    """A section as the program reads it; two with equal values are equal."""
+    """A section as the program reads it, what is not given by default; equal by its values."""
 
     name = ""
     about = ""
+
+    def __init__(self, **given: Any) -> None:
+        defaults = self._defaults()
+        if unknown := given.keys() - defaults.keys():
+            raise TypeError(f"{type(self).__name__} has no {min(unknown)}")
+        super().__init__(**{name: copy(value) for name, value in defaults.items()} | given)
 
     def but(self, **values: Any) -> Self:
         """Return the section with other values, which are taken as they are."""
         return type(self)(**{**vars(self), **values})
 
     @classmethod
+    @cache
     def entries(cls) -> dict[str, Entry]:
         """Return the keys by name, in their order: its own first."""
         kinds = map(vars, cls.__mro__)
         return {name: one for kind in kinds for name, one in kind.items() if isinstance(one, Entry)}
 
+    @classmethod
+    @cache
+    def _defaults(cls) -> dict[str, Any]:
+        """Return what each attribute is where nothing is given."""
+        kinds = (vars(kind).get("__annotations__", ()) for kind in cls.__mro__)
+        values = {name: getattr(cls, name, None) for kind in kinds for name in kind}
+        return {n: _as_read(v) if isinstance(v, Entry) else v for n, v in values.items()}
+
+
+def _as_read(entry: Entry) -> Any:
+    from damperfit.units.quantities import parse_quantity
+
+    value = entry.default
+    if entry.dimension and isinstance(value, str) and value != entry.word:
+        return parse_quantity(value, entry.dimension)
+    return tuple(value) if isinstance(value, list) else value
+
 
 # fmt: off
+
+
+# Number after "setting" or "s" in a file name. "s" must stand alone (run_s10, not runs10 and not
+# 30s_2), with three digits at most, for more are a serial number; and 10.5 is no setting.
+SETTING_PATTERN = (
+    r"(?:setting(?:[ _](?=-\d)|[ _=-]?)|(?<![^\W_])s[ _=-]?(?=\d{1,3}(?!\d)))(-?\d+)(?![.]?\d)"
+)
+# What the user may call a character that is hard to see in a configuration.
+SEPARATORS = {",": ",", ";": ";", "|": "|", "\t": "\t", "tab": "\t", " ": " ", "blanks": " "}
 
 
 class _DamperSection(Section):
@@ -119,7 +156,7 @@ class TestSection(Section):
         return Identity(**{key: getattr(self, key).strip() for key in IDENTITY_KEYS})
 
 
-class _Declarations(Section):
+class Declarations(Section):
     """How logs are to be understood: in [rig], and in a profile, where none is needed."""
 
     reverse_displacement: bool | str = key("detect",
@@ -127,7 +164,7 @@ class _Declarations(Section):
         "the energy of the loop and the gas force", given="sign")
     reverse_force: bool | str = key("detect", "the same; bump is compression", given="sign")
     setting_pattern: str = key(
-        r"(?:setting(?:[ _](?=-\d)|[ _=-]?)|(?<![^\W_])s[ _=-]?(?=\d{1,3}(?!\d)))(-?\d+)(?![.]?\d)",
+        SETTING_PATTERN,
         "finds the setting in a file's name, where the last match counts; named groups are "
         "adjusters, damper, serial")
     part_settings: tuple[int | float | str, ...] = key([],
@@ -140,27 +177,32 @@ class _Declarations(Section):
     scales: dict[str, float] = key({},
         "value = scale * logged + offset, in the unit, as in {force = 250}", given=dict[str, float])
     offsets: dict[str, float] = key({}, "as in {force = -1.5}", given=dict[str, float])
-    tested_at: dict[str, float | str] = key({},
+    tested_at: dict[str, float] = key({},
         "what its logs were tested at, where tests.csv does not say, as in {gas_pressure = "
         '"8bara", temperature = "31", tare = "12N", skew = "2ms"}', given=dict[str, float | str])
     encoding: str = key("", 'of text logs, as in "cp1252"; "": UTF-8, UTF-16 or Latin-1')
-    separator: str = key("", '"," ";" "|" "tab" or "blanks"; "": found from the rows')
-    decimal: str = key("", 'decimal mark, "." or ","; "": found from the rows')
-    thousands: str = key("", 'mark between groups of three digits; "": none')
-    skip_lines: int = key(0, "lines to skip above the log")
+    separator: str = key("", '"," ";" "|" "tab" or "blanks"; "": found from the rows',
+        words=("", *SEPARATORS))
+    decimal: str = key("", 'decimal mark, "." or ","; "": found from the rows',
+        words=("", ".", ","))
+    thousands: str = key("", 'mark between groups of three digits; "": none',
+        words=("", ".", ",", "'", " "))
+    skip_lines: int = key(0, "lines to skip above the log", least=0)
     sample_rate: float = key("0Hz",
         "time is sample number / rate; 0: the log has the time", "frequency", least=0.0)
     pause: float = key("0s",
         "a longer step in time begins another test; 0: 2 s and 50 steps", "time", least=0.0)
     restarts: str = key("refuse",
-        "when time runs backwards: refuse, split into tests, keep the last")
+        "when time runs backwards: refuse, split into tests, keep the last",
+        words=("refuse", "split", "last"))
     bad_rows: str = key("refuse",
-        "rows with text, blanks, too few or too many fields: refuse or drop")
+        "rows with text, blanks, too few or too many fields: refuse or drop",
+        words=("refuse", "drop"))
     allow_truncated: bool = key(False,
         "keep the part of a truncated TDMS log that all channels have", panel="Logs")
 
 
-class ProfileSection(_Declarations):
+class ProfileSection(Declarations):
     """[rig.profiles.NAME]: declarations for some logs; only what is given counts."""
 
     files: str = key("", "pattern of the names of its files")
@@ -169,7 +211,7 @@ class ProfileSection(_Declarations):
 _FILTERS = ("none", "causal", "zero_phase")
 
 
-class RigSection(_Declarations):
+class RigSection(Declarations):
     """[rig]: the nominal test, and how logs are read."""
 
     name = "rig"
@@ -193,15 +235,15 @@ class RigSection(_Declarations):
         "what the rig did to both channels: none, causal or zero_phase", words=_FILTERS)
     filter_corner: float = key("30Hz",
         "-3 dB of one pass of the rig's Butterworth filter", "frequency", above=0.0)
-    filter_order: int = key(4, "of one pass")
+    filter_order: int = key(4, "of one pass", least=1, most=12)
     centre: float | str = key("mid-stroke",
         "what the log counts where the model's x is 0, as in \"12.5mm\"",
         "length", word="mid-stroke")
     skew: float | str = key("0s",
         "delay of the force against the displacement, as in 2ms; auto: the estimated "
         "one is corrected, where a log shows it",
-        "time", word="auto", option="TIME|auto", panel="Logs")
-    max_log_bytes: int = key(500_000_000, "a larger log is refused")
+        "time", word="auto", least=-0.1, most=0.1, option="TIME|auto", panel="Logs")
+    max_log_bytes: int = key(500_000_000, "a larger log is refused", above=0)
     max_stroke: float = key("0mm",
         "what the rig can do, for advise: amplitude; 0: as tested", "length", least=0.0)
     max_speed: float = key("0m/s", "0: twice what was tested", "velocity", least=0.0)
@@ -217,16 +259,6 @@ class RigSection(_Declarations):
         '"ME*.txt"; or as sections [rig.profiles.NAME]. A key of a profile overrides the same '
         "key here, and the command line both", given="profiles")
 
-    @property
-    def is_strict(self) -> bool:
-        """Whether a log with a warning is refused."""
-        return self.strict
-
-    @property
-    def is_averaging(self) -> bool:
-        """Whether logs of one setting that contradict each other are fitted together."""
-        return self.contradictions == "average"
-
 
 class ConditioningSection(Section):
     """[conditioning]: how signals become traces."""
@@ -237,11 +269,12 @@ class ConditioningSection(Section):
         "model's force is filtered alike", words=_FILTERS)
     filter_corner: float | str = key("30Hz",
         "-3 dB, also for zero_phase; auto: 20 times the fastest motion of each log, at least 30 "
-        "Hz", "frequency", word="auto")
-    filter_order: int = key(4, "of one pass; zero_phase runs two")
+        "Hz", "frequency", word="auto", above=0.0)
+    filter_order: int = key(4, "of one pass; zero_phase runs two", least=1, most=12)
     steadiness: float = key(0.05,
-        "a cycle counts when amplitude and period are this near the median")
-    spikes: str = key("keep", "bridge: samples that stand out are replaced by a straight line")
+        "a cycle counts when amplitude and period are this near the median", above=0.0, below=0.5)
+    spikes: str = key("keep", "bridge: samples that stand out are replaced by a straight line",
+        words=("keep", "bridge"))
     min_amplitude: float = key("0.2mm",
         "outside these a unit was surely misread", "length", above=0.0)
     max_amplitude: float = key("1m", "on both sides of mid-stroke", "length", above=0.0)
@@ -316,14 +349,7 @@ class SimulationSection(Section):
         "as in [identification]; tighter, as forces are shown here", "force", above=0.0)
     max_steps: int = key(5_000_000,
         "samples or steps, about 4 s of work; more is refused", least=1, option="N", panel="Motion")
-    dead_band: float  # of [identification]
-
-    @property
-    def solver(self) -> SolverOptions:
-        """How exactly to integrate."""
-        from damperfit.simulation import SolverOptions
-
-        return SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band)
+    solver: SolverOptions  # how exactly to integrate
 
 
 class OutputSection(Section):
