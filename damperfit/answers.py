@@ -22,12 +22,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from damperfit.comparison.tolerance import Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.exporting import Export
     from damperfit.exporting.check import SettingCheck
-    from damperfit.fleets.run import Done
-    from damperfit.fleets.survey import HeldFleet
     from damperfit.queries.simulations import ChosenParameters, Variation
     from damperfit.reporting.figures import Plot
     from damperfit.run.logs import LogBatch
@@ -373,91 +370,3 @@ class Sweep(Answer):
     def __repr__(self) -> str:
         pairs = zip(self.sheets(), self.sentences, strict=True)
         return "\n\n".join(f"{text_table(sheet, 100)}\n{sentence}" for sheet, sentence in pairs)
-
-
-class FleetDone:
-    """What became of the dampers of a fleet.
-
-    `folder` is that of the parts, `done` the dampers that were looked at of `n_tasks`; `held` the
-    fleet against bands with the `capability` of its forces, `shifts` sentences and rows of run
-    rules over the dates, `n_rows` the rows of the table of all parts, `page` the page, where they
-    were asked for.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.done: list[Done] = []
-        self.n_tasks, self.is_stopped = 0, False
-        self.held: HeldFleet | None = None
-        self.capability: list[dict[str, Any]] = []
-        self.shifts: tuple[list[str], list[dict[str, Any]]] = ([], [])
-        self.n_rows: int | None = None
-        self.page: Path | None = None
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many dampers ended in which way."""
-        from damperfit.fleets.run import State
-
-        return {state.value: sum(one.state is state for one in self.done) for state in State}
-
-    @property
-    def exit_code(self) -> int:
-        """How the command ends; failures of parts that were there count like those of new ones."""
-        if self.is_stopped:
-            return 130
-        if any(one.n_failures for one in self.done):
-            return 1 if any(one.n_settings for one in self.done) else 3
-        is_missed = self.held is not None and bool(self.held.missed)
-        return 4 if is_missed or any(one.n_gates for one in self.done) else 0
-
-    def document(self) -> dict[str, Any]:
-        """Return all of it as JSON values."""
-        from damperfit.reporting.compared import tolerance_rows
-
-        held = self.held
-
-        def lines(name: str) -> list[dict[str, str]]:
-            listed = [(one.owner, line) for one in self.done for line in getattr(one, name)]
-            return [{"damper": owner, "message": line} for owner, line in listed]
-
-        return {
-            "dampers": self.n_tasks,
-            **self.counts,
-            "logs": sum(one.n_logs for one in self.done),
-            "settings": sum(one.n_settings for one in self.done),
-            "interrupted": self.is_stopped,
-            "failures": lines("failures"),
-            "gates_missed": lines("gates"),
-            "tolerance": None if held is None else held.source,
-            "dampers_out_of_tolerance": [] if held is None else [one.run for one in held.worst],
-            "points": [] if held is None else tolerance_rows(held.missed),
-            "capability": self.capability,
-            "shifts": self.shifts[0],
-            "run_rules": self.shifts[1],
-        }
-
-    def collect(self, bands: Tolerance | None, *, is_reported: bool) -> None:
-        """Make the one table of all parts, its page, and hold its forces against bands."""
-        from damperfit.fleets.parts import SUMMARY
-        from damperfit.fleets.parts import collect as collected
-
-        table = collected(self.folder)
-        self.n_rows = table.num_rows
-        if bands is None and not is_reported:
-            return
-        from damperfit.fleets.survey import capability, fleet_against_bands, run_rules, survey
-
-        found = survey(table)
-        self.shifts = run_rules(found)
-        if bands is not None:
-            self.held = fleet_against_bands(found, bands)
-            self.capability = capability(found, self.held)
-        if is_reported:
-            from damperfit.fleets.page import write_page
-
-            write_page(self.folder / SUMMARY, found, self.held, self.capability, self.shifts)
-            self.page = self.folder / SUMMARY / "fleet.html"
-
-    def __repr__(self) -> str:
-        return f"<FleetDone: {self.n_tasks} dampers, {self.counts}>"

@@ -41,13 +41,13 @@ if TYPE_CHECKING:
     from damperfit.answers import (
         Files,
         FirstConfiguration,
-        FleetDone,
         Inspection,
         Simulation,
         Sweep,
     )
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
+    from damperfit.fleets.done import FleetDone
     from damperfit.queries.compared import Comparison
     from damperfit.queries.settings import CurveForces, SettingForces
     from damperfit.recording import Recording
@@ -414,8 +414,8 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         Folders, files, patterns, or addresses; without it only the parts that are there are read.
     """
     given = dict(locals())
-    from damperfit.answers import FleetDone
     from damperfit.comparison.tolerance import parse_bands
+    from damperfit.fleets.done import FleetDone
     from damperfit.fleets.run import planned, run_fleet, share_of
     from damperfit.run.identify import Watch
     from damperfit.workers import Cluster, Processes
@@ -449,7 +449,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         ("covariate", "damper.reference_temperature", covaried("fleet", given, of_fleet=True)),
     )
     share = None if part is None else share_of(part)
-    done = FleetDone(folder)
+    done = FleetDone(folder, has_logs=bool(logs))
     if logs:
         _check_places(folder)
         tasks = planned(configuration, logs, folder, share)

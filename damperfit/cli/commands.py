@@ -48,12 +48,10 @@ from damperfit.errors import ConfigurationError, DamperfitError, SimulationError
 from damperfit.problem import Option
 
 if TYPE_CHECKING:
-    from damperfit.answers import FleetDone
     from damperfit.configuration.options import Configuration
     from damperfit.run.auto_model import LawChoice
     from damperfit.run.identify import Identified
 
-_MANY = 20  # failures of a fleet that are listed one by one; the parts hold them all
 _ALL_FAILED = 3
 _VERDICTS = {"good": 32, "warnings": 33, "curves": 36, "refused": 31}  # ANSI, of `inspect`
 _EVERY = 10  # structures that are tried between two lines that say so
@@ -275,64 +273,13 @@ def fleet(how: Shown, **given: Any) -> int:
         if not hasattr(error, "done"):
             raise
         fault, ended = error, error.done  # parts are done, and could not be collected
-    _tell_of_fleet(ended, how)
+    for line in ended.remarks:
+        say(f"damperfit: {line}")
+    _tell(how, *ended.written)
     if fault is not None:
         raise fault
-    _show(how, ended.document, [_fleet_lines(ended, has_logs=bool(given["logs"]))])
+    _show(how, ended.document, [ended.sentence.splitlines()])
     return ended.exit_code
-
-
-def _tell_of_fleet(ended: FleetDone, how: Shown) -> None:
-    done, n_tasks, out = ended.done, ended.n_tasks, ended.folder
-    lines = [f"{one.owner or 'logs'}: {line}" for one in done for line in one.failures]
-    if len(lines) > _MANY:
-        more = f"and {len(lines) - _MANY} more failures; the parts in {out} hold them all"
-        lines[_MANY:] = [more]
-    gates = [f"{one.owner or 'logs'}: {gate}" for one in done for gate in one.gates]
-    for line in (*lines, *gates):
-        say(f"damperfit: {line}")
-    if n_before := sum(one.n_failures - len(one.failures) for one in done):
-        verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
-        count = _plural(n_before, "failure")
-        _tell(how, f"{count} of an earlier run {verb} too; the parts hold {them}")
-    if ended.is_stopped:
-        left = f"{n_tasks - len(done)} of {n_tasks} dampers left"
-        say(f"damperfit: interrupted; {left}, the same command goes on with them")
-    elif n_tasks:
-        _tell(how, f"parts in {out}")
-    if ended.n_rows is not None:
-        _tell(how, f"{ended.n_rows} rows of the fleet in {out}/_fleet/fleet.parquet and .csv")
-    if ended.page is not None:
-        _tell(how, f"{ended.page} written, with tables of dampers and outliers")
-
-
-def _fleet_lines(ended: FleetDone, *, has_logs: bool) -> list[str]:
-    """How many dampers ended in which way, and those that are out of tolerance."""
-    counts, lines = ended.counts, []
-    words = {
-        "fitted": "fitted now",
-        "known": "done before",
-        "failed": "without any fit",
-        "later": "not done, tried again next time",
-    }
-    if has_logs:
-        asked = (key for key in words if counts[key] or key == "fitted")
-        parts = ", ".join(f"{counts[key]} {words[key]}" for key in asked)
-        n_logs, n_settings = (
-            sum(getattr(one, n) for one in ended.done) for n in ("n_logs", "n_settings")
-        )
-        dampers = _plural(ended.n_tasks, "damper")
-        lines = [f"{dampers}: {parts}; {n_logs} logs, {n_settings} settings with a fit"]
-    if ended.held is None:
-        return lines
-    lines.append(f"tolerance {ended.held.source}: {ended.held.sentence}")
-    for point in ended.held.worst[:_MANY]:
-        setting = f", setting {point.setting}" if str(point.setting) else ""
-        speed = f", {point.speed:g} m/s {point.stroke}" if point.stroke else ""
-        lines.append(f"{point.run or 'unknown'}{setting}{speed}: {point.words}")
-    if (more := len(ended.held.worst) - _MANY) > 0:
-        lines.append(f"and {_plural(more, 'more damper')}; --report lists them")
-    return lines
 
 
 # What is asked of results

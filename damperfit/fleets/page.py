@@ -23,7 +23,6 @@ from damperfit.fleets.survey import (
     FAR_OFF,
     LEAST_DAMPERS,
     RULE_COLUMNS,
-    HeldFleet,
     Rows,
     Series,
     Survey,
@@ -200,49 +199,36 @@ def trend_plots(found: Survey) -> tuple[Plot, ...]:
 # The page and its tables
 
 
-def write_page(
-    folder: Path,
-    found: Survey,
-    held: HeldFleet | None,
-    capability: Rows,
-    shifts: tuple[Sequence[str], Rows],
-) -> None:
+def write_page(folder: Path, found: Survey) -> Path:
     """Write ``fleet.html``, and beside it whole tables of what it shows the worst of.
 
     An InstallationError: plotly is not installed; an OutputError: the files cannot be written.
     """
-    title = folder.resolve().parent.name
-    page = fleet_page(found, held, capability, shifts[0], title=title)
+    page = fleet_page(found, title=folder.resolve().parent.name)
     names = ["damper", "series", "setting", "value", "median", "low", "high", "distance"]
     settings = [str(found.settings[k]) for k in found.outliers["setting"]]
     outliers = found.outliers.assign(setting=settings)[names].astype({"setting": str})
     tables = {
         "dampers": pa.Table.from_pylist([one._asdict() for one in found.dampers]),
         "outliers": pa.Table.from_pandas(outliers, preserve_index=False),
-        "run_rules": _table(shifts[1], RULE_COLUMNS),
+        "run_rules": _table(found.rules, RULE_COLUMNS),
     }
-    if held is not None:
-        tables["capability"] = _table(capability, CAPABILITY_COLUMNS)
-        tables["tolerance"] = tolerance_table(held.missed)
+    if found.held is not None:
+        tables["capability"] = _table(found.capability, CAPABILITY_COLUMNS)
+        tables["tolerance"] = tolerance_table(found.held.missed)
     with file_set(folder) as files:
         files.path("fleet.html").write_bytes(page.encode("utf-8", "backslashreplace"))
         files.path("plotly.min.js").write_text(plotly_script(), encoding="utf-8")
         for name, table in tables.items():
             write_table(files.path(f"{COLLECTED}_{name}.csv"), table, suffix=".csv")
+    return folder / "fleet.html"
 
 
 def _table(rows: Rows, names: Sequence[str]) -> pa.Table:
     return pa.Table.from_pandas(pd.DataFrame(rows, columns=list(names)), preserve_index=False)
 
 
-def fleet_page(
-    found: Survey,
-    held: HeldFleet | None = None,
-    capability: Rows | None = None,
-    shifts: Sequence[str] = (),
-    *,
-    title: str,
-) -> str:
+def fleet_page(found: Survey, *, title: str) -> str:
     """Return a fleet, and its forces held against a tolerance, as one self-contained HTML page."""
     data = PlotData()
     plots = list(zip(found.series, series_plots(found), strict=True))
@@ -253,7 +239,7 @@ def fleet_page(
         ("Over the date of the test", [data.add(one) for one in trend_plots(found)]),
     ]
     tolerance = None
-    if held is not None:
+    if (held := found.held) is not None:
         note = "Shown is the worst point of each damper; all are in fleet_tolerance.csv."
         worst = replace(tolerance_sheet(held.worst[:MOST_LINES]), notes=(note,))
         tolerance = (held.source, held.sentence, worst)
@@ -264,8 +250,8 @@ def fleet_page(
         style=asset("page.css"),
         sentences=_sentences(found),
         tolerance=tolerance,
-        capability=capability and capability_sheet(capability, MOST_LINES),
-        shifts=shifts[:_MOST_SHIFTS],
+        capability=capability_sheet(found.capability, MOST_LINES) if found.capability else None,
+        shifts=found.shifts[:_MOST_SHIFTS],
         outliers=outlier_sheet(found, most=MOST_LINES),
         groups=groups,
         dampers=damper_sheet(found.dampers, most=MOST_LINES),

@@ -11,8 +11,9 @@ import re
 from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
+from functools import partial
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
@@ -64,11 +65,18 @@ _REFERENCE = "reference_temperature_degC"
 
 
 class DamperTask(NamedTuple):
-    """The logs of one damper."""
+    """The logs of one damper, as they go to a worker; everything in it can be pickled."""
 
     owner: str  # serial number, else the damper's name, else the folder of its logs
     logs: tuple[FleetLog, ...]  # in order
     tables: tuple[FleetLog, ...] = ()  # tables of tests that stand beside them
+    # Place of each log that has ended a worker, and the sentence that says so; it is left out.
+    dead: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def files(self) -> tuple[FleetLog, ...]:
+        """Logs and tables of tests."""
+        return (*self.logs, *self.tables)
 
 
 class Share(NamedTuple):
@@ -201,69 +209,48 @@ class State(Enum):
     LATER = "later"  # nothing was written; the next run tries again
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
+class Done(NamedTuple):
     """What became of one task; of a part that was there failures are counted and not said again."""
 
     owner: str
     state: State
     n_logs: int
     n_settings: int = 0  # with a fit
-    failures: tuple[str, ...] = ()  # one sentence each
-    gates: tuple[str, ...] = ()  # that were missed, likewise
     n_failures: int = 0
     n_gates: int = 0
-
-    @classmethod
-    def later(cls, task: DamperTask, reason: str) -> Done:
-        """Return a task that was not done, with the reason."""
-        return cls(task.owner, State.LATER, len(task.logs), failures=(reason,), n_failures=1)
+    failures: tuple[str, ...] = ()  # one sentence each
+    gates: tuple[str, ...] = ()  # that were missed, likewise
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """A task as it goes to a worker; everything in it can be pickled."""
-
-    task: DamperTask
-    configuration: Configuration
-    folder: Path  # of the fleet
-    # Place of each log that has ended a worker, and the sentence that says so; it is left out.
-    dead: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def files(self) -> tuple[FleetLog, ...]:
-        """Logs and tables of tests."""
-        return (*self.task.logs, *self.task.tables)
-
-    def known(self, hashes: Iterable[tuple[PurePath, str]]) -> tuple[Path, str, Done | None]:
-        """Return path and key of its part, and what it says where it is there."""
-        task, key = self.task, content_key(hashes, self.configuration)
-        path = part_path(self.folder, task.owner, key)
-        if not path.exists() or not (facts := read_facts_of(path)):
-            return path, key, None
-        touch(path)
-        known = Done(
-            *(task.owner, State.KNOWN, len(task.logs), facts.get("settings", 0)),
-            n_failures=facts.get("failures", 0),
-            n_gates=facts.get("gates", 0),
-        )
-        return path, key, known
+def _later(task: DamperTask, reason: str) -> Done:
+    return Done(task.owner, State.LATER, len(task.logs), n_failures=1, failures=(reason,))
 
 
-def _do(job: Job) -> Done:
-    """Fit one damper and write its part, unless the part is there."""
-    try:
-        with brought_here(job.files) as (here, stamps):
-            return _done(job, here, stamps)
-    except UnreachableError as error:
-        return Done.later(job.task, str(error))
+def _part_of(
+    task: DamperTask,
+    configuration: Configuration,
+    folder: Path,
+    hashes: Iterable[tuple[PurePath, str]],
+) -> tuple[Path, str, Done | None]:
+    """Path and key of the part of a task, and what it says where it is there."""
+    key = content_key(hashes, configuration)
+    path = part_path(folder, task.owner, key)
+    if not path.exists() or not (facts := read_facts_of(path)):
+        return path, key, None
+    touch(path)
+    numbers = (facts.get(name, 0) for name in ("settings", "failures", "gates"))
+    return path, key, Done(task.owner, State.KNOWN, len(task.logs), *numbers)
 
 
-def _try_log(job: Job) -> None:
-    """Do the work on one log alone and write nothing: it tells whether the log ends its worker."""
-    # The whole task says what is wrong with it.
-    with brought_here(job.files) as (here, _), suppress(Exception):
-        deque(_results(job.configuration, [str(here[one]) for one in job.task.logs]), maxlen=0)
+def _known_already(configuration: Configuration, folder: Path, task: DamperTask) -> Done | None:
+    """What the part of a task says, where it is there; nothing is fetched for that."""
+    # Nothing is hashed, once here and once by the worker, where there can be no part.
+    is_new = not part_path(folder, task.owner, "").parent.is_dir()
+    if is_new or any(one.is_remote and one.seen is None for one in task.files):
+        return None
+    places = [one.fetched_to if one.is_remote else Path(one.place) for one in task.files]
+    hashes = [one.seen.sha256 if one.seen else hash_of(Path(one.place)) for one in task.files]
+    return _part_of(task, configuration, folder, zip(places, hashes, strict=True))[2]
 
 
 def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[Identified]:
@@ -272,22 +259,33 @@ def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[Iden
     return identified(configuration, logs, jobs=1) if logs else iter(())
 
 
-def _known_already(job: Job) -> Done | None:
-    """Return what the part of a task says, where it is there; nothing is fetched for that."""
-    # Nothing is hashed, once here and once by the worker, where there can be no part.
-    is_new = not part_path(job.folder, job.task.owner, "").parent.is_dir()
-    if is_new or any(one.is_remote and one.seen is None for one in job.files):
-        return None
-    places = [one.fetched_to if one.is_remote else Path(one.place) for one in job.files]
-    hashes = [one.seen.sha256 if one.seen else hash_of(Path(one.place)) for one in job.files]
-    return job.known(zip(places, hashes, strict=True))[2]
+def _try_log(configuration: Configuration, task: DamperTask) -> None:
+    """Do the work on one log alone and write nothing: it tells whether the log ends its worker."""
+    # The whole task says what is wrong with it.
+    with brought_here(task.files) as (here, _), suppress(Exception):
+        deque(_results(configuration, [str(here[one]) for one in task.logs]), maxlen=0)
 
 
-def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str]) -> Done:
+def _do(configuration: Configuration, folder: Path, task: DamperTask) -> Done:
+    """Fit one damper and write its part, unless the part is there."""
+    try:
+        with brought_here(task.files) as (here, stamps):
+            return _fitted(configuration, folder, task, here, stamps)
+    except UnreachableError as error:
+        return _later(task, str(error))
+
+
+def _fitted(
+    configuration: Configuration,
+    folder: Path,
+    task: DamperTask,
+    here: Mapping[FleetLog, Path],
+    stamps: Mapping[FleetLog, str],
+) -> Done:
     """Fit one damper and write its part; whatever is wrong with the logs becomes rows of it."""
-    task, configuration = job.task, job.configuration
     hashes = {one: hash_of(path) for one, path in here.items()}
-    path, key, before = job.known((here[one], digest) for one, digest in hashes.items())
+    entries = ((here[one], digest) for one, digest in hashes.items())
+    path, key, before = _part_of(task, configuration, folder, entries)
     seen = {
         one.place: (stamp, hashes[one], _owner_in_preamble(head_of(FleetLog(str(here[one]), ""))))
         for one, stamp in stamps.items()
@@ -297,31 +295,17 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
         if seen:  # another time of change, the same bytes: not to be fetched each time from now on
             renew_facts(path, seen=seen)
         return before
-    # Wherever a log was read, it is called as in the fleet.
-    names = {
-        spelled: _in_unicode(one.name)
-        for one in task.logs
-        for spelled in (str(here[one]), _in_unicode(str(here[one])))
-    }
-    rows: list[dict[str, Any]] = []
-    failed: list[dict[str, Any]] = []
-    gates: list[str] = []
-    records: list[dict[str, Any]] = []
-
-    def fail(failure: Failure, owner: str, log: str = "", setting: object = None) -> None:
-        problem = failure.problem
-        sentence = replace(problem, subject=names.get(problem.subject, problem.subject)).sentence()
-        row = {"log": log, "error_kind": failure.kind, "error": sentence, "damper": owner}
-        if setting is not None:
-            row["setting"] = str(setting)
-        failed.append({name: _in_unicode(text) for name, text in row.items()})
-
-    dead = dict(job.dead)
+    dead = dict(task.dead)
+    failures: list[tuple[str, Failure]] = []
     if dead:
         labels = Labels([here[one] for one in task.logs], configuration)
         for one in (one for one in task.logs if one.place in dead):
-            died = Failure(Problem("worker-died", dead[one.place]), "WorkerDied")
-            fail(died, task.owner, one.file, labels.unread(here[one], configuration))
+            problem, setting = dead[one.place], labels.unread(here[one], configuration)
+            died = Failure(Problem("worker-died", problem), "WorkerDied", one.file, "", setting)
+            failures.append((task.owner, died))
+    rows: list[dict[str, Any]] = []
+    gates: list[str] = []
+    records: list[dict[str, Any]] = []
     try:
         living = [str(here[one]) for one in task.logs if one.place not in dead]
         for found in _results(configuration, living):
@@ -329,12 +313,18 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
             rows += _part_rows(found.run, owner)
             gates += found.run.record["gates_missed"]
             records.append(compared_record(found.run.record))
-            for failure in found.failures:
-                fail(failure, owner, failure.log, failure.setting)
+            failures += [(owner, failure) for failure in found.failures]
     except (MemoryError, OSError):
         raise  # of the machine, not of the logs: tried again another time
     except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on
-        fail(failure_of(error, "the work on the logs of one damper"), task.owner)
+        failures.append((task.owner, failure_of(error, "the work on the logs of one damper")))
+    # Wherever a log was read, it is called as in the fleet.
+    names = {
+        spelled: _in_unicode(one.name)
+        for one in task.logs
+        for spelled in (str(here[one]), _in_unicode(str(here[one])))
+    }
+    failed = [_failed_row(owner, failure, names) for owner, failure in failures]
     facts = {
         "key": key,
         "version": __version__,
@@ -349,12 +339,20 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
     # Rows of several dampers are no one run.
     write_part(path, table, facts, records[0] if len(records) == 1 and rows else None)
     return Done(
-        *(task.owner, State.FITTED if rows else State.FAILED, len(task.logs), len(rows)),
+        *(task.owner, State.FITTED if rows else State.FAILED, len(task.logs)),
+        *(len(rows), len(failed), len(gates)),
         failures=tuple(one["error"] for one in failed),
         gates=tuple(gates),
-        n_failures=len(failed),
-        n_gates=len(gates),
     )
+
+
+def _failed_row(owner: str, failure: Failure, names: Mapping[str, str]) -> dict[str, str]:
+    problem = failure.problem
+    sentence = replace(problem, subject=names.get(problem.subject, problem.subject)).sentence()
+    row = {"log": failure.log, "error_kind": failure.kind, "error": sentence, "damper": owner}
+    if failure.setting is not None:
+        row["setting"] = str(failure.setting)
+    return {name: _in_unicode(text) for name, text in row.items()}
 
 
 def _force_columns(stroke: str, speed: float) -> tuple[str, str]:
@@ -445,52 +443,52 @@ def run_fleet(
     alone, those that end their worker are left out with a row that says so, and the others are
     fitted. Once `cancelled` says True nothing more is begun.
     """
+    do, try_log = partial(_do, configuration, folder), partial(_try_log, configuration)
 
-    def tried(jobs: Iterable[Job]) -> Generator[Done, None, list[Job]]:
-        """Yield what became of jobs, and return those that ended their worker."""
+    def tried(tasks: Iterable[DamperTask]) -> Generator[Done, None, list[DamperTask]]:
+        """Yield what became of tasks, and return those that ended their worker."""
         died = []
-        for job, result in engine.each(_do, jobs, cancelled=cancelled):
+        for task, result in engine.each(do, tasks, cancelled=cancelled):
             if isinstance(result, Died):
-                died.append(job)
+                died.append(task)
             elif isinstance(result, Exception):  # of the disk, or a bug
-                yield Done.later(job.task, failure_of(result, "the work on one damper").message)
+                yield _later(task, failure_of(result, "the work on one damper").message)
             else:
                 yield result
         return died
 
     tidy(folder)
-    waiting: list[Job] = []
+    waiting: list[DamperTask] = []
     for task in tasks:
         if cancelled():
             return
-        job = Job(task, configuration, folder)
         # Asked here, so that no worker is started where there is nothing to do.
         try:
-            before = _known_already(job)
+            before = _known_already(configuration, folder, task)
         except (OSError, ValueError) as error:
-            before = Done.later(task, failure_of(error, "looking for its part").message)
+            before = _later(task, failure_of(error, "looking for its part").message)
         if before:
             yield before
         else:
-            waiting.append(job)
+            waiting.append(task)
     for _ in range(2):
         waiting = yield from tried(waiting)
-    for job in waiting:
+    for task in waiting:
         if cancelled():
             break
-        alone = [replace(job, task=job.task._replace(logs=(log,))) for log in job.task.logs]
+        alone = [task._replace(logs=(log,)) for log in task.logs]
         for _ in range(2):
-            each = engine.each(_try_log, alone, cancelled=cancelled)
+            each = engine.each(try_log, alone, cancelled=cancelled)
             alone = [one for one, result in each if isinstance(result, Died)]
         # Where none does it alone something else ended the workers, as too little memory does.
         reason = (
             "reading or fitting this log killed its worker process twice; it is left out: check "
             "the log and the machine's memory"
         )
-        logs = sorted(one.task.logs[0] for one in alone)
+        logs = sorted(one.logs[0] for one in alone)
         dead = tuple((log.place, f"{log.file}: {reason}") for log in logs)
-        for one in (yield from tried([replace(job, dead=dead)])):
-            yield Done.later(
-                one.task, "its workers die, though no single log is the cause; nothing was written"
+        for one in (yield from tried([task._replace(dead=dead)])):
+            yield _later(
+                one, "its workers die, though no single log is the cause; nothing was written"
             )
     forget_earlier(folder)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import date, timedelta
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -40,6 +40,9 @@ _SHARES = {"low": 0.05, "quarter": 0.25, "three_quarters": 0.75, "high": 0.95}
 _GRADES = ("excellent", "good", "poor", "withheld")  # the last is the worst
 
 
+Rows = Sequence[dict[str, Any]]
+
+
 class Series(NamedTuple):
     """One parameter, or the force at one speed and stroke, of all dampers."""
 
@@ -59,7 +62,9 @@ class Survey(NamedTuple):
     among `settings`, day since 1970 (NaN: not known). `values` are those of all series, by series,
     setting and damper, with their standard `error` and what all dampers have there: `n_dampers`,
     `median`, `low` and `high` of the middle 90 %, `quarter` and `three_quarters`, `distance` from
-    the median. `outliers` are rows of it, the farthest first.
+    the median. `outliers` are rows of it, the farthest first. `shifts` says in sentences what has
+    changed over the dates, `rules` what each force says of it, `held` is the fleet against a
+    tolerance with the `capability` of each force.
     """
 
     dampers: tuple[Any, ...]  # every one, by serial number
@@ -68,9 +73,13 @@ class Survey(NamedTuple):
     rows: pd.DataFrame
     values: pd.DataFrame
     outliers: pd.DataFrame
+    shifts: Sequence[str] = ()
+    rules: Rows = ()
+    held: HeldFleet | None = None
+    capability: Rows = ()
 
 
-def survey(table: pa.Table) -> Survey:
+def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
     """Return what the collected table of a fleet tells."""
     names = ("damper", SERIAL, "date", "setting", "grade", "error", "error_kind")
     frame: Any = pd.DataFrame({name: _texts(table, name) for name in names}, dtype=object)
@@ -117,7 +126,13 @@ def survey(table: pa.Table) -> Survey:
     is_far = (values["n_dampers"] >= LEAST_DAMPERS) & (values["distance"].abs() > FAR_OFF)
     outliers = values[is_far].sort_values("distance", key=lambda x: -x.abs(), kind="stable")
     dampers = _dampers(frame, outliers)
-    return Survey(dampers, tuple(settings), tuple(series), rows, values, outliers)
+    found = Survey(dampers, tuple(settings), tuple(series), rows, values, outliers)
+    shifts, rules = run_rules(found)
+    if tolerance is None:
+        return found._replace(shifts=shifts, rules=rules)
+    held = fleet_against_bands(found, tolerance)
+    more: Any = {"held": held, "capability": capability(found, held)}
+    return found._replace(shifts=shifts, rules=rules, **more)
 
 
 def _with_bands(values: Any) -> Any:
@@ -296,8 +311,6 @@ def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
 
 # Whether making dampers is under control: Cp and Cpk of each force, and rules over the dates
 
-Rows = list[dict[str, Any]]
-
 LEAST_OF_CP = 10  # dampers: with fewer the interval of Cp is wider than 0.55 to 1.45 of it
 DOMINATES = "measurement dominates"
 CAPABILITY_COLUMNS = (
@@ -438,7 +451,7 @@ def run_rules(found: Survey) -> tuple[list[str], Rows]:
         return f"{event.side} its median at {where} by rule {event.rules}"
 
     sentences: list[str] = []
-    rows: Rows = []
+    rows: list[dict[str, Any]] = []
     for number_of, group in enumerate(groups, start=1):
         main = group[0]
         same = sorted((one for one in group if one[:2] == main[:2]), key=lambda one: one.first)

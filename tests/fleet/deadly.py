@@ -38,11 +38,11 @@ def say_pid_and_wait(path: str) -> int:
 
 def die_of_poison(pair):
     """Do the work, unless a log that is not left out is called poison."""
-    act, job = pair
-    dead = dict(job.dead)
-    if any("poison" in log.file and log.place not in dead for log in job.task.logs):
+    act, task = pair
+    dead = dict(task.dead)
+    if any("poison" in log.file and log.place not in dead for log in task.logs):
         os.kill(os.getpid(), signal.SIGKILL)
-    return act(job)
+    return act(task)
 
 
 class Poisoned:

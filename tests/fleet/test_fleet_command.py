@@ -94,7 +94,7 @@ class Dying(Here):
 
     def result(self, act, item):
         dead = dict(item.dead)
-        logs = [log for log in item.task.logs if log.place not in dead]
+        logs = [log for log in item.logs if log.place not in dead]
         return Died() if any("poison" in log.file for log in logs) else act(item)
 
 
@@ -102,7 +102,7 @@ class Together(Here):
     """As if workers died of two logs together."""
 
     def result(self, act, item):
-        return Died() if len(item.task.logs) - len(item.dead) > 1 else act(item)
+        return Died() if len(item.logs) - len(item.dead) > 1 else act(item)
 
 
 @pytest.mark.parametrize("kind", [Dying, pytest.param(Poisoned, marks=pytest.mark.slow)])

@@ -1,0 +1,162 @@
+"""What became of a fleet, in words, as JSON, and the table and page of all its parts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from damperfit.fleets.parts import SUMMARY, collect
+from damperfit.fleets.run import Done, State
+from damperfit.reporting.answer import Answer
+from damperfit.reporting.sheet import Sheet
+
+if TYPE_CHECKING:
+    from damperfit.comparison.tolerance import Tolerance
+    from damperfit.fleets.survey import HeldFleet, Survey
+
+_MANY = 20  # failures, or dampers, that are listed one by one; the parts hold them all
+_WORDS = {
+    State.FITTED: "fitted now",
+    State.KNOWN: "done before",
+    State.FAILED: "without any fit",
+    State.LATER: "not done, tried again next time",
+}
+
+
+def _counted(number: int, words: str) -> str:
+    return f"{number} {words}{'' if number == 1 else 's'}"
+
+
+class FleetDone(Answer):
+    """What became of the dampers of a fleet.
+
+    `folder` is that of the parts, `done` the dampers that were looked at of `n_tasks`; `n_rows` the
+    rows of the table of all parts, `survey` what that tells, `page` the page, where they were asked
+    for.
+    """
+
+    def __init__(self, folder: Path, *, has_logs: bool) -> None:
+        self.folder, self.has_logs = folder, has_logs
+        self.done: list[Done] = []
+        self.n_tasks, self.is_stopped = 0, False
+        self.n_rows: int | None = None
+        self.survey: Survey | None = None
+        self.page: Path | None = None
+
+    @property
+    def held(self) -> HeldFleet | None:
+        """The fleet held against a tolerance, where one was given."""
+        return None if self.survey is None else self.survey.held
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many dampers ended in which way."""
+        return {state.value: sum(one.state is state for one in self.done) for state in State}
+
+    @property
+    def exit_code(self) -> int:
+        """How the command ends; failures of parts that were there count like those of new ones."""
+        if self.is_stopped:
+            return 130
+        if any(one.n_failures for one in self.done):
+            return 1 if any(one.n_settings for one in self.done) else 3
+        is_missed = self.held is not None and bool(self.held.missed)
+        return 4 if is_missed or any(one.n_gates for one in self.done) else 0
+
+    def collect(self, tolerance: Tolerance | None, *, is_reported: bool) -> None:
+        """Make the one table of all parts, its page, and hold its forces against bands."""
+        table = collect(self.folder)
+        self.n_rows = table.num_rows
+        if tolerance is None and not is_reported:
+            return
+        from damperfit.fleets.survey import survey
+
+        self.survey = survey(table, tolerance)
+        if is_reported:
+            from damperfit.fleets.page import write_page
+
+            self.page = write_page(self.folder / SUMMARY, self.survey)
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        from damperfit.reporting.compared import tolerance_rows
+
+        held, survey = self.held, self.survey
+
+        def lines(name: str) -> list[dict[str, str]]:
+            listed = [(one.owner, line) for one in self.done for line in getattr(one, name)]
+            return [{"damper": owner, "message": line} for owner, line in listed]
+
+        return {
+            "dampers": self.n_tasks,
+            **self.counts,
+            "logs": sum(one.n_logs for one in self.done),
+            "settings": sum(one.n_settings for one in self.done),
+            "interrupted": self.is_stopped,
+            "failures": lines("failures"),
+            "gates_missed": lines("gates"),
+            "tolerance": None if held is None else held.source,
+            "dampers_out_of_tolerance": [] if held is None else [one.run for one in held.worst],
+            "points": [] if held is None else tolerance_rows(held.missed),
+            "capability": [] if survey is None else survey.capability,
+            "shifts": [] if survey is None else list(survey.shifts),
+            "run_rules": [] if survey is None else survey.rules,
+        }
+
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return no table: it stands in the folder."""
+        return ()
+
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """How many dampers ended in which way, and those that are out of tolerance."""
+        lines = []
+        if self.has_logs:
+            known = [(self.counts[state.value], words) for state, words in _WORDS.items()]
+            ends = ", ".join(f"{n} {words}" for k, (n, words) in enumerate(known) if n or not k)
+            logs, settings = (
+                sum(getattr(one, name) for one in self.done) for name in ("n_logs", "n_settings")
+            )
+            dampers, fits = _counted(self.n_tasks, "damper"), f"{settings} settings with a fit"
+            lines.append(f"{dampers}: {ends}; {logs} logs, {fits}")
+        if (held := self.held) is not None:
+            lines.append(f"tolerance {held.source}: {held.sentence}")
+            for point in held.worst[:_MANY]:
+                setting = f", setting {point.setting}" if str(point.setting) else ""
+                speed = f", {point.speed:g} m/s {point.stroke}" if point.stroke else ""
+                lines.append(f"{point.run or 'unknown'}{setting}{speed}: {point.words}")
+            if (more := len(held.worst) - _MANY) > 0:
+                lines.append(f"and {_counted(more, 'more damper')}; --report lists them")
+        return "\n".join(lines)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        """What failed, gates that were missed, and what an interrupt has left."""
+        failures, gates = (
+            [f"{one.owner or 'logs'}: {line}" for one in self.done for line in getattr(one, name)]
+            for name in ("failures", "gates")
+        )
+        if (more := len(failures) - _MANY) > 0:
+            failures[_MANY:] = [
+                f"and {more} more failures; the parts in {self.folder} hold them all"
+            ]
+        left = f"{self.n_tasks - len(self.done)} of {self.n_tasks} dampers left"
+        stopped = [f"interrupted; {left}, the same command goes on with them"]
+        return (*failures, *gates, *(stopped if self.is_stopped else ()))
+
+    @property
+    def written(self) -> tuple[str, ...]:
+        """What stands where, and what an earlier run has left in it."""
+        lines = []
+        if n_before := sum(one.n_failures - len(one.failures) for one in self.done):
+            verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
+            count = _counted(n_before, "failure")
+            lines.append(f"{count} of an earlier run {verb} too; the parts hold {them}")
+        if self.n_tasks and not self.is_stopped:
+            lines.append(f"parts in {self.folder}")
+        if self.n_rows is not None:
+            table = f"{self.folder}/{SUMMARY}/fleet.parquet and .csv"
+            lines.append(f"{self.n_rows} rows of the fleet in {table}")
+        if self.page is not None:
+            lines.append(f"{self.page} written, with tables of dampers and outliers")
+        return tuple(lines)
