@@ -334,7 +334,6 @@ LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = 
     "sine at 2 kHz": (lambda: log(sine(5.3, rate=2000.0)), None, {}),
     "sine at 100 Hz": (lambda: log(sine(12.3, rate=100.0)), None, {}),
     "sine at 40 Hz": (lambda: log(sine(12.3, rate=40.0)), None, {}),
-    "few cycles": (lambda: log(sine(3.6)), None, {}),
     "stepped": (STEPS, None, {}),
     "stepped with rests": (
         lambda: log(parts((0.02, 1.0, 5), (1e-9, 1.0, 1), (0.01, 3.0, 12), rest=1.0)),
@@ -343,9 +342,7 @@ LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = 
     ),
     "sweep": (lambda: log(sweep()), None, {}),
     "road": (ROAD, None, {}),
-    "road far from 0": (lambda: log(road(middle=0.03)), None, {}),
     "triangle": (TRIANGLE, None, {}),
-    "rounded triangle": (lambda: log(triangle(0.2, width=9)), None, {}),
     "fast": (lambda: log(parts((0.003, 12.0, 60))), None, {}),
     "two forces": (
         lambda: log(parts((0.02, 2.0, 16))),
@@ -363,16 +360,8 @@ LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = 
         {"rig": {"filter": "zero_phase", "filter_order": 2}},
     ),
     "centre": (SINE, PLACE(lambda y, _: y + 0.012), {"rig": {"centre": "11mm"}}),
-    "off centre": (SINE, PLACE(lambda y, _: y + 0.012), {}),
     "late, taken back": (LONG, FORCE(late(3e-3)), {"rig": {"skew": "auto"}}),
-    "early": (LONG, FORCE(late(-2e-3)), {}),
     "late as declared": (SINE, FORCE(late(3e-3)), {"rig": {"skew": "3ms"}}),
-    "force behind a filter": (LONG, FORCE(low_pass(20.0)), {}),
-    "both behind a filter": (
-        LONG,
-        lambda one: FORCE(low_pass(20.0))(PLACE(low_pass(20.0))(one)),
-        {},
-    ),
     "force reversed": (SINE, FORCE(lambda y, _: -y), {}),
     "displacement reversed": (SINE, PLACE(lambda y, _: -y), {}),
     "both reversed": (
@@ -381,105 +370,32 @@ LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = 
         {},
     ),
     "as declared": (SINE, FORCE(lambda y, _: -y), {"rig": {"reverse_force": True}}),
-    "tared": (SINE, FORCE(lambda y, _: y + 130.4), {}),
-    "tared by half": (STEPS, FORCE(lambda y, _: y + 70.0), {}),
     "force clipped": (
         lambda: log(sine(), noise=0.5),
         FORCE(lambda y, _: np.clip(y, 0.93 * y.min(), 0.96 * y.max())),
         {},
     ),
-    "force clipped for most of the cycle": (
-        lambda: log(sine(), noise=0.5),
-        FORCE(lambda y, _: np.clip(y, 0.4 * y.min(), 0.4 * y.max())),
-        {},
-    ),
-    "four rows of no force": (
-        SINE,
-        FORCE(lambda y, _: np.where(np.abs(np.arange(len(y)) - 1500.5) < 2, 0.0, y)),
-        {},
-    ),
-    "displacement clipped": (
-        lambda: log(sine(), jitter=1e-6),
-        PLACE(lambda y, _: np.clip(y, -0.0312, 0.0315)),
-        {},
-    ),
-    "force in steps": (
-        lambda: log(sine(), noise=0.5),
-        FORCE(lambda y, _: 25.0 * np.round(y / 25.0)),
-        {},
-    ),
-    "displacement in steps": (
-        lambda: log(sine(), jitter=2e-6),
-        PLACE(lambda y, _: 2e-4 * np.round(y / 2e-4)),
-        {},
-    ),
     "spikes": (SINE, FORCE(_spiked), {}),
     "spikes, bridged": (SINE, FORCE(_spiked), {"conditioning": {"spikes": "bridge"}}),
-    "spikes on a road": (ROAD, FORCE(_spiked), {}),
-    "spiked displacement": (SINE, PLACE(_spiked), {}),
-    "force stuck": (SINE, FORCE(_stuck), {}),
-    "displacement stuck": (SINE, PLACE(_stuck), {}),
-    "rows frozen": (SINE, lambda one: FORCE(_stuck)(PLACE(_stuck)(one)), {}),
-    "values held": (FINE, FORCE(lambda y, _: y[np.arange(len(y)) // 20 * 20]), {}),
-    "running mean": (
-        FINE,
-        FORCE(lambda y, _: np.convolve(np.pad(y, 20, "edge"), np.ones(41) / 41, "valid")),
-        {},
-    ),
-    "force drifts": (LONG, FORCE(lambda y, one: y + 40.0 * ramp(one)), {}),
     "force drifts over steps": (
         lambda: log(parts((0.03, 0.3, 3), (0.03, 0.8, 3), (0.03, 1.5, 3))),
         FORCE(lambda y, one: y + 120.0 * ramp(one)),
         {},
     ),
-    "force fades": (LONG, FORCE(lambda y, one: y * (1.0 - 0.06 * ramp(one))), {}),
-    "stroke drifts": (
-        LONG,
-        PLACE(lambda y, one: (1.0 + 0.03 * ramp(one)) * y + 1e-3 * ramp(one)),
-        {},
-    ),
-    "a blow": (LONG, FORCE(lambda y, one: y + 200.0 * ((one.time > 4.0) & (one.time < 4.05))), {}),
-    "hum": (LONG, FORCE(lambda y, one: y + 25.0 * np.sin(2.0 * np.pi * 50.0 * one.time)), {}),
-    "a line": (LONG, FORCE(lambda y, one: y + 20.0 * np.sin(18.2 * np.pi * one.time)), {}),
-    "noisy": (lambda: log(sine(), noise=20.0, jitter=6e-5), None, {}),
-    "warms up": (LONG, with_("temperature", lambda y, one: y + 12.0 * ramp(one)), {}),
-    "too warm": (lambda: log(sine(), temperature=33.0), None, {}),
     "no temperature": (lambda: log(sine(), temperature=None), None, {}),
-    "rows missing": (SINE, rows(lambda n: n[(n % 47 != 5) & ~((n > 900) & (n < 904))]), {}),
-    "a long gap": (LONG, rows(lambda n: n[(n < 900) | (n > 1500)]), {}),
-    "clock jitters": (
-        SINE,
-        with_("time", lambda t, _: t + 3e-4 * np.sin(7.3 * np.arange(len(t)))),
-        {},
-    ),
     "clock in ms": (
         lambda: log(sine(rate=2000.0)),
         with_("time", lambda t, _: np.floor(1e3 * t) / 1e3 + 1e-7 * (np.arange(len(t)) % 2)),
         {},
     ),
-    "clock drifts": (SINE, with_("time", lambda t, _: t + 0.004 * t**2), {}),
     "swapped": (
         SINE,
         lambda one: replace(one, force=one.displacement * 1e5, displacement=one.force * 1e-5),
         {},
     ),
-    "one cycle": (lambda: log(sine(1.4)), None, {}),
     "constant": (SINE, FORCE(lambda y, _: 0.0 * y), {}),
-    "mm read as m": (SINE, PLACE(lambda y, _: 1e3 * y), {}),
-    "kN read as N": (SINE, FORCE(lambda y, _: 1e-3 * y), {}),
-    "m read as mm": (SINE, PLACE(lambda y, _: 1e-3 * y), {}),
-    "beyond the chamber": (SINE, PLACE(lambda y, _: 5.0 * y), {}),
     "slow": (lambda: log(parts((0.03, 0.2, 3))), None, {}),
-    "crank": (SINE, PLACE(lambda y, _: y + 0.03 * (y**2 / 0.032)), {}),
-    "another force": (
-        TWICE,
-        FORCE(lambda y, one: np.where(one.time > 5.0, 1.4, 1.0) * y),
-        {},
-    ),
     "pauses": (lambda: log(parts((0.02, 1.5, 6), (1e-9, 2.0, 1), (0.02, 1.5, 7))), None, {}),
-    "velocity": (SINE, lambda one: replace(one, velocity=passed(one)), {}),
-    "late velocity": (SINE, lambda one: replace(one, velocity=-late(0.02)(passed(one), one)), {}),
-    "other velocity": (SINE, lambda one: replace(one, velocity=1.3e-3 * passed(one)), {}),
     "no velocity": (SINE, lambda one: replace(one, velocity=np.cos(31.0 * one.time)), {}),
     "as said": (SINE, lambda one: replace(one, metadata=SAID), {}),
     "too fast": (lambda: log(parts((0.0005, 45.0, 100)), jitter=0.0), None, {}),
@@ -489,7 +405,6 @@ LOGS: dict[str, tuple[Callable[[], Recording], Fault | None, dict[str, Any]]] = 
         None,
         {"conditioning": {"filter_corner": "auto"}},
     ),
-    "unsteady": (LONG, PLACE(lambda y, one: y * (1.0 + 0.12 * np.sin(5.0 * one.time))), {}),
 }
 
 
@@ -1042,6 +957,7 @@ def ladders() -> Any:
     for name, (make, channels, change, low, high) in itertools.chain(LADDERS.items(), motions):
         ladder: dict[str, list[Any]] = defaultdict(lambda: [math.nan] * 9)
         said: dict[str, list[str]] = defaultdict(lambda: ["-"] * 9)
+        text: dict[str, list[str]] = defaultdict(list)
         for k, size in enumerate(np.geomspace(low, high, 9)):
             one = make() if channels else log(make(size), noise=0.5)
             if channels == "rows":
@@ -1056,17 +972,20 @@ def ladders() -> Any:
                 trace = condition(one, options)
             except DamperfitError as error:
                 said[error.problem.code][k] = "!"
+                text[error.problem.code].append(str(error.problem))
                 continue
             for finding in trace.findings:
                 said[finding.name][k] = finding.severity[0]
                 ladder[finding.name][k] = finding.value or 0.0
+                text[finding.name].append(finding.sentence)
             seen = {"n": trace.n_cycles, "f": trace.frequency, "a": trace.amplitude}
             beside = transients(trace.whole or trace)
             seen |= {"t": sum(one.n_samples for one in beside.stretches) if beside else 0}
             seen |= {"sd": trace.fastest.noise, "F": np.ptp(trace.force[trace.compared])}
             for what, number in seen.items():
                 ladder[what][k] = number
-        found[name] = {"at": {one: "".join(row) for one, row in said.items()}, **ladder}
+        at = {one: "".join(row) for one, row in said.items()}
+        found[name] = {"at": at, "text": text, **ladder}
     return found
 
 

@@ -8,13 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from damperfit.errors import LogError
 from damperfit.io import ReadOptions, read_log, read_logs
-from damperfit.io.formats import FORMATS
-from tests.io.scenarios import HEADER, Scenario, parquet_bytes, parquet_table, text
+from tests.io.scenarios import HEADER, Scenario, text
 
 PLAIN = text(Scenario())
 NAMES = "time_s,displacement_mm,force_N"
@@ -458,61 +455,3 @@ def test_gzip_in_members_and_its_limit(put) -> None:
     bomb = b"".join(packer.compress(b"0,1,2\n" * 100_000) for _ in range(170)) + packer.flush()
     says = "more than the limit of 10000000 bytes when unpacked"
     assert says in refusal(put(bomb, "log.csv.gz"), max_bytes=10_000_000)
-
-
-# Any bytes.
-
-_FIELDS = st.sampled_from(
-    [
-        "0",
-        "1.5",
-        "-2",
-        "1e400",
-        "nan",
-        "",
-        " ",
-        "OVR",
-        '"',
-        '"1,5"',
-        "\0",
-        "\xe9",
-        "#",
-        "\r",
-        "1:2:3",
-    ]
-)
-_LOG_LIKE = st.lists(st.lists(_FIELDS, min_size=1, max_size=5).map(",".join), max_size=8).map(
-    lambda rows: "\n".join([HEADER, *rows]).encode("latin-1")
-)
-_PARQUET = parquet_bytes(parquet_table(Scenario()))
-# MDF and HDF5 are read in a process of their own: too slow for this test, the fuzzer has them.
-_MAGIC = [m for one in FORMATS for m in one.magic if one.name not in {"MDF", "MATLAB 7.3"}]
-
-
-@st.composite
-def _damaged_parquet(draw) -> bytes:
-    data = bytearray(_PARQUET)
-    for _ in range(draw(st.integers(1, 4))):
-        data[draw(st.integers(0, len(data) - 1))] = draw(st.integers(0, 255))
-    return bytes(data)
-
-
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    data=st.one_of(
-        st.binary(max_size=300),
-        st.builds(bytes.__add__, st.sampled_from([*_MAGIC, b"\x1f\x8b\x08\0"]), st.binary()),
-        st.text(max_size=100).map(lambda text: text.encode("utf-8", "surrogatepass")),
-        _LOG_LIKE,
-        _damaged_parquet(),
-    ),
-    suffix=st.sampled_from([*(s for known in FORMATS for s in known.suffixes), ".csv.gz", ""]),
-)
-def test_any_bytes_give_a_recording_or_our_error(put, data, suffix) -> None:
-    try:
-        found = read_log(put(data, "log" + suffix))
-    except LogError as error:
-        assert str(error).isprintable()  # noqa: PT017 - a log may be read, too
-        return
-    assert np.isfinite(found.force).all()
-    assert (np.diff(found.time) > 0.0).all()
