@@ -5,8 +5,8 @@ rounded to steps stays at its top value for L samples and is at most 4 q (a para
 rounding) below it L/2 samples further on; a clipped one has gone on like the motion. The same
 distance tells a channel that stands still from one whose steps are coarse.
 
-What the faults cost near the limits (`python -m tests.conditioning.limits`; the largest error at
-settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
+What the faults cost near the limits (the largest error at settings 1, 10 and 20 of the reference
+set, 500 Hz, no noise):
 
 - clipped at 98 % of its peak the force costs 0.6 % of R_m2 and 1.7 % of K_e, at 95 % 2 and 8 %;
 - rounded to 1000 steps over the stroke the displacement costs 0.4 % of K_e, to 500 steps 5 %, to

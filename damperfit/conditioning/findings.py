@@ -4,8 +4,8 @@
 the stamps are made in `damperfit.conditioning.timebase`, of one channel in `channels`, of signs,
 tare and skew in `polarity` and `delay`.
 
-Limits, and what the faults cost near them (`python -m tests.conditioning.limits`; the largest error
-at settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
+Limits, and what the faults cost near them (the largest error at settings 1, 10 and 20 of the
+reference set, 500 Hz, no noise; where each finding begins, `tests/test_numbers.py` holds):
 
 - Noise of the displacement acts through the velocity and bends K_e: 20 um cost 0.7 %, 37 um 2.4 %,
   67 um 7 %. The bar is the noise of the velocity behind the filter over its peak; 20 um are below

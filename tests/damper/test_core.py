@@ -8,46 +8,17 @@ import pytest
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Valve, purdy, simulate_network
 from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals import Bilinear
 from damperfit.damper.stepping import SteppedDamper
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
-from tests.laws.valve_logs import VALUES, damper
 from tests.oracles.motions import _force, triangles
 
 # What it costs that the root of an orifice is rounded near no pressure, N.
-
-STANDARD = sine_motion(0.032, 1.5, cycles=3, sample_rate=1000.0)
 TIGHT = 1e-6  # N a step: the integrator's own error is far below
-
-
-def worst(one, other) -> float:
-    return float(np.max(np.abs(one.force - other.force)))
-
-
-@pytest.mark.parametrize("setting", [1, 10, 20])
-def test_a_pascal_cannot_be_seen_in_the_papers_damper(setting, monkeypatch) -> None:
-    values, options = reference_parameters(setting), SolverOptions(tolerance=TIGHT)
-
-    def rounded(pressure):
-        monkeypatch.setattr(Damper, "rounding", pressure)
-        return simulate(values, PURDY_DAMPER, STANDARD, options=options)
-
-    assert worst(rounded(1.0), rounded(0.01)) < 1e-4
-    assert 0.01 < worst(rounded(100.0), rounded(0.01)) < 0.02
-
-
-def test_what_a_hundred_pascals_cost_a_damper_of_valves() -> None:
-    """The default, of `SolverOptions.rounding`."""
-    model = damper()
-    ends = [
-        simulate(model.values(VALUES), model, STANDARD, options=SolverOptions(TIGHT, rounding=one))
-        for one in (SolverOptions().rounding, 0.1)
-    ]
-    assert worst(*ends) < 0.02
 
 
 # Where the core's equations have solutions on paper: after a step with the rod held.

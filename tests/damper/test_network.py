@@ -177,15 +177,6 @@ def test_sensitivities_by_every_number_are_those_of_central_differences(name):
     check_slopes(name, resting(name) | CASES[name][1])
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in "be" else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
-)
-@pytest.mark.parametrize("mounting", [(1e6, 0.0), (3e5, 7e-4)])
-def test_sensitivities_hold_behind_an_elastic_mounting_with_play(name, mounting):
-    held = {"k_s": mounting[0], "play": mounting[1], "drag": 40.0}
-    check_slopes(name, resting(name) | CASES[name][1] | held, held, passed=20)
-
-
 def check_slopes(name, base, held=None, *, passed=0):
     """Hold exact sensitivities of a case, with some numbers changed, to central differences."""
     network, held = CASES[name][0], held or {}

@@ -328,36 +328,7 @@ def test_each_rule_names_the_dampers_of_its_own(changed, rules, ends):
     assert not rules or f"D{ends[0] + 20} (2026-0" in sentences[0]
 
 
-def test_one_shift_of_many_forces_is_one_sentence_and_takes_two_dates():
-    changed = {
-        (f"D{k}", s): {REBOUND: 1100.0 * number, BUMP: -550.0 * number}
-        for k in range(16, 21)
-        for number, s in enumerate(SETTINGS, 1)
-    }
-    (sentence,), rows = run_rules(surveyed(20, dates=days(20), changed=changed))
-    assert "at setting 1 is above its median at D16 (2026-03-16) to D20 (2026-03-20)" in sentence
-    assert sentence.endswith("with it 6 of 6 forces are off.")
-    assert {row["side"] for row in rows if row["stroke"] == "bump"} == {"below"}
-    for dates in (None, ["2026-03-01"] * 20):
-        assert run_rules(surveyed(20, dates=dates, changed=changed)) == ([], [])
-
-
 # The command, on parts that are there
-
-
-def test_capability_and_shifts_are_written(tmp_path, capsys):
-    written(of_force([*spread(19, 1000.0, 2.0), 1020.0], 1.0, days(20)), tmp_path)
-    assert main(["fleet", "--tolerance", "5%", "--report", "--json", "--out", str(tmp_path)]) == 0
-    document = json.loads(capsys.readouterr().out)
-    (worst, *_) = document["capability"]
-    assert (worst["setting"], worst["stroke"], worst["n_dampers"]) == ("1", "rebound", 20)
-    assert "D20 (2026-03-20) by rule 1" in document["shifts"][0]
-    page = (tmp_path / "_fleet" / "fleet.html").read_text()
-    assert document["shifts"][0] in page
-    assert "<h2>Capability</h2>" in page
-    for key in ("capability", "run_rules"):
-        table = pd.read_csv(tmp_path / "_fleet" / f"fleet_{key}.csv")
-        assert len(table) == len(document[key])
 
 
 def test_a_page_and_a_tolerance_of_parts(tmp_path, capsys):
