@@ -38,19 +38,15 @@ from damperfit.store import path_of
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from damperfit.answers import (
-        Files,
-        FirstConfiguration,
-        Inspection,
-        Simulation,
-        Sweep,
-    )
+    from damperfit.answers import Files, FirstConfiguration
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
     from damperfit.fleets.done import FleetDone
     from damperfit.queries.compared import Comparison
     from damperfit.queries.settings import CurveForces, SettingForces
+    from damperfit.queries.simulated import Simulation, Sweep
     from damperfit.recording import Recording
+    from damperfit.reporting.inspection import Inspection
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
     from damperfit.run.identify import Identified, Watch
@@ -115,7 +111,7 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
 ) -> Inspection:
     """Show what is in logs and what is wrong with them; fit nothing."""
     given = dict(locals())
-    from damperfit.answers import Inspection
+    from damperfit.reporting.inspection import Inspection
     from damperfit.run.log_files import as_files, expand
     from damperfit.run.logs import Purpose, read_batch
 
@@ -522,8 +518,8 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
 ) -> Simulation:
     """Simulate one setting."""
     given = dict(locals())
-    from damperfit.answers import Simulation
     from damperfit.damper.temperature_law import WithTemperature
+    from damperfit.queries.simulated import Simulation
     from damperfit.results import with_temperature
 
     if displacement is not None:
@@ -611,7 +607,7 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
         Folder for the table and the figures; without it none is written.
     """
     given = dict(locals())
-    from damperfit.answers import Sweep
+    from damperfit.queries.simulated import Sweep
     from damperfit.queries.simulations import PAPER_SWEEPS, parse_variation
 
     _check_kind(figures)

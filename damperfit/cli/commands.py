@@ -288,13 +288,10 @@ def fleet(how: Shown, **given: Any) -> int:
 @command(api.simulate, example="simulate --setting 10 --amplitude 32mm --frequency 1.5Hz")
 def simulate(how: Shown, **given: Any) -> int:
     """Print forces, energy and pressures of one setting."""
-    from damperfit.reporting.simulated import cycle_sparklines
-
     done = api.simulate(**given)
     notes = (*done.configured_notes, *done.notes)
     _tell(how, done.damper, done.choice.source, notes=notes, warnings=done.warnings)
-    size: Any = {"columns": screen_columns(), "levels": spark_levels()}
-    cycle = cycle_sparklines(done.response, done.frequency, **size)
+    cycle = done.last_cycle(screen_columns(), spark_levels())
     is_shown = not how.quiet or given["out"] is None
     blocks = [done.sentence, *done.sheets(), ["last cycle", *cycle]] if is_shown else []
     _show(how, done.document, blocks)

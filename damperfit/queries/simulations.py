@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from damperfit.configuration.options import Configuration, parameter_value
 from damperfit.damper.model import Model, Values
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
@@ -25,7 +27,6 @@ from damperfit.identification import unlimited_in, values_from_others
 from damperfit.io import read_log
 from damperfit.problem import Option, listed_names
 from damperfit.recording import Trace
-from damperfit.reporting.simulated import SweepMember
 from damperfit.results import Run, SettingResult, Tested
 from damperfit.run.logs import Labels, conditioned_as_tested, facts_of
 from damperfit.simulation import (
@@ -360,6 +361,29 @@ class Variation(NamedTuple):
 
     name: str
     factors: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepMember:
+    """One test of a sweep."""
+
+    factor: float
+    value: float  # the quantity that the factor makes, SI
+    frequency: float  # Hz
+    response: Response
+    figures: Characteristics  # of the last cycle
+
+    @property
+    def cavitation(self) -> float:
+        """Largest share of the cycle that a chamber is at zero pressure."""
+        return max(self.figures.cavitation_shares)
+
+    @property
+    def last_cycle(self) -> slice:
+        """The samples of the last cycle."""
+        time = self.response.time
+        start = int(np.searchsorted(time, time[-1] - 1.0 / self.frequency))
+        return slice(max(0, start - 1), len(time))
 
 
 _GAS = {"p_0": "gas_pressure", "gamma": "gas_exponent"}

@@ -17,9 +17,14 @@ import numpy as np
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.io.force_curves import ForceCurve
 from damperfit.problem import FEW, Problem, listing
+from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, first_of, laid_out, number
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from damperfit.run.logs import LogBatch
+
     Facts = Mapping[str, Any]
 
 _VERDICTS = {
@@ -37,6 +42,51 @@ _NUMBER = re.compile(r"[-+]?\d[\d.e+-]*")
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 _CURVE_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.52)  # m/s, of the speeds that damper tests name
 _LISTED = "have no row here; --json lists them all"
+
+
+class Inspection(Answer):
+    """What is in logs: `batch` has what was found of each, `facts` the same as JSON values."""
+
+    def __init__(self, batch: LogBatch) -> None:
+        self.batch = batch
+        self.facts = [log.facts for log in batch.logs]
+        n, n_bad = len(batch.logs), len(batch.failures)
+        self.sentence = f"{n} log{'' if n == 1 else 's'}, {n_bad} cannot be used"
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Logs that cannot be used, a sentence each."""
+        return tuple(failure.message for failure in self.batch.failures)
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What their data show, a sentence each."""
+        return tuple(finding_lines(self.facts, has_notes=True))
+
+    remarks = findings
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        return self.batch.document()
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a log: setting, rate, cycles, frequency, amplitude, verdict ..."""
+        import pandas as pd
+
+        rows = []
+        for log in self.batch.logs:
+            flat = {k: v for k, v in log.facts.items() if isinstance(v, str | int | float | bool)}
+            setting = log.facts.get("setting")
+            rows.append({"log": log.log} | flat | {"setting": setting and str(setting)})
+        return pd.DataFrame(rows)
+
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return a row a log."""
+        return self.all_sheets()[:1]
+
+    def all_sheets(self) -> tuple[Sheet, ...]:
+        """Return a row a log, a row a segment, and a row a curve without time."""
+        return tuple(make(self.facts) for make in (inspection_sheet, stretch_sheet, curve_sheet))
 
 
 # Tables
