@@ -716,6 +716,18 @@ def of_valves() -> damperfit.Run:
 
 
 @case
+def gas_pressure_declared_wrong() -> Any:
+    """A third more than there is: the gas volume and the offset take it up."""
+    model = TwinTube(gas_pressure=1.5e6)
+    run = fit(
+        [valve_log(model, 3, f_0=0.0)],
+        damper=replace(model, gas_pressure=2e6),
+        free=[*(name for name in VALVES if name in model.names), "gas_volume"],
+    )
+    return told(run)["problems"]
+
+
+@case
 def valves() -> Any:
     run = of_valves()
     return {

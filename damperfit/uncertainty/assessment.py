@@ -74,6 +74,8 @@ _ENOUGH_LOGS, _APART, _FAR = 4, 5e-3, 10.0
 # Settings disagree about a shared value from this factor and so many errors on, of those whose own
 # logs tell it better than by this error of its logarithm, where that is half of what they miss.
 _UNLIKE, _SURELY, _TELLING, _MOST_OF_IT = 1.5, 3.0, 0.3, 0.5
+# An offset of so much of the force's swing, of which a gas leaves no more than so much.
+_OFFSET_THAT_MATTERS, _OF_OFFSET = 0.01, 0.2
 # Of a stroke's oil: a share below it is that of a passage which the logs do not show.
 _UNNOTICED = 0.01
 
@@ -207,6 +209,42 @@ def motions_apart(campaign: Campaign) -> Iterator[Problem]:
                 what=what,
                 percent=f"{100.0 * most:.2g}",
             )
+
+
+def gas_in_offset(campaign: Campaign, damper: Model) -> Iterator[Problem]:
+    """Yield what of the damper explains both the gas volume that was found and the offset."""
+    gas, determined = damper.gas, {Status.FITTED, Status.SHARED}
+    volumes: list[float] = []
+    offsets: list[float] = []
+    for fit in campaign.fits:
+        for one in fit.parameters.quantities:
+            if fit.status[one.name] in determined and (one.is_offset or one.name == "gas_volume"):
+                (offsets if one.is_offset else volumes).append(getattr(fit.parameters, one.name))
+    if gas is None or not volumes or not offsets:
+        return
+    area, pressure, volume, _, ambient = gas
+    times, offset = volume / float(np.median(volumes)), float(np.median(offsets))
+    logs = (log.trace for fit in campaign.fits for log in fit.logs)
+    swing = max(float(np.ptp(trace.force[trace.compared])) for trace in logs)
+    if abs(offset) < _OFFSET_THAT_MATTERS * swing:
+        return
+    # What the offset is left with: a stiffer gas spring is one of more pressure, or a thicker rod.
+    left = {
+        "gas pressure": offset + area * pressure * (times - 1.0),
+        "rod": offset + area * (pressure - ambient) * (math.sqrt(times) - 1.0),
+    }
+    what = min(left, key=lambda name: abs(left[name]))
+    if abs(left[what]) < _OF_OFFSET * abs(offset):
+        by_rod = f"{times**0.25:.3g} times the declared diameter"
+        yield warning(
+            "gas-in-offset",
+            "a {what} of {amount} explains both the stiffness of the gas spring and the force "
+            "offset of {offset} N, which was taken as the rig's tare and is in no force of the "
+            "damper: measure it, and declare it",
+            what=what,
+            amount=by_rod if what == "rod" else f"{1e-5 * times * pressure:.3g} bar",
+            offset=f"{offset:.3g}",
+        )
 
 
 def shared_apart(linearised: Sequence[Linearisation], sharing: Sharing) -> Iterator[Problem]:
@@ -632,6 +670,7 @@ def assess(
         apart=(
             *motions_apart(campaign),
             *shared_apart(linearised, sharing),
+            *gas_in_offset(campaign, damper),
             *told_together,
         ),
     )
