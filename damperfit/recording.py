@@ -221,6 +221,8 @@ class Trace:
     gas_pressure: float | None = None
     whole: Trace | None = None  # with all that was logged, where a run-up or coast-down is cut off
     shows_signs: bool = False  # the gas force shows which way the channels are counted
+    # The rig's own offset of this log beside the mean one of its setting, N, found and taken off.
+    tare: float = 0.0
 
     @property
     def warnings(self) -> tuple[str, ...]:

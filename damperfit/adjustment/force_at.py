@@ -154,8 +154,9 @@ class Force:
     carried: FloatArray
     model_force: float = math.nan  # like `force` in all else
     origin: str = MODEL  # whose `force` is: `MODEL` or `MEASURED`
-    # From the model's misfit: what repeats in the residual at like speeds, the misfit's share in
-    # the tare that is taken off, and below the slowest measured speed its share in the friction.
+    # From the model's misfit: what repeats in the residual at like speeds, its share in what the
+    # rig takes up between the measured force and this one, such as the tare, and below the slowest
+    # measured speed its share in the friction.
     misfit: float = 0.0
     # How far it may be below and above for what the logs do not determine.
     undetermined: tuple[float, float] = (0.0, 0.0)
@@ -169,6 +170,7 @@ class Force:
     tare_out: float = 0.0  # and what of it is not in the force
     tare_error: float = 0.0
     tare_misfit: float = 0.0
+    taken_up: float = 0.0  # the rig's part of `misfit`
     whole_error: float = math.nan  # of the force with the offset
     holds_gas: bool = False  # the model knows no gas: the offset holds it, and is in the force
 
@@ -242,10 +244,11 @@ class Force:
             force=self.force + self.tare_out,
             model_force=self.model_force + self.tare_out,
             error=self.whole_error,
-            misfit=math.sqrt(max(self.misfit**2 - self.tare_misfit**2, 0.0)),
+            misfit=math.sqrt(max(self.misfit**2 - self.taken_up**2, 0.0)),
             tare_out=0.0,
             tare_error=0.0,
             tare_misfit=0.0,
+            taken_up=0.0,
         )
 
     @property
@@ -336,7 +339,9 @@ def _forces_of(
     )
     forces = []
     for k, ((speed, stroke), test, pick) in enumerate(zip(places, tests, picked, strict=True)):
-        misfit = tare_misfit
+        taken_up = None if test is None else test.taken_up_near(speed)
+        taken_up = tare_misfit if taken_up is None else taken_up
+        misfit = taken_up
         if pick is not None:  # of few cycles the bend alone is known
             noise = 0.0 if math.isnan(pick.error) and bends[k] > 0.0 else pick.error
             pick = replace(pick, error=math.hypot(noise, bends[k] / NORMAL_95))  # noqa: PLW2901
@@ -366,6 +371,7 @@ def _forces_of(
                 tare_out=tare_out,
                 tare_error=tare_error,
                 tare_misfit=tare_misfit,
+                taken_up=taken_up,
                 whole_error=float(whole[k]),
                 holds_gas=not curve.knows_gas,
             )

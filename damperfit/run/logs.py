@@ -603,7 +603,7 @@ def _conditioned(
             findings = examine_raw(recording)
         return _failed(log, error, findings, task="conditioning the log")
     if offset := configuration.log_offsets.get(trace.name, 0.0):
-        trace = replace(trace, force=trace.force - offset)
+        trace = replace(trace, force=trace.force - offset, tare=offset)
         tested_at = {**tested_at, "force_offset": offset}
     told: dict[str, Any] = whose | ({"tested_at": tested_at} if tested_at else {})
     told["reversed"] = reversed_in(recording, trace)

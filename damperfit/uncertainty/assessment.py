@@ -57,7 +57,12 @@ from damperfit.uncertainty.residuals import (
     reconciled,
     words_of,
 )
-from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
+from damperfit.uncertainty.speed_forces import (
+    Slopes,
+    SpeedForces,
+    beside_the_rig,
+    speed_forces,
+)
 from damperfit.workers import apart, executor, told_here
 
 if TYPE_CHECKING:
@@ -572,7 +577,7 @@ class _Alone(NamedTuple):
 
     linearised: Linearisation
     diagnosis: Diagnosis
-    forces: tuple[SpeedForces, ...]
+    forces: tuple[tuple[SpeedForces, Slopes], ...]
     friction: BySpeed | None
 
 
@@ -640,7 +645,7 @@ def assess(
             with sparing(fit.setting, take):
                 diagnosis, pulls = diagnose(one, doubted=doubted)
                 is_structured = diagnosis.is_structured
-                over_speed = tuple(speed_forces(one, is_structured=is_structured))
+                over_speed = speed_forces(one, is_structured=is_structured)
                 seen = one.summed(is_structured=is_structured, pulls=pulls)
                 return _Alone(seen, diagnosis, over_speed, friction_by_speed(one))
         return None
@@ -666,7 +671,13 @@ def assess(
         diagnoses=reconciled(one.diagnosis for one in found if one.diagnosis.setting in known),
         profiles=(*profiles, *shared_limits(linearised, bench)),
         gas=gas_content(linearised, sharing),
-        forces=tuple(force for one in found for force in one.forces),
+        forces=tuple(
+            beside_the_rig(force, slopes, one.linearised.fit, known[setting], damper)
+            if (setting := one.diagnosis.setting) in known
+            else force
+            for one in found
+            for force, slopes in one.forces
+        ),
         apart=(
             *motions_apart(campaign),
             *shared_apart(linearised, sharing),

@@ -34,7 +34,10 @@ their pulls, which cancel at the minimum, are taken for independent::
 
 A law that is not the damper's misses every log alike. Their pulls in the same block of phase are
 therefore summed, over the logs and over the settings, before they are squared, too; the larger of
-the two errors is given.
+the two is taken, direction by direction.
+
+A rig is tared before each log. Where the search has found an offset of each log beside their mean
+one, J is what is left of it beside these offsets: they are as uncertain as all else.
 
 What follows an adjuster is an unknown for each of its clicks, and theta holds them all: A picks
 those that a setting has. Where K_e follows from a gas content, theta holds V_r and K_B/C in its
@@ -112,6 +115,7 @@ class Uncertainty:
     shared: tuple[str, ...] = ()  # the last of `names`: one value for all settings, told or not
     # Openings that no log reaches, by name, and the pressure that each is above, Pa.
     unopened: Mapping[str, float] = field(default_factory=dict)
+    misfit: FloatArray | None = None  # like `covariance`, by the model's misfit
 
     @property
     def correlation(self) -> FloatArray:
@@ -204,21 +208,23 @@ def _of_setting(
     direct, by_shared = whole[places], (slopes - whole @ one.information @ slopes)[places]
     of_own = direct + by_shared @ rows
     noise = of_own @ one.scores @ of_own.T + by_shared @ others[0] @ by_shared.T
-    misfit = np.diag(by_shared @ others[1] @ by_shared.T)
+    misfit = by_shared @ others[1] @ by_shared.T
     if one.misfit is not None:
-        misfit = misfit + np.diag(of_own @ one.misfit @ of_own.T)
+        misfit = misfit + of_own @ one.misfit @ of_own.T
 
     def shifts(of_all: FloatArray, mine: FloatArray | None) -> FloatArray:
         return by_shared @ of_all if mine is None else by_shared @ of_all + direct @ mine
 
     repeating, supposed = pulls
     if repeating.ndim:  # the same law misses every setting alike
-        mine = None if one.repeating is None else one.repeating.T
-        misfit = np.maximum(misfit, np.sum(shifts(repeating, mine) ** 2, axis=1))
+        alike = shifts(repeating, None if one.repeating is None else one.repeating.T)
+        misfit = larger(misfit, alike @ alike.T)
     if one.supposed is not None:
-        misfit = misfit + np.sum(shifts(supposed, one.supposed) ** 2, axis=1)
+        defaults = shifts(supposed, one.supposed)
+        misfit = misfit + defaults @ defaults.T
     for name, of_all in flawed.items():
-        misfit = misfit + shifts(of_all, one.flawed.get(name)) ** 2
+        shift = shifts(of_all, one.flawed.get(name))
+        misfit = misfit + np.outer(shift, shift)
     by_cycles, by_lags = (
         np.diag(direct @ scores @ direct.T) for scores in (one.cycle_scores, one.scores)
     )
@@ -226,7 +232,7 @@ def _of_setting(
         ratios = np.sqrt(by_cycles / by_lags)
     # What no log tells has a variance of rounding alone: huge, and of either sign.
     errors = np.sqrt(np.abs(noise.diagonal())).tolist()
-    bends = np.sqrt(np.maximum(misfit, 0.0)).tolist()
+    bends = np.sqrt(np.maximum(misfit.diagonal(), 0.0)).tolist()
     intervals = {
         name: make_interval(
             float(getattr(values, name)),
@@ -237,7 +243,7 @@ def _of_setting(
         )
         for name, error, ratio, bend in zip(names, errors, ratios.tolist(), bends, strict=True)
     }
-    return Uncertainty(fit.setting, intervals, names, noise, common)
+    return Uncertainty(fit.setting, intervals, names, noise, common, misfit=misfit)
 
 
 def _sums_of_others(parts: Sequence[FloatArray], nothing: FloatArray) -> list[FloatArray]:
@@ -739,12 +745,9 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
         value = getattr(values, one.name)
         if fit.status[one.name] is Status.FIXED and value == one.default:
             errors[row] = one.ignorance * (1.0 if one.may_vanish else value)
-    information, covariance, gradient = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
-    supposed: FloatArray | None = None
-    cycles: list[FloatArray] = []
-    counted: list[tuple[int, float, int]] = []
-    logs: list[LogLinearisation] = []
-    network, squares = getattr(damper.plain, "network", None), 0.0
+    seen_logs: list[LogLinearisation] = []
+    unknowns: list[list[FloatArray]] = []  # of each log and stretch, what nobody has measured
+    network = getattr(damper.plain, "network", None)
     passages = () if network is None else network.passages
     # One that lifts gradually lets oil through below its opening.
     pressed = {one.opening: 0.0 for one in passages if one.opening and not one.width}
@@ -756,20 +759,33 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
         for one in (one for one in passages if one.opening in pressed):
             here = pressures[one.start - 1, part] - pressures[one.end - 1, part]
             pressed[one.opening] = max(float(here.max()), pressed[one.opening])
+        is_known = others is None and not errors.any()
+        unknown = [] if is_known else [errors[:, None] * slopes[1 : n + 1] for slopes in rows]
+        if others is not None:
+            unknown = [np.vstack(pair) for pair in zip(unknown, others, strict=True)]
+        unknowns.append(unknown)
+        slopes, gas = np.split(
+            np.vstack([(slopes[1:] * scales[:, None]).T for slopes in rows]), [n], axis=1
+        )
         own_weights = np.ones(trace.n_samples) if weight is None else weight
-        residuals = trace.force[part] - force[part]
-        squares += float(np.sum((own_weights * residuals) ** 2))
-        by = [np.ascontiguousarray((slopes[1:] * scales[:, None]).T) for slopes in rows]
+        signals = trace.force[part] - force[part], own_weights, slopes, gas, force[part]
+        seen_logs.append(LogLinearisation(*signals, tuple(rounding)))
+    if any(log.trace.tare for log in fit.logs):
+        seen_logs = _beside_own_offsets(seen_logs)
+    information, covariance, gradient = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    supposed: FloatArray | None = None
+    cycles: list[FloatArray] = []
+    counted: list[tuple[int, float, int]] = []
+    squares = 0.0
+    for log, seen_log, unknown in zip(fit.logs, seen_logs, unknowns, strict=True):
+        trace = log.trace
         for k, (stretch, place) in enumerate(zip(trace.stretches, trace.places, strict=True)):
-            jacobian, rest = by[k][:, :n], residuals[place]
-            unknown = errors[:, None] * rows[k][1 : n + 1] if np.any(errors) or others else None
-            if others is not None and unknown is not None:
-                unknown = np.vstack([unknown, others[k]])
-            if weight is not None:
-                jacobian, rest = jacobian * weight[place, None], rest * weight[place]
-                unknown = None if unknown is None else unknown * weight[place]
-            if unknown is not None:
-                pull = jacobian.T @ unknown.T
+            own_weights = seen_log.weights[place]
+            jacobian = seen_log.jacobian[place] * own_weights[:, None]
+            rest = seen_log.residuals[place] * own_weights
+            squares += float(rest @ rest)
+            if unknown:
+                pull = jacobian.T @ (unknown[k] * own_weights).T
                 supposed = pull if supposed is None else supposed + pull
             is_cyclic = bool(stretch.n_cycles)
             longest = _LONGEST_CORRELATION / stretch.frequency if is_cyclic else _LONGEST_MOVING
@@ -784,9 +800,6 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
             gradient += scores.sum(axis=0)
             cycles.append(sums_by_cycle(scores, stretch.cycle_starts - stretch.first))
             counted.append((len(rest), independent_samples(trace.model_filter, len(rest)), lag))
-        slopes, gas = np.split(np.vstack(by), [n], axis=1)
-        seen_log = residuals, own_weights, slopes, gas, force[part], tuple(rounding)
-        logs.append(LogLinearisation(*seen_log))
     wider = widening(counted, sum(status in _FOUND for status in fit.status.values()))
     return Linearisation(
         fit=fit,
@@ -794,13 +807,24 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
         scores=wider * covariance,
         cycle_scores=wider * cycle_covariance(cycles),
         gradient=gradient,
-        logs=tuple(logs),
+        logs=tuple(seen_logs),
         conditions=damper.conditions,
         supposed=supposed,
         flaws=damper.flaws,
         precision=sum(size for size, *_ in counted) / max(squares, 1e-300),
         pressed=pressed,
     )
+
+
+def _beside_own_offsets(logs: Sequence[LogLinearisation]) -> list[LogLinearisation]:
+    """The logs of a setting without what an offset of each beside their mean one takes up."""
+    found = []
+    counts = [float(seen.weights @ seen.weights) for seen in logs]
+    means = [seen.weights**2 @ seen.jacobian / n for seen, n in zip(logs, counts, strict=True)]
+    common = sum(means) / sum(1.0 / n for n in counts)
+    for seen, n, mean in zip(logs, counts, means, strict=True):
+        found.append(seen._replace(jacobian=seen.jacobian - (mean - common / n)))
+    return found
 
 
 def _responses(

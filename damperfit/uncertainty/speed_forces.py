@@ -18,20 +18,26 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import corner_of
 from damperfit.conditioning.measured_characteristics import counted_edges, peak_velocity_forces
+from damperfit.damper.quasi_static import quasi_static
+from damperfit.errors import SimulationError
 from damperfit.passed_speeds import at_speeds
 from damperfit.recording import Stretch
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95, median
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.covariance import Linearisation
+from damperfit.uncertainty.covariance import Linearisation, Uncertainty
 from damperfit.uncertainty.residuals import residual_scatter
+
+if TYPE_CHECKING:
+    from damperfit.damper.model import Model
+    from damperfit.identification import Fit
 
 PVP, CVP = "pvp", "cvp"
 # Strokes and speeds that differ by less are those of one test.
@@ -92,6 +98,11 @@ class SpeedForces:
     opening: tuple[float, ...] = ()  # of a loop: its branches
     closing: tuple[float, ...] = ()
     peak_forces: tuple[float, ...] = ()  # of peaks: the largest force of the stroke in the segment
+    # Standard error, by the misfit, of what lies between the measured force and the damper's own
+    # (tare, gas off the middle of the stroke, what yields or lags), at rising speeds. Empty of
+    # older versions.
+    taken_up_at: tuple[float, ...] = ()
+    taken_up: tuple[float, ...] = ()
 
     def at(self, speed: float) -> MeasuredForce | None:
         """Return the force at a speed; None where it was not measured."""
@@ -128,6 +139,10 @@ class SpeedForces:
         """Return the misfit at a speed, or at the nearest that was measured, N."""
         return float(np.interp(speed, self.speeds, self.misfit)) if self.speeds else 0.0
 
+    def taken_up_near(self, speed: float) -> float | None:
+        """Return what was taken up there likewise, N; None where it is not known."""
+        return float(np.interp(speed, self.taken_up_at, self.taken_up)) if self.taken_up else None
+
 
 class _Segment(NamedTuple):
     """One steady segment: its samples, and of each stroke what is read at its peaks."""
@@ -139,14 +154,26 @@ class _Segment(NamedTuple):
     noise: float  # variance of the residuals that does not repeat, N2
     rounding: tuple[FloatArray, ...]
     slowest: float  # m/s; a slower passage is too near to a reversal
-    peaks: FloatArray  # (2, 8): of both strokes a row as below
+    jacobian: FloatArray  # (n, k)
+    peaks: FloatArray  # (2, 8 + k): of both strokes a row as below
 
 
-# A row: these, what was put back, both branches, the stroke's largest force.
+# A row: these, what was put back, both branches, the stroke's largest force, and the slopes of the
+# modelled force by the logarithms of the model's quantities.
 _SPEED, _FORCE, _ERROR, _DIFFERENCE = range(4)
+_N_NUMBERS = 8
 
 
-def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[SpeedForces, ...]:
+class Slopes(NamedTuple):
+    """Of a stroke's modelled force by the logarithms of the model's quantities, rig in it."""
+
+    speeds: FloatArray  # (m,), rising, m/s
+    rows: FloatArray  # (k, m), the mean of both branches, and of the tests that pass a speed
+
+
+def speed_forces(
+    linearised: Linearisation, *, is_structured: bool
+) -> tuple[tuple[SpeedForces, Slopes], ...]:
     """Return the forces of a setting in rebound and in bump; none where no cycle repeats."""
     segments = sorted(_segments(linearised), key=lambda one: one.stretch.peak_speed)
     if not segments:
@@ -171,30 +198,71 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
 
     forces = []
     for place, (stroke, sign) in enumerate((("rebound", 1.0), ("bump", -1.0))):
-        rows = np.array([_mean([one.peaks[place] for one in test]) for test in tests]).T
-        if is_loop:
-            rows = np.hstack([_of_loop(tests[0], sign), rows])
-        rows = rows[:, np.isfinite(rows[[_SPEED, _FORCE, _DIFFERENCE]]).all(axis=0)]
-        rows = rows[:, np.argsort(rows[_SPEED], kind="stable")]
+        peaks = [_mean([one.peaks[place] for one in test])[:, None] for test in tests]
+        loops = [
+            _known(_of_loop(test, sign), peak) for test, peak in zip(tests, peaks, strict=True)
+        ]
+        rows = (loops[0] if is_loop else _known(*peaks))[:_N_NUMBERS]
         speed, force, error, difference, back, opening, closing, largest = map(tuple, rows.tolist())
-        forces.append(
-            SpeedForces(
-                setting=linearised.fit.setting,
-                stroke=stroke,
-                half_range=half_range,
-                speeds=speed,
-                measured=force,
-                measured_se=error,
-                difference=difference,
-                misfit=tuple(misfit(at, sign) for at in speed),
-                kind=CVP if is_loop else PVP,
-                rounding=back,
-                opening=opening if is_loop else (),
-                closing=closing if is_loop else (),
-                peak_forces=() if is_loop else largest,
-            )
+        of_stroke = SpeedForces(
+            setting=linearised.fit.setting,
+            stroke=stroke,
+            half_range=half_range,
+            speeds=speed,
+            measured=force,
+            measured_se=error,
+            difference=difference,
+            misfit=tuple(misfit(at, sign) for at in speed),
+            kind=CVP if is_loop else PVP,
+            rounding=back,
+            opening=opening if is_loop else (),
+            closing=closing if is_loop else (),
+            peak_forces=() if is_loop else largest,
         )
+        forces.append((of_stroke, _mean_slopes(loops)))
     return tuple(forces)
+
+
+def _known(*rows: FloatArray) -> FloatArray:
+    """Rows of several passages as columns, by rising speed, of those that have been read."""
+    found = np.hstack(rows)
+    found = found[:, np.isfinite(found[[_SPEED, _FORCE, _DIFFERENCE]]).all(axis=0)]
+    return np.asarray(found[:, np.argsort(found[_SPEED], kind="stable")])
+
+
+def _mean_slopes(loops: Sequence[FloatArray]) -> Slopes:
+    speeds = np.unique(np.concatenate([rows[_SPEED] for rows in loops]))
+    total, count = np.zeros((len(loops[0]) - _N_NUMBERS, len(speeds))), np.zeros(len(speeds))
+    for rows in (rows for rows in loops if rows.shape[1]):
+        passed = (speeds >= rows[_SPEED, 0]) & (speeds <= rows[_SPEED, -1])
+        count[passed] += 1.0
+        for into, along in zip(total, rows[_N_NUMBERS:], strict=True):
+            into[passed] += np.interp(speeds[passed], rows[_SPEED], along)
+    return Slopes(speeds, total / np.maximum(count, 1.0))
+
+
+def beside_the_rig(
+    forces: SpeedForces, slopes: Slopes, fit: Fit, known: Uncertainty, damper: Model
+) -> SpeedForces:
+    """Return the forces with what the misfit makes uncertain between them and the damper's own.
+
+    The fit holds the measured force: its misfit is what the residual shows there. The force of the
+    damper alone is another function g(u) than the measured one J(u), and what the rig takes up
+    between them has the variance (g - J) C (g - J)' with the misfit's covariance C.
+    """
+    speeds = slopes.speeds * (1.0 if forces.stroke == "rebound" else -1.0)
+    if known.misfit is None or not known.misfit.any() or not len(speeds):
+        return forces
+    try:
+        own = quasi_static(damper, fit.parameters, speeds, sensitivities=known.names).slopes
+    except SimulationError:
+        return forces
+    places = [fit.parameters.names.index(name) for name in known.names]
+    away = own - slopes.rows[places]
+    errors = np.sqrt(np.maximum(np.einsum("im,ij,jm->m", away, known.misfit, away), 0.0))
+    return replace(
+        forces, taken_up_at=tuple(slopes.speeds.tolist()), taken_up=tuple(errors.tolist())
+    )
 
 
 def _mean(tests: Sequence[FloatArray]) -> FloatArray:
@@ -221,19 +289,21 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
             slowest = slope / trace.interval * _NEAR_A_REVERSAL / corner
             edges = counted_edges(one) - one.first
             clean = slice(max(int(edges[0]), 0), int(edges[-1]))
-            signals, begins = np.stack([force, residuals])[:, clean], edges[:-1] - edges[0]
+            jacobian = seen.jacobian[place]
+            signals = np.vstack([force, residuals, jacobian.T])[:, clean]
+            begins = edges[:-1] - edges[0]
             peaks = []
             for sign in (1.0, -1.0):
                 # The error of the residual: that of the force holds the scatter of the motion.
-                speed, (at_peak, residual), errors = peak_velocity_forces(
+                speed, (at_peak, residual, *slopes), errors = peak_velocity_forces(
                     sign * velocity[clean], signals, begins
                 )
                 largest = sign * float(np.mean(np.maximum.reduceat(sign * signals[0], begins)))
-                peaks.append([speed, at_peak, errors[1], residual, 0.0, at_peak, at_peak, largest])
+                numbers = speed, at_peak, errors[1], residual, 0.0, at_peak, at_peak, largest
+                peaks.append([*numbers, *slopes])
             noise = noise if math.isfinite(noise) else 0.0
-            yield _Segment(
-                one, velocity, force, residuals, noise, rounding, slowest, np.array(peaks)
-            )
+            read = velocity, force, residuals, noise, rounding, slowest
+            yield _Segment(one, *read, jacobian, np.array(peaks))
 
 
 def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
@@ -246,7 +316,7 @@ def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
     speeds = sorted(speed for speed in asked if slowest <= speed < 0.99 * top)
     rows = []
     for one in alike:
-        signals = np.stack([one.force, one.residuals])
+        signals = np.vstack([one.force, one.residuals, one.jacobian.T])
         counts, means, squares = at_speeds(one.velocity, signals, speeds, sign=sign)
         velocity, taken = one.rounding
         back = at_speeds(velocity, taken[None], speeds, sign=sign)[1][..., 0]
@@ -254,7 +324,7 @@ def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
             variances = squares[..., 1] / (counts - 1.0) / counts
         branches, nothing = means[..., 0] + back, np.full(len(speeds), math.nan)
         error = 0.5 * np.sqrt(variances.sum(axis=0))
-        difference = means[..., 1].mean(axis=0)
+        difference, *slopes = means[..., 1:].mean(axis=0).T
         whole = [speeds, branches.mean(axis=0), error, difference, back.mean(axis=0)]
-        rows.append(np.array([*whole, *branches, nothing]))
+        rows.append(np.array([*whole, *branches, nothing, *slopes]))
     return _mean(rows)

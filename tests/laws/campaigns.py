@@ -82,6 +82,13 @@ class Campaign:
         return replace(own, rebound=rebound, bump=bump, drag=own.drag * thin,
                        gas_pressure=test.psi * PSI + AMBIENT)  # fmt: skip
 
+    def as_tested(self, valving: int) -> Body:
+        """The damper at a valving, as warm as its fitted logs are on average."""
+        warmth = [one.warmth for one in TESTS if one.valving == valving and not one.is_held_out]
+        own = self.bodies[valving]
+        test = TESTS[0]._replace(valving=valving, warmth=float(np.mean(warmth)))
+        return replace(self.body(test), gas_pressure=own.gas_pressure)
+
     @property
     def top_speed(self) -> float:
         """At 1.05 Hz, m/s."""
@@ -282,11 +289,11 @@ def told(campaign: Campaign, out: Path, cpu_s: float) -> tuple[list[str], int, i
 def _of_forces(campaign: Campaign, out: Path) -> list[str]:
     """Errors of forces at named speeds, without gas."""
     run = Run.load(out)
-    bodies = dict(zip(campaign.labels, campaign.bodies, strict=True))
+    bodies = {label: campaign.as_tested(k) for k, label in enumerate(campaign.labels)}
     speeds = [one for one in SPEEDS if one <= campaign.top_speed]
     errors: list[tuple[float, str]] = []
     n_inside = 0
-    for force in force_at(run.settings, run.damper, speeds):
+    for force in force_at(run.settings, run.damper, speeds, measured=run.speed_forces):
         body = bodies[str(force.setting)]
         largest = max(abs(steady_force(body, sign * campaign.top_speed)) for sign in (1.0, -1.0))
         signed = force.speed if force.stroke == "rebound" else -force.speed

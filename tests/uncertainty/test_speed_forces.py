@@ -47,6 +47,25 @@ def both():
     return found
 
 
+@pytest.mark.parametrize("free", [(), ("f_0",)])
+def test_what_a_misfit_bends_is_in_a_force_as_far_as_the_rig_takes_it_up(free) -> None:
+    log = condition(bent(recording(10, noise=4.0, duration=6.0)))
+    options = replace(PLAIN, free=(*PLAIN.free, *free))
+    campaign = identify([log], PURDY_DAMPER, options)
+    known = assess(campaign, PURDY_DAMPER)
+    (errors,) = known.uncertainties
+    for force, sign in zip(known.forces, (1.0, -1.0), strict=True):
+        values = campaign.fits[0].parameters
+        curve = quasi_static(PURDY_DAMPER, values, [0.2 * sign], sensitivities=errors.names)
+        bends = float(curve.slopes[:, 0] @ errors.misfit @ curve.slopes[:, 0]) ** 0.5
+        # The log holds the force there, whatever its valves are; a tare it does not.
+        if free:
+            tare = errors.intervals["f_0"].misfit
+            assert force.taken_up_near(0.2) == pytest.approx(tare, rel=0.02)
+        else:
+            assert force.taken_up_near(0.2) < 0.15 * bends
+
+
 def test_a_model_that_misses_gives_the_measured_force(both) -> None:
     _, known, found = both[1]
     assert known.diagnoses[0].is_structured

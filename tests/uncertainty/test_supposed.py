@@ -101,6 +101,29 @@ def test_it_is_wrong_by_the_same_at_all_settings() -> None:
     assert many.misfit == pytest.approx(few.misfit, rel=0.3)  # four settings know no more than two
 
 
+def test_the_offset_that_each_log_has_for_itself_is_as_uncertain_as_any_other_number() -> None:
+    setting = adjusted.at(14, 3)
+    speeds = {"slow": (0.05, 0.1), "fast": (0.1, 0.2)}
+    logs = [replace(adjusted.log(setting, speeds=v), name=name) for name, v in speeds.items()]
+    (fit,) = identify(logs, DAMPER, FitOptions("plain", fixed=MEASURED)).fits
+    apart = [
+        one._replace(trace=replace(one.trace, tare=by))
+        for one, by in zip(fit.logs, (-2.0, 2.0), strict=True)
+    ]
+    tied, free = (linearise_at_fit(replace(fit, logs=x), DAMPER) for x in (fit.logs, apart))
+    beside = np.repeat([-1.0, 1.0], [len(one.weights) for one in tied.logs])
+    found = [name for name, status in fit.status.items() if status == "fitted"]
+    weights = np.concatenate([one.weights for one in tied.logs])[:, None]
+    whole = weights * np.column_stack([tied.jacobian[:, tied.places(found)], beside])
+    expected = np.sqrt(np.diag(np.linalg.inv(whole.T @ whole)))[:-1]
+    errors, before = (
+        np.sqrt(np.diag(np.linalg.inv(one.information[np.ix_(*[one.places(found)] * 2)])))
+        for one in (free, tied)
+    )
+    assert errors == pytest.approx(expected, rel=1e-6)
+    assert np.all(errors > before)
+
+
 def test_two_straight_lines_lack_as_much_below_their_speeds_as_a_hyperbolic_tangent() -> None:
     v = np.linspace(0.0, 20.0, 20001)
     lines = [np.clip(v / (1.386 * (1.0 + away)), 0.0, 1.0) for away in (-_SPREAD, _SPREAD)]
