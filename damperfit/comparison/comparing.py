@@ -858,13 +858,14 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
         return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
     if common:
-        yield Circumstance(
-            "logs",
-            first.name,
-            second.name,
-            f"both are based on the same logs ({named([*common])}): differences come from the "
-            "evaluation only, and the errors, which assume two tests, are too large",
+        all_logs = f"both are based on the same logs ({named([*common])})"
+        some_logs = f"some logs are in both ({named([*common])}), where"
+        is_all = known[0].keys() == known[1].keys()
+        sentence = (
+            f"{f'{all_logs}:' if is_all else some_logs} differences come from the evaluation only, "
+            "and the errors, which assume two tests, are too large"
         )
+        yield Circumstance("logs", first.name, second.name, sentence)
     turned: dict[tuple[str, str], list[str]] = {}
     for one in common:
         signs = [logs[one].get("reversed") for logs in known]
@@ -873,7 +874,7 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
             turned.setdefault((a, b), []).append(one)
     for (a, b), digests in sorted(turned.items()):
         is_stroke = ("displacement" in a) is not ("displacement" in b)
-        words = ("rebound", "bump") if is_stroke else ("positive", "negative")
+        words = ("rebound", "compression") if is_stroke else ("positive", "negative")
         yield Circumstance(
             "rig",
             a,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.special import chdtri, stdtr, stdtrit
 
-from damperfit.adjustment.force_at import STROKES
+from damperfit.adjustment.force_at import STROKE_WORDS, STROKES
 from damperfit.arrays import FloatArray
 from damperfit.passed_speeds import in_both_strokes
 from damperfit.simulation import NAMED_SPEEDS
@@ -63,7 +63,7 @@ class Topic(NamedTuple):
         where = "" if self.setting is None else f"setting {self.setting}, "
         if self.speed is None:
             return f"{where}{self.label}"
-        return f"{where}{units.write_speed(self.speed)} {self.stroke}"
+        return f"{where}{units.write_speed(self.speed)} {STROKE_WORDS[self.stroke]}"
 
 
 class Reading(NamedTuple):

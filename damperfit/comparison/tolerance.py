@@ -124,8 +124,8 @@ def parse_bands(text: str | None) -> Tolerance | None:
     """Return the tolerance that the text of a command line means: a file, or per cent and newtons.
 
     A file is CSV with the columns speed, stroke, and force with tolerance (5% or 20N), or low and
-    high; setting may be missing or empty, the row is then of every setting. Makers write bump as
-    positive numbers: such a force is taken as negative.
+    high; setting may be missing or empty, the row is then of every setting. Makers write
+    compression as positive numbers: such a force is taken as negative.
     """
     if text is None:
         return None
@@ -156,9 +156,9 @@ def parse_bands(text: str | None) -> Tolerance | None:
 
 
 def _band(cells: Mapping[str, str]) -> Band:
-    stroke = cells["stroke"].lower()
-    if stroke not in STROKES:
-        raise ValueError(f"stroke {cells['stroke']!r}: expected {' or '.join(STROKES)}")
+    strokes = {"rebound": "rebound", "compression": "bump", "bump": "bump"}
+    if (stroke := strokes.get(cells["stroke"].lower(), "")) not in STROKES:
+        raise ValueError(f"stroke {cells['stroke']!r}: expected rebound or compression")
     speed = abs(parse_quantity(cells["speed"], "velocity"))
     if speed == 0.0:
         raise ValueError("speed 0: expected a speed above zero")

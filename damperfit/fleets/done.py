@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.fleets.parts import SUMMARY, collect
 from damperfit.fleets.run import Done, State
 from damperfit.reporting.answer import Answer
@@ -123,7 +124,9 @@ class FleetDone(Answer):
             lines.append(f"tolerance {held.source}: {held.sentence}")
             for point in held.worst[:_MANY]:
                 setting = f", setting {point.setting}" if str(point.setting) else ""
-                speed = f", {point.speed:g} m/s {point.stroke}" if point.stroke else ""
+                speed = (
+                    f", {point.speed:g} m/s {STROKE_WORDS[point.stroke]}" if point.stroke else ""
+                )
                 lines.append(f"{point.run or 'unknown'}{setting}{speed}: {point.words}")
             if (more := len(held.worst) - _MANY) > 0:
                 lines.append(f"and {_counted(more, 'more damper')}; --report lists them")

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.arrays import FloatArray
 from damperfit.comparison.tolerance import Point, Tolerance
 from damperfit.errors import ConfigurationError
@@ -114,7 +115,7 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
         columns.append(rows.assign(series=name, value=values, error=errors)[is_known])
         if match:
             speed, stroke = float(match[2]) / 1000.0, match[1]
-            label = f"force in {stroke} at {speed:g} m/s"
+            label = f"force in {STROKE_WORDS[stroke]} at {speed:g} m/s"
             series.append(Series(name, label, "N", speed, stroke))
         else:
             metadata = table.schema.field(name).metadata or {}
@@ -375,7 +376,7 @@ def capability_sheet(rows: Rows, most: int) -> Sheet:
     columns = [
         Column("set", "", lambda row: row["setting"]),
         Column("speed", "m/s", lambda row: number(row["speed_m_per_s"])),
-        Column.text("stroke", "stroke"),
+        Column("stroke", "", lambda row: STROKE_WORDS[row["stroke"]], is_number=False),
         Column("dampers", "", lambda row: str(row["n_dampers"])),
         *(Column.of(name, "N", f"{name}_N") for name in ("mean", "low", "high")),
         Column.of("s", "N", "s_N", digits=3),

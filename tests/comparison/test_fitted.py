@@ -191,7 +191,10 @@ def test_a_record_that_differs_is_named(a, b, said) -> None:
     [
         (
             *([], ["displacement", "force"]),
-            "nothing in a, displacement and force in b (x.csv): what is rebound in one is bump in",
+            (
+                "nothing in a, displacement and force in b (x.csv): what is rebound in one is "
+                "compression in"
+            ),
         ),
         (["force"], [], "force in a, nothing in b (x.csv): what is positive in one is negative in"),
     ],

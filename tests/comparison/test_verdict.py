@@ -217,7 +217,7 @@ def test_a_setting_that_was_not_tested_is_not_met() -> None:
 def test_nominal_forces_hold_by_setting_speed_and_stroke(bands) -> None:
     known = bands(
         "# from the drawing\nSetting,speed,Stroke,force_N,tolerance\n"
-        f"1,130mm/s,rebound,{AT:.3f},1N\n,0.13,bump,{DAMPING * 0.13 - GAS:.3f},1%\n"
+        f"1,130mm/s,rebound,{AT:.3f},1N\n,0.13,compression,{DAMPING * 0.13 - GAS:.3f},1%\n"
         "7,0.13,bump,300,5%\n1,0.5,rebound,900,5%\n"
     )
     found = bands_met(run(measured(1), measured(2)), known, MEASURED)
@@ -242,7 +242,7 @@ def test_nominal_forces_hold_by_setting_speed_and_stroke(bands) -> None:
         ("", "found nothing"),
         ("speed,stroke,low,high\n", "no row below the headings"),
         ("speed,stroke,low,high\n0.1,rebound,5,x\n", "row 2: 'x' cannot be read as force"),
-        ("speed,stroke,low,high\n0.1,up,5,9\n", "stroke 'up': expected rebound or bump"),
+        ("speed,stroke,low,high\n0.1,up,5,9\n", "stroke 'up': expected rebound or compression"),
         ("speed,stroke,low,high\n0,bump,5,9\n", "speed 0"),
         ("speed,stroke,low,high\n0.1,rebound,9,5\n", "low 9 N is above high 5 N"),
         ("speed,stroke,force,tolerance\n0.1,rebound,9,\n", "row 2"),
