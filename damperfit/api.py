@@ -24,15 +24,10 @@ from damperfit.arguments import (
     reading_as,
     refuse_idle,
     starts_of,
+    usage,
     workers,
 )
-from damperfit.errors import (
-    ConfigurationError,
-    DamperfitError,
-    LogError,
-    blamed_on,
-    did_you_mean,
-)
+from damperfit.errors import DamperfitError, LogError, blamed_on, did_you_mean
 from damperfit.problem import Option, Words
 from damperfit.store import path_of
 from damperfit.tested.setting import Setting
@@ -55,10 +50,6 @@ _FIGURE_KINDS = ("png", "svg", "pdf")
 _FEW = 3
 _AUTO = "auto"
 _RESULTS = Path("results")
-
-
-def _usage(text: str, code: str, where: Option | None = None, **values: Any) -> ConfigurationError:
-    return ConfigurationError(text, code=code, where=where, **values)
 
 
 # Logs
@@ -90,7 +81,7 @@ def read(
     configuration = configured("read", {"units": units, "rig": rig, "config": config})
     with as_files(log, call="damperfit.read") as paths:
         if len(paths) > 1:
-            raise _usage("damperfit.read: found several logs; give one", "several-logs")
+            raise usage("damperfit.read: found several logs; give one", "several-logs")
         return read_log(paths[0], configuration.reading)
 
 
@@ -193,8 +184,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     if out is None and (report or figures):
-        folder = Option("out", "FOLDER")
-        raise _usage("a report is written; give {out}", "no-folder", out=folder)
+        raise usage("a report is written; give {--out FOLDER}", "no-folder")
     (ended,) = identify_each(**given, is_one=True, is_written=out is not None)
     if ended.error is not None:
         raise ended.error
@@ -261,13 +251,12 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
     """The configuration that `identify` is asked for, once nothing is asked in vain."""
     _check_kind(given.get("figures"))
     if given.get("max_mse") == 0.0:
-        raise _usage(
+        text = (
             "expected more than 0, as every fit leaves some misfit; for no gate leave the option "
-            "out (output.max_mse_percent = 0)",
-            "out-of-range",
-            Option("max_mse", "0"),
+            "out (output.max_mse_percent = 0)"
         )
-    is_open, auto = given.get("model") == _AUTO, Option("model", _AUTO)
+        raise usage(text, "out-of-range", Option("max_mse", "0"))
+    is_open = given.get("model") == _AUTO
     start_file, start_values = starts_of(given.get("start"))
     configuration = configured(
         "identify",
@@ -282,36 +271,33 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
         untie = Option("untie", name)
         if name in fit.fixed:
             text = f"{{where}} has no effect: {name} is held by {{fix}}; leave one of the two out"
-            raise _usage(text, "no-effect", untie, fix=Option("fix", fit.fixed[name], name))
+            raise usage(text, "no-effect", untie, fix=Option("fix", fit.fixed[name], name))
         if is_open:  # the law that the logs choose may have what the declared model has not
             continue
         with blamed_on(Option("untie")):
             quantity = configuration.damper.quantity(name)
         if quantity.default is not None and name not in (fit.free or ()):
             text = f"{{where}} has no effect: {name} is held at {quantity.default:g}; free it"
-            raise _usage(f"{text} too: {{free}}", "no-effect", untie, free=Option("free"))
+            raise usage(f"{text} too: {{--free}}", "no-effect", untie)
     alone = [key for key in ("share", "untie") if given.get(key) is not None]
     if alone and fit.procedure != "joint" and not (is_open and alone == ["untie"]):
         text = (
             "{where} has no effect: only procedure joint fits shared parameters, found procedure "
-            f"{fit.procedure}; add {{joint}}"
+            f"{fit.procedure}; add {{--procedure joint}}"
         )
-        where, joint = Option(alone[0], ",".join(given[alone[0]])), Option("procedure", "joint")
-        raise _usage(text, "no-effect", where, joint=joint)
+        raise usage(text, "no-effect", Option(alone[0], ",".join(given[alone[0]])))
     if is_open and fit.free:
         text = (
-            "{free} has no effect: with {model} the logs choose what is fitted; hold a "
-            "parameter with {fix}, or name the model"
+            "{--free} has no effect: with {--model auto} the logs choose what is fitted; hold a "
+            "parameter with {--fix}, or name the model"
         )
-        named = {"free": Option("free"), "model": auto, "fix": Option("fix")}
-        raise _usage(text, "no-effect", **named)
+        raise usage(text, "no-effect")
     if given.get("rivals") and not is_open:
         text = (
-            "models are ranked where the logs choose the law; add {model}, or ask damperfit "
-            "models LOGS {rivals}"
+            "models are ranked where the logs choose the law; add {--model auto}, or ask damperfit "
+            "models LOGS {--rivals}"
         )
-        rivals = Option("rivals")
-        raise _usage(text, "not-together", rivals, model=auto, rivals=rivals)
+        raise usage(text, "not-together", Option("rivals"))
     return configuration
 
 
@@ -339,7 +325,7 @@ def _chosen(
 def _check_kind(kind: str | None) -> None:
     if kind is not None and kind not in _FIGURE_KINDS:
         text = f"expected one of {', '.join(_FIGURE_KINDS)}"
-        raise _usage(text, "unknown-figure-kind", Option("figures", kind))
+        raise usage(text, "unknown-figure-kind", Option("figures", kind))
 
 
 @public
@@ -370,9 +356,9 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.run.log_files import as_files
 
     if layout is not None and layout not in LAYOUTS:
-        there = f"no layout {layout!r}; there are {', '.join(LAYOUTS)}."
-        text = f"{there}{did_you_mean(layout, LAYOUTS)}"
-        raise _usage(text, "unknown-layout", Option("layout"))
+        text = f"no layout {layout!r}; there are {', '.join(LAYOUTS)}."
+        text += did_you_mean(layout, LAYOUTS)
+        raise usage(text, "unknown-layout", Option("layout"))
     file = ("start", "identification.start", starts_of(start)[0])
     configuration = configured("models", given, file, is_law_open=True)
     how: dict[str, Any] = {"layout": layout, "jobs": workers(jobs)}
@@ -421,22 +407,20 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     logs = [logs] if isinstance(logs, str) else logs
     asked = [name for name in ("collect", "report", "tolerance") if given[name]]
     if not logs and not asked:
-        text = "fleet: expected LOGS, or {collect} or {report} for the parts that are there"
-        named = {name: Option(name) for name in ("collect", "report")}
-        raise _usage(text, "nothing-to-do", **named)
+        text = "fleet: expected LOGS, or {--collect} or {--report} for the parts that are there"
+        raise usage(text, "nothing-to-do")
     if scheduler is not None and jobs is not None:
         text = (
-            "{jobs} cannot be combined with {scheduler}: the cluster has its own workers; leave "
-            "one out"
+            "{--jobs} cannot be combined with {--scheduler}: the cluster has its own workers; "
+            "leave one out"
         )
-        named = {name: Option(name) for name in ("jobs", "scheduler")}
-        raise _usage(text, "not-together", **named)
+        raise usage(text, "not-together")
     if part is not None and asked:
         text = (
-            "{where} cannot be combined with {part}: other parts may not be done yet; collect with "
-            f"damperfit fleet --out {out} --{asked[0]} when all are"
+            "{where} cannot be combined with {--part}: other parts may not be done yet; collect "
+            f"with damperfit fleet --out {out} --{asked[0]} when all are"
         )
-        raise _usage(text, "not-together", Option(asked[0]), part=Option("part"))
+        raise usage(text, "not-together", Option(asked[0]))
     bands = parse_bands(given["tolerance"])
     table: Any = tests
     configuration = configured(
@@ -492,7 +476,7 @@ def load(folder: str | Path) -> Run:
             f"damperfit.load: {place} is a part of a fleet, which keeps no more than a table; "
             "expected a folder that damperfit identify wrote; pandas reads parts"
         )
-        raise _usage(text, "part-of-a-fleet")
+        raise usage(text, "part-of-a-fleet")
     return Run.load(place, parts=("parameters", "mse"))
 
 
@@ -532,14 +516,14 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
         if (path := files[name]) is not None:
             if path.suffix.lower() not in suffixes:
                 text = f"expected a name that ends in {', '.join(suffixes)}"
-                raise _usage(text, "wrong-suffix", Option(name, path))
+                raise usage(text, "wrong-suffix", Option(name, path))
             _check_places(path.parent)
     choice, configuration, sentence = _parameters("simulate", given, own)
     configuration = with_temperature(configuration, _text(given["temperature"]))
     if temperature is not None and isinstance(configuration.damper, WithTemperature):
         sentence += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if log is not None and not log.exists():
-        raise _usage("no such file", "no-such-file", Option("displacement", log))
+        raise usage("no such file", "no-such-file", Option("displacement", log))
     done = Simulation(choice, configuration, log, sentence)
     done.write(files["out"], files["plot"], spares_others=not overwrite)
     return done
@@ -558,7 +542,7 @@ def _parameters(
             f"{call}: found a result in place of a setting; give {call}(10, parameters=result), or "
             "result.setting(10).simulate()"
         )
-        raise _usage(text, "not-a-setting")
+        raise usage(text, "not-a-setting")
     choice = choose_parameters(
         known_as_setting(given["setting"]),
         table=given["parameters"],
@@ -614,10 +598,9 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     texts: Any = [vary] if isinstance(vary, str) else vary or []
     if isinstance(texts, dict):
         texts = [f"{name}={','.join(map(str, factors))}" for name, factors in texts.items()]
-    wanted = {"vary": Option("vary"), "paper": Option("paper")}
     if not texts and not paper:
-        text = "nothing to vary: give {vary} NAME=F1,F2,... or {paper}"
-        raise _usage(text, "nothing-to-do", **wanted)
+        text = "nothing to vary: give {--vary} NAME=F1,F2,... or {--paper}"
+        raise usage(text, "nothing-to-do")
     folder: Any = out
     _check_places(folder)
     own = configured("sweep", {"config": config, "max_steps": max_steps})
@@ -626,15 +609,13 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     variations = [parse_variation(text, configuration.damper) for text in texts]
     if len({variation.name for variation in variations}) < len(variations):
         text = "a name is given twice; put its factors into one list"
-        raise _usage(text, "given-twice", wanted["vary"])
+        raise usage(text, "given-twice", Option("vary"))
     if paper and configuration.damper.name != "purdy":
-        raise _usage(
+        text = (
             f"the figures are of the paper's model; these parameters are of "
-            f"{configuration.damper.name!r}: give {{vary}} NAME=F1,F2,...",
-            "other-model",
-            wanted["paper"],
-            vary=wanted["vary"],
+            f"{configuration.damper.name!r}: give {{--vary}} NAME=F1,F2,..."
         )
+        raise usage(text, "other-model", Option("paper"))
     both = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
     done = Sweep(choice, configuration, sentence, both)
     if folder is not None:
@@ -678,11 +659,9 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         options = configured("settings", reading, is_law_open=True).reading
         return measured_forces(paths, question, reading=options)
     if len(paths) > 1:
-        raise _usage(
-            f"found {', '.join(map(str, paths[:3]))}; expected one results folder, or files of "
-            "measured curves alone",
-            "several-results",
-        )
+        found = ", ".join(map(str, paths[:3]))
+        text = f"found {found}; expected one results folder, or files of measured curves alone"
+        raise usage(text, "several-results")
     refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
     run = Run.load(
         paths[0],
@@ -721,11 +700,12 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     places = [folder_of(one, "damperfit.compare") for one in runs]
     is_alone = len(runs) == 1 and not (tolerance or save)
     if not places or (is_alone and isinstance(runs[0], Run)):
-        raise _usage(
-            f"damperfit.compare: found {'one result' if places else 'no result'}; expected two or "
-            "more, or tolerance=FILE with nominal forces",
-            "too-few-results",
+        found = "one result" if places else "no result"
+        text = (
+            f"damperfit.compare: found {found}; expected two or more, or tolerance=FILE with "
+            "nominal forces"
         )
+        raise usage(text, "too-few-results")
     paths: dict[str, Any] = {name: given[name] for name in ("out", "save", "junit")}
     files = [paths[name].parent for name in ("save", "junit") if paths[name] is not None]
     _check_places(paths["out"], *files)
@@ -734,12 +714,11 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         asked = {name: given[name] for name in ("rig", "rig_profile", "config")}
         reading = configured("compare", asked, is_law_open=True)
     else:
-        why = "no log is read without {measured}"
-        refuse_idle(given, ("rig", "rig_profile"), why, measured=Option("measured"))
+        refuse_idle(given, ("rig", "rig_profile"), "no log is read without {--measured}")
     bands = parse_bands(given["tolerance"])
     if junit is not None and bands is None:
-        text = "holds the points of {tolerance}, which was not given"
-        raise _usage(text, "nothing-to-do", Option("junit"), tolerance=Option("tolerance"))
+        text = "holds the points of {--tolerance}, which was not given"
+        raise usage(text, "nothing-to-do", Option("junit"))
     options = comparison_options(
         velocities=given["velocity"] or (),
         amplitude=amplitude,
@@ -769,7 +748,7 @@ def _own_folder(results: Any, out: object, call: str) -> Path:
     folder = folder_of(results, call)
     if out is None and getattr(results, "is_temporary", False):
         text = f"{call}: these results are in no folder of yours; give out=FOLDER"
-        raise _usage(text, "no-folder")
+        raise usage(text, "no-folder")
     return folder
 
 
@@ -803,19 +782,18 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.units.shown_units import SI, parse_units
 
     if to is None:
-        raise _usage(
-            f"export: no target: give {{to}}, one of {', '.join(TARGETS)}; damperfit export --list "
-            "shows what they are",
-            "no-target",
-            to=Option("to"),
+        text = (
+            f"export: no target: give {{--to}}, one of {', '.join(TARGETS)}; damperfit export "
+            "--list shows what they are"
         )
+        raise usage(text, "no-target")
     target = find_target(str(to))
     for option, value, default in (("units", units, None), ("decimal", decimal, ".")):
         if value != default and option not in target.takes:
             text = f"{target.name} has units and marks of its own ({target.units}); leave it out"
-            raise _usage(text, "no-effect", Option(option, value))
+            raise usage(text, "no-effect", Option(option, value))
     if decimal not in {".", ","}:
-        raise _usage("expected . or ,", "unknown-mark", Option("decimal", decimal))
+        raise usage("expected . or ,", "unknown-mark", Option("decimal", decimal))
     shown = SI if units is None else parse_units(units)
     speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
     folder = _own_folder(results, out, "damperfit.export")
@@ -971,13 +949,8 @@ def init(
     path: Any = out
     _check_places(None if path is None else path.parent)
     if path is not None and path.exists() and not overwrite:
-        raise ConfigurationError(
-            "is there already; give {overwrite} to replace it, or {out}",
-            overwrite=Option("overwrite"),
-            out=Option("out"),
-            subject=str(path),
-            code="is-there",
-        )
+        text = "is there already; give {--overwrite} to replace it, or {--out}"
+        raise usage(text, "is-there", str(path))
     keys: dict[str, str] = dict(set or {})
     kind = model or "purdy"
     check_damper(kind, keys)

@@ -310,6 +310,7 @@ def with_keywords(function: Callable[..., Any]) -> str:
 
 _ASSIGNMENT = re.compile(r"\s*[A-Za-z_]\w*\s*=")
 _NEXT_ASSIGNMENT = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
+_OFFERED = re.compile(r"\{--([a-z-]+)(?: ([^{}]*))?\}")
 # What a path is of, by the word that stands for it in the help.
 _PLACES = {
     "DIR": "a folder",
@@ -320,12 +321,21 @@ _PLACES = {
 }
 _RESULT = "a result, or the path of a results folder"
 _TABLE = "a result, or the path of results or of a parameters table"
+_NO_NUMBERS = {"bool", "bool_", "bytes"}  # NumPy's too
 
 
-def _wrong(text: str, where: Option | str, code: str) -> ConfigurationError:
-    """Return a refusal of what stands somewhere: an option, or a call by its name."""
-    place: dict[str, Any] = {"subject" if isinstance(where, str) else "where": where}
-    return ConfigurationError(text, code=code, **place)
+def usage(
+    text: str, code: str, where: Option | str | None = None, **values: Any
+) -> ConfigurationError:
+    """Return a refusal of what stands somewhere: an option, or a call by its name.
+
+    {--option} and {--option VALUE} in the text are what it offers, in the words of whoever asked.
+    """
+    place: dict[str, Any] = {"subject": where} if isinstance(where, str) else {"where": where}
+    for offered in _OFFERED.finditer(text):
+        name = offered[1].replace("-", "_")
+        values[offered[0][1:-1]] = Option(name, offered[2] or "")
+    return ConfigurationError(text, code=code, **place, **values)
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
@@ -354,7 +364,7 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         @wraps(function)
         def reading(*args: P.args, **kwargs: P.kwargs) -> R:
             bound = own.bind(*args, **kwargs)
-            paths: dict[str, list[Any]] = {}
+            paths: list[tuple[str, Any]] = []
 
             def read(name: str, given: Any) -> Any:
                 keyword = keyword_of(command, name)
@@ -364,7 +374,7 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 if keyword.kind in {"path", "paths", "results", "table"}:
                     shown = given if isinstance(given, str | list) else value
                     shown = shown if isinstance(shown, list) else [shown]
-                    paths[name] = [one for one in shown if not isinstance(one, Mapping)]
+                    paths.extend((name, one) for one in shown if not isinstance(one, Mapping))
                 return value
 
             for name, given in list(bound.arguments.items()):
@@ -383,14 +393,14 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     return decorated
 
 
-def _given_by(error: DamperfitError, paths: Mapping[str, list[Any]]) -> DamperfitError:
+def _given_by(error: DamperfitError, paths: Iterable[tuple[str, Any]]) -> DamperfitError:
     """Return an error that is about a file with the argument that gave the file."""
     where, place = error.problem.where, error.problem.subject
     if isinstance(where, FilePlace) and where.option is None:
         place = where.file
     elif where is not None or not place:
         return error
-    for name, path in ((name, path) for name, given in paths.items() for path in given):
+    for name, path in paths:
         itself = {os.path.normpath(path)}
         with suppress(OSError, ValueError):  # the working folder is gone
             itself.add(os.path.realpath(str(path)))
@@ -421,16 +431,13 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
         case "arguments" if isinstance(value, list) and any(
             type(v) is str and not v for v in value
         ):
-            text = (
-                "found ''; expected paths; is a variable of the shell not set? '.' is this folder"
-            )
-            raise ConfigurationError(text, code="empty-name")
+            text = "found ''; expected paths; is a variable of the shell not set? '.' is "
+            raise usage(f"{text}this folder", "empty-name")
         case "texts":
             return value if isinstance(value, Mapping) else _listed(value, option)
-        case "names":
-            return _names(value, option)
-        case "quantities":
-            return [name.lower() for name in _names(value, option)]
+        case "names" | "quantities":
+            names = [n.strip() for one in _listed(value, option) for n in str(one).split(",")]
+            return names if keyword.kind == "names" else [name.lower() for name in names]
         case "values" | "pairs" if option.name == "rig":
             return _rig_keys(value)
         case "values" | "pairs" if not isinstance(value, list):
@@ -439,50 +446,36 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
             return _values(value, option)
         case "pairs":
             return assignments(value, option, "rod_diameter=12mm")
-        case "text" if option.name == "tolerance":
-            if isinstance(value, str | Path):
-                return str(value)
+        case "text" if option.name == "tolerance" and not isinstance(value, str | Path):
             # A bare number would be newtons, and is as often meant as per cent.
             text = f"found {value!r}; expected '5%', '20N' or the path of a table of bands"
-            raise _wrong(text, option, "not-a-tolerance")
+            raise usage(text, "not-a-tolerance", option)
+        case "text" if option.name == "tolerance":
+            return str(value)
         case "text" if isinstance(value, Real):
             return label_of(value) or value
-        case "count" | "workers" | "number" | "flag":
-            return _number(keyword.kind, value, option)
+        case "flag" if not isinstance(value, bool):
+            raise usage(f"found {value!r}; expected True or False", "not-a-flag", option)
+        case "count" | "workers" | "number":
+            return _number(keyword.kind, value, option._replace(value=str(value)))
     return value
 
 
 def _number(kind: str, value: Any, option: Option) -> Any:
-    from pydantic import ValidationError
-
-    try:
-        return _adapter(kind).validate_python(value)
-    except ValidationError as error:
-        text, code = f"expected a {'' if kind == 'number' else 'whole '}number", "not-a-number"
-        if kind == "flag":
-            text, code = f"found {value!r}; expected True or False", "not-a-flag"
-        elif error.errors()[0]["type"] == "greater_than_equal":
-            text, code = "expected 1 or more", "out-of-range"
-        where = option if kind == "flag" else option._replace(value=str(value))
-        raise _wrong(text, where, code) from error
-
-
-@cache
-def _adapter(kind: str) -> Any:
-    """Return pydantic's check of a number or flag; True is no number."""
-    from typing import Annotated
-
-    from pydantic import BeforeValidator, Field, StrictBool, TypeAdapter
-
-    no_numbers = {"bool", "bool_", "bytes"}  # NumPy's too
-    number = BeforeValidator(lambda value: "" if type(value).__name__ in no_numbers else value)
-    types: dict[str, Any] = {
-        "count": Annotated[int, number],
-        "workers": Annotated[int, Field(ge=1), number],
-        "number": Annotated[float, number],
-        "flag": StrictBool,
-    }
-    return TypeAdapter(types[kind])
+    """Return a number, or a whole one of any length; True is none."""
+    text, number = str(value).strip(), None
+    if type(value).__name__ not in _NO_NUMBERS:
+        with suppress(TypeError, ValueError, OverflowError):
+            number = float(value)
+            if kind != "number":
+                whole = int(text) if text.lstrip("+-").isdecimal() else int(number)
+                number = whole if number == whole else None
+    if number is None:
+        text = f"expected a {'whole ' * (kind != 'number')}number"
+        raise usage(text, "not-a-number", option)
+    if kind == "workers" and number < 1:
+        raise usage("expected 1 or more", "out-of-range", option)
+    return number
 
 
 def folder_of(given: object, where: Option | str, expected: str = _RESULT) -> Path:
@@ -492,15 +485,15 @@ def folder_of(given: object, where: Option | str, expected: str = _RESULT) -> Pa
     if isinstance(given, Run):
         return given.folder
     if isinstance(where, str) and not isinstance(given, str | Path):
-        found = type(given).__name__
-        raise _wrong(f"found {found}; expected {expected}", where, "not-a-result")
+        text = f"found {type(given).__name__}; expected {expected}"
+        raise usage(text, "not-a-result", where)
     path = path_of(given, where, expected)
     if path.suffix.lower() == ".json" and where != "damperfit.compare":
         from damperfit.queries.compared import is_baseline
 
         if is_baseline(path):
             text = "a baseline or passport, which compare reads; give the results it was made of"
-            raise ConfigurationError(text, subject=path, code="baseline")
+            raise usage(text, "baseline", str(path))
     return path
 
 
@@ -516,22 +509,18 @@ def _listed(values: object, option: Option) -> list[Any]:
     if isinstance(values, str | os.PathLike) or is_speed:
         return [values]
     if not isinstance(values, Iterable):
-        raise _wrong(f"found {values!r}; expected a list of names", option, "not-a-list")
+        raise usage(f"found {values!r}; expected a list of names", "not-a-list", option)
     return list(values)
-
-
-def _names(values: object, option: Option) -> list[str]:
-    return [n.strip() for one in _listed(values, option) for n in str(one).split(",")]
 
 
 def _mapping(value: object, option: Option) -> Mapping[Any, Any]:
     expected = "expected a mapping of names to values"
     if not isinstance(value, Mapping):
         found = repr(value) if isinstance(value, str | float | list) else type(value).__name__
-        raise _wrong(f"found {found}; {expected}", option, "not-a-mapping")
+        raise usage(f"found {found}; {expected}", "not-a-mapping", option)
     if others := [name for name in value if not isinstance(name, str)]:
         text = f"found {others[0]!r} in place of a name; {expected}"
-        raise _wrong(text, option, "not-a-mapping")
+        raise usage(text, "not-a-mapping", option)
     return value
 
 
@@ -550,9 +539,9 @@ def assignments(
         name, equals, value = (part.strip() for part in text.partition("="))
         where = option._replace(value=text)
         if not (name and equals and (value or may_be_empty)):
-            raise _wrong(f"expected NAME=VALUE, such as {example}", where, "not-an-assignment")
+            raise usage(f"expected NAME=VALUE, such as {example}", "not-an-assignment", where)
         if name in values:
-            raise _wrong(f"{name} is given twice", where, "given-twice")
+            raise usage(f"{name} is given twice", "given-twice", where)
         values[name] = value
     return values
 
@@ -576,7 +565,7 @@ def _rig_keys(given: Any) -> dict[str, Any]:
                 found = tomllib.loads(f"{key} = {text}")
                 break
         else:
-            raise _wrong(f"{key!r} is not a key", Option("rig", value, key), "not-a-key")
+            raise usage(f"{key!r} is not a key", "not-a-key", Option("rig", value, key))
         for name, entry in found.items():
             is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | entry if is_table else entry
@@ -592,19 +581,18 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
     if isinstance(given, Mapping):
         return None, {str(name): str(value) for name, value in given.items()}
     texts = [str(given)] if isinstance(given, str | Path) else [str(one) for one in given or []]
-    parts = [
-        part
-        for text in texts
-        for part in ([text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text))
-    ]
-    values = [part for part in parts if _ASSIGNMENT.match(part) and not _is_there(part)]
-    files = [part for part in parts if part not in values]
+    files: list[str] = []
+    values: list[str] = []
+    for text in texts:
+        for part in [text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text):
+            is_value = _ASSIGNMENT.match(part) and not _is_there(part)
+            (values if is_value else files).append(part)
     if len(files) > 1:
         text = f"{files[0]} is given already; a fit starts from one earlier run"
-        raise _wrong(text, Option("start", files[1]), "given-twice")
+        raise usage(text, "given-twice", Option("start", files[1]))
     if "" in files:
         text = "expected a file or NAME=VALUE, such as k_e=5e8"
-        raise _wrong(text, Option("start", "''"), "not-an-assignment")
+        raise usage(text, "not-an-assignment", Option("start", "''"))
     return (files[0] if files else None), _values(values, Option("start"))
 
 
@@ -675,8 +663,9 @@ def _declared(damper: Any) -> dict[str, Any]:
     found = f"the class {damper.__name__}" if isinstance(damper, type) else type(damper).__name__
     text = (
         f"found {found}; expected a damper such as damperfit.Damper(rod_diameter=0.012), or keys "
+        "of [damper]"
     )
-    raise _wrong(f"{text}of [damper]", Option("damper"), "not-a-damper")
+    raise usage(text, "not-a-damper", Option("damper"))
 
 
 def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) -> Any:
@@ -690,14 +679,13 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
         return None
     where = Option("covariate", word)
     if word != "temperature":
-        raise _wrong("expected temperature, the only one there is", where, "unknown-covariate")
+        raise usage("expected temperature, the only one there is", "unknown-covariate", where)
     if given.get("model") == "auto":
         text = (
             "choose the law first, from logs of one temperature (damperfit models), then name it: "
-            "{model}"
+            "{--model NAME}"
         )
-        model = Option("model", "NAME")
-        raise ConfigurationError(text, model=model, where=where, code="not-together")
+        raise usage(text, "not-together", where)
     configuration = configured(command, {n: given.get(n) for n in ("config", "damper", "model")})
     named: str | float = configuration.document["damper"]["reference_temperature"]
     if named != "none":
@@ -714,39 +702,31 @@ def declared_setting(setting: Any, configuration: Configuration) -> Setting | No
     try:
         return parse_setting(known, configuration.reading.adjusters)
     except ValueError as error:
-        raise _wrong(f"{error}", Option("setting", known), "unknown-setting") from error
+        raise usage(f"{error}", "unknown-setting", Option("setting", known)) from error
 
 
 def known_as_setting(setting: Any) -> Setting | str | None:
     """Return a setting as it was given: its label, a number's too, or itself."""
-    from damperfit.tested.setting import Setting
-
     if setting is None or isinstance(setting, Setting):
         return setting
     if (label := label_of(setting)) is None:
         text = f"found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'"
-        raise _wrong(text, Option("setting"), "not-a-setting")
+        raise usage(text, "not-a-setting", Option("setting"))
     return label
 
 
 def refuse_idle(
-    given: Mapping[str, Any],
-    names: Sequence[str],
-    why: str,
-    *,
-    beside: Option | None = None,
-    **options: Any,
+    given: Mapping[str, Any], names: Sequence[str], why: str, *, beside: Option | None = None
 ) -> None:
     """Refuse what would have no effect, or cannot be combined with what is beside it."""
     for name in names:
         if (value := given.get(name)) is None:
             continue
-        text, code = f"{{where}} has no effect: {why}; leave it out", "no-effect"
-        if beside is not None:
-            text = f"{{where}} cannot be combined with {{other}}: {why}; leave one of the two out"
-            code = "not-together"
         where = Option(name, _worded(value))
-        raise ConfigurationError(text, code=code, where=where, other=beside, **options)
+        if beside is None:
+            raise usage(f"{{where}} has no effect: {why}; leave it out", "no-effect", where)
+        text = f"{{where}} cannot be combined with {{other}}: {why}; leave one of the two out"
+        raise usage(text, "not-together", where, other=beside)
 
 
 def _worded(value: Any) -> str:

@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from damperfit import __version__
-from damperfit.arguments import PANELS, Keyword, keyword_of, option_of
+from damperfit.arguments import PANELS, keyword_of, option_of
 from damperfit.cli.console import say, set_colour, show_steps
 from damperfit.errors import ConfigurationError
 from damperfit.sections import SECTIONS
@@ -84,9 +84,11 @@ def command(
         typed.__doc__ = f"{cleandoc(about or '')}\n\nExample: damperfit {example}"
         typed.__name__ = called
         parameters = [
-            _parameter(called, one) for one in keywords if keyword_of(called, one.name) is not None
+            parameter(called, one.name, one.default)
+            for one in keywords
+            if keyword_of(called, one.name) is not None
         ]
-        parameters += [of_presentation(one) for one in (*shown, *_OF_ALL)]
+        parameters += [parameter("", one) for one in (*shown, *_OF_ALL)]
         if takes_context:
             of_typer = Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context)
             parameters.insert(0, of_typer)
@@ -111,48 +113,25 @@ def _own_configuration(*, is_quiet: bool) -> str | None:
     return found
 
 
-def _parameter(called: str, one: Parameter) -> Parameter:
-    """The option, or argument, of a keyword; its default is the keyword's."""
-    known = keyword_of(called, one.name)
-    assert known is not None, one.name
-    kind: Any = list[str] if known.kind in _SEVERAL else str
-    default = None if one.default in (Parameter.empty, ()) else one.default
-    if known.kind in {"argument", "arguments"}:
-        words = completion_of(one.name, "")
-        info = typer.Argument(metavar=known.metavar, help=known.help, autocompletion=words)
-        if one.default is Parameter.empty:
-            return _typed(one.name, kind, info, Parameter.empty)
-        default = None if known.kind == "arguments" else default
-    else:
-        info = _option(one.name, known)
-    if known.kind == "flag":
-        kind = bool
-    elif default is None:
-        kind = kind | None
-    elif kind is str and known.kind != "argument":
-        default = str(default)
-    return _typed(one.name, kind, info, default)
-
-
-def of_presentation(name: str) -> Parameter:
-    """Return an option that says how a command talks."""
-    known = keyword_of("", name)
+def parameter(called: str, name: str, default: Any = None) -> Parameter:
+    """Return the option, or argument, of a keyword; its default is the keyword's."""
+    known = keyword_of(called, name)
     assert known is not None, name
-    how = {"callback": _print_version, "is_eager": True} if name == "version" else {}
-    kind, default = (bool, False) if known.kind == "flag" else (str | None, None)
-    return _typed(name, kind, _option(name, known, **how), default)
-
-
-def _option(name: str, known: Keyword, **how: Any) -> Any:
-    return typer.Option(
-        option_of(name), *known.names, metavar=known.metavar or None, help=known.help,
-        rich_help_panel=known.panel, autocompletion=completion_of(name, known.key), **how,
-    )  # fmt: skip
-
-
-def _typed(name: str, kind: Any, info: Any, default: Any) -> Parameter:
-    annotation = Annotated[kind, info]
-    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+    kind: Any = bool if known.kind == "flag" else list[str] if known.kind in _SEVERAL else str
+    how: Any = {"help": known.help, "autocompletion": completion_of(name, known.key)}
+    if known.kind in {"argument", "arguments"}:
+        info: Any = typer.Argument(metavar=known.metavar, **how)
+        is_list = known.kind == "arguments" and default is not Parameter.empty
+        default = None if is_list else default
+    else:
+        how |= {"callback": _print_version, "is_eager": True} if name == "version" else {}
+        how |= {"metavar": known.metavar or None, "rich_help_panel": known.panel}
+        info = typer.Option(option_of(name), *known.names, **how)
+        default = bool(default) if kind is bool else default and str(default)
+    kind = kind | None if default is None else kind
+    return Parameter(
+        name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info]
+    )
 
 
 def _print_version(is_wanted: bool) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import typer
 
 from damperfit.cli import commands
-from damperfit.cli.command import Commands, PanelledCommand, of_presentation, with_options
+from damperfit.cli.command import Commands, PanelledCommand, parameter, with_options
 from damperfit.cli.console import LogFile, record, say, say_lines, shield_streams, unprinted
 from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.own_process import CLOSED_STREAMS, begin
@@ -68,7 +68,7 @@ def _root(**_: Any) -> None:
 
 
 app.callback()(
-    with_options(_root, [of_presentation(name) for name in ("version", "debug", "log_file")])
+    with_options(_root, [parameter("", name) for name in ("version", "debug", "log_file")])
 )
 
 

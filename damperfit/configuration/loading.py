@@ -51,6 +51,7 @@ _EXPECTED = {
     "literal_error": "{expected}",
 }
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _KEY = re.compile(r"\s*(?:([\"'])(.+?)\1|([\w-]+))")  # bare or in quotes
 
 
@@ -270,7 +271,8 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
     code = "out-of-range" if kind.startswith(("greater", "less")) else "wrong-value"
     if kind == "less_than_equal" and entry is not None and entry.dimension:
         unit = entry.default.lstrip("0123456789.").replace("mm", "m")
-        reason += f" {unit}; a bare number is in {unit}, as in {entry.default!r}"
+        example = f", as in {entry.default!r}" * (entry.default[0] != "0")
+        reason += f" {unit}; a bare number is in {unit}{example}"
     typed: Any = source.values
     for one in keys[: _depth(source.values, keys)]:  # as it was written, not as it was converted
         typed = typed[int(one) if isinstance(typed, list | tuple) else one]
@@ -327,7 +329,7 @@ def _section_lines(
     for key, value in values.items():
         if key in inner:
             continue
-        entry = f"{key} = {_toml_value(value)}"
+        entry = f"{key} = {toml_value(value)}"
         comment = of_keys.get(key) or (MEASURED.get(key, "") if is_damper else "")
         if len(entry) >= _COLUMN and comment:
             yield from (f"# {line}" for line in wrap(f"{comment}:", _WIDE))
@@ -341,7 +343,8 @@ def _section_lines(
         yield from _section_lines(f"{name}.{key}", value, "", {})
 
 
-def _toml_value(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """Return a value as TOML has it; text without escapes where it can be."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -349,8 +352,9 @@ def _toml_value(value: Any) -> str:
             return f"'{value}'"
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_toml_value(item) for item in value)}]"
+        return f"[{', '.join(toml_value(item) for item in value)}]"
     if isinstance(value, dict):
-        pairs = (f"{json.dumps(key)} = {_toml_value(item)}" for key, item in value.items())
+        names = (key if _BARE.fullmatch(key) else json.dumps(key) for key in value)
+        pairs = (f"{n} = {toml_value(v)}" for n, v in zip(names, value.values(), strict=True))
         return "{" + ", ".join(pairs) + "}"
     return repr(value)

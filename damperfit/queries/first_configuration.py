@@ -1,6 +1,5 @@
 """The first configuration of a damper of your own: what its logs show, what must be measured."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -12,8 +11,9 @@ import numpy as np
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.polarity import CONTRADICTED, UNKNOWN
+from damperfit.configuration.damper_section import damper_defaults
 from damperfit.configuration.drawings import DRAWINGS, MEASURED
-from damperfit.configuration.loading import load_configuration
+from damperfit.configuration.loading import load_configuration, toml_value
 from damperfit.configuration.options import Configuration
 from damperfit.damper.model import model_named
 from damperfit.errors import ConditioningError, ConfigurationError, DamperfitError, LogError
@@ -180,7 +180,7 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
         lines += ["#", *(f"# {line}".rstrip() for line in DRAWINGS[kind.name].splitlines()), "#"]
     defaults = damper_keys(kind.name)
     for key, text in defaults.items():
-        value = _toml(given.get(key, text))
+        value = toml_value(_plain(given.get(key, text)))
         mark = "" if key in given else "# "
         comment = MEASURED.get(key, "")
         entry = f"{mark}{key} = {value}"
@@ -188,14 +188,14 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
     if kind.name == "network":
         lines += _PASSAGE
     lines += ["", "[test]"]
-    lines += [f"{key} = {_text(value)}" for key, value in guessed.test.items()]
+    lines += [f"{key} = {toml_value(value)}" for key, value in guessed.test.items()]
     lines += [
         *(f'# {key} = ""' for key in ("damper", "serial", "operator") if key not in guessed.test),
         "",
         "[rig]",
         *(f"# {' '.join(sentence.split())}" for sentence in guessed.why),
     ]
-    lines += [f"{key} = {_toml(value)}" for key, value in guessed.rig.items()]
+    lines += [f"{key} = {toml_value(value)}" for key, value in guessed.rig.items()]
     lines += [f"# open: {' '.join(sentence.split())}" for sentence in guessed.open]
     if guessed.asks_signs:
         lines += [
@@ -219,56 +219,21 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
 
 def damper_keys(model: str) -> dict[str, str]:
     """Return the plain keys of [damper] and their defaults, as text."""
-    document = load_configuration(overlay={"damper": {"model": model}}).document["damper"]
-    ranges = model_named(model).ranges
-    keys = {}
-    for key, value in document.items():
-        if key in {"model", "reference_temperature"} or isinstance(value, dict | list):
-            continue
-        unit = ranges[key][2] if key in ranges else ""
-        if isinstance(value, bool):
-            keys[key] = _toml(value)
-        elif isinstance(value, str) or unit not in _MEASURED_IN:
-            keys[key] = str(value)
-        else:
-            name, size = _MEASURED_IN[unit]
-            keys[key] = f"{float(value) / size:.6g}{name}"
-    return keys
+    return {
+        key: str(value).lower() if isinstance(value, bool) else str(value)
+        for key, value in damper_defaults(model).items()
+        if key not in {"model", "reference_temperature"} and not isinstance(value, dict | list)
+    }
 
 
-# SI unit of a key: the unit that people measure it in, and its size.
-_MEASURED_IN = {
-    "m": ("mm", 1e-3),
-    "m3": ("cm3", 1e-6),
-    "Pa": ("bara", 1e5),
-    "kg/m3": ("kg/m3", 1.0),
-}
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + "}"
-    plain = _plain(value) if isinstance(value, str) else value
-    if isinstance(plain, bool):
-        return "true" if plain else "false"
-    return _text(plain) if isinstance(plain, str) else str(plain)
-
-
-def _plain(text: str) -> float | str | bool:
-    """Return a key's value as TOML would have it: a number or a truth without quotes."""
-    if text in {"true", "false"}:
-        return text == "true"
+def _plain(value: Any) -> Any:
+    """Return text as TOML would have it: a number or a truth without quotes."""
+    if value in {"true", "false"}:
+        return value == "true"
     try:
-        return float(text)
+        return float(value)
     except ValueError:
-        return text
-
-
-def _text(value: str) -> str:
-    """Return text as TOML has it; without escapes where it can be."""
-    if "\\" in value and "'" not in value:
-        return f"'{value}'"
-    return json.dumps(value, ensure_ascii=False)
+        return value
 
 
 def check_damper(model: str, given: Mapping[str, str]) -> None:
