@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from damperfit.run.auto_model import LawChoice
     from damperfit.run.identify import Identified, Watch
 
-_FIGURE_KINDS = ("png", "svg", "pdf")
 _FEW = 3
 _AUTO = "auto"
 _RESULTS = Path("results")
@@ -249,7 +248,6 @@ def identify_each(
 
 def _identification(given: Mapping[str, Any]) -> Configuration:
     """The configuration that `identify` is asked for, once nothing is asked in vain."""
-    _check_kind(given.get("figures"))
     if given.get("max_mse") == 0.0:
         text = (
             "expected more than 0, as every fit leaves some misfit; for no gate leave the option "
@@ -320,12 +318,6 @@ def _chosen(
         on_rival=(lambda law: on_law(law.title)) if given.get("rivals") else None,
         **how,
     )
-
-
-def _check_kind(kind: str | None) -> None:
-    if kind is not None and kind not in _FIGURE_KINDS:
-        text = f"expected one of {', '.join(_FIGURE_KINDS)}"
-        raise usage(text, "unknown-figure-kind", Option("figures", kind))
 
 
 @public
@@ -519,7 +511,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
                 raise usage(text, "wrong-suffix", Option(name, path))
             _check_places(path.parent)
     choice, configuration, sentence = _parameters("simulate", given, own)
-    configuration = with_temperature(configuration, _text(given["temperature"]))
+    configuration = with_temperature(configuration, given["temperature"])
     if temperature is not None and isinstance(configuration.damper, WithTemperature):
         sentence += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if log is not None and not log.exists():
@@ -551,11 +543,6 @@ def _parameters(
         damper=configuration.damper,
     )
     return (choice, *damper_of(choice, configuration, config=given["config"]))
-
-
-def _text(value: object) -> str | None:
-    """As the command line has a quantity: True is none, an array neither."""
-    return None if value is None else str(value)
 
 
 def _check_places(*folders: Path | None) -> None:
@@ -594,7 +581,6 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.queries.simulated import Sweep
     from damperfit.queries.simulations import PAPER_SWEEPS, parse_variation
 
-    _check_kind(figures)
     texts: Any = [vary] if isinstance(vary, str) else vary or []
     if isinstance(texts, dict):
         texts = [f"{name}={','.join(map(str, factors))}" for name, factors in texts.items()]
@@ -645,9 +631,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.units.shown_units import SI, parse_units
 
     shown = SI if units is None else parse_units(units)
-    question = parse_question(
-        force=_text(given["force"]), velocity=_text(given["velocity"]), stroke=stroke
-    )
+    question = parse_question(**{name: given[name] for name in ("force", "velocity", "stroke")})
     places = results if isinstance(results, list | tuple) else [results]
     paths = [folder_of(one, "damperfit.settings") for one in places] or [_RESULTS]
     if all(path.is_file() for path in paths):
@@ -663,13 +647,9 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         text = f"found {found}; expected one results folder, or files of measured curves alone"
         raise usage(text, "several-results")
     refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
-    run = Run.load(
-        paths[0],
-        parts=("parameters",),
-        config=given["config"],
-        temperature=_text(given["temperature"]),
-    )
-    motion = {name: _text(given[name]) for name in ("amplitude", "frequency")}
+    how = {name: given[name] for name in ("config", "temperature")}
+    run = Run.load(paths[0], parts=("parameters",), **how)
+    motion = {name: given[name] for name in ("amplitude", "frequency")}
     return tabulate_forces(run, question, **motion, units=shown)
 
 
@@ -773,6 +753,7 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     Files
         A tuple of the paths that were written, with `Files.remarks` and `Files.notes`.
     """
+    given = dict(locals())
     from damperfit.answers import Files
     from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
     from damperfit.exporting.check import check_export
@@ -792,8 +773,6 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
         if value != default and option not in target.takes:
             text = f"{target.name} has units and marks of its own ({target.units}); leave it out"
             raise usage(text, "no-effect", Option(option, value))
-    if decimal not in {".", ","}:
-        raise usage("expected . or ,", "unknown-mark", Option("decimal", decimal))
     shown = SI if units is None else parse_units(units)
     speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
     folder = _own_folder(results, out, "damperfit.export")
@@ -803,8 +782,7 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
         place: Any = out
         where, stem = target.place_of(place)
     _check_places(where)
-    file: Any = config
-    run = exported_run(folder, config=file, temperature=_text(temperature))
+    run = exported_run(folder, **{name: given[name] for name in ("config", "temperature")})
     made = target.export(run, ExportOptions(stem, speed, shown, decimal))
     checked = check_export(run, made) if check else ()
     with file_set(where, spares_others=not overwrite) as drafts:
@@ -824,7 +802,6 @@ def report(
     config: str | Path | None = None,
 ) -> Files:
     """Write report.html, one page that opens anywhere, from results."""
-    _check_kind(figures)
     configured("report", {"config": config})
     from damperfit.tables.reading import written_of
 
@@ -892,7 +869,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     where = path_of(folder, "damperfit.samples", "the path of a folder")
     _check_places(where)
     loaded = configured("samples", {"config": config, "model": model})
-    truth, sentence = None, loaded.damper_sentence
+    truth, sentence = None, loaded.damper_sentence()
     if parameters is not None:
         truth, loaded, sentence = truth_of(given["parameters"], loaded, given["config"])
     quantities = {

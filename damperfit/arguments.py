@@ -60,7 +60,8 @@ class Keyword(NamedTuple):
     """One keyword, and the option that it is on the command line."""
 
     # text, texts, names, quantities (names in lower case), values (of quantities, NAME=VALUE),
-    # pairs (KEY=VALUE), number, count, workers, path, paths, results, arguments or flag
+    # pairs (KEY=VALUE), number, count, workers, path, paths, results, arguments or flag; or the
+    # words that may be given, with | between them
     kind: str
     metavar: str
     help: str
@@ -191,7 +192,8 @@ _ROWS: dict[str, dict[str, tuple[Any, ...]]] = {
         "report": ("flag", "", "Also write report.html, as damperfit report does."),
         "fleet.report": ("flag", "",
             "Also write the tables and one page of the fleet: _fleet/fleet.html."),
-        "figures": ("text", "KIND", "Write the figures as files: png, svg or pdf.", "--plots"),
+        "figures": ("png|svg|pdf", "KIND", "Write the figures as files: png, svg or pdf.",
+            "--plots"),
         "plot": ("path", "FILE", "Draw the loops: .png, .svg or .pdf."),
         "ride.plot": ("path", "FILE",
             "Draw wheel load against comfort, or the speeds of the stroke: .png, .svg or .pdf."),
@@ -202,7 +204,7 @@ _ROWS: dict[str, dict[str, tuple[Any, ...]]] = {
         "github_summary": ("flag", "", "Append the report to the summary of the job."),
         "save": ("path", "FILE.json", "Keep A as a baseline."),
         "collect": ("flag", "", "Then write one table of all parts: _fleet/fleet.parquet, .csv."),
-        "decimal": ("text", "MARK", "Decimal mark in CSV files: a point or a comma."),
+        "decimal": (".|,", "MARK", "Decimal mark in CSV files: a point or a comma."),
         "extend": ("text", "SPEED", "Extend tables beyond the tested speed; marked as untested."),
         "json": ("flag", "", "Print one JSON document on stdout and nothing else there."),
         "quiet": ("flag", "", "No progress bar, no notes; errors are still shown.", "-q"),
@@ -310,7 +312,6 @@ def with_keywords(function: Callable[..., Any]) -> str:
 
 _ASSIGNMENT = re.compile(r"\s*[A-Za-z_]\w*\s*=")
 _NEXT_ASSIGNMENT = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
-_OFFERED = re.compile(r"\{--([a-z-]+)(?: ([^{}]*))?\}")
 # What a path is of, by the word that stands for it in the help.
 _PLACES = {
     "DIR": "a folder",
@@ -321,20 +322,15 @@ _PLACES = {
 }
 _RESULT = "a result, or the path of a results folder"
 _TABLE = "a result, or the path of results or of a parameters table"
+_QUANTITIES = {"SPEED", "FORCE", "LENGTH", "FREQ", "RATE", "TEMP", "POWER"}
 _NO_NUMBERS = {"bool", "bool_", "bytes"}  # NumPy's too
 
 
 def usage(
     text: str, code: str, where: Option | str | None = None, **values: Any
 ) -> ConfigurationError:
-    """Return a refusal of what stands somewhere: an option, or a call by its name.
-
-    {--option} and {--option VALUE} in the text are what it offers, in the words of whoever asked.
-    """
+    """Return a refusal of what stands somewhere: an option, or a call by its name."""
     place: dict[str, Any] = {"subject": where} if isinstance(where, str) else {"where": where}
-    for offered in _OFFERED.finditer(text):
-        name = offered[1].replace("-", "_")
-        values[offered[0][1:-1]] = Option(name, offered[2] or "")
     return ConfigurationError(text, code=code, **place, **values)
 
 
@@ -452,6 +448,11 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
             raise usage(text, "not-a-tolerance", option)
         case "text" if option.name == "tolerance":
             return str(value)
+        case "text" if keyword.metavar in _QUANTITIES:
+            return str(value)
+        case kind if "|" in kind and value not in kind.split("|"):
+            text = f"expected {kind.replace('|', ' or ')}"
+            raise usage(text, "unknown-word", option._replace(value=value))
         case "text" if isinstance(value, Real):
             return label_of(value) or value
         case "flag" if not isinstance(value, bool):

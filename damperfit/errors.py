@@ -19,7 +19,7 @@ from pathlib import Path
 from types import EllipsisType
 from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
-from damperfit.problem import Failure, Option, Problem, Where, Words
+from damperfit.problem import Failure, Problem, Where, Words
 
 if TYPE_CHECKING:
     from damperfit.tested.setting import Setting
@@ -167,9 +167,9 @@ def failure_of(error: Exception, task: str) -> Failure:
     if isinstance(error, MemoryError):
         text = (
             f"not enough memory for {task}{f' ({reason})' * bool(reason)}; give fewer or shorter "
-            "logs at a time, or a lower {jobs}"
+            "logs at a time, or a lower {--jobs}"
         )
-        return Failure(Problem("memory", text, values={"jobs": Option("jobs")}), "MemoryError")
+        return Failure(Problem("memory", text), "MemoryError")
     package, where = Path(__file__).parent, ""
     for frame in traceback.extract_tb(error.__traceback__):  # the innermost of ours
         if package in (path := Path(frame.filename)).parents:
@@ -217,28 +217,17 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 def refuse_wrong_arguments(call: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return a decorator: arguments that a function does not take are answered in a sentence."""
 
-    def wrong_arguments(function: Callable[P, R], args: Any, given: dict[str, Any]) -> str:
-        own = signature(function)
-        try:
-            own.bind(*args, **given)
-        except TypeError as error:
-            names = [name for name in own.parameters if name != "self"]
-            listed = ", ".join(names)
-            if unknown := [name for name in given if name not in names]:
-                near = did_you_mean(unknown[0], names)
-                return f"no keyword {unknown[0]!r}; there are {listed}.{near}".rstrip(".")
-            if "too many" in str(error):
-                return f"too many arguments; give those after the first by name: {listed}"
-            return str(error)  # "missing a required argument: 'logs'", "multiple values for ..."
-        return ""
-
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         @wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
             try:
                 return function(*args, **kwargs)
             except TypeError as error:
-                if wrong := wrong_arguments(function, args, kwargs):
+                own = signature(function)
+                try:
+                    own.bind(*args, **kwargs)
+                except TypeError as unbound:
+                    wrong = _wrong_call(unbound, kwargs, [n for n in own.parameters if n != "self"])
                     text = f"{call}: {wrong}; help({call}) shows how"
                     raise ConfigurationError(text, code="wrong-call") from error
                 raise
@@ -246,3 +235,13 @@ def refuse_wrong_arguments(call: str) -> Callable[[Callable[P, R]], Callable[P, 
         return checked
 
     return decorated
+
+
+def _wrong_call(error: TypeError, given: Iterable[str], names: list[str]) -> str:
+    listed = ", ".join(names)
+    if unknown := [name for name in given if name not in names]:
+        near = did_you_mean(unknown[0], names)
+        return f"no keyword {unknown[0]!r}; there are {listed}.{near}".rstrip(".")
+    if "too many" in str(error):
+        return f"too many arguments; give those after the first by name: {listed}"
+    return str(error)  # "missing a required argument: 'logs'", "multiple values for ..."

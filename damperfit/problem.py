@@ -8,6 +8,7 @@ configuration file the line of a key. Lists group them by code (`listing`).
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -96,19 +97,25 @@ class Words(NamedTuple):
 
 
 _COMMAND = Words()
+_OFFERED = re.compile(r"\{--([a-z-]+)(?: ([^{}]*))?\}")
+
+
+def _option(offered: re.Match[str]) -> Option:
+    return Option(offered[1].replace("-", "_"), offered[2] or "")
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
     """One warning, finding, refusal, failure or failed check.
 
-    >>> p = Problem("no-setting", "give {how}", subject="a.csv", values={"how": Option("setting")})
+    >>> p = Problem("no-setting", "give {--setting}", subject="a.csv")
     >>> p.sentence(), p.sentence(Words("damperfit.identify"))
     ('a.csv: give --setting', 'a.csv: give setting=')
     """
 
     code: str  # the same in every release, as in "no-such-file"
-    # With {name} in place of its values; {where} at its beginning: named there, not before it.
+    # With {name} in place of its values, {--option VALUE} for what is offered; {where} at its
+    # beginning: named there, not before it.
     text: str
     severity: str = "error"  # one of `SEVERITIES`
     subject: str = ""  # the log, file or setting that it is about
@@ -127,6 +134,7 @@ class Problem:
         text = self.text
         if text.startswith("{where}") and isinstance(self.where, Option):
             text = text.replace("{where}", words.asked(self.where), 1)
+        text = _OFFERED.sub(lambda offered: words.named(_option(offered)), text)
         for name, value in self.values.items():
             text = text.replace(f"{{{name}}}", _worded(value, words))
         return text
@@ -157,7 +165,7 @@ class Problem:
     @property
     def offered(self) -> tuple[Option, ...]:
         """The options that the sentence offers, also those of the problems that it joins."""
-        found: list[Option] = []
+        found = [_option(offered) for offered in _OFFERED.finditer(self.text)]
         for value in self.values.values():
             inner = getattr(value, "problem", None)
             found += [value] if isinstance(value, Option) else getattr(inner, "offered", ())

@@ -182,8 +182,7 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
     if not isinstance(damper, ValveDamper):
         raise ConfigurationError(
             f"samples: no numbers of {damper.name} are known; give a table of its quantities by "
-            "setting with {parameters}, as identify writes it",
-            parameters=Option("parameters"),
+            "setting with {--parameters}, as identify writes it",
             code="no-parameters",
         )
     numbers = dict(_BESIDE)
@@ -438,8 +437,7 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
         if truth[setting].names != damper.names:
             raise ConfigurationError(
                 f"samples: the parameters are of {', '.join(truth[setting].names)}; {damper.name} "
-                f"has {', '.join(damper.names)}: name their own model ({{model}}, damper.model)",
-                model=Option("model"),
+                f"has {', '.join(damper.names)}: name their own model ({{--model}}, damper.model)",
                 code="other-model",
             )
     paths = {setting: folder / f"setting_{setting:02d}.csv" for setting in truth}

@@ -422,8 +422,7 @@ class Cluster:
             from distributed import Client
         except ImportError as error:
             raise InstallationError(
-                "{scheduler} needs Dask, which is not installed: pip install 'damperfit[cluster]'",
-                scheduler=Option("scheduler"),
+                "{--scheduler} needs Dask, which is not there: pip install 'damperfit[cluster]'",
                 code="missing-library",
             ) from error
         try:

@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from damperfit import __version__
-from damperfit.arguments import PANELS, keyword_of, option_of
+from damperfit.arguments import PANELS, Keyword, keyword_of, option_of
 from damperfit.cli.console import say, set_colour, show_steps
 from damperfit.errors import ConfigurationError
 from damperfit.sections import SECTIONS
@@ -118,7 +118,7 @@ def parameter(called: str, name: str, default: Any = None) -> Parameter:
     known = keyword_of(called, name)
     assert known is not None, name
     kind: Any = bool if known.kind == "flag" else list[str] if known.kind in _SEVERAL else str
-    how: Any = {"help": known.help, "autocompletion": completion_of(name, known.key)}
+    how: Any = {"help": known.help, "autocompletion": _completion_of(name, known)}
     if known.kind in {"argument", "arguments"}:
         info: Any = typer.Argument(metavar=known.metavar, **how)
         is_list = known.kind == "arguments" and default is not Parameter.empty
@@ -188,7 +188,6 @@ def _settings(context: typer.Context) -> Iterable[str]:
 # Words, or what finds them, by keyword.
 _WORDS: dict[str, tuple[str, ...] | Callable[[Any], Iterable[str]]] = {
     "stroke": ("rebound", "compression"),
-    "figures": ("png", "svg", "pdf"),
     "color": ("auto", "always", "never"),
     "covariate": ("temperature",),
     "skew": ("auto",),
@@ -204,11 +203,13 @@ _WORDS: dict[str, tuple[str, ...] | Callable[[Any], Iterable[str]]] = {
 }
 
 
-def completion_of(name: str, key: str) -> Callable[..., list[str]] | None:
-    """Return what completes the values of a keyword; None where they are anything."""
-    section, _, own = key.partition(".")
+def _completion_of(name: str, keyword: Keyword) -> Callable[..., list[str]] | None:
+    """What completes the values of a keyword; None where they are anything."""
+    section, _, own = keyword.key.partition(".")
     entry = SECTIONS[section].entries().get(own) if section in SECTIONS else None
     known = (entry.words if entry is not None else ()) or _WORDS.get(name)
+    if "|" in keyword.kind:
+        known = tuple(keyword.kind.split("|"))
     if known is None:
         return None
 

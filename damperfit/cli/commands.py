@@ -211,7 +211,7 @@ def _blocks_of_run(damper: Identified) -> list[Any]:
     forces = force_sheets(rows_in_units(run.rows("adjustment"), units))
     rows = run.rows("parameters")
     held_out, law = entries_in(run.record, "held_out"), law_in(run.record)
-    as_fitted = run.record.get("procedure") or [configuration.damper_sentence]
+    as_fitted = run.record.get("procedure") or [configuration.damper_sentence()]
     return [
         f"damper {damper.owner}" * bool(damper.beside),
         *(sheet_in_units(sheet, units) for sheet in forces),

@@ -56,7 +56,8 @@ GAS = ("gas_volume", "gas_pressure", "gas_exponent")
 # Those that say what its valves, its rig and its friction are made of, which nobody measures.
 _OF_THE_LAW = {"rebound", "compression", "mounting", "friction", "passages", "floating_piston"}
 _OUTSIDE = "ambient_pressure"  # nobody declares it, and it is told by itself
-_HARMLESS = {"oil_density", "gas_exponent", _OUTSIDE}
+_HARMLESS = {"oil_density", "gas_exponent"}
+_OF_ANY = {"model", "reference_temperature"}  # keys of [damper] whatever the model
 _USUALLY_SHARED: tuple[list[str], ...] = ([], ["r_m3", "f_f"], ["detect"])  # by default
 
 # Of units that have a short name; parameters of other units are bare numbers in SI.
@@ -116,18 +117,10 @@ class Configuration:
         )
 
     @property
-    def keys(self) -> tuple[str, ...]:
-        """Keys of [damper] that the model has."""
-        return tuple(
-            name
-            for name in self.document["damper"]
-            if name not in {"model", "reference_temperature"}
-        )
-
-    @property
     def undeclared(self) -> tuple[str, ...]:
-        """Keys of [damper] that nobody gave."""
-        return tuple(name for name in self.keys if f"damper.{name}" not in self.declared)
+        """Keys of [damper] that the model has and nobody gave."""
+        keys = (name for name in self.document["damper"] if name not in _OF_ANY)
+        return tuple(name for name in keys if f"damper.{name}" not in self.declared)
 
     @property
     def not_measured(self) -> tuple[str, ...]:
@@ -137,7 +130,7 @@ class Configuration:
     @property
     def is_assumed(self) -> bool:
         """Whether nobody gave anything that is measured of the damper."""
-        measured = {name for name in self.keys if name not in _OF_THE_LAW}
+        measured = {*self.document["damper"]} - _OF_THE_LAW - _OF_ANY
         return bool(measured) and measured <= set(self.undeclared)
 
     @property
@@ -147,7 +140,7 @@ class Configuration:
 
     @property
     def _not_declared(self) -> str:
-        if self.chosen_law or len(self.undeclared) == len(self.keys):
+        if self.chosen_law or len(self.undeclared) == len({*self.document["damper"]} - _OF_ANY):
             return "[damper] is not declared"
         return "[damper] declares no dimensions"
 
@@ -160,20 +153,15 @@ class Configuration:
         """
         missing = self._not_declared
         if not self.is_assumed:
-            names = [name for name in self.undeclared if name not in {*_OF_THE_LAW, *_HARMLESS}]
+            names = [name for name in self.not_measured if name not in _HARMLESS]
             if not names:
                 return ""
             listed = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
             missing = f"{listed} {'are' if len(names) > 1 else 'is'} not declared"
         return f"{missing}, and with the dimensions of {self.whose}"
 
-    @property
-    def damper_sentence(self) -> str:
-        """The damper's main figures, and whose they are."""
-        return self.damper_sentence_from("")
-
-    def damper_sentence_from(self, origin: str) -> str:
-        """Return `damper_sentence` with words on where the damper was found, behind its figures."""
+    def damper_sentence(self, origin: str = "") -> str:
+        """Return the damper's main figures, whose they are, and in words where it was found."""
         assumed = ""
         if self.is_assumed:
             whose = "the paper's" if self.damper.name == "purdy" else "made up"

@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, cast
 from weakref import WeakValueDictionary
 
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -373,9 +372,8 @@ def model_named(name: str) -> type[Model]:
     if name not in MODELS:
         if name == "auto":
             raise ConfigurationError(
-                "model auto: only {choosing} of damperfit identify, and damperfit models, let the "
-                "logs choose; give the model that they name here",
-                choosing=Option("model", "auto"),
+                "model auto: only {--model auto} of damperfit identify, and damperfit models, let "
+                "the logs choose; give the model that they name here",
                 code="model-auto",
             )
         there = f" There are {', '.join(MODELS)}."

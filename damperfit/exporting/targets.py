@@ -203,8 +203,7 @@ def force_tables(
     if extend is not None and not min(tested) < extend <= _FARTHEST * max(tested):
         raise ConfigurationError(
             f"expected a speed above the tested {min(tested):.4g} m/s and "
-            f"up to {_FARTHEST:g} times it; leave {{extend}} out for a table of what was tested",
-            extend=Option("extend"),
+            f"up to {_FARTHEST:g} times it; leave {{--extend}} out for a table of what was tested",
             where=Option("extend", f"{extend:g} m/s"),
             code="out-of-range",
         )

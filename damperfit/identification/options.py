@@ -43,8 +43,7 @@ def check_start(quantity: Quantity, value: float, *, is_fixed: bool, is_held: bo
     if is_held:
         raise ConfigurationError(
             f"{name} is given a start but is not fitted: it is held at {quantity.default:g} "
-            f"{quantity.unit} unless {{free}} names it; free it, or give {{fix}}.",
-            free=Option("free"),
+            f"{quantity.unit} unless {{--free}} names it; free it, or give {{fix}}.",
             fix=Option("fix", f"{value:g}", name),
             code="held-and-started",
         )

@@ -36,7 +36,6 @@ from damperfit.io.files import Source
 from damperfit.io.formats import Column, FloatArray, Samples, Table
 from damperfit.io.groups import Group, GroupChannel, group_tables
 from damperfit.io.options import ReadOptions
-from damperfit.problem import Option
 from damperfit.recording import Finding
 
 _NEXT_NUMBER = b"\x15"
@@ -192,8 +191,7 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         if lost and not options.allow_truncated:
             raise LogError(
                 f"truncated TDMS file: {lost}; copy the log again, or keep what all "
-                "channels have by {allow_truncated}",
-                allow_truncated=Option("allow_truncated"),
+                "channels have by {--allow-truncated}",
                 code="truncated",
             )
         file = nptdms.TdmsFile.read(io.BytesIO(data))

@@ -105,13 +105,10 @@ def choose_parameters(
     damper: Model = PURDY_DAMPER,
 ) -> ChosenParameters:
     """Return the parameters to simulate with."""
-    every = Option("set")
     if all(one.name in replaced for one in damper.quantities if one.default is None):
         if table is not None:
             raise ConfigurationError(
-                "nothing is taken from it, as {set_option} gives all parameters; leave one of the "
-                "two out",
-                set_option=every,
+                "nothing is taken from it, as {--set} gives all parameters; leave one out",
                 where=Option("parameters", table),
                 code="no-effect",
             )
@@ -125,19 +122,15 @@ def choose_parameters(
     if setting is None:
         missing = [one.name for one in quantities if one.default is None and one.name not in values]
         raise ConfigurationError(
-            f"no parameters for {', '.join(missing)}: give {{setting}} or {{set_option}} them all",
-            setting=Option("setting", "N"),
-            set_option=every,
+            f"no parameters for {', '.join(missing)}: give {{--setting N}} or {{--set}} them all",
             code="no-parameters",
         )
     if path is not None:
         choice = _of_run(path, setting, values)
     elif damper.name != PURDY_DAMPER.name:
         raise ConfigurationError(
-            f"there is no reference set of the model {damper.name!r}: give {{parameters}}, or "
-            "all of them by {set_option}",
-            parameters=Option("parameters", "FILE"),
-            set_option=every,
+            f"there is no reference set of the model {damper.name!r}: give {{--parameters FILE}}, "
+            "or all of them by {--set}",
             code="no-parameters",
         )
     else:
@@ -233,15 +226,14 @@ def damper_of(
     choice: ChosenParameters, configuration: Configuration, *, config: Path | None = None
 ) -> tuple[Configuration, str]:
     """Return the configuration with the damper that the parameters belong to, and a line on it."""
-    meant, line = configuration, configuration.damper_sentence
+    meant, line = configuration, configuration.damper_sentence()
     if choice.run is not None:
         meant, line = _damper_of_run(choice.run, configuration, config)
     if isinstance(meant.damper, WithTemperature) and BETA.name not in choice.parameters.names:
         raise ConfigurationError(
             f"damper.reference_temperature: setting {choice.setting} of "
             f"{choice.table or 'the reference set'} has no beta; leave the key out, or take "
-            "results of identify with {covariate}",
-            covariate=Option("covariate", "temperature"),
+            "results of identify with {--covariate temperature}",
             code="no-temperature",
         )
     return meant, line
@@ -255,7 +247,7 @@ def _damper_of_run(
     if run.declared_damper is None:
         line = f"; {run.source} does not say whose parameters these are"
     schema = unknown_schema(run.record)
-    return meant, meant.damper_sentence_from(f"{line}; {schema}" if schema else line)
+    return meant, meant.damper_sentence(f"{line}; {schema}" if schema else line)
 
 
 def truth_of(
@@ -344,11 +336,8 @@ def _refuse_work(parameters: Values, configuration: Configuration) -> None:
         raise ConfigurationError(
             f"{options.cycles:g} cycles at {rig.frequency:g} Hz take about {n_samples:.3g} samples "
             f"and {n_steps:.3g} steps of the integrator, expected at most {options.max_steps} "
-            "(simulation.max_steps); take fewer {cycles} or a lower {sample_rate}, or allow more "
-            "with {max_steps}",
-            cycles=Option("cycles"),
-            sample_rate=Option("sample_rate"),
-            max_steps=Option("max_steps", math.ceil(1.1 * n_steps)),
+            "(simulation.max_steps); take fewer {--cycles} or a lower {--sample-rate}, or allow "
+            f"more with {{--max-steps {math.ceil(1.1 * n_steps)}}}",
             code="too-much-work",
         )
 

@@ -31,8 +31,7 @@ def with_given_start(configuration: Configuration) -> Configuration:
         raise ConfigurationError(
             f"its parameters ({', '.join(sorted(named))}) belong to another model "
             f"than {damper.name} ({', '.join(damper.names)}); name that model by "
-            "{model}, or give {start}",
-            model=Option("model"),
+            "{--model}, or give {start}",
             start=Option("start", "VALUE", "NAME"),
             where=Option("start", path),
             code="other-model",

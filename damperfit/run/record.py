@@ -678,7 +678,7 @@ def _identity_of(batch: LogBatch, names: set[str]) -> Identity:
 
 def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Iterator[str]:
     """Yield how the parameters were found, one sentence each."""
-    yield configuration.damper_sentence
+    yield configuration.damper_sentence()
     yield from (f"Note: {note}." for note in configuration.notes)
     if not campaign.fits:
         return
