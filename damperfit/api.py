@@ -460,7 +460,7 @@ def load(folder: str | Path) -> Run:
         There is no such folder, or no results in it.
     """
     from damperfit.results import Run
-    from damperfit.tables.reading import is_part
+    from damperfit.tables.files import is_part
 
     place = path_of(folder, "damperfit.load", "the path of a results folder")
     if is_part(place):
@@ -758,7 +758,7 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
     from damperfit.exporting.check import check_export
     from damperfit.store import file_set
-    from damperfit.tables.reading import is_part, written_of
+    from damperfit.tables.files import is_part, written_of
     from damperfit.units.quantities import parse_quantity
     from damperfit.units.shown_units import SI, parse_units
 
@@ -803,7 +803,7 @@ def report(
 ) -> Files:
     """Write report.html, one page that opens anywhere, from results."""
     configured("report", {"config": config})
-    from damperfit.tables.reading import written_of
+    from damperfit.tables.files import written_of
 
     where: Any = out
     _check_places(where)

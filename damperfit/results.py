@@ -47,18 +47,12 @@ from damperfit.simulation import Motion, SolverOptions
 from damperfit.store import file_set, path_of, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
 from damperfit.tables.files import (
-    json_pieces,
-    lay_out,
-    responses_table,
-    table_in_units,
-    write_responses,
-    write_table,
-)
-from damperfit.tables.reading import (
     LogSignals,
     check_files,
     has_table,
     is_part,
+    json_pieces,
+    lay_out,
     part_in,
     read_facts,
     read_part,
@@ -66,8 +60,12 @@ from damperfit.tables.reading import (
     read_rows,
     read_signals,
     read_table,
+    responses_table,
+    table_in_units,
     table_quantities,
     title_of,
+    write_responses,
+    write_table,
 )
 from damperfit.tested.setting import Setting, label_of
 from damperfit.uncertainty import SpeedForces
@@ -1140,19 +1138,16 @@ class Run:
 
     @property
     def _headline(self) -> str:
-        rows = self.rows("parameters")
-        misfits = [row["mse_percent"] for row in rows if row.get("mse_percent") is not None]
-        whose = f"damper {self.title}, " if self.title != "damperfit" else ""
-        spread = f", MSE {min(misfits):.2g} to {max(misfits):.2g} %" if misfits else ""
-        failed = f", {len(self.failures)} failed" if self.failures else ""
-        return f"Run: {whose}{len(rows)} setting{'s' * (len(rows) != 1)}{spread}{failed}"
+        from damperfit.reporting.report import lead
+
+        return f"Run: {f'damper {self.title}, ' * (self.title != 'damperfit')}{lead(self)}"
 
     @property
     def _unmet(self) -> tuple[str, ...]:
         """What failed, and checks that did not pass, a line each."""
-        unmet = (one for one in checks_in(self.record) if one.passed is False)
-        failed = (f"FAILED {one.name}: {one.reason}" for one in unmet)
-        return (*self.failures[:_SHOWN_FAILURES], *failed)
+        from damperfit.reporting.tables import check_lines
+
+        return (*self.failures[:_SHOWN_FAILURES], *check_lines(checks_in(self.record))[1:])
 
     def __repr__(self) -> str:
         from damperfit.reporting.sheet import text_table

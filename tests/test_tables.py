@@ -23,11 +23,13 @@ from damperfit.tables.columns import (
     describe_tables,
     quantity_records,
 )
-from damperfit.tables.files import safe_cell, time_series_table, write_table
-from damperfit.tables.reading import (
+from damperfit.tables.files import (
     check_files,
     read_rows,
+    safe_cell,
     table_quantities,
+    time_series_table,
+    write_table,
 )
 from damperfit.tables.rows import characteristic_rows
 from tests.fakes import campaign, fit, make_tables, trace, values_in

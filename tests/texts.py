@@ -28,7 +28,7 @@ from damperfit.reporting.tables import (
 )
 from damperfit.results import Run
 from damperfit.tables.columns import PAPER_QUANTITIES
-from damperfit.tables.reading import typed_rows
+from damperfit.tables.files import typed_rows
 from damperfit.tables.rows import campaign_rows
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results

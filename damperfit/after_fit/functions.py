@@ -279,7 +279,7 @@ def run_of(
     """Return a run as it is given, or read from its folder; one setting at least is fitted."""
     from damperfit.queries.settings import refuse_unfitted
     from damperfit.results import Run
-    from damperfit.tables.reading import is_part
+    from damperfit.tables.files import is_part
 
     own = None if config is None else Path(config)
     run = results if isinstance(results, Run) else Run.load(folder_of(results, call), config=own)

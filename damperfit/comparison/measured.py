@@ -24,7 +24,7 @@ from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from damperfit.results import Run
-    from damperfit.tables.reading import LogSignals
+    from damperfit.tables.files import LogSignals
     from damperfit.tested.setting import Setting
 
     Readings = dict["Topic", "Reading"]

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
 from damperfit.store import file_set, settle
-from damperfit.tables.reading import PART_FOLDERS, RECORD, packed, serial_in, unpacked
+from damperfit.tables.files import PART_FOLDERS, RECORD, packed, serial_in, unpacked
 
 SERIAL = "serial"
 SYMBOL = b"symbol"  # in the metadata of a quantity's column

@@ -43,8 +43,7 @@ from damperfit.tables.columns import (
     read_setting,
     setting_cells,
 )
-from damperfit.tables.files import finite, json_values, write_table
-from damperfit.tables.reading import LogSignals, is_part
+from damperfit.tables.files import LogSignals, finite, is_part, json_values, write_table
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.quantities import parse_quantity

@@ -41,7 +41,7 @@ from damperfit.simulation import (
 )
 from damperfit.store import settle
 from damperfit.tables.columns import unknown_schema
-from damperfit.tables.reading import is_part, part_in, table_quantities
+from damperfit.tables.files import is_part, part_in, table_quantities
 from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 
 # Whose parameters a test is simulated with, and what is known of them

@@ -31,7 +31,7 @@ from damperfit.units.shown_units import ShownUnits
 
 if TYPE_CHECKING:
     from damperfit.results import Run
-    from damperfit.tables.reading import LogSignals
+    from damperfit.tables.files import LogSignals
 
     Range = tuple[float, float]
     Row = Mapping[str, Any]

@@ -196,7 +196,7 @@ def _legend(rows: Sequence[Row], shown: Sequence[Shown]) -> Iterator[str]:
             power = f"1e{one.power} " if one.power else ""
             groups.setdefault(f"{power}{one.unit}", []).append(one.symbol)
     if groups:
-        yield ", ".join(f"{_listed(symbols)} in {unit}" for unit, symbols in groups.items())
+        yield ", ".join(f"{in_a_row(symbols)} in {unit}" for unit, symbols in groups.items())
     used = {one.status(row) for row in rows for one in shown}
     marks = {how: f"{mark} {words}" for how, (mark, words) in _MARKS.items() if how in used}
     for one in shown:
@@ -208,8 +208,9 @@ def _legend(rows: Sequence[Row], shown: Sequence[Shown]) -> Iterator[str]:
         yield _OF_MISFIT
 
 
-def _listed(symbols: Sequence[str]) -> str:
-    *first, last = symbols
+def in_a_row(words: Sequence[str]) -> str:
+    """Return words as "a, b and c"."""
+    *first, last = words
     return f"{', '.join(first)} and {last}" if first else last
 
 
@@ -270,7 +271,7 @@ def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
         status = word.replace(" ", "_")
         own = [one.symbol for one in quantities if row.get(f"{one.name}_status") == status]
         if own:
-            remarks = [one for one in remarks if one != word] + [f"{_listed(own)} {word}"]
+            remarks = [one for one in remarks if one != word] + [f"{in_a_row(own)} {word}"]
     cavitates = [f"cavitates {100.0 * share:.0f} % of the time"] if share else []
     return "; ".join([*remarks, *cavitates])
 

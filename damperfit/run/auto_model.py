@@ -32,7 +32,7 @@ from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import Failure, Problem, failure_lines, note
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import Sheet, number, percent
-from damperfit.reporting.tables import rival_sheet, tried_laws_sheet
+from damperfit.reporting.tables import in_a_row, rival_sheet, tried_laws_sheet
 from damperfit.run.identify import by_damper, gather, prepare
 from damperfit.run.logs import LogBatch
 from damperfit.tables.files import finite, json_values
@@ -141,16 +141,11 @@ def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...
     if not missing or not parts:
         return ()
     text = (
-        f"Whether {_listed(parts)} {'are' if len(parts) > 1 else 'is'} the rig's: "
-        f"{_listed(missing)} {'are' if len(missing) > 1 else 'is'} not declared, and a wrong "
+        f"Whether {in_a_row(parts)} {'are' if len(parts) > 1 else 'is'} the rig's: "
+        f"{in_a_row(missing)} {'are' if len(missing) > 1 else 'is'} not declared, and a wrong "
         "one may look like that. Declare them as measured."
     )
     return (text,)
-
-
-def _listed(words: Sequence[str]) -> str:
-    *first, last = words
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[Problem, ...]:
@@ -461,7 +456,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
 def _tied_still(untied: Sequence[str], best: LawFit) -> Iterator[Problem]:
     """What was to be each setting's own, and is no part of the law."""
     if lost := [name for name in untied if name not in best.free]:
-        text = f"{_listed(lost)} cannot be untied: the law that was chosen fits none of that name"
+        text = f"{in_a_row(lost)} cannot be untied: the law that was chosen fits none of that name"
         yield Problem("nothing-to-untie", text)
 
 

@@ -12,7 +12,7 @@ from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import GivenStart, check_start
 from damperfit.problem import Option
-from damperfit.tables.reading import read_known_numbers
+from damperfit.tables.files import read_known_numbers
 from damperfit.tested.setting import Setting
 
 # What dampers of every kind have: a table that tells no more is of another model.

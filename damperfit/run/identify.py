@@ -62,7 +62,7 @@ from damperfit.workers import apart, available_cores, told_here
 if TYPE_CHECKING:
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
-    from damperfit.tables.reading import LogSignals
+    from damperfit.tables.files import LogSignals
 
 
 _LOGGER = logging.getLogger(__name__)

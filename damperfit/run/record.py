@@ -44,8 +44,7 @@ from damperfit.tables.columns import (
     describe_tables,
     quantity_records,
 )
-from damperfit.tables.files import json_values
-from damperfit.tables.reading import LogSignals, typed_rows
+from damperfit.tables.files import LogSignals, json_values, typed_rows
 from damperfit.tables.rows import campaign_rows, profile_rows, valve_rows
 from damperfit.tested.identity import Identity, common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
@@ -74,8 +73,6 @@ from damperfit.workers import executor
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.run.identify import Clock
-
-    _Wider = Callable[[Uncertainty, str, Interval], Interval]
 
 _Result = TypeVar("_Result")
 
@@ -267,49 +264,42 @@ def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -
     from that of the damper, and to the values of structures in exchange: what such a one has not is
     there where it does nothing.
     """
+    if not law:
+        return assessment
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.laws.structures import times_in
+
+    spread, layouts = law.get("spread", {}), law.get("layouts_alike", ())
     most: dict[str, float] = {}
-    for own_spread in law.get("spread", {}).values():
+    for own_spread in spread.values():
         most |= {name: max(one, most.get(name, 0.0)) for name, one in own_spread.items()}
 
-    def spreading(known: Uncertainty, name: str, own: Interval) -> Interval:
-        beside = law["spread"].get(str(known.setting.cell), most).get(name, 0.0)
-        if not beside or not math.isfinite(own.high):  # it says "anything" already
-            return own
-        value = math.sqrt(own.low * own.high)
-        misfit = math.hypot(own.misfit / value, beside)
-        return make_interval(value, own.error / value, own.cycle_ratio, misfit=misfit)
+    def wider(known: Uncertainty, name: str, own: Interval) -> Interval:
+        cell, stroke = str(known.setting.cell), name.partition("_")[0]
+        beside = spread.get(cell, most).get(name, 0.0)
+        if beside and math.isfinite(own.high):  # else it says "anything" already
+            value = math.sqrt(own.low * own.high)
+            misfit = math.hypot(own.misfit / value, beside)
+            own = make_interval(value, own.error / value, own.cycle_ratio, misfit=misfit)
+        is_valve = stroke in {"rebound", "compression"}
+        if layouts and is_valve and isinstance(damper, ValveDamper):
+            raised = known.intervals.get(f"{stroke}_power")
+            power = 1.0 if raised is None else math.sqrt(raised.low * raised.high)
+            times = [times_in(layout, damper, name, power) for layout in layouts]
+            low, high = min(times) / _RETURNS, max(times) * _RETURNS
+            own = replace(own, low=min(1.0, low) * own.low, high=max(1.0, high) * own.high)
+        for one in law.get("exchanges", ()):
+            there, quantity = one["values"].get(cell), damper.quantity(name)
+            if there and not quantity.is_offset:
+                away = there.get(name, quantity.vanishes_at)
+                own = replace(own, low=min(own.low, away), high=max(own.high, away))
+        return own
 
-    def of_layouts(known: Uncertainty, name: str, own: Interval) -> Interval:
-        from damperfit.damper.valve_dampers import ValveDamper
-        from damperfit.laws.structures import times_in
-
-        stroke = name.partition("_")[0]
-        if stroke not in {"rebound", "compression"} or not isinstance(damper, ValveDamper):
-            return own
-        raised = known.intervals.get(f"{stroke}_power")
-        power = 1.0 if raised is None else math.sqrt(raised.low * raised.high)
-        times = [times_in(layout, damper, name, power) for layout in law["layouts_alike"]]
-        low, high = min(times) / _RETURNS, max(times) * _RETURNS
-        return replace(own, low=min(1.0, low) * own.low, high=max(1.0, high) * own.high)
-
-    def exchanged(values: Mapping[str, Mapping[str, float]]) -> _Wider:
-        def reaching(known: Uncertainty, name: str, own: Interval) -> Interval:
-            there, quantity = values.get(str(known.setting.cell)), damper.quantity(name)
-            if not there or quantity.is_offset:
-                return own
-            away = there.get(name, quantity.vanishes_at)
-            return replace(own, low=min(own.low, away), high=max(own.high, away))
-
-        return reaching
-
-    steps = [spreading] * bool(most) + [of_layouts] * bool(law.get("layouts_alike"))
-    for wider in (*steps, *(exchanged(one["values"]) for one in law.get("exchanges", ()))):
-        known = (
-            replace(one, intervals={k: wider(one, k, own) for k, own in one.intervals.items()})
-            for one in assessment.uncertainties
-        )
-        assessment = replace(assessment, uncertainties=tuple(known))
-    return assessment
+    known = (
+        replace(one, intervals={k: wider(one, k, own) for k, own in one.intervals.items()})
+        for one in assessment.uncertainties
+    )
+    return replace(assessment, uncertainties=tuple(known))
 
 
 # Warnings, gates and failures
@@ -598,7 +588,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
             *filter(None, method),
         ],
         "gates_missed": list(map(str, gates)),
-        "checks": [to_record(check) for check in judgement.checks],
+        "checks": to_record(judgement.checks),
         "uncertainty": [
             {
                 "setting": known.setting,
@@ -616,9 +606,9 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
             for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True)
         ],
         "profiles": [profile_record(one, assessment) for one in assessment.profiles],
-        "gas_content": None if assessment.gas is None else to_record(assessment.gas),
-        "speed_forces": [to_record(one) for one in assessment.forces],
-        "searches": [to_record(one) for one in campaign.searches],
+        "gas_content": to_record(assessment.gas),
+        "speed_forces": to_record(assessment.forces),
+        "searches": to_record(campaign.searches),
         "stretches": [
             {
                 "setting": fit.setting,
@@ -631,14 +621,14 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
             for stretch, mse in zip(log.trace.stretches, log.stretch_mse_percent, strict=False)
         ],
         "grades_withheld": [
-            {"setting": setting, "reasons": [to_record(one) for one in why]}
+            {"setting": setting, "reasons": to_record(why)}
             for setting, why in assessment.objections.items()
         ],
         "held_out": [one.describe() for one in judgement.predictions],
         "trends": [
             {**to_record(trend), "unit": units[trend.parameter]} for trend in adjustment.trends
         ],
-        "clicks": [to_record(click) for click in adjustment.clicks],
+        "clicks": to_record(adjustment.clicks),
         "adjusters": list(adjusters),
         "schema": describe_tables(settings, campaign.quantities),
         "quantities": quantity_records(campaign.quantities),

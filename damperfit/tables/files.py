@@ -1,4 +1,4 @@
-"""What goes into files: rows as Arrow tables, in Parquet with page checksums and CSV; JSON.
+"""Tables in files, written and read: Parquet with page checksums, and CSV; JSON.
 
 What is written depends on the results alone, never on the clock, the machine or the number of
 workers, so equal inputs give equal bytes. `damperfit.store` makes files appear whole or not at
@@ -9,25 +9,71 @@ from __future__ import annotations
 
 import csv
 import json
+from base64 import b64decode, b64encode
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from io import StringIO
+from itertools import pairwise
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import unquote
+from zlib import compress, decompress
+from zlib import error as zlib_error
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from damperfit.arrays import FloatArray
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
-from damperfit.tables.columns import setting_cells, table_schema
-from damperfit.tested.setting import Setting
+from damperfit.io.files import read_text, regular, sha256_of
+from damperfit.store import settle
+from damperfit.tables.columns import (
+    PAPER_QUANTITIES,
+    adjusters_in,
+    column_kinds,
+    quantities_in,
+    read_setting,
+    setting_cells,
+    table_schema,
+)
+from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
     from damperfit.simulation import Response
-    from damperfit.tables.reading import LogSignals
     from damperfit.units.shown_units import ShownUnits
+
+    Rows = tuple[dict[str, Any], ...]
+
+
+RECORD = b"damperfit_record"  # in the footer of a fleet's part
+PART_FOLDERS = ("serial-*", "serial=*")  # the latter of earlier versions
+_OWN = ("version", "schema_version", "test", "configuration")  # of a table, not of run.json
+_BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
+_MANY = 6  # columns that are named when they are missing
+_SIGNALS = (
+    *("time_s", "displacement_m", "velocity_m_per_s", "force_measured_N", "force_N"),
+    *("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa"),
+)
+
+
+class LogSignals(NamedTuple):
+    """Measured and simulated signals of one log, its steady whole cycles, positive in rebound.
+
+    The shape is (n,), in s, m, m/s and N; of the pressures (3, n), Pa absolute.
+    """
+
+    setting: Setting
+    log: str
+    time: FloatArray
+    displacement: FloatArray
+    velocity: FloatArray
+    force_measured: FloatArray
+    force: FloatArray
+    pressures: FloatArray
 
 
 def finite(value: Any) -> Any:
@@ -238,3 +284,345 @@ def _laid_out(value: Any, line: str) -> Iterator[str]:
         yield line + "]"
     else:
         yield _ENCODER.encode(value)
+
+
+# A results folder, a table of parameters or a part of a fleet read back, for `results.Run`.
+#
+# Whatever is whole is returned; what is missing or damaged becomes a remark. What a file should
+# hold run.json says: a column that its version did not write is missing to nobody, and its cells
+# are None. A part of a fleet is a table of parameters with what is compared of run.json in its
+# metadata.
+
+
+# One file
+
+
+def read_facts(path: Path) -> dict[str, Any]:
+    """Return what a Parquet table tells of the run that wrote it; empty where it tells nothing."""
+    with suppress(OSError, ValueError, pa.ArrowException):
+        return facts_of(pq.read_schema(regular(path)))
+    return {}
+
+
+def facts_of(schema: pa.Schema) -> dict[str, Any]:
+    """Return what the schema of a table tells of the run that made it."""
+    with suppress(ValueError, RecursionError):
+        facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
+        return facts if isinstance(facts, dict) else {}
+    return {}
+
+
+def _cells(path: Path) -> tuple[list[str], list[dict[str, Any]]]:
+    """Return the names of a table's columns and its rows as they stand in the file."""
+    if path.suffix.lower() == ".parquet":
+        with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
+            table = file.read()
+        return table.column_names, table.to_pylist()
+    lines = StringIO(read_text(path), newline="")
+    reader = csv.DictReader((line for line in lines if not line.startswith("#")), strict=True)
+    rows: list[dict[str, Any]] = list(reader)
+    return list(reader.fieldnames or ()), rows
+
+
+def typed_rows(
+    table: str, rows: Iterable[Mapping[str, Any]], of: Sequence[Quantity], names: Sequence[str] = ()
+) -> Rows:
+    """Return the rows that say their setting, by column; None where a cell or a column is missing.
+
+    They come from a file with columns of these names, or from a fit. A KeyError, TypeError or
+    ValueError tells of a column of settings that is missing, or of a cell that is none of its kind.
+    """
+
+    def cell(value: Any, kind: type) -> Any:
+        is_empty = value is None or (value == "" and kind is not str)
+        return None if is_empty else finite(kind(value))
+
+    adjusters, kinds = adjusters_in(names, of), column_kinds(table, of)
+    del kinds["setting"]
+    return tuple(
+        {"setting": setting} | {name: cell(row.get(name), kind) for name, kind in kinds.items()}
+        for row in rows
+        if (setting := read_setting(row, adjusters)) is not None
+    )
+
+
+def _reason(error: BaseException) -> str:
+    text = str(getattr(error, "strerror", None) or error)
+    return text.splitlines()[0] if text else type(error).__name__
+
+
+# A results folder
+
+
+def has_table(folder: Path, record: Mapping[str, Any], table: str) -> bool:
+    """Whether the run wrote a table that not every run writes."""
+    files = record.get("files")
+    is_listed = isinstance(files, dict) and f"{table}.parquet" in files
+    return is_listed or any((folder / f"{table}{end}").is_file() for end in (".parquet", ".csv"))
+
+
+def read_record(path: Path, remarks: list[str]) -> dict[str, Any]:
+    """Return run.json; empty, with a remark, where it cannot be read."""
+    why = "is not a JSON object"
+    try:
+        document = json.loads(read_text(path))
+        if isinstance(document, dict):
+            return document
+    except FileNotFoundError:
+        why = "is missing"
+    except (OSError, ValueError, RecursionError) as error:
+        why = f"cannot be read ({_reason(error)})"
+    remarks.append(f"run.json {why}: rig, inputs and warnings are not known")
+    return {}
+
+
+def check_files(
+    folder: Path, record: dict[str, Any], remarks: list[str], parts: Sequence[str]
+) -> None:
+    """Remark on files that are not those the run wrote."""
+    files = record.get("files")
+    for name, expected in files.items() if isinstance(files, dict) else ():
+        path = folder / str(name)
+        is_asked = path.stem in parts and path.suffix == ".parquet" and path.parent == folder
+        if is_asked and path.is_file() and sha256_of(path) != expected:
+            remarks.append(f"{name} is not the file that the run wrote (see run.json)")
+
+
+def read_rows(
+    folder: Path,
+    table: str,
+    remarks: list[str],
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
+    record: Mapping[str, Any] | None = None,
+) -> Rows:
+    """Return the rows of a table, from Parquet, else from CSV; a column that was lost is told."""
+    schema = (record or {}).get("schema")
+    columns = schema.get(table) if isinstance(schema, dict) else None
+    listed = columns if isinstance(columns, list) else ()
+    written = [str(one["name"]) for one in listed if isinstance(one, dict) and "name" in one]
+    for suffix in (".parquet", ".csv"):
+        path = folder / (table + suffix)
+        try:
+            names, cells = _cells(path)
+            if "setting" not in names:
+                raise KeyError("setting")  # noqa: TRY301 - as of a damaged file
+            rows = typed_rows(table, cells, quantities, names)
+        except FileNotFoundError:
+            remarks.append(f"{path.name} is missing")
+        except KeyError as error:
+            remarks.append(f"{path.name} has no column {error.args[0]}")
+        except _BROKEN as error:
+            remarks.append(f"{path.name} cannot be read: {_reason(error)}")
+        else:
+            if rows and (lost := [name for name in written if name not in names]):
+                more = f" and {len(lost) - _MANY} more" if len(lost) > _MANY else ""
+                remarks.append(f"{path.name} has no column {', '.join(lost[:_MANY])}{more}")
+            return rows
+    return ()
+
+
+def read_signals(
+    folder: Path, remarks: list[str], quantities: Sequence[Quantity] = PAPER_QUANTITIES
+) -> Iterator[LogSignals]:
+    """Yield the signals of each log; a damaged row group costs that log alone."""
+    path = folder / "responses.parquet"
+    try:
+        with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
+            columns = file.schema_arrow.names
+            wanted = ("setting", "log", *_SIGNALS)
+            if missing := [name for name in wanted if name not in columns]:
+                remarks.append(f"{path.name} has no column {', '.join(missing)}: no loops")
+                return
+            adjusters = adjusters_in(columns, quantities)
+            for group in range(file.num_row_groups):
+                try:
+                    table = file.read_row_group(group, columns=[*wanted, *adjusters])
+                except _BROKEN as error:
+                    remarks.append(f"{path.name}: log {group + 1} is damaged: {_reason(error)}")
+                    continue
+                yield from _each_log(table, adjusters)
+    except FileNotFoundError:
+        remarks.append(f"{path.name} is missing: no loops")
+    except _BROKEN as error:
+        remarks.append(f"{path.name} cannot be read: {_reason(error)}")
+
+
+def _each_log(table: pa.Table, adjusters: Sequence[str]) -> Iterator[LogSignals]:
+    """Yield the logs of a row group: one as we write it, several where another program did."""
+    keys = table.select(["setting", "log", *adjusters]).to_pylist()
+    edges = [k for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
+    signals = [np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in _SIGNALS]
+    for first, stop in pairwise([0, *edges, len(keys)] if keys else []):
+        time, x, v, measured, force, *pressures = (signal[first:stop] for signal in signals)
+        setting = read_setting(keys[first], adjusters) or Setting.of(0)
+        log, stacked = str(keys[first]["log"]), np.stack(pressures)
+        yield LogSignals(setting, log, time, x, v, measured, force, stacked)
+
+
+# A table of parameters, of a run or of somebody's own
+
+
+def table_quantities(path: Path, record: Mapping[str, Any] | None = None) -> tuple[Quantity, ...]:
+    """Return what a table of parameters is of: as it says itself, else run.json, else the paper's.
+
+    ``record`` is run.json of a results folder; where it is lost the columns say what there is.
+    """
+    facts = read_facts(path)
+    if "quantities" in facts:
+        return quantities_in(facts)
+    if record is None:
+        return quantities_in(read_record(path.parent / "run.json", []))
+    columns: list[str] = []
+    for known in (path, path.with_suffix(".csv")):
+        with suppress(*_BROKEN):
+            columns = columns or _cells(known)[0]
+    return quantities_in(record, columns)
+
+
+def read_table(
+    path: Path, *, is_whole: bool = True
+) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows, str]:
+    """Return what a table of parameters and run.json beside it tell, and where the damper stands.
+
+    It was written by `write_table`, or is any table with the columns ``setting`` and those of the
+    quantities in SI; ``is_whole``: of each quantity that has no default.
+    """
+    settle(path.parent)
+    quantities = table_quantities(path)
+    needed = [one.name for one in quantities if one.default is None] if is_whole else []
+    try:
+        names, cells = _cells(path)
+        for name in ("setting", *needed):
+            if name not in names:
+                raise ConfigurationError(
+                    f"not a parameters table: it has no column '{name}'",
+                    subject=path,
+                    code="not-a-table",
+                )
+        rows = typed_rows("parameters", cells, quantities, names)
+    except OSError as error:
+        why = f"cannot be read: {error.strerror or error}"
+        raise ConfigurationError(why, subject=path, code="unreadable") from error
+    except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
+        raise ConfigurationError(
+            f"not a parameters table: {error}", subject=path, code="not-a-table"
+        ) from error
+    facts, beside = read_facts(path), read_record(path.parent / "run.json", [])
+    is_told = isinstance(facts.get("configuration"), dict)
+    source = path if is_told or not beside else path.parent / "run.json"
+    own = {key: facts[key] for key in _OWN if key in facts}
+    return beside | own, quantities, rows, str(source)
+
+
+def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
+    """Read what a parameters table tells of its own model's quantities, by setting and name.
+
+    Empty cells are left out, and so are settings without a number; errors as of `read_table`.
+    """
+    _, quantities, rows, _ = read_table(path, is_whole=False)
+    names = [one.name for one in quantities]
+    known = {row["setting"]: {n: row[n] for n in names if row[n] is not None} for row in rows}
+    return {setting: numbers for setting, numbers in known.items() if numbers}
+
+
+# A part of a fleet
+
+
+def _parts_of(folder: Path) -> list[Path]:
+    is_ours = folder.name.startswith(("serial-", "serial="))
+    return sorted(folder.glob("part-*.parquet")) if is_ours else []
+
+
+def serial_in(folder: Path) -> str:
+    """Return the serial number that a folder of parts is called by, as it is spelled there."""
+    return folder.name.removeprefix("serial-").removeprefix("serial=")
+
+
+def packed(record: Mapping[str, Any]) -> str:
+    """Return a record as text for the footer of a part."""
+    return b64encode(compress(json.dumps(record, sort_keys=True).encode(), 9)).decode()
+
+
+def unpacked(text: bytes) -> dict[str, Any]:
+    """Return the record that a footer holds."""
+    try:
+        record = json.loads(decompress(b64decode(text))) if text else {}
+    except zlib_error as error:
+        raise ValueError(str(error)) from error
+    return record if isinstance(record, dict) else {}
+
+
+def is_part(path: Path) -> bool:
+    """Whether a path is a part, or the folder of a serial number that holds parts."""
+    if path.is_dir():
+        return bool(_parts_of(path))
+    return path.name.startswith("part-") and path.suffix == ".parquet" and path.is_file()
+
+
+def part_in(path: Path) -> Path:
+    """Return the part that a path names, itself or as the folder of its serial number."""
+    if not path.is_dir():
+        return path
+    parts = _parts_of(path)
+    if len(parts) > 1:
+        names = ", ".join(part.name for part in parts)
+        raise ConfigurationError(
+            f"several tests of one damper; name one of {names}", subject=path, code="several-tests"
+        )
+    return parts[0]
+
+
+def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
+    """Return what a part keeps of run.json, its quantities, and its rows of parameters."""
+    path = part_in(path)
+    try:
+        file = pq.ParquetFile(regular(path), page_checksum_verification=True)
+        table, record = file.read(), unpacked((file.metadata.metadata or {}).get(RECORD, b""))
+        table = table.select([name for name in table.column_names if name != "serial"])
+    except (OSError, pa.ArrowInvalid, ValueError) as error:
+        raise ConfigurationError(
+            f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
+            subject=path,
+            code="damaged",
+        ) from error
+    if not record:
+        raise ConfigurationError(
+            "does not say which damper and motion it is of: from an earlier version, of "
+            "several dampers, or without a fit; remove it, and the next damperfit fleet makes it "
+            "again",
+            subject=path,
+            code="no-damper",
+        )
+    quantities = quantities_in(record)
+    adjusters = adjusters_in(table.column_names, quantities)
+    # A setting is text here: what it was in the run, the record tells.
+    cells = (one["setting"] for one in record.get("uncertainty") or () if "setting" in one)
+    known = {str(cell): cell for cell in cells}
+    rows = [row for row in table.to_pylist() if not row["error_kind"]]
+    for row in rows:
+        row["setting"] = (
+            Setting(tuple((name, parse_place(row[name])) for name in adjusters))
+            if len(adjusters) > 1
+            else Setting.of(known.get(row["setting"], row["setting"]))
+        )
+    return record, quantities, tuple(rows)
+
+
+def _serial_folder(place: Path) -> Path | None:
+    """Of a part, or of a folder of parts; None of other results."""
+    return None if not is_part(place) else place if place.is_dir() else place.parent
+
+
+def written_of(place: Path, name: str) -> Path:
+    """Return where what is made of results goes: of a fleet's part beside all parts."""
+    serial = _serial_folder(place)
+    # Readers of a folder of Parquet leave out what begins with an underscore.
+    return place if serial is None else serial.parent / f"_{name}" / serial.name
+
+
+def title_of(place: Path) -> str:
+    """Return whose results these are, for a heading."""
+    serial = _serial_folder(place)
+    if serial is None:
+        return place.resolve().name or str(place)
+    return unquote(serial_in(serial), errors="replace")

@@ -27,8 +27,7 @@ from damperfit.recording import Stretch, Trace
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import mean_of
 from damperfit.tables.columns import CAVITATION, CLICK, FORCE, Column
-from damperfit.tables.files import finite
-from damperfit.tables.reading import LogSignals
+from damperfit.tables.files import LogSignals, finite
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Interval, MisfitProfile, Prediction
 

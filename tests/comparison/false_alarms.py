@@ -24,7 +24,7 @@ from damperfit.identification import identify
 from damperfit.recording import Trace
 from damperfit.results import Run
 from damperfit.simulation import SolverOptions
-from damperfit.tables.reading import LogSignals
+from damperfit.tables.files import LogSignals
 from damperfit.uncertainty import assess
 from tests.fakes import fitted_run as fitted_run_of
 from tests.fakes import make_tables

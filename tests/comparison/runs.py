@@ -9,7 +9,7 @@ from damperfit.comparison.measured import MeasuredTest, measured_tests
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.results import Run
-from damperfit.tables.reading import LogSignals
+from damperfit.tables.files import LogSignals
 from damperfit.tested.setting import Setting
 from tests.fakes import fitted_run
 

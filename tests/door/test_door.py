@@ -75,7 +75,7 @@ def test_a_result_has_values_intervals_and_verdicts_and_prints_itself(result):
         assert result.setting(same).label == "10"
     assert (result.failures, "name" in result.checks) == ((), True)
     headline, heads, _, first, *_ = repr(result).splitlines()
-    assert headline == "Run: 2 settings, MSE 0.00043 to 0.0012 %"
+    assert headline.startswith("Run: 2 settings fitted, 2 excellent; MSE median 0.0008")
     assert repr(result.setting("1")) == "<setting 1: MSE 0.00121 %, excellent>"
     assert (heads.split()[:3], first.split()[:3]) == (["set", "R_m1", "R_m2"], ["1", "14.01", "±"])
     page = result._repr_html_()

@@ -20,8 +20,7 @@ from damperfit.exporting.check import check_export
 from damperfit.exporting.targets import force_tables
 from damperfit.results import Run, SettingResult
 from damperfit.simulation import simulate, sine_motion
-from damperfit.tables.files import write_table
-from damperfit.tables.reading import LogSignals
+from damperfit.tables.files import LogSignals, write_table
 from damperfit.tested.setting import Setting
 from tests.exporting.conftest import told
 from tests.exporting.reading_back import READERS, SIGNS, combi_matrices, mat_variables
