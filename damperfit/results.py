@@ -98,7 +98,7 @@ _WORDS = Words("damperfit.identify")
 _OF_CALL = {"_config", "_temperature", "_scratch"}  # of a run that is read: they are its reader's
 _IN_MEMORY = (
     *("record", "quantities", "facts", "report_text", "place", "shown_as"),
-    *("_rows", "_signals", "_remarks", "_config", "_temperature", "_source", "_scratch"),
+    *("_rows", "_signals", "_remarks", "_lost", "_config", "_temperature", "_source", "_scratch"),
 )
 
 
@@ -328,6 +328,7 @@ class Run:
         self._config, self._temperature = config, temperature
         self._source = self.shown_as = str(place or "")  # where people are told that it stands
         self._scratch: Path | None = None
+        self._lost: set[str] = set()  # tables that should be there
         if facts is not None:
             self.facts = dict(facts)
 
@@ -442,7 +443,10 @@ class Run:
         if name not in self._rows:
             if not self._is_folder or not (name in {"parameters", "mse"} or self._has(name)):
                 return ()
+            n_remarks = len(self._remarks)
             known = read_rows(self.folder, name, self._remarks, self.quantities, self.record)
+            if not known and len(self._remarks) > n_remarks:
+                self._lost.add(name)
             once = {row["setting"]: row for row in reversed(known)}  # the first of each
             if name == "parameters" and len(once) < len(known):
                 known = tuple(reversed(once.values()))
@@ -453,6 +457,8 @@ class Run:
         return self._rows[name]
 
     def _has(self, name: str) -> bool:
+        if name in self._lost:
+            return False
         is_stored = self._is_folder and has_table(self.folder, self.record, name)
         return name in self._rows or is_stored or (name == "responses" and bool(self._signals))
 
@@ -993,9 +999,17 @@ class Run:
 
     def frame(self, name: str = "parameters") -> pd.DataFrame:
         """Return a table, as "parameters", "mse" or "adjustment"; ``attrs["units"]`` by column."""
+        import pandas as pd
+
         name = str(name)
+        if name in TABLES:  # it is there, or lost
+            _ = self.signals if name == "responses" else self.rows(name)
         there = [one for one in TABLES if self._has(one)]
-        if name in there and (name == "responses" or self.rows(name) or self.place is None):
+        if name in there and self.place is not None and not self._is_folder:
+            return pd.DataFrame(
+                [{**row, "setting": row["setting"].cell} for row in self.rows(name)]
+            )
+        if name in there and (name != "responses" or self.signals):
             table = self.table(name)
             frame: pd.DataFrame = table.to_pandas()
             told = ((one.name, one.metadata.get(b"unit", b"")) for one in table.schema)
@@ -1118,7 +1132,7 @@ class Run:
     def __getstate__(self) -> dict[str, Any]:
         """Return all that is known, in memory: what a pickle holds."""
         self.signals  # noqa: B018 - read
-        for name in TABLES:
+        for name in set(TABLES) - {"responses"}:
             self.rows(name)
         if self._is_folder:
             with suppress(OSError, ValueError):
