@@ -228,7 +228,7 @@ def test_files_for_people_are_in_the_units_asked_for_and_those_for_programs_are_
     in_inches = float(cells[speed]) / 0.0254
     assert float(shown[speed.replace("_m_per_s", "_in_per_s")]) == pytest.approx(in_inches)
     assert not [name for name in shown if name.endswith(("_N", "_m_per_s"))]
-    assert all(is_own_table(path) for path in us.glob("*.csv"))
+    assert all(is_own_table(path) for path in (us / "run.json", *us.glob("*.csv")))
     for path in results.glob("*.parquet"):
         assert pq.read_schema(us / path.name).names == pq.read_schema(path).names
     assert cells_of(results / "parameters.csv") == cells_of(us / "parameters.csv")

@@ -277,6 +277,13 @@ def test_what_was_written_before_is_replaced_and_another_file_is_not(run, export
         assert path.read_bytes() != b"kept by hand\n"
 
 
+def test_of_two_files_none_is_written_where_one_of_them_is_another_s(run) -> None:
+    Path("first").mkdir()
+    Path("first/a.png").write_text("kept by hand\n")
+    assert run(*SIMULATE.split(), "--out", "second/a.csv", "--plot", "first/a.png").code == 2
+    assert not Path("second/a.csv").exists()
+
+
 def test_an_export_is_a_folder_or_a_file_and_tells_what_it_loses(run, exported, tmp_path) -> None:
     for out, expected in (("new/folder", "new/folder/damper.csv"), ("front.csv", "front.csv")):
         ended = run("export", exported, "--to", "csv", "--out", tmp_path / out, "--json")

@@ -271,6 +271,8 @@ def test_the_end_of_tdms(put) -> None:
         said = refusal(put(data + empty[:n_bytes], "a_s1.tdms"))
         assert f"the segment at byte {len(data)} is not whole" in said
     assert f"no segment at byte {len(data)}" in refusal(put(data + b"T" + bytes(3), "a_s1.tdms"))
+    few = refusal(put(data[:-16], "a_s1.tdms"), max_bytes=len(data) - 1)  # and not put back
+    assert "16 bytes are missing" in few
     cut = read_log(put(data[:-16], "b.tdms"), ReadOptions(allow_truncated=True))
     assert [(one.name, one.severity) for one in cut.findings] == [("truncated", "warning")]
     assert 0 < len(cut.force) < len(whole.force)
