@@ -9,10 +9,10 @@ import pytest
 
 from damperfit.comparison.comparing import ComparisonOptions, compare_runs
 from damperfit.comparison.tolerance import parse_tolerance, tolerated
-from damperfit.reporting.compared import comparison_markdown, difference_plots, loop_plots
+from damperfit.reporting.compared import comparison_markdown, loop_plots
 from damperfit.reporting.page import comparison_page
 from damperfit.tested.setting import Setting
-from tests.comparison.runs import DAMPING, GAS, measured, run
+from tests.comparison.runs import DAMPING, measured, run
 
 pytest.importorskip("plotly")
 EVIL = "</script><img src=x onerror=alert(1)>"
@@ -37,16 +37,6 @@ def test_the_difference_below_is_the_second_less_the_first(comparison) -> None:
     assert apart.x.max() == pytest.approx(0.3, abs=0.005)
     np.testing.assert_allclose(by_displacement.panels[1].lines[0].y, apart.y)
     assert by_displacement.panels[0].x_unit == "mm"
-
-
-def test_the_difference_over_settings_is_in_per_cent(comparison) -> None:
-    plot = difference_plots([comparison])[0]
-    (line,) = plot.panels[0].lines
-    at_top = 0.3 * DAMPING
-    assert line.y[0] == pytest.approx(100.0 * 0.1 * at_top / (at_top + GAS), rel=0.01)
-    assert line.y[1] == pytest.approx(0.0, abs=0.01)
-    assert plot.panels[0].y_unit == "% of measured force"  # no model says what is damping
-    assert plot.caption == "At 0.3 m/s. Above zero: harder than before."
 
 
 def test_the_page_shows_names_and_obeys_none(comparison) -> None:

@@ -54,6 +54,7 @@ from damperfit.synthetic import made_up_values
 from damperfit.tested.setting import Setting
 
 SNAPSHOT = Path(__file__).parent / "snapshots" / "numbers.txt"
+SAMPLE = Path(__file__).parents[1] / "sample_runs" / "setting_10.csv"
 MOST, TOGETHER = 6, 2  # numbers of a line that are shown, and of what shares a line
 # What a number may be off on another machine, of itself: by case and place, the first that fits.
 # Scans end at one of their steps, and errors hang on how many lags of a correlation count.
@@ -523,7 +524,7 @@ def asked_of_a_run() -> Any:
         "advise": ask.advise(run, for_="k_e", setting="8").document(),
         "compare": ask.compare(run, of_five()).document(),
         "measured": ask.compare(run, of_five(), measured=True, tolerance="1%,5N").document(),
-        "inspect": ask.inspect(str(Path(__file__).parents[1] / "sample_runs/setting_10.csv")).document(),
+        "inspect": ask.inspect(str(SAMPLE)).document(),
     }
 
 

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from damperfit.comparison.comparing import (
     circumstances,
     comparable_quantities,
     compare_runs,
-    figure_lines,
     force_readings,
     freedom_of,
     parameter_readings,
@@ -73,20 +71,6 @@ def test_what_all_share_stands_once_with_the_cycles_of_all() -> None:
     for status in ("at_bound", "not_identifiable"):  # what the logs do not tell is not compared
         told = parameters(_row(13, 1, r_m1_status=status), rows[1])
         assert [bool(told["r_m1", one].objection) for one in SETTINGS] == [True, False]
-
-
-def test_misfits_and_margins_are_told_in_per_cent() -> None:
-    """A misfit is stored in per cent, a margin as a share."""
-    rows = (
-        {"mse_percent": 0.5, "grade": "excellent", "r_m3_cavitation_margin": 0.25},
-        {"mse_percent": 0.8, "grade": "good", "r_m3_cavitation_margin": None},
-    )
-    first, second = (SimpleNamespace(row=lambda _, row=row: row) for row in rows)
-    misfit, margin = figure_lines(first, second, [Setting.of(1)])  # type: ignore[arg-type]
-    assert (misfit.first.value, misfit.second.value) == (0.5, 0.8)
-    assert (misfit.words, misfit.difference) == ("excellent, now good", pytest.approx(0.3))
-    assert (margin.first.value, margin.words) == (25.0, "both full")
-    assert math.isnan(margin.second.value)
 
 
 @pytest.mark.parametrize(

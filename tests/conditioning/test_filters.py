@@ -21,7 +21,6 @@ from damperfit.conditioning.filters import (
     complete_causal,
     completed,
     fading_samples,
-    with_corner,
 )
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import sine_log
@@ -121,15 +120,6 @@ def test_values_between_samples_are_those_of_a_polynomial() -> None:
 # A corner that follows the motion, and refusals that offer the one that fits.
 
 AUTO = ConditionOptions(auto_corner=True)
-
-
-@pytest.mark.parametrize(
-    "more", [{"auto_corner": False}, {"rig_filter": "causal"}, {"filter": "none"}]
-)
-def test_a_corner_that_is_not_ours_to_choose_stands(more):
-    """Behind a filter in the rig the simulated force must pass that one, whatever the motion."""
-    options = AUTO.but(**more)
-    assert with_corner(sine_log(frequency=5.0), options) == (options, ())
 
 
 def offered(log, options):

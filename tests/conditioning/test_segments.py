@@ -200,17 +200,6 @@ def test_three_cycles_alone_are_compared(frequency, phase):
         assert np.abs(getattr(trace, name)[first:stop] - expected).max() < off
 
 
-def test_a_beginning_of_the_motion_is_run_in():
-    log = fast_log(cycles=3.0, phase=0.3)  # its force builds up
-    trace = condition(noisy(replace(log, force=log.force * (1.0 - np.exp(-log.time / 3e-3)))))
-    assert trace.n_cycles == 2
-    assert trace.start_time + trace.stretches[0].first * trace.interval > 5 * 3e-3
-    settled = condition(noisy(fast_log()))
-    for name in ("peak_force_rebound", "peak_force_bump"):
-        seen, expected = (getattr(t.stretches[0].figures, name) for t in (trace, settled))
-        assert seen == pytest.approx(expected, rel=0.01)
-
-
 def test_a_log_is_continued_by_what_repeats():
     n = np.arange(400)
     wave, other = (np.sin(2 * np.pi * n / 97.3 + shift) for shift in (0.4, 1.9))

@@ -1,13 +1,11 @@
 """A force late against the displacement: estimated from friction, corrected when asked."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.timebase import UniformLog, without_delay
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
@@ -74,15 +72,6 @@ def test_a_sample_right_on_the_jump_is_no_rounding(setting, delay) -> None:
     assert finding.severity == ("warning" if delay else "note")
 
 
-def test_what_is_left_beside_a_declared_skew_is_added_to_it() -> None:
-    """Used to advise the rest alone: off again by what was declared."""
-    left = skew_of(late_log(5, 0.005), skew=0.002)
-    assert left.severity == "warning"
-    assert left.value == pytest.approx(0.003, abs=6e-4)
-    (advised,) = re.findall(r"rig.skew = '([\d.]+)ms'", left.sentence)
-    assert float(advised) == pytest.approx(5.0, abs=0.6)
-
-
 def _soft_seals(log, sliding):
     """Friction that turns over ``sliding`` metres, without noise in its motion."""
     t = np.arange(len(log.time) * 20) / (20.0 * 500.0)
@@ -124,17 +113,6 @@ def test_where_it_cannot_be_told_it_says_so_and_changes_nothing(case) -> None:
     plain = condition(log, ConditionOptions(**options))
     auto = condition(log, ConditionOptions(skew="auto", **options))
     assert np.array_equal(plain.force, auto.force)
-
-
-@pytest.mark.parametrize("delay", [0.0031, -0.0031, 0.002])
-def test_taking_back_moves_the_force_alone(delay) -> None:
-    t = 5.0 + np.arange(2000) / 500.0
-    log = UniformLog(5.0, 0.002, np.sin(t), np.cos(9.0 * (t - delay)))
-    moved = without_delay(log, delay)
-    at = moved.start_time + moved.interval * np.arange(len(moved.force))
-    assert moved.displacement == pytest.approx(np.sin(at), abs=1e-12)
-    assert moved.force[5:-5] == pytest.approx(np.cos(9.0 * at)[5:-5], abs=1e-6)
-    assert 1998 <= len(moved.force) <= 1999
 
 
 def test_a_crank_that_goes_through_its_play_is_late_by_nothing() -> None:

@@ -39,19 +39,6 @@ def first_text(name, run, **options) -> str:
     return next(iter(written(name, run, **options).values())).decode("utf-8")
 
 
-@pytest.mark.parametrize("name", sorted(TARGETS))
-def test_every_target_writes_files_of_its_pattern_and_says_what_it_is(name, handed) -> None:
-    target = TARGETS[name]
-    assert all((target.name == name, target.title, target.units, target.sign, target.place))
-    files = written(name, handed, stem="front")
-    slugs = [one.setting.slug for one in handed.settings]
-    patterns = target.file.split(", ")
-    possible = {one.format(stem="front", setting=slug) for slug in slugs for one in patterns}
-    beside = {"front_about.txt", "front_parameters.csv"} if name == "csv" else set()
-    assert set(files) - beside == possible
-    assert all(files.values())
-
-
 @pytest.mark.parametrize("name", TABLES)
 def test_units_and_sign_stand_in_the_raw_file_as_the_list_says(name, handed) -> None:
     factor, sign = SIGNS[name]

@@ -12,7 +12,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import values_type
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError
-from damperfit.identification import Outcome, Sharing, Status
+from damperfit.identification import Outcome, Status
 from damperfit.problem import Failure, Problem, warning
 from damperfit.recording import Finding
 from damperfit.reporting.records import gaps_in
@@ -25,7 +25,6 @@ from damperfit.run.record import (
     ending_of,
     failures_of,
     gates_not_met,
-    procedure_sentences,
     run_of,
     unconfirmed_tares,
     warnings_of,
@@ -50,24 +49,6 @@ def warned(done, batch=EMPTY, judgement=None):
 
 
 # Warnings
-
-
-@pytest.mark.parametrize(
-    ("high", "certain", "jointly", "said"),
-    [
-        (73.0, True, (), ""),  # 20 % of the sum: 50 and 75
-        (77.0, True, (), "does not hold; free it (--free r_m1,r_m2,k_e,f_f)"),
-        (77.0, True, ("r_m3", "f_f"), "does not hold; free it (--share r_m3)"),
-    ],
-)
-def test_friction_varies_from_a_fifth_of_its_middle_on(high, certain, jointly, said) -> None:
-    sharing = Sharing(jointly=jointly, spread=(50.0, high), is_spread_certain=certain)
-    done = campaign(fit(1), sharing=sharing)
-    told = warned(done)
-    assert [said in one for one in told] == [True] * bool(said)
-    (line,) = (one for one in procedure_sentences(PLAIN, done) if one.startswith("f_f"))
-    word = "it varies" if said else "it hardly varies"
-    assert line.endswith(f"; {word}: fitted individually, the settings have 50 to {high:.3g} N.")
 
 
 def test_what_contradicts_across_settings_and_what_is_doubted_reach_the_record() -> None:

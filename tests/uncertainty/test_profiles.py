@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -90,14 +89,6 @@ def test_a_joint_fit_is_profiled_over_all_settings_at_once() -> None:
     assert one.r_m3 == other.r_m3 != campaign.fits[0].parameters.r_m3
     low, high = sandwich(judged, first)
     assert (first.low, first.high) == pytest.approx((low, high), rel=0.02 * (high / low - 1.0))
-
-
-def test_the_mean_friction_is_followed_at_each_setting_that_it_is_a_mean_of() -> None:
-    campaign, judged = profiled(short_traces([1, 10], noise=4.0, duration=5.0), "f_f")
-    assert all(p.is_partial for p in judged.profiles)
-    best = [min(p.points, key=lambda point: point.rise).value for p in judged.profiles]
-    assert np.mean(best) == pytest.approx(campaign.fits[0].parameters.f_f, abs=0.02)
-    assert "profile" not in judged.verdicts(campaign)[1]["f_f"]
 
 
 def test_a_short_slow_stroke_leaves_the_bulk_modulus_flat_upward() -> None:
