@@ -32,6 +32,8 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import damperfit
+from damperfit.adjustment.clicks import Adjustment
+from damperfit.checks import Subject, run_checks
 from damperfit.cli import main as damperfit_command
 from damperfit.conditioning import condition, transients
 from damperfit.configuration.loading import load_configuration
@@ -52,6 +54,7 @@ from damperfit.recording import Finding, Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.synthetic import made_up_values
 from damperfit.tested.setting import Setting
+from damperfit.uncertainty import Assessment
 
 SNAPSHOT = Path(__file__).parent / "snapshots" / "numbers.txt"
 SAMPLE = Path(__file__).parents[1] / "sample_runs" / "setting_10.csv"
@@ -151,7 +154,9 @@ def _shown(values: list[Any]) -> list[str]:
 def moved(place: str, was: str, now: str) -> str:
     """Say what of a line has moved by more than it may; empty: nothing."""
     olds, news = was.split(), now.split()
-    if "=" in was + now:
+    if ("=" in was) is not ("=" in now):
+        return f"{place}: {was} -> {now}"
+    if "=" in was:
         before, after = (dict(one.split("=", 1) for one in tokens) for tokens in (olds, news))
         both = ((name, before.get(name, ""), after.get(name, "")) for name in {**before, **after})
         told = (_moved(f"{place}.{name}", *values) for name, *values in both)
@@ -1017,6 +1022,7 @@ def written_by(folder: Path, *words: str) -> dict[str, Any]:
 @case
 def trends() -> Any:
     """Courses over the settings, sound and with settings that are off, swapped, few or unknown."""
+    from tests import fakes
     from tests.adjustment.false_alarms import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
 
     twenty = SUBSETS["all 20"]
@@ -1028,8 +1034,7 @@ def trends() -> Any:
         found[shape] = [trend_of(y, twenty, scatter=3e-3, seed=5) for y in (values, course)]
     swings = np.geomspace(3e-3, 0.3, 7)
     how: Any = {"n": 5e8 + 1e7 * CLICKS**2, "constant": 0.0 * CLICKS + 5e8}
-    return {
-        **found,
+    found |= {
         "few": [trend_of(how["n"][:n], twenty[:n], name="k_e", seed=3) for n in range(3, 9)],
         "even": [trend_of(how["constant"][:n], twenty[:n]) for n in range(3, 9)],
         "scatter": [trend_of(rising, twenty, error=3e-4, scatter=s, seed=2) for s in swings],
@@ -1048,6 +1053,13 @@ def trends() -> Any:
             for k in (1, 2, 7)
         ],
     }
+    campaign, signs = fakes.campaign(fakes.fit(1)), {True: "+", False: "-", None: "?"}
+    for name, some in found.items():
+        courses = tuple(some.values()) if isinstance(some, dict) else tuple(some)
+        seen = run_checks(Subject(campaign, Assessment(), Adjustment(trends=courses)))
+        said = [f"{one.name} {one.reason}" for one in seen]
+        found[name] = [some, "".join(signs[one.passed] for one in seen), said]
+    return found
 
 
 @case
@@ -1088,13 +1100,15 @@ def searched() -> Any:
         {"time_s": one.time, "displacement_m": one.displacement, "force_N": one.force}
     )
     bare = TwinTube(gas_pressure=5e5)
-    found = damperfit.models({"3": frame}, layout="twin_tube", damper=bare, jobs=1).document()
+    run = damperfit.identify({"3": frame}, model="auto", damper=bare, jobs=1)
+    found = run.record["law_choice"]
     # The criterion beside its own noise, which is none of its size.
     laws = {
         f"{k}_{law['change']}": {**law, "bic": 20.0 + (law["bic"] or 0.0), "reason": ""}
         for k, law in enumerate(found["laws"])
     }
-    return {**{name: found[name] for name in ("chosen", "settings", "undecided")}, "laws": laws}
+    kept = {name: found[name] for name in ("chosen", "settings", "undecided", "sentences")}
+    return {**kept, "laws": laws, "run": told(run)}
 
 
 def written() -> dict[str, dict[str, str]]:
