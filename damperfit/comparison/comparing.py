@@ -41,7 +41,7 @@ from damperfit.comparison.measured import (
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings, of_settings
-from damperfit.problem import Failure, Option
+from damperfit.problem import Failure
 from damperfit.statistics import NORMAL_95
 from damperfit.units.shown_units import SI, ShownUnits
 
@@ -431,8 +431,7 @@ def _speeds_reached(runs: Sequence[Run], options: ComparisonOptions) -> tuple[fl
     speeds = options.speeds or named_speeds(top)
     if not speeds:
         raise ConfigurationError(
-            f"none is reached by {top:.3g} m/s; give {{velocity}}",
-            velocity=Option("velocity"),
+            f"none is reached by {top:.3g} m/s; give {{--velocity}}",
             subject="the named test speeds",
             code="no-speed",
         )

@@ -147,20 +147,15 @@ def comparison_options(
             "expected a speed other than zero", where=Option("velocity", "0"), code="out-of-range"
         )
     if (amplitude is None) != (frequency is None):
-        raise ConfigurationError(
-            "{amplitude} and {frequency} make the sine together; give both or neither",
-            code="not-together",
-            amplitude=Option("amplitude"),
-            frequency=Option("frequency"),
-        )
+        text = "{--amplitude} and {--frequency} make the sine together; give both or neither"
+        raise ConfigurationError(text, code="not-together")
     if amplitude is not None and is_measured:
-        raise ConfigurationError(
-            "{amplitude} cannot be combined with {measured}: measured forces are of the motions "
-            "that were run; leave one of the two out",
-            code="not-together",
-            amplitude=Option("amplitude", amplitude),
-            measured=Option("measured"),
+        text = (
+            "{where} cannot be combined with {--measured}: measured forces are of the motions that "
+            "were run; leave one of the two out"
         )
+        where = Option("amplitude", amplitude)
+        raise ConfigurationError(text, code="not-together", where=where)
     size = positive(amplitude, "length", "amplitude")
     rate = positive(frequency, "frequency", "frequency")
     sine = Sine(size, rate) if size and rate else None
@@ -188,11 +183,8 @@ def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on t
     is_single = nominal is not None and len(paths) == 1 and not places.inside(paths[0])
     pairs, alone = ([], ()) if is_single else places.pairs(paths)
     if repeats and len({first for first, _ in pairs}) > 1:
-        raise ConfigurationError(
-            "{repeats} are of one reference, and there are several; compare one damper at a time",
-            repeats=Option("repeats"),
-            code="several-results",
-        )
+        text = "{--repeats} are of one reference, and there are several: compare one damper of them"
+        raise ConfigurationError(text, code="several-results")
     taken = {second.resolve(): "what is compared with it" for _, second in pairs}
     taken |= {first.resolve(): "A itself" for first, _ in pairs}
     for place in repeats:
@@ -314,12 +306,11 @@ class _Places:
         groups = [self.inside(path) for path in paths]
         if len(paths) == 1:
             if len(groups[0]) < 2:
-                raise ConfigurationError(
-                    f"{paths[0]}: one run alone has nothing to be compared with; give a second "
-                    "one, or a folder that holds several, or {tolerance} with nominal forces",
-                    tolerance=Option("tolerance", "FILE"),
-                    code="one-run",
+                text = (
+                    "one run alone has nothing to be compared with; give a second one, or a folder "
+                    "that holds several, or {--tolerance FILE} with nominal forces"
                 )
+                raise ConfigurationError(text, subject=paths[0], code="one-run")
             first, *others = groups[0].values()
             return [(first, other) for other in others], ()
         if not any(groups):
@@ -397,13 +388,12 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     """Return a run to be compared: results, a baseline or a part; or measured curves alone."""
 
     def refused(text: str) -> ConfigurationError:
-        measured = Option("measured")
-        return ConfigurationError(text, measured=measured, subject=path, code="no-results")
+        return ConfigurationError(text, subject=path, code="no-results")
 
     if is_part(path):
         if is_measured:
             raise refused(
-                "a part of a fleet keeps no measured cycles; give {measured} the logs, or "
+                "a part of a fleet keeps no measured cycles; give {--measured} the logs, or "
                 "results of damperfit identify"
             )
         run = Run.load(path, config=config)
@@ -418,12 +408,12 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     elif not is_baseline(path):
         raise refused(
             "neither a results folder nor a baseline; to compare logs and files of curves, give "
-            "{measured}"
+            "{--measured}"
         )
     else:
         run = _read_baseline(path, config)
         if not run.rows("parameters") and not is_measured:
-            raise refused("a baseline of measured curves, nothing was fitted; give {measured}")
+            raise refused("a baseline of measured curves, nothing was fitted; give {--measured}")
     if not is_measured:
         return refuse_unfitted(run)
     if not run.tests:
