@@ -1,17 +1,12 @@
 """Which test next: how far further tests would narrow an interval.
 
-A fit of old and new logs together has the covariance of u
+Candidates are ranked by one steady cycle: with C the covariance of u that the run has found and
+G = J'J/s^2 of the new test, J of the core's sensitivities behind the run's own filter and s the
+noise that the run has measured (the scatter between cycles), a setting is left with (C^-1 + G)^-1.
 
-    C' = (H + G)^-1 (H C H + S) (H + G)^-1
-
-with C that of the run, H = J'J of its logs, G = J'J of the new test and S the covariance of the
-new scores sum h_t, h_t = J_t r_t; J is of the core's sensitivities behind the run's own filter.
-Candidates are ranked by one steady cycle, as if the noise s that the run has measured (the scatter
-between cycles) were white behind the filter: S = s^2 G n / n_eff. What the best of them promise is
-taken from a test as the rig would record it, with its rate and the noise of both channels: noise of
-the displacement drives the model, so that the residual is neither white nor independent of J.
-
-Lack of fit that repeats no test of the same kind reduces: that part of the interval stays.
+The best of them are then tried: the tests of the run and the new one are simulated as the rig would
+record them, with its filter, its rate and the noise of both channels, and fitted as the run was.
+What these fits give is promised. Lack of fit that they do not have no test of the kind reduces.
 
 Asked for the law, with d what another structure that the logs leave open has more force than the
 chosen one in a test, the evidence is what is left of it once the chosen one is fitted anew::
@@ -26,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,27 +33,28 @@ from damperfit.arrays import FloatArray
 from damperfit.conditioning import condition
 from damperfit.conditioning.filters import apply_filter, design_filter, passed_filter
 from damperfit.configuration.damper_section import damper_of_record
+from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import Model, Values
-from damperfit.damper.quantity import FRICTION
 from damperfit.damper.quasi_static import quasi_static
-from damperfit.errors import ConditioningError, ConfigurationError, SimulationError, did_you_mean
-from damperfit.identification.logs import compare
+from damperfit.errors import (
+    ConditioningError,
+    ConfigurationError,
+    LogError,
+    SimulationError,
+    did_you_mean,
+)
 from damperfit.problem import Option
 from damperfit.recording import Recording
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.records import entries_in, listed_in
+from damperfit.reporting.records import entries_in, listed_in, number_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out
+from damperfit.run.identify import identified
 from damperfit.simulation import sine_motion
 from damperfit.statistics import NORMAL_95
-from damperfit.uncertainty.covariance import (
-    correlation_length,
-    larger,
-    score_covariance,
-    stationary_covariance,
-)
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
+    from damperfit.configuration.options import Configuration
     from damperfit.results import Run, SettingResult
 
 LAW = "law"
@@ -69,8 +66,10 @@ _AMPLITUDES, _FREQUENCIES = 6, 8  # of the grid of candidates, spaced evenly by 
 _SAMPLES = 400  # of a cycle
 _RUN_IN = 2  # cycles before the one that is evaluated
 _FEWEST_CYCLES, _MOST_CYCLES = 3, 15
-_FOLLOWED = 4  # candidates that are recorded too
-_LONG = 10.0  # s of a record
+_FOLLOWED, _TRIED = 4, 6  # candidates that are tried, and settings
+_FINER = 8  # times the rate of the logs
+# Keys of a run that are of its logs or its start.
+_OF_LOGS = ("start", "start_values", "profile", "hold_out", "hold_out_cycles")
 _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
 _USEFUL, _NOTICED = 0.8, 0.99  # of the interval: what a test that helps, or hardly helps, leaves
@@ -127,14 +126,19 @@ class Question(NamedTuple):
         how: Any = {"sensitivities": tuple(setting.names)}
         return quasi_static(run.damper, setting.parameters, [self.speed], **how).slopes[:, 0]
 
-    def misfit(self, run: Run, setting: SettingResult) -> float:
-        """Standard error of it from the model's misfit, which no test of the kind reduces."""
+    def errors(self, run: Run, setting: SettingResult) -> tuple[float, float]:
+        """Standard error of it, and what of that is the model's misfit."""
         if self.quantity:
-            errors = np.array([setting.misfits.get(name, 0.0) for name in setting.names])
-            errors /= _scales(setting.parameters, setting.names)
-            return float(self.gradient(run, setting) @ errors)
+            if self.quantity not in setting.names:
+                return 0.0, 0.0
+            place, value = setting.names.index(self.quantity), setting.values[self.quantity]
+            variance = 0.0 if setting.covariance is None else setting.covariance[place, place]
+            is_relative = setting.values.quantity(self.quantity).is_logarithmic
+            misfit = setting.misfits.get(self.quantity, 0.0) / (value if is_relative else 1.0)
+            return math.hypot(math.sqrt(abs(variance)), misfit), misfit
         forces = force_at([setting], run.damper, [abs(self.speed)], measured=run.speed_forces)
-        return next(one.misfit for one in forces if (one.stroke == "bump") is (self.speed < 0.0))
+        force = next(one for one in forces if (one.stroke == "bump") is (self.speed < 0.0))
+        return force.reach / NORMAL_95, force.misfit
 
 
 class NextTest(NamedTuple):
@@ -169,7 +173,7 @@ class NextTest(NamedTuple):
     def rank(self) -> tuple[float, float]:
         """The least is the best: most structures or the narrowest interval for its time."""
         if not self.evidence:  # errors fall with the root of the time
-            return 0.0, self.share * math.sqrt(self.minutes)
+            return float(self.share > _USEFUL), self.share * math.sqrt(self.minutes)
         against = [self.evidence[title] for title in self.decided] or [max(self.evidence.values())]
         return -float(len(self.decided)), -min(against) / self.minutes
 
@@ -248,10 +252,10 @@ def advise(
             "found no minimum; fit it first",
             code="nothing-to-narrow",
         )
-    screened = [test for motion in rig.candidates() if (test := rig.screened(motion))]
+    screened = filter(None, map(rig.screened, rig.candidates()))
     ranked = sorted(screened, key=lambda test: test.rank)
-    recorded = filter(None, (rig.recorded(test, question.quantity) for test in ranked))
-    tests = tuple(sorted(islice(recorded, _FOLLOWED), key=lambda test: test.rank))
+    tried = filter(None, map(rig.tried, ranked))
+    tests = tuple(sorted(islice(tried, _FOLLOWED), key=lambda test: test.rank))
     is_any_use = any(test.share <= _NOTICED for test in tests)
     if not tests:
         where = "within the limits of the rig" + " and above its noise" * bool(ranked)
@@ -269,7 +273,7 @@ def advise(
             )
         most = f" by more than {100.0 * (1.0 - tests[0].share):.0f} %" if is_any_use else ""
         sentence = f"no test within these limits narrows the interval of {title}{most}: {why}"
-    speed, tested = abs(question.speed), max(one.result.top_speed for one in rig.known)
+    speed, tested = abs(question.speed), max(one.setting.top_speed for one in rig.known)
     remark = (
         f"{speed:g} m/s was never tested (up to {tested:.3g} m/s): the force there is the model's, "
         "extrapolated, and so is its interval"
@@ -278,7 +282,7 @@ def advise(
         title=title,
         sentence=sentence,
         tests=tests,
-        known={"interval_now": {one.result.label: NORMAL_95 * one.now for one in rig.known}},
+        known={"interval_now": {one.setting.label: NORMAL_95 * one.now for one in rig.known}},
         remarks=(*run.remarks, *[remark] * (speed > tested)),
         tables=(laid_out(tests, (*_MOTION, *_INTERVALS)),) if is_any_use else (),
     )
@@ -363,41 +367,22 @@ class _Known:
     """What a run knows of one setting; vectors and matrices are by u of the values in error."""
 
     def __init__(self, run: Run, setting: SettingResult, question: Question) -> None:
-        assert setting.covariance is not None
-        self.result, self.gradient = setting, question.gradient(run, setting)
-        self.covariance = setting.covariance  # of noise alone
-        self.floor = question.misfit(run, setting)  # of the model: no test of the kind reduces it
-        self.error = math.sqrt(max(float(self.gradient @ self.covariance @ self.gradient), 0.0))
-        self.now = math.hypot(self.error, self.floor)
-        self.segments = sorted(
-            (
-                segment
-                for segment in entries_in(run.record, "stretches")
-                if segment.get("setting") == setting.setting.cell
-                and segment.get("noise_N")
-                and segment.get("frequency_Hz")
-            ),
-            key=lambda segment: float(segment["noise_N"]),
-        )
-        if not self.segments:
-            raise ConfigurationError(
-                f"{run.name}: run.json does not have the noise of setting {setting.label}; "
-                "identify logs with steady cycles",
-                code="no-noise",
-            )
+        self.setting, self.gradient = setting, question.gradient(run, setting)
+        covariance = np.asarray(setting.covariance)  # of noise alone
+        scales = 1.0 / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        unit = np.outer(scales, scales)
+        self.information = np.linalg.pinv(covariance * unit, rcond=1e-12, hermitian=True) * unit
+        self.now, self.floor = question.errors(run, setting)
+        self.segments = [
+            segment
+            for segment in entries_in(run.record, "stretches")
+            if segment.get("setting") == setting.setting.cell
+            and segment.get("noise_N")
+            and segment.get("frequency_Hz")
+        ]
+        noises = sorted(float(segment["noise_N"]) for segment in self.segments)
         # Of the filtered force between cycles, N.
-        self.noise = float(self.segments[len(self.segments) // 2]["noise_N"])
-
-    def share_after(self, before: FloatArray, after: FloatArray, scores: FloatArray) -> float:
-        """Interval after a test, as a share of that before: H, H + G and S of all settings."""
-        moved = np.linalg.solve(after, self.gradient)
-        variance = float(moved @ (before @ self.covariance @ before + scores) @ moved)
-        return math.hypot(math.sqrt(max(variance, 0.0)), self.floor) / self.now
-
-
-def _scales(values: Values, names: Sequence[str]) -> FloatArray:
-    """dy/du: y of quantities taken by their logarithm."""
-    return np.array([values[n] if values.quantity(n).is_logarithmic else 1.0 for n in names])
+        self.noise = noises[len(noises) // 2] if noises else math.nan
 
 
 def _is_spoilt(values: Values) -> bool:
@@ -406,18 +391,36 @@ def _is_spoilt(values: Values) -> bool:
     return not all(abs(values[name]) < _SPOILT * size for name, size in sizes.items())  # nor NaN
 
 
+def _spread(settings: Sequence[_Known], most: int) -> list[_Known]:
+    """So many of the settings, from the first to the last."""
+    n = min(most, len(settings))
+    return [settings[k] for k in np.linspace(0, len(settings) - 1, n).round().astype(int)]
+
+
 class _Rig:
-    """What tests tell on a rig. Matrices are by u, in the noise s of a setting as the unit."""
+    """What tests tell on a rig."""
 
     def __init__(
         self, run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
     ) -> None:
-        self.run, self.limits = run, limits
-        judged = (one for one in settings if one.covariance is not None and len(one.names))
+        self.run, self.question, self.limits = run, question, limits
+        judged = [one for one in run.settings if one.covariance is not None and len(one.names)]
         known = [_Known(run, one, question) for one in judged if not _is_spoilt(one.parameters)]
-        self.known = [one for one in known if one.now > 0.0 or question.quantity == LAW]
+        known = [one for one in known if one.now > 0.0 or question.quantity == LAW]
+        planned = {one.label for one in settings}
+        self.known = [one for one in known if one.setting.label in planned]
+        others = [one for one in known if one.setting.label not in planned and one.segments]
+        # Those that a test is tried at; the others of the run tell what they share.
+        self.trial = _spread(self.known, _TRIED)
+        self.trial += _spread(others, _TRIED - len(self.trial))
+        if mute := [known.setting.label for known in self.known if not known.segments]:
+            raise ConfigurationError(
+                f"{run.name}: run.json does not have the noise of setting {mute[0]}; "
+                "identify logs with steady cycles",
+                code="no-noise",
+            )
         self.options, inputs = run.own_configuration.conditioning, entries_in(run.record, "inputs")
-        rates = [float(log["sample_rate_Hz"]) for log in inputs if log.get("sample_rate_Hz")]
+        rates = [rate for log in inputs if (rate := number_in(log, "sample_rate_Hz"))]
         self.rate = median(rates) if rates else 1000.0  # of the logs, Hz
         # Samples to one that counts, of white noise behind the filter.
         effective = [log.effective_rate for log in run.logs if log.effective_rate]
@@ -429,15 +432,6 @@ class _Rig:
             if finding.get("name") == _NOISE and finding.get("value")
         ]
         self.displacement_noise = median(noises) if noises else 0.0  # m
-        self.told = []  # J'J of the logs of each setting
-        for one in self.known:
-            told = np.zeros((len(one.result.names),) * 2)
-            for log in one.segments:
-                motion = NextTest(log["amplitude_m"], log["frequency_Hz"], 0)
-                per_sample = self._steady(one, one.result.parameters, motion, has_been=True)
-                assert per_sample is not None
-                told += log["n_samples"] * per_sample
-            self.told.append(told)
 
     def candidates(self) -> Iterator[NextTest]:
         """Yield sines within the limits, as far as they are known without a simulation."""
@@ -451,36 +445,47 @@ class _Rig:
                 if test.speed <= limits.speed * (1.0 + 1e-9) and cycles >= _FEWEST_CYCLES:
                     yield test
 
-    def screened(self, test: NextTest, quantity: str = "", end: int = 0) -> NextTest | None:
+    def screened(self, test: NextTest, end: int | None = None) -> NextTest | None:
         """A test by one steady cycle; None: a limit of the rig or the damper forbids it.
 
-        With a quantity, that one at an end of its interval.
+        With an end, the quantity in question is at that end of its interval.
         """
-        n, added = test.cycles / test.frequency * self.rate, []
-        for one in self.known:
-            values = one.result.parameters
-            limit = one.result.intervals.get(quantity, (None, None))[end]
+        shares, n = {}, test.cycles / test.frequency * self.rate / self.worth
+        for known in self.known:
+            values, name = known.setting.parameters, self.question.quantity
+            limit = None if end is None else known.setting.intervals[name][end]
             if limit is not None and limit > 0.0:
-                values = values.replace({quantity: limit})
-            if (per_sample := self._steady(one, values, test)) is None:
+                values = values.replace({name: limit})
+            cycle = self._cycle(known.setting, test, values)
+            if cycle is None:
                 return None
-            added.append((n * per_sample, n * per_sample * self.worth))
-        return test._replace(shares=self._shares(added))
+            jacobian = cycle[1] / known.noise
+            after = known.information + n / len(jacobian) * jacobian.T @ jacobian
+            variance = float(known.gradient @ np.linalg.pinv(after) @ known.gradient)
+            shares[known.setting.label] = math.hypot(math.sqrt(variance), known.floor) / known.now
+        return test._replace(shares=shares)
 
-    def recorded(self, test: NextTest, quantity: str) -> NextTest | None:
-        """The same test as the rig would record it, the worst over the interval of a quantity.
+    def tried(self, test: NextTest) -> NextTest | None:
+        """A test as the rig would record it, fitted: the worst over the interval of a quantity.
 
-        None: the record is no log, or its noise would spoil it.
+        None: it cannot be recorded or fitted at every setting.
         """
-        n = test.cycles / test.frequency * self.rate
-        records = []
-        for one in self.known:
-            if (record := self._record(one, test)) is None:
-                return None
-            records.append((n * record[0], n * record[1]))
-        shares = self._shares(records)
-        for end in (0, 1) if quantity else ():
-            if at_end := self.screened(test, quantity, end):
+        run = self._fitted(test)
+        if run is None or self._again is None:
+            return None
+        shares = dict(test.shares)
+        for known in self._planned:
+            label = known.setting.label
+            (was, missed), (now, _) = (
+                self.question.errors(fitted, fitted.setting(label)) for fitted in (self._again, run)
+            )
+            more = math.sqrt(max(known.floor**2 - missed**2, 0.0))
+            shares[label] = math.hypot(now, more) / math.hypot(was, more)
+        tried = [known.setting.label for known in self._planned]
+        for label in shares.keys() - tried:
+            shares[label] *= median(shares[one] / test.shares[one] for one in tried)
+        for end in (0, 1) if self.question.quantity else ():
+            if at_end := self.screened(test, end):
                 for label, share in test.shares.items():
                     shares[label] *= max(1.0, at_end.shares[label] / share)
         return test._replace(shares={label: min(share, 1.0) for label, share in shares.items()})
@@ -492,141 +497,125 @@ class _Rig:
         """
         evidence = dict.fromkeys([rival.title for rival in rivals], 0.0)
         n = test.cycles / test.frequency * self.rate / max(worth, self.worth)
-        for one in self.known:
-            own = self._cycle(self.run.damper, one.result.parameters, test, one.result.names)
+        for known in self.known:
+            own, label = self._cycle(known.setting, test), known.setting.label
             if own is None:
                 return None
-            jacobian = own[1] / one.noise
+            jacobian = own[1] / known.noise
             weight = n / len(jacobian)
-            after = weight * jacobian.T @ jacobian + np.linalg.pinv(one.covariance)
-            for rival in (rival for rival in rivals if one.result.label in rival.values):
-                other = self._cycle(rival.damper, rival.values[one.result.label], test)
+            after = weight * jacobian.T @ jacobian + known.information
+            for rival in (rival for rival in rivals if label in rival.values):
+                other = self._cycle(known.setting, test, rival.values[label], damper=rival.damper)
                 if other is None:
                     return None
-                d = (other[0] - own[0]) / one.noise
+                d = (other[0] - own[0]) / known.noise
                 b = weight * jacobian.T @ d
                 left = float(weight * d @ d - b @ np.linalg.solve(after, b))
                 evidence[rival.title] += n * math.log1p(max(left, 0.0) / n)
         return test._replace(evidence=evidence)
 
-    def _steady(
-        self, known: _Known, values: Values, test: NextTest, *, has_been: bool = False
-    ) -> FloatArray | None:
-        """J'J a sample, from one steady cycle; None: beyond the rig or the damper."""
-        names, damper = known.result.names, self.run.damper
-        cycle = self._cycle(damper, values, test, names, has_been=has_been)
-        if cycle is None:
-            return None
-        return np.asarray(cycle[1].T @ cycle[1] / (len(cycle[1]) * known.noise**2))
-
     def _cycle(
         self,
-        damper: Model,
-        values: Values,
+        setting: SettingResult,
         test: NextTest,
-        names: Sequence[str] = (),
+        values: Values | None = None,
         *,
-        has_been: bool = False,
+        damper: Model | None = None,
     ) -> tuple[FloatArray, FloatArray] | None:
-        """Force of one steady cycle behind the filter, and its Jacobian.
+        """Force of one steady cycle behind the filter, and its Jacobian; none of another damper.
 
-        None: it cannot be simulated, or takes too much force or heat. A test that has been is
-        beyond nothing, whatever the limits of the next one are.
+        None: it cannot be simulated, or takes too much force or heat.
         """
-        frequency = test.frequency
-        per_cycle = max(_SAMPLES, math.ceil(4.0 * self.options.declared_corner / frequency))
-        rate = per_cycle * frequency
-        motion = sine_motion(test.amplitude, frequency, cycles=_RUN_IN + 2, sample_rate=rate)
+        values, names = values or setting.parameters, () if damper else setting.names
+        per_cycle = max(_SAMPLES, math.ceil(4.0 * self.options.declared_corner / test.frequency))
+        rate = per_cycle * test.frequency
+        motion = sine_motion(test.amplitude, test.frequency, cycles=_RUN_IN + 2, sample_rate=rate)
+        how: Any = {"sensitivities": names, "options": self.run.solver}
         try:
-            seen = damper.simulate(values, motion, sensitivities=names, options=self.run.solver)
+            seen = (damper or self.run.damper).simulate(values, motion, **how)
         except SimulationError:
-            if has_been:
-                raise
             return None
         steady = slice(_RUN_IN * per_cycle, (_RUN_IN + 1) * per_cycle)
-        heat = float(np.mean(seen.force[steady] * seen.velocity[steady]))
-        is_beyond = np.abs(seen.force[steady]).max() > self.limits.force or heat > self.limits.heat
-        if is_beyond and not has_been:
+        force, heat = seen.force[steady], np.mean(seen.force[steady] * seen.velocity[steady])
+        if np.abs(force).max() > self.limits.force or heat > self.limits.heat:
             return None
         rows = np.stack([seen.force, *(seen.sensitivities[name] for name in names)])
         rows = apply_filter(passed_filter(self.options, rate), rows)[:, steady]
-        return rows[0], rows[1:].T * _scales(values, names)
+        scales = [values[n] if values.quantity(n).is_logarithmic else 1.0 for n in names]
+        return rows[0], rows[1:].T * np.array(scales)
 
-    def _record(self, known: _Known, test: NextTest) -> tuple[FloatArray, FloatArray] | None:
-        """J'J and the covariance of the scores, a sample, of a record; None where it is no log."""
-        noise = known.noise
-        cycles = min(max(_FEWEST_CYCLES, round(_LONG * test.frequency)), test.cycles)
+    @property
+    def _planned(self) -> list[_Known]:
+        return [known for known in self.trial if known in self.known]
+
+    @cached_property
+    def _again(self) -> Run | None:
+        """The run's own tests, recorded and fitted once more."""
+        return self._fitted()
+
+    def _fitted(self, test: NextTest | None = None) -> Run | None:
+        """The run's tests, and a new one at each planned setting, recorded and fitted alike."""
+        wanted = [
+            (known, NextTest(one["amplitude_m"], one["frequency_Hz"], one["cycles"]))
+            for known in self.trial
+            for one in known.segments
+        ]
+        wanted += [(known, test) for known in self._planned if test is not None]
         try:
-            jacobian, residuals = self._log(known, test._replace(cycles=cycles))
-        except (SimulationError, ConditioningError):
+            logs = (self._recorded(*one, name=f"test {k}") for k, one in enumerate(wanted))
+            traces = [condition(log, self.options) for log in logs]
+            findings = (finding for trace in traces for finding in trace.findings)
+            if any(one.name == _NOISE and one.severity == "warning" for one in findings):
+                return None
+            (done,) = identified(self._configuration, (), traces=traces, is_one=True)
+        except (SimulationError, ConditioningError, LogError):
             return None
-        lag = correlation_length(residuals, longest=round(0.25 / test.frequency * self.rate))
-        scores = larger(
-            score_covariance(jacobian * residuals[:, None], lag),
-            stationary_covariance(jacobian, residuals, lag),
-        )
-        n = len(jacobian)
-        return jacobian.T @ jacobian / (n * noise**2), scores / (n * noise**4)
+        fitted = {one.label for one in done.run.settings if one.covariance is not None}
+        return done.run if fitted >= {one.setting.label for one in self._planned} else None
 
-    def _log(self, known: _Known, test: NextTest) -> tuple[FloatArray, FloatArray]:
-        """Jacobian and residuals of a log as the rig writes it; the same noise in every call.
+    @cached_property
+    def _configuration(self) -> Configuration:
+        """All that the run was made with."""
+        known = self.run.record.get("configuration")
+        sections = {
+            name: {key: value for key, value in section.items() if value is not None}
+            for name, section in (known if isinstance(known, dict) else {}).items()
+            if isinstance(section, dict)
+        }
+        for key in _OF_LOGS:
+            sections.get("identification", {}).pop(key, None)
+        return load_configuration(overlay=sections | {"damper": self.run.declared_damper or {}})
+
+    def _recorded(self, known: _Known, test: NextTest, name: str) -> Recording:
+        """A test as the rig writes it; the same noise in every call.
 
         The scatter between cycles is all taken for noise of the force, white before the filter;
-        that of the displacement comes to it, for it drives the model.
+        that of the displacement comes to it, for it drives the model. A filter of the rig is
+        analogue, which a filter at a multiple of the rate is nearly.
         """
-        random, values = np.random.default_rng(1), known.result.parameters
-        names, white = known.result.names, known.noise * math.sqrt(self.worth)
-        cycles, rate = test.cycles + _RUN_IN, self.rate
-        motion = sine_motion(test.amplitude, test.frequency, cycles=cycles, sample_rate=rate)
-        damper, solver = self.run.damper, self.run.solver
-        force = damper.simulate(values, motion, sensitivities=(), options=solver).force
-        n = len(motion.displacement)
-        logged = np.stack([motion.displacement, force])
-        logged += np.array([[self.displacement_noise], [white]]) * random.standard_normal((2, n))
-        own = self.options
-        if own.rig_filter != "none":
+        own, finer = self.options, 1 if self.options.rig_filter == "none" else _FINER
+        rate = finer * self.rate
+        motion = sine_motion(
+            test.amplitude, test.frequency, cycles=test.cycles + _RUN_IN, sample_rate=rate
+        )
+        force = known.setting.simulate(motion).force
+
+        def filtered(channels: FloatArray, rate: float) -> FloatArray:
+            if own.rig_filter == "none":
+                return channels
             how: Any = {"sample_rate": rate, "order": own.rig_filter_order}
-            logged = apply_filter(design_filter(own.rig_filter, own.declared_corner, **how), logged)
-        recording = Recording(
-            *("advised test", "", "", None),
-            time=np.arange(n) / rate,
+            return apply_filter(design_filter(own.rig_filter, own.declared_corner, **how), channels)
+
+        logged = filtered(np.stack([motion.displacement, force]), rate)[:, ::finer]
+        seed = [*map(ord, known.setting.label), round(1e6 * test.amplitude)]
+        white = np.random.default_rng(seed).standard_normal(logged.shape)
+        white *= [[self.displacement_noise], [known.noise * math.sqrt(self.worth)]]
+        logged += filtered(white, self.rate)
+        return Recording(
+            *(name, "", "", known.setting.setting),
+            time=np.arange(logged.shape[1]) / self.rate,
             displacement=logged[0],
             force=logged[1],
             reverse_displacement=False,
             reverse_force=False,
         )
-        trace = condition(recording, self.options)
-        if any(f.name == _NOISE and f.severity == "warning" for f in trace.findings):
-            raise ConditioningError("the displacement is too noisy for it", code="noise")
-        seen = compare(values, trace, damper, sensitivities=names, solver=solver)
-        part = trace.compared
-        jacobian = (seen.sensitivities[:, part].T * _scales(values, names)).astype(float)
-        return jacobian, trace.force[part] - seen.force[part]
-
-    def _shares(self, added: Sequence[tuple[FloatArray, FloatArray]]) -> dict[str, float]:
-        """Interval after the test at all settings, as a share of that before it, by setting.
-
-        The test at one setting tells of shared values what its own values leave (a Schur
-        complement), and that serves all settings. Procedure `paper` averages only the friction so.
-        """
-        is_paper = self.run.own_configuration.identification.procedure == "paper"
-        whole, lent = [], []
-        for one, before, (gained, scores) in zip(self.known, self.told, added, strict=True):
-            after, n = before + gained, len(one.result.own)
-            roles = [one.result.parameters.quantity(name).role for name in one.result.shared]
-            lends = np.array([not is_paper or role == FRICTION for role in roles], dtype=float)
-            left = []  # the scores of shared values once a setting's own are fitted
-            for h, s in ((before, before), (after, after), (after, scores)):
-                own = h[:n, :n] + 1e-9 * np.eye(n)
-                rows = np.hstack([-np.linalg.solve(own, h[:n, n:]).T, np.eye(len(h) - n)])
-                left.append((rows @ s @ rows.T) * np.outer(lends, lends))
-            whole.append(np.stack([before, after, scores]))
-            lent.append(np.stack(left))
-        shares = {}
-        for one, mine in zip(self.known, whole, strict=True):
-            n = len(one.result.own)
-            for other, more in zip(self.known, lent, strict=True):
-                if other is not one and other.result.shared == one.result.shared:
-                    mine[:, n:, n:] += more
-            shares[one.result.label] = one.share_after(*mine)
-        return shares
