@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.arguments import folder_of, public
-from damperfit.errors import ConfigurationError
+from damperfit.arguments import folder_of, public, refuse_idle
+from damperfit.errors import ConfigurationError, blamed_on
 from damperfit.problem import Option
-from damperfit.store import path_of
+from damperfit.store import check_writable, path_of
 
 if TYPE_CHECKING:
     from threading import Event
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from damperfit.results import Run, SettingResult
 
 _RESULTS = Path("results")
-_FASTER = 2.0  # times the tested speed, where the rig's is not declared
-_OF_TRAVEL = 0.9  # what a candidate may take of the damper's travel
-_FASTEST = 10.0  # Hz, likewise
 
 
 @public
@@ -68,24 +65,16 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
             code="question",
         )
     run = run_of(results, "damperfit.advise", config, takes_parts=False)
-    rig, tested = (run.own_configuration if config is None else run.configuration).rig, run.tested
-    stroke = positive(max_stroke, "length", "max_stroke") or rig.max_stroke or tested.stroke
-    speed = positive(max_speed, "velocity", "max_speed") or rig.max_speed
-    speed = speed or _FASTER * (tested.speed or 0.0)
-    if not stroke or not speed:
-        raise ConfigurationError(
-            f"{run.name}: the tested stroke and speed are not known; declare rig.max_stroke and "
-            "rig.max_speed",
-            code="no-limits",
-        )
-    limits = module.Limits(
-        min(stroke, _OF_TRAVEL * run.damper.travel),
-        speed,
-        positive(max_force, "force", "max_force") or rig.max_force or math.inf,
-        positive(max_frequency, "frequency", "max_frequency") or rig.max_frequency or _FASTEST,
-        rig.minutes if minutes is None else _above_zero("minutes", minutes),
-        positive(max_heat, "power", "max_heat") or rig.max_heat or math.inf,
-    )
+    rig = (run.own_configuration if config is None else run.configuration).rig
+    asked = {
+        "max_stroke": positive(max_stroke, "length", "max_stroke"),
+        "max_speed": positive(max_speed, "velocity", "max_speed"),
+        "max_force": positive(max_force, "force", "max_force"),
+        "max_frequency": positive(max_frequency, "frequency", "max_frequency"),
+        "max_heat": positive(max_heat, "power", "max_heat"),
+        "minutes": None if minutes is None else _above_zero("minutes", minutes),
+    }
+    limits = module.Limits.of(run, rig, asked)
     return module.advise(run, module.Question.of(for_, run), limits, _settings(run, setting))
 
 
@@ -121,16 +110,11 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
             code="cd-spread",
         )
     run = run_of(results, "damperfit.valves", config)
-    texts = [None if one is None else str(one) for one in (force, velocity)]
-    asked = parse_question(force=texts[0], velocity=texts[1], stroke=stroke)
-    for option, value in {"velocity": velocity, "stroke": stroke}.items():
-        if asked.force is None and value is not None:
-            raise ConfigurationError(
-                "{where} has no effect: at which force? Give {force} too",
-                where=Option(option, value),
-                force=Option("force"),
-                code="no-effect",
-            )
+    if force is None:
+        given = {"velocity": velocity, "stroke": stroke}
+        refuse_idle(
+            given, list(given), "it is of a {force}, which is not given", force=Option("force")
+        )
     found = read_valves(
         run,
         discharge=cd,
@@ -138,6 +122,8 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
         seat=positive(seat, "length", "seat"),
         reference=_reference(reference, "damperfit.valves", run.damper.name),
     )
+    texts = (None if one is None else str(one) for one in (force, velocity))
+    asked = parse_question(**dict(zip(("force", "velocity"), texts, strict=True)), stroke=stroke)
     if asked.force is None or asked.speed is None:
         return found
     return sized(found, run, asked.force, -asked.speed if asked.stroke == "bump" else asked.speed)
@@ -191,7 +177,7 @@ def ride(
     """
     from damperfit.after_fit.ride import drive_along, read_car, read_stroke, ride_on_road
     from damperfit.reporting.drawing import FIXED_METADATA, draw_plot
-    from damperfit.store import check_writable, file_set
+    from damperfit.store import file_set
 
     run = run_of(results, "damperfit.ride", config)
     wanted = _settings(run, setting)
@@ -202,22 +188,20 @@ def ride(
             stroke=Option("stroke"),
             code="car-or-stroke",
         )
-    picture = None if plot is None else Path(plot)
-    if picture is not None:
-        if picture.suffix[1:].lower() not in FIXED_METADATA:
-            text = f"expected a name that ends in .{', .'.join(FIXED_METADATA)}"
-            raise ConfigurationError(text, where=Option("plot", picture), code="wrong-suffix")
-        check_writable(picture.parent)
-    answer: Ride | DrivenStroke
-    if stroke is not None:
-        answer = drive_along(run, read_stroke(Path(stroke)), wanted)
-    else:
-        given = car if isinstance(car, Mapping) else Path(str(car))
-        answer = ride_on_road(run, read_car(given), wanted)
-    if picture is not None:
-        with file_set(picture.parent) as files:
-            kind = picture.suffix[1:].lower()
-            draw_plot(files.path(picture.name), answer.picture, kind=kind)
+    if plot is not None and Path(plot).suffix[1:].lower() not in FIXED_METADATA:
+        text = f"expected a name that ends in .{', .'.join(FIXED_METADATA)}"
+        raise ConfigurationError(text, where=Option("plot", plot), code="wrong-suffix")
+    if plot is not None:
+        check_writable(Path(plot).parent)
+    answer = (
+        ride_on_road(run, read_car(car if isinstance(car, Mapping) else Path(car)), wanted)
+        if car is not None
+        else drive_along(run, read_stroke(Path(str(stroke))), wanted)
+    )
+    if plot is not None:
+        with file_set(Path(plot).parent) as files:
+            kind = Path(plot).suffix[1:].lower()
+            draw_plot(files.path(Path(plot).name), answer.picture, kind=kind)
     return answer
 
 
@@ -242,8 +226,6 @@ def watch(
         Folder of the results; by default nothing is written.
     reference : Run or path, optional
         What forces are compared with.
-    stop : threading.Event, optional
-        Ends it when it is set; Ctrl-C does so too.
 
     Returns
     -------
@@ -254,7 +236,6 @@ def watch(
 
     from damperfit.after_fit.watch import watched
     from damperfit.configuration.loading import load_configuration
-    from damperfit.store import check_writable
 
     place = path_of(folder, "damperfit.watch", "the path of a folder").resolve()
     own, results = (None if one is None else Path(one) for one in (config, out))
@@ -306,10 +287,8 @@ def _reference(given: object, call: str, model: str) -> Run | None:
 
 
 def _settings(run: Run, setting: str | None) -> tuple[SettingResult, ...]:
-    try:
+    with blamed_on(Option("setting", setting)):
         return run.settings if setting is None else (run.setting(setting),)
-    except ConfigurationError as error:
-        raise error.at(Option("setting", setting)) from None
 
 
 def _above_zero(name: str, given: float) -> float:
