@@ -131,19 +131,13 @@ def read_valves(
     seat: float | None = None,
     reference: Run | None = None,
 ) -> Orifices:
-    """Return the orifices and preloads of a run of any model that has them.
-
-    At the coefficient of the stored table they are read there, where the run has it.
-    """
-    is_stored = (discharge, discharge_spread) == (C_D, C_D_SPREAD)
-    stored = run.rows("valve_parts") if is_stored else ()
+    """Return the orifices and preloads of a run of any model that has them."""
     rows: list[Row] = []
     remarks = [] if reference is None else list(unlike(run, reference))
     for quantity in run.damper.quantities:
         if quantity.part != _OPENING and quantity.unit != _ORIFICE:
             continue
-        mine: list[Row] = [row for row in stored if row["quantity"] == quantity.name]
-        mine = mine or list(_rows(run, quantity, discharge, discharge_spread / discharge))
+        mine = list(_rows(run, quantity, discharge, discharge_spread / discharge))
         shown = {row["setting"] for row in mine}
         remarks += (
             f"{quantity.symbol} of setting {setting.label}: {setting.values[quantity.name]:g}, "
@@ -161,8 +155,7 @@ def read_valves(
         )
     if seat is not None:
         area = math.pi * seat**2 / 4.0
-        forces = [area * (row.get("pressure_Pa") or math.nan) for row in rows]
-        rows = [{**row, "seat_force_N": one} for row, one in zip(rows, forces, strict=True)]
+        rows = [{**row, "seat_force_N": area * row.get("pressure_Pa", math.nan)} for row in rows]
     return Orifices(tuple(rows), tuple(remarks))
 
 
@@ -256,15 +249,15 @@ def sized(found: Orifices, run: Run, force: float, speed: float) -> Orifices:
             continue
         row = {"setting": part["setting"], "quantity": name, "diameter_m": None}
         if "area_m2" in part:  # it goes with 1/S
-            row |= {"now": part["area_m2"], "wanted": part["area_m2"] / times, "unit": "m2"}
-            rows.append(row | {"diameter_m": part["diameter_m"] / math.sqrt(times)})
+            now, times, unit = part["area_m2"], 1.0 / times, "m2"
+            row["diameter_m"] = part["diameter_m"] * math.sqrt(times)
         else:
-            row |= {"now": part["pressure_Pa"], "wanted": part["pressure_Pa"] * times, "unit": "Pa"}
-            seat = part.get("seat_force_N")
-            rows.append(row | {"seat_force_N": None if seat is None else times * seat})
-    sentence = f"{force:.5g} N at {speed:g} m/s: no orifice or preload alone gives it"
+            now, unit, seat = part["pressure_Pa"], "Pa", part.get("seat_force_N")
+            row["seat_force_N"] = seat and times * seat
+        rows.append(row | {"now": now, "wanted": now * times, "unit": unit})
+    n = len({row["setting"] for row in rows})
+    words = "no orifice or preload alone gives it"
     if rows:
-        n = len({row["setting"] for row in rows})
         words = f"what one part alone must be for it, at {n} of {len(settings)} settings"
-        sentence = f"{force:.5g} N at {speed:g} m/s: {words}"
+    sentence = f"{force:.5g} N at {speed:g} m/s: {words}"
     return replace(found, sized=tuple(rows), sentence=sentence)

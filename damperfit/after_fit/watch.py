@@ -44,20 +44,14 @@ class Arrival(NamedTuple):
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values; what is not known is null."""
         first = None if self.run is None else self.run.settings[0]
-        document: dict[str, Any] = json_values(
-            {
-                "log": str(self.path),
-                "sentence": self.sentence,
-                "is_fitted": first is not None,
-                "verdict": self.verdict,
-                "setting": first and first.setting,
-                "mse_percent": first and first.mse_percent,
-                "grade": first and first.grade,
-                "parameters": first and dict(first.values),
-                "forces": list(self.forces),
-                "remarks": list(self.remarks),
-            }
-        )
+        known: dict[str, Any] = {"log": str(self.path), "is_fitted": first is not None}
+        for name in ("setting", "mse_percent", "grade"):
+            known[name] = first and getattr(first, name)
+        known["parameters"] = first and dict(first.values)
+        known |= {
+            name: getattr(self, name) for name in ("sentence", "verdict", "forces", "remarks")
+        }
+        document: dict[str, Any] = json_values(known)
         return document
 
 
@@ -147,7 +141,7 @@ def _answered(path: Path, config: Path | None, reference: Run | None, name: str)
     run = None
     try:
         run = identify([path], config=config)
-        why = "; ".join(run.failures) or ("" if run.settings else "no setting was fitted")
+        why = "; ".join(run.failures)
     except DamperfitError as error:
         problems = [one.problem for one in error.failures] or [error.problem]
         why = "; ".join(one.message() for one in problems)
@@ -161,21 +155,18 @@ def _answered(path: Path, config: Path | None, reference: Run | None, name: str)
     fastest = max((row["speed_m_per_s"] for row in rows), default=0.0)
     rows = [row for row in rows if row["speed_m_per_s"] == fastest]
     forces = tuple({key: row[key] for key in _SHOWN} for row in rows)
-    parts = (
-        *(f"{name}: {verdict}", f"setting {setting.label}"),
-        f"MSE {setting.mse_percent:.3g} % {setting.grade}",
-        *(f"{_STROKES[one['stroke']]} {one['force_N']:.0f} N" for one in forces),
-    )
-    sentence = ", ".join(parts) + (f" at {fastest:g} m/s" if forces else "")
+    said = [f"{name}: {verdict}", f"setting {setting.label}"]
+    said.append(f"MSE {setting.mse_percent:.3g} % {setting.grade}")
+    said += [f"{_STROKES[one['stroke']]} {one['force_N']:.0f} N" for one in forces]
+    sentence = ", ".join(said) + (f" at {fastest:g} m/s" if forces else "")
     if reference is None:
         return Arrival(path, run, sentence, verdict, forces)
     known = {
-        (row["stroke"], round(row["speed_m_per_s"], 6)): row["force_N"]
+        (str(row["setting"]), row["stroke"], round(row["speed_m_per_s"], 6)): row["force_N"]
         for row in reference.rows("adjustment")
-        if str(row["setting"]) == setting.label and row["force_N"]
     }
     for row in forces:
-        before = known.get((row["stroke"], round(row["speed_m_per_s"], 6)))
+        before = known.get((setting.label, row["stroke"], round(fastest, 6)))
         row["change_percent"] = before and 100.0 * (row["force_N"] / before - 1.0)
     changes = [f"{row['change_percent']:+.2g} %" for row in forces if row["change_percent"]]
     beside = f"setting {setting.label} is not in {reference.name} at this speed"

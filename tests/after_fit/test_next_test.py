@@ -139,7 +139,8 @@ def test_the_adjuster_as_one_hole_passes_the_flow_of_its_resistance(fitted) -> N
 def test_the_page_and_the_command_show_the_stored_valves(fitted) -> None:
     (section,) = (one for one in report_sections(fitted) if "Valves" in one.title)
     assert section.sheets[0].rows == fitted.valves().sheets()[0].rows
-    assert fitted.valves().rows == fitted.rows("valve_parts")
+    for row, stored in zip(fitted.valves().rows, fitted.rows("valve_parts"), strict=True):
+        assert row.items() <= stored.items()
     made = fitted.valves(cd_spread=0.1 + 1e-9).rows  # not the stored coefficient
     names = ("area_m2", "diameter_m", "area_change_m2")
     for row, stored in zip(made, fitted.rows("valve_parts"), strict=True):
