@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.arguments import folder_of, public, refuse_idle
-from damperfit.errors import ConfigurationError, blamed_on
+from damperfit.arguments import folder_of, public, refuse_idle, usage
+from damperfit.errors import blamed_on
 from damperfit.problem import Option
 from damperfit.store import check_writable, path_of
 
@@ -58,12 +58,8 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.queries.settings import positive
 
     if for_ is None:
-        raise ConfigurationError(
-            "expected {for_}, what is to be known better: a quantity such as k_e, force@0.05m/s or "
-            "law",
-            for_=Option("for_"),
-            code="question",
-        )
+        text = "expected {--for}, what is to be known better: k_e, say, force@0.05m/s or law"
+        raise usage(text, "question")
     run = run_of(results, "damperfit.advise", config, takes_parts=False)
     rig = (run.own_configuration if config is None else run.configuration).rig
     asked = {
@@ -104,17 +100,12 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.queries.settings import parse_question, positive
 
     if not 0.0 <= cd_spread < _above_zero("cd", cd):
-        raise ConfigurationError(
-            f"expected 0 or more, and less than the coefficient, {cd:g}",
-            where=Option("cd_spread", cd_spread),
-            code="cd-spread",
-        )
+        text = f"expected 0 or more, and less than the coefficient, {cd:g}"
+        raise usage(text, "cd-spread", Option("cd_spread", cd_spread))
     run = run_of(results, "damperfit.valves", config)
     if force is None:
         given = {"velocity": velocity, "stroke": stroke}
-        refuse_idle(
-            given, list(given), "it is of a {force}, which is not given", force=Option("force")
-        )
+        refuse_idle(given, list(given), "no {--force} is asked for")
     found = read_valves(
         run,
         discharge=cd,
@@ -182,15 +173,10 @@ def ride(
     run = run_of(results, "damperfit.ride", config)
     wanted = _settings(run, setting)
     if (car is None) == (stroke is None):
-        raise ConfigurationError(
-            "expected {car} or {stroke}, one of them",
-            car=Option("car"),
-            stroke=Option("stroke"),
-            code="car-or-stroke",
-        )
+        raise usage("expected {--car} or {--stroke}, one of them", "car-or-stroke")
     if plot is not None and Path(plot).suffix[1:].lower() not in FIXED_METADATA:
         text = f"expected a name that ends in .{', .'.join(FIXED_METADATA)}"
-        raise ConfigurationError(text, where=Option("plot", plot), code="wrong-suffix")
+        raise usage(text, "wrong-suffix", Option("plot", plot))
     if plot is not None:
         check_writable(Path(plot).parent)
     answer = (
@@ -241,15 +227,12 @@ def watch(
     own, results = (None if one is None else Path(one) for one in (config, out))
     earlier = _reference(reference, "damperfit.watch", load_configuration(own).damper.name)
     if not place.is_dir():
-        raise ConfigurationError("no such folder", subject=folder, code="no-folder")
+        raise usage("no such folder", "no-folder", subject=folder)
+    if results is not None and place.is_relative_to(results.resolve()):
+        other = f"give another folder, such as {Path(folder) / 'results'}"
+        text = f"the results would stand among the logs; {other}"
+        raise usage(text, "out-is-watched", Option("out", results))
     if results is not None:
-        if place.is_relative_to(results.resolve()):
-            raise ConfigurationError(
-                "the results would stand among the logs; give another folder, such as "
-                f"{Path(folder) / 'results'}",
-                where=Option("out", results),
-                code="out-is-watched",
-            )
         check_writable(results)
     return watched(place, results, earlier, own, stop or Event())
 
@@ -265,12 +248,11 @@ def run_of(
     own = None if config is None else Path(config)
     run = results if isinstance(results, Run) else Run.load(folder_of(results, call), config=own)
     if not takes_parts and run.place is not None and is_part(run.place):
-        raise ConfigurationError(
+        text = (
             "is a part of a fleet, which keeps neither clicks nor the noise of its logs; identify "
-            "the logs of this damper, and give that folder",
-            subject=run.place,
-            code="part-of-a-fleet",
         )
+        text += "the logs of this damper, and give that folder"
+        raise usage(text, "part-of-a-fleet", subject=run.place)
     return refuse_unfitted(run)
 
 
@@ -278,11 +260,10 @@ def _reference(given: object, call: str, model: str) -> Run | None:
     """Return the run that others are held against, of the same model."""
     run = None if given is None else run_of(given, call)
     if run is not None and run.damper.name != model:
-        raise ConfigurationError(
-            f"is of the model {run.damper.name}, and this one of {model}: they cannot be compared",
-            where=Option("reference", run.name),
-            code="other-model",
+        text = (
+            f"is of the model {run.damper.name}, and this one of {model}: they cannot be compared"
         )
+        raise usage(text, "other-model", Option("reference", run.name))
     return run
 
 
@@ -293,7 +274,5 @@ def _settings(run: Run, setting: str | None) -> tuple[SettingResult, ...]:
 
 def _above_zero(name: str, given: float) -> float:
     if not 0.0 < given < math.inf:
-        raise ConfigurationError(
-            "expected more than 0", where=Option(name, given), code="out-of-range"
-        )
+        raise usage("expected more than 0", "out-of-range", Option(name, given))
     return given
