@@ -75,6 +75,7 @@ _FASTER, _OF_TRAVEL = 2.0, 0.9  # times the tested speed, likewise; of the dampe
 _SMALLEST = 16.0  # times below the largest stroke
 _USEFUL, _NOTICED = 0.8, 0.99  # of the interval: what a test that helps, or hardly helps, leaves
 _NOISE = "displacement_noise"  # a finding
+_ABOVE, _FLAT = 6.0, 0.6  # times the motion's frequency, and the corner: where noise is read
 _SPOILT = 1e6  # times the largest plausible value
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
 
@@ -416,6 +417,25 @@ def _spread(settings: Sequence[_Known], most: int) -> list[_Known]:
     return [settings[k] for k in np.linspace(0, len(settings) - 1, n).round().astype(int)]
 
 
+def _displacement_noise(run: Run, corner: float) -> float:
+    """White noise of the displacement at the rate of the logs, rms, m, by its spectrum.
+
+    Between the motion's harmonics below the corner, where all of it has passed the filter.
+    """
+    noises = []
+    for log in run.logs:
+        signals, frequency = log.signals, number_in(log.facts, "frequency_Hz")
+        if signals is None or frequency is None:
+            continue
+        x, rate = signals.displacement, 1.0 / float(np.median(np.diff(signals.time)))
+        window, frequencies = np.blackman(len(x)), np.fft.rfftfreq(len(x), 1.0 / rate)
+        band = (frequencies > _ABOVE * frequency) & (frequencies < _FLAT * corner)
+        power = np.abs(np.fft.rfft((x - x.mean()) * window)[band]) ** 2
+        if len(power):  # of a line it is exponential, with the median ln 2 times its mean
+            noises.append(math.sqrt(np.median(power) / (math.log(2.0) * float(window @ window))))
+    return median(noises) if noises else 0.0
+
+
 class _Rig:
     """What tests tell on a rig."""
 
@@ -445,13 +465,7 @@ class _Rig:
         # Samples to one that counts, of white noise behind the filter.
         effective = [log.effective_rate for log in run.logs if log.effective_rate]
         self.worth = self.rate / median(effective) if effective else 1.0
-        noises = [
-            parse_quantity(f"{finding['value']}{finding['unit']}", "length")
-            for log in inputs
-            for finding in log.get("findings", ())
-            if finding.get("name") == _NOISE and finding.get("value")
-        ]
-        self.displacement_noise = median(noises) if noises else 0.0  # m
+        self.displacement_noise = _displacement_noise(run, self.options.declared_corner)
 
     def candidates(self) -> Iterator[NextTest]:
         """Yield sines within the limits, as far as they are known without a simulation."""
