@@ -48,11 +48,12 @@ def test_where_no_test_helps_the_answer_says_so(fitted) -> None:
     assert " 0 %" not in advice.sentence
 
 
-def test_the_command_prints_what_the_function_returns(results, fitted, capsys) -> None:
-    words = ("advise", str(results), "--for", "force@0.05m/s", "--setting", "10", "--json")
+def test_the_command_prints_what_the_function_returns(short, capsys) -> None:
+    results = short / "results"
+    words = ("advise", str(results), "--for", "force@0.05m/s", "--setting", "1", "--json")
     assert main(words) == 0
     document = json.loads(capsys.readouterr().out)
-    advice = damperfit.advise(fitted, for_="force@0.05m/s", setting="10")
+    advice = damperfit.advise(results, for_="force@0.05m/s", setting="1")
     assert document["sentence"] == advice.sentence
     assert document["tests"][0]["share"] == pytest.approx(advice.tests[0].share)
 
