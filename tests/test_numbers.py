@@ -1071,8 +1071,9 @@ def fleet() -> Any:
             day, rows = 1 + 7 * k % 30, []
             for setting, force in (("2", 900.0), ("10", 1500.0)):
                 size = 1.0 + 0.01 * random.standard_normal() + 0.03 * (day > 22) + 0.3 * (k == 4)
-                row = {"damper": f"D{k}", "setting": setting, "date": f"2026-03-{day:02d}"}
-                row |= {"grade": "good" if k % 9 else "poor", "error": None, "error_kind": None}
+                row = {"damper": f"D{k}", "setting": setting, "error": None, "error_kind": None}
+                row |= {"date": f"2026-03-{day + (setting == '2'):02d}"}
+                row |= {"grade": "good" if k % 9 or setting == "2" else "poor"}
                 row |= {"mse_percent": 0.1 + 0.02 * k, "r_m1": 2e4 * size, "r_m1_se": 90.0 + k}
                 for stroke, v in (("rebound", 130), ("rebound", 260), ("bump", -260)):
                     row[f"force_{stroke}_{abs(v)}_mm_per_s_N"] = v * size * force / 300.0
