@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition, noise_floor, transients
-from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.timebase import UniformLog, continue_log
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -19,11 +18,9 @@ from tests.conditioning.logs import (
     RATE,
     found,
     moving,
-    random_motion,
     recording,
     sine_log,
     speeds,
-    static_force,
     warned,
 )
 from tests.laws.valve_logs import VALUES, damper, moved
@@ -100,21 +97,6 @@ def test_motion_that_does_not_repeat_needs_more_than_three_cycles(turns, is_used
     else:
         with pytest.raises(ConditioningError, match="whole steady cycles"):
             condition(log)
-
-
-def test_the_noise_of_each_stretch_is_that_of_the_sensor():
-    passed = 4.0 * np.sqrt(2.0 * 30.0 / RATE)
-    for stretch in condition(speeds((1.03, 0.03, 8), (2.07, 0.03, 8), noise=0.0)).stretches:
-        assert stretch.noise == pytest.approx(passed, rel=0.25)
-    t, x, v = random_motion(1)
-    noise = 4.0 * np.random.default_rng(3).standard_normal(len(t))
-    log = recording(t, x, static_force(v) + noise)
-    (stretch,) = condition(log).stretches
-    assert stretch.noise == pytest.approx(passed, rel=0.1)
-    # Behind a filter in the rig it is not known.
-    (stretch,) = condition(log, ConditionOptions(rig_filter="zero_phase")).stretches
-    assert np.isnan(stretch.noise)
-    assert stretch.noise_source == ""
 
 
 def test_the_figures_of_each_stretch_are_those_of_its_law():

@@ -18,7 +18,6 @@ from damperfit.damper.purdy.parameters import (
     PURDY_DAMPER,
     Damper,
     Parameters,
-    cavitation_limit,
     nonnegative_least_squares,
     starting_values,
 )
@@ -127,16 +126,6 @@ def test_starts_are_the_numbers_of_an_incompressible_damper_whatever_is_held(hel
     fixed = {name: getattr(true, name) for name in held.split()}
     begin = starting_values([replace(one, force=force)], PURDY_DAMPER, fixed, 1e9)
     assert begin.numbers == pytest.approx(true.numbers, rel=1e-6, abs=1e-6)
-
-
-def test_a_fit_also_begins_below_the_onset_of_cavitation() -> None:
-    start, one = reference_parameters(10), fakes.trace(10)
-    limit = cavitation_limit([one], PURDY_DAMPER)
-    for r_m3, below in ((0.5 * limit, 0.5 * limit), (3.0 * limit, limit)):
-        begin = start.replace(r_m3=r_m3)
-        first, *_ = PURDY_DAMPER.further_starts(begin, [one], PURDY_DAMPER.names)
-        assert first.start.r_m3 == pytest.approx(below)
-    assert PURDY_DAMPER.further_starts(start, [one], ("r_m1",)) == ()
 
 
 def test_columns_that_are_one_another_are_shared_out_and_negative_ones_left() -> None:

@@ -415,17 +415,6 @@ def test_the_slow_twin_agrees_on_friction(name, mounting, more):
     check_by_the_twin(name, mounting, **more)
 
 
-@pytest.mark.parametrize("mounting", [RIGID, ELASTIC], ids=["rigid", "elastic"])
-def test_a_short_presliding_fades_to_coulombs_friction(mounting):
-    sharp = run("b", cycles=2, **mounting).force
-    gaps = [
-        float(np.mean(np.abs(run("b", cycles=2, presliding=way, **mounting).force - sharp)))
-        for way in (2e-4, 5e-5, 1.25e-5)
-    ]
-    # Beside a turn the way grows with the square of the time.
-    assert gaps[1:] == pytest.approx([gaps[0] / 2, gaps[0] / 4], rel=0.2)
-
-
 def test_presliding_is_a_spring_first_and_loses_what_it_rubs():
     """From rest it is f_f/presliding stiff; a closed loop of it turns work into heat."""
     still = sine_motion(1e-6, 1.0, cycles=1, sample_rate=1000)

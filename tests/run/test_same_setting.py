@@ -120,16 +120,6 @@ def test_what_differs_beyond_the_scatter_is_told_and_fitted(rebound, noise, is_t
     assert [str(one).startswith(begin) for one in found.remarks] == [True] * is_told
 
 
-@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2)])
-def test_the_two_logs_that_are_furthest_apart_are_named(order):
-    logs = [log(f"{n}.csv", rebound=force) for n, force in enumerate((1000.0, 1100.0, 1400.0))]
-    # A log at another gas pressure hides no contradiction.
-    logs[1] = replace(logs[1], gas_pressure=5e5) if order[0] == 1 else logs[1]
-    found = checked(*(logs[k] for k in order))
-    told = [[f"{n}.csv" in one.message for n in range(3)] for one in found.failures]
-    assert told[0] == [True, False, True]
-
-
 def test_a_contradiction_is_told_by_name_and_costs_its_setting_alone():
     other = log("b.csv", rebound=1300.0, temperature=60.0)
     found = checked(log("a.csv"), other, log("c.csv", 2))
