@@ -774,7 +774,7 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
             text = f"{target.name} has units and marks of its own ({target.units}); leave it out"
             raise usage(text, "no-effect", Option(option, value))
     shown = SI if units is None else parse_units(units)
-    speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
+    speed = None if extend is None else parse_quantity(extend, "velocity", option=Option("extend"))
     folder = _own_folder(results, out, "damperfit.export")
     where, stem = written_of(folder, "export"), "damper"
     where = where if is_part(folder) else where / "export"

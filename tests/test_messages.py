@@ -11,7 +11,7 @@ import damperfit
 from damperfit.cli.main import app
 from damperfit.configuration.loading import default_document
 from damperfit.damper.model import MODELS
-from damperfit.io.options import Profile
+from damperfit.sections import ProfileSection
 
 SOURCE = Path(damperfit.__file__).parent
 DEFAULTS = default_document()
@@ -52,7 +52,7 @@ def _texts(path: Path) -> list[tuple[int, str]]:
 def unknown_names(text: str) -> list[str]:
     """Return what a text names that does not exist."""
     bad = [option for option in OPTION.findall(text) if option not in OPTIONS | OTHERS]
-    profile = set(Profile._fields)
+    profile = {*ProfileSection.entries()}
     for section, key, inner in KEY.findall(text):
         if key not in DEFAULTS[section]:
             bad.append(f"{section}.{key}")

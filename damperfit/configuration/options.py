@@ -30,12 +30,11 @@ from damperfit.damper.quantity import Quantity
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
-from damperfit.io import Profile, ReadOptions
+from damperfit.io import ReadOptions
 from damperfit.io.tests_table import FACTS, fact_of
 from damperfit.problem import Key
 from damperfit.sections import (
     SECTIONS,
-    Declarations,
     Entry,
     OutputSection,
     ProfileSection,
@@ -347,10 +346,7 @@ def build_configuration(
         adjusters=adjusters,
         max_bytes=rig.max_log_bytes,
         profile=rig.profile,
-        profiles=tuple(
-            Profile(name, keys.get("files", ""), _declared(keys))
-            for name, keys in rig.profiles.items()
-        ),
+        profiles={name: _declared(keys) for name, keys in rig.profiles.items()},
     )
     reading.check()
     if output["checks"]:
@@ -394,8 +390,8 @@ def _path(text: str) -> Path | None:
 
 
 def _declared(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of `Declarations` that are given, what logs were tested at in SI."""
-    given = {key: _as_read(values[key]) for key in Declarations.entries() if key in values}
+    """Return the keys of a profile that are given, what logs were tested at in SI."""
+    given = {key: _as_read(values[key]) for key in ProfileSection.entries() if key in values}
     if "tested_at" in given:  # a name that is none is left to the reader's options
         given["tested_at"] = {
             name: _read(text, partial(fact_of, name, str(text)), "tested_at", name)

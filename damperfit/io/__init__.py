@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError, TimelessError
-from damperfit.io.options import Profile, ReadOptions
+from damperfit.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from damperfit.io.files import Source
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from damperfit.io.formats import Table
     from damperfit.recording import Recording
 
-__all__ = ["Profile", "ReadOptions", "read_curves", "read_log", "read_logs"]
+__all__ = ["ReadOptions", "read_curves", "read_log", "read_logs"]
 
 _DEFAULTS = ReadOptions()
 

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from fnmatch import fnmatch
-from typing import Any, NamedTuple
+from typing import Any
 
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.io.tests_table import FACTS
@@ -28,24 +28,14 @@ CHANNELS = {
 EXTRAS = ("temperature", "velocity")
 
 
-class Profile(NamedTuple):
-    """Declarations for the logs of one rig, named, or found by the pattern of its files' names.
-
-    `declared` has the keys that it gives, also where it gives the default.
-    """
-
-    name: str
-    files: str = ""  # as in "ME*.txt"; empty: only when asked for by name
-    declared: Mapping[str, Any] = {}
-
-
 class ReadOptions(Declarations):
     """How logs are read."""
 
     setting: Setting | None = None  # whatever the log says
     adjusters: tuple[str, ...] = (ADJUSTER,)  # names, in the order of labels
     profile: str = ""  # for every log; empty: the first whose pattern fits the file name
-    profiles: tuple[Profile, ...] = ()
+    # Declarations for the logs of one rig, by its name; "files" is a pattern of their names.
+    profiles: Mapping[str, Mapping[str, Any]] = {}
     needs_force: bool = True  # False: of a car log time and displacement alone
     max_bytes: int = 500_000_000  # of the largest log (of text, when it is compressed)
 
@@ -72,17 +62,16 @@ class ReadOptions(Declarations):
         self._check_channels()
         if self.thousands and self.thousands in {self.decimal, self.separator}:
             raise _wrong("thousands", f"{self.thousands!r} already has another meaning")
-        names = [profile.name for profile in self.profiles]
-        if self.profile and self.profile not in names:
-            text = f"no profile {self.profile!r}; there are {', '.join(names) or 'none'}."
-            text += did_you_mean(self.profile, names)
+        if self.profile and self.profile not in self.profiles:
+            text = f"no profile {self.profile!r}; there are {', '.join(self.profiles) or 'none'}."
+            text += did_you_mean(self.profile, self.profiles)
             where = Key(("rig", "profile"))
             raise ConfigurationError(text, where=where, code="unknown-profile")
-        for profile in self.profiles:
+        for name, profile in self.profiles.items():
             try:
                 self._with(profile).check()
             except ConfigurationError as error:
-                text = f"rig.profiles.{profile.name}: {error}"
+                text = f"rig.profiles.{name}: {error}"
                 raise ConfigurationError(text, code="wrong-value") from error
 
     def _check_channels(self) -> None:
@@ -110,19 +99,20 @@ class ReadOptions(Declarations):
 
         What a profile gives goes before what the options declare, the default too.
         """
-        for profile in self.profiles:
-            is_asked = profile.name == self.profile
-            if is_asked or (not self.profile and profile.files and fnmatch(name, profile.files)):
-                return self._with(profile), (f"profile: {profile.name}",)
+        for own, profile in self.profiles.items():
+            files = "" if self.profile else profile.get("files", "")
+            if own == self.profile or (files and fnmatch(name, files)):
+                return self._with(profile), (f"profile: {own}",)
         return self, ()
 
-    def _with(self, profile: Profile) -> ReadOptions:
+    def _with(self, profile: Mapping[str, Any]) -> ReadOptions:
         """Return the options with a profile's declarations, tables by channel, and no profile."""
         declared = {
-            name: {**getattr(self, name), **value} if isinstance(value, dict) else value
-            for name, value in profile.declared.items()
+            key: {**getattr(self, key), **value} if isinstance(value, dict) else value
+            for key, value in profile.items()
+            if key != "files"
         }
-        return self.but(**declared, profile="", profiles=())
+        return self.but(**declared, profile="", profiles={})
 
 
 def _wrong(key: str, text: str) -> ConfigurationError:

@@ -141,7 +141,8 @@ def comparison_options(
     units: str | None = None,
 ) -> ComparisonOptions:
     """Return what the texts of a command line ask."""
-    speeds = sorted({abs(parse_quantity(v, "velocity", option="--velocity")) for v in velocities})
+    at = Option("velocity")
+    speeds = sorted({abs(parse_quantity(v, "velocity", option=at)) for v in velocities})
     if speeds and speeds[0] == 0.0:
         raise ConfigurationError(
             "expected a speed other than zero", where=Option("velocity", "0"), code="out-of-range"

@@ -226,8 +226,8 @@ def parse_question(
             where=Option("force", force),
             code="no-speed",
         )
-    speed = parse_quantity(velocity, "velocity", option="--velocity")
-    wanted = None if force is None else parse_quantity(force, "force", option="--force")
+    speed = parse_quantity(velocity, "velocity", option=Option("velocity"))
+    wanted = None if force is None else parse_quantity(force, "force", option=Option("force"))
     if speed == 0.0:
         raise ConfigurationError(
             "expected a speed other than zero",

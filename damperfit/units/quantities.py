@@ -178,7 +178,7 @@ def _hint(name: str, units: dict[str, Unit]) -> str:
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
-def parse_quantity(text: str | float, dimension: str, *, option: Option | str = "") -> float:
+def parse_quantity(text: str | float, dimension: str, *, option: Option | None = None) -> float:
     """Return a number with an optional unit as a float in SI (temperature: degrees Celsius).
 
     A bare number is SI. `option` is where it was given, to be named where it cannot be read.
@@ -200,9 +200,6 @@ def parse_quantity(text: str | float, dimension: str, *, option: Option | str = 
         if not math.isfinite(value):
             raise QuantityError(f"{text} is not a finite {dimension}")  # noqa: TRY301  # gets its place
     except QuantityError as error:
-        if isinstance(option, str):
-            name = option.removeprefix("--").replace("-", "_")
-            raise error.at(Option(name) if name else None) from error
         raise error.at(option) from error
     return value
 

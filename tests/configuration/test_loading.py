@@ -127,9 +127,7 @@ def test_values_arrive_where_they_are_used(write) -> None:
     reading = settings.reading
     assert reading.columns == {"force": 'Load "cell" #1', "time": 3}
     assert (reading.reverse_force, reading.reverse_displacement) == (True, "detect")
-    (profile,) = reading.profiles
-    assert (profile.name, profile.files) == ("logger", "ME*.txt")
-    assert profile.declared == {"scales": {"force": 980.665}}
+    assert reading.profiles == {"logger": {"files": "ME*.txt", "scales": {"force": 980.665}}}
     assert settings.identification.free == ("r_m1", "k_e")
     assert settings.identification.fixed == {"r_m2": 3e6, "f_f": 50.0}
     assert settings.output.max_mse_percent == 1.0

@@ -8,7 +8,7 @@ import pytest
 from damperfit.arguments import configured
 from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.io import Profile, ReadOptions, read_log
+from damperfit.io import ReadOptions, read_log
 from damperfit.sections import Declarations
 
 # Key of [rig] -> its default, and two other values, as in TOML.
@@ -114,10 +114,10 @@ def test_a_profile_gives_the_unit_of_the_log_back_and_the_first_that_fits_is_tak
         config.write_text(text)
         found = read_log(log, load_configuration(config).reading).force
         assert list(found) == [2.0 * factor, 3.0 * factor, 4.0 * factor]
-    profiles = tuple(
-        Profile(name=name, files=files, declared={"reverse_force": is_reversed})
+    profiles = {
+        name: {"files": files, "reverse_force": is_reversed}
         for name, files, is_reversed in (("a", "x*", True), ("b", "b*", True), ("c", "*", False))
-    )
+    }
     recording = read_log(log, ReadOptions(profiles=profiles))
     assert recording.notes[0] == "profile: b"
     assert list(recording.force) == [-2e3, -3e3, -4e3]
@@ -156,7 +156,7 @@ def test_a_wrong_key_of_a_profile_is_named(tmp_path, row) -> None:
         ({"units": {"forse": "N"}}, "no channel 'forse'.*Did you mean 'force'"),
         ({"setting_pattern": "s(\\d+"}, "not a regular expression"),
         ({"setting_pattern": "s\\d+"}, "no group"),
-        ({"profile": "loger", "profiles": (Profile(name="logger"),)}, "no profile 'loger'.*Did"),
+        ({"profile": "loger", "profiles": {"logger": {}}}, "no profile 'loger'.*Did"),
     ],
 )
 def test_options_that_mean_nothing(options, message) -> None:
