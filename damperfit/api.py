@@ -29,7 +29,7 @@ from damperfit.arguments import (
 )
 from damperfit.errors import DamperfitError, LogError, blamed_on, did_you_mean
 from damperfit.problem import Option, Words
-from damperfit.store import path_of
+from damperfit.store import check_writable, file_set, path_of, write_text
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
@@ -547,8 +547,6 @@ def _parameters(
 
 def _check_places(*folders: Path | None) -> None:
     """Refuse what can never be written, before any work is done."""
-    from damperfit.store import check_writable
-
     for folder in folders:
         if folder is not None:
             check_writable(folder)
@@ -757,7 +755,6 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.answers import Files
     from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
     from damperfit.exporting.check import check_export
-    from damperfit.store import file_set
     from damperfit.tables.files import is_part, written_of
     from damperfit.units.quantities import parse_quantity
     from damperfit.units.shown_units import SI, parse_units
@@ -821,7 +818,6 @@ def _write_report(
     from damperfit.reporting.figures import report_plots
     from damperfit.reporting.page import html_report
     from damperfit.results import Run
-    from damperfit.store import file_set
     from damperfit.units.shown_units import parse_units
 
     run = Run.load(results)
@@ -921,7 +917,6 @@ def init(
         guess_from_logs,
     )
     from damperfit.run.log_files import expand
-    from damperfit.store import write_text
 
     path: Any = out
     _check_places(None if path is None else path.parent)

@@ -464,13 +464,11 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
 
 def _number(kind: str, value: Any, option: Option) -> Any:
     """Return a number, or a whole one of any length; True is none."""
-    text, number = str(value).strip(), None
+    number = None
     if type(value).__name__ not in _NO_NUMBERS:
         with suppress(TypeError, ValueError, OverflowError):
-            number = float(value)
-            if kind != "number":
-                whole = int(text) if text.lstrip("+-").isdecimal() else int(number)
-                number = whole if number == whole else None
+            whole = re.sub(r"\.0*$", "", str(value).strip())
+            number = float(value) if kind == "number" else int(whole)
     if number is None:
         text = f"expected a {'whole ' * (kind != 'number')}number"
         raise usage(text, "not-a-number", option)
