@@ -265,9 +265,10 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
     reason = str(context.get("error", ""))
     if keys == ["rig", "profiles"]:
         reason = "expected sections named [rig.profiles.NAME]"
-    elif not reason:
-        reason = f"expected {_EXPECTED.get(kind, 'another value').format(**context)}"
     entry = known.get(keys[-1])
+    if not reason:
+        word = f"{entry.word!r} or " if entry is not None and entry.word else ""
+        reason = f"expected {word}{_EXPECTED.get(kind, 'another value').format(**context)}"
     code = "out-of-range" if kind.startswith(("greater", "less")) else "wrong-value"
     if kind == "less_than_equal" and entry is not None and entry.dimension:
         unit = entry.default.lstrip("0123456789.").replace("mm", "m")
