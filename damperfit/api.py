@@ -420,11 +420,11 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         {**given, "tests": None if table is None else table.resolve()},
         ("covariate", "damper.reference_temperature", covaried("fleet", given, of_fleet=True)),
     )
-    share = None if part is None else share_of(part)
+    takes = (lambda _: True) if part is None else share_of(part)
     done = FleetDone(folder, has_logs=bool(logs))
     if logs:
         _check_places(folder)
-        tasks = planned(configuration, logs, folder, share)
+        tasks = planned(configuration, logs, folder, takes)
         done.n_tasks = len(tasks)
         with ExitStack() as stack:
             if scheduler is None:

@@ -79,25 +79,10 @@ class DamperTask(NamedTuple):
         return (*self.logs, *self.tables)
 
 
-class Share(NamedTuple):
-    """Part I of N of a fleet, as a job array does it."""
+def share_of(text: str) -> Callable[[DamperTask], bool]:
+    """Return whether a task is of part I of N, as ``I/N`` says and a job array does it.
 
-    number: int
-    of: int
-
-    def takes(self, task: DamperTask) -> bool:
-        """Whether a task is of this share; every task is of one, whatever other tasks there are."""
-        digest = hashlib.sha256(task.owner.encode("utf-8", "surrogatepass")).digest()
-        return int.from_bytes(digest[:8], "big") % self.of == self.number - 1
-
-
-def share_of(text: str) -> Share:
-    """Return the share that ``I/N`` says.
-
-    Examples
-    --------
-    >>> share_of("3/100")
-    Share(number=3, of=100)
+    Every task is of one, whatever other tasks there are.
     """
     match = re.fullmatch(r"\s*(\d+)\s*/\s*(\d+)\s*", text)
     number, of = map(int, match.groups()) if match else (0, 0)
@@ -107,7 +92,12 @@ def share_of(text: str) -> Share:
             where=Option("part", text),
             code="bad-part",
         )
-    return Share(number, of)
+
+    def takes(task: DamperTask) -> bool:
+        digest = hashlib.sha256(task.owner.encode("utf-8", "surrogatepass")).digest()
+        return int.from_bytes(digest[:8], "big") % of == number - 1
+
+    return takes
 
 
 def tasks_by_damper(
@@ -414,7 +404,10 @@ def _schema(configuration: Configuration) -> pa.Schema:
 
 
 def planned(
-    configuration: Configuration, logs: Sequence[str], folder: Path, share: Share | None = None
+    configuration: Configuration,
+    logs: Sequence[str],
+    folder: Path,
+    takes: Callable[[DamperTask], bool] = lambda _: True,
 ) -> tuple[DamperTask, ...]:
     """Return the tasks of a fleet, of the share that is asked for; in its own folder is no log."""
     own = folder.resolve()
@@ -426,7 +419,7 @@ def planned(
             f"{', '.join(logs)}: no log there but in {folder} itself", code="no-log"
         )
     tasks = tasks_by_damper(recognised(sources, folder), configuration)
-    return tuple(task for task in tasks if share is None or share.takes(task))
+    return tuple(filter(takes, tasks))
 
 
 def run_fleet(

@@ -23,7 +23,7 @@ from damperfit.fleets.parts import (
     tidy,
     write_part,
 )
-from damperfit.fleets.run import DamperTask, Share, content_key, hash_of, share_of, tasks_by_damper
+from damperfit.fleets.run import DamperTask, content_key, hash_of, share_of, tasks_by_damper
 from damperfit.fleets.sources import FleetLog, KnownObject, find_sources
 from damperfit.store import file_set
 from tests.fleet.conftest import put
@@ -108,10 +108,10 @@ def test_where_there_is_no_log_it_is_said(tmp_path, texts, monkeypatch):
 
 def test_every_task_is_of_one_share_whatever_other_tasks_there_are():
     tasks = [DamperTask(f"D{k}", (FleetLog(f"/{k}.csv", f"{k}.csv"),)) for k in range(200)]
-    taken = [[k for k in range(1, 8) if Share(k, 7).takes(task)] for task in tasks]
+    shares = {k: share_of(f" {k} / 7") for k in range(1, 8)}
+    taken = [[k for k, takes in shares.items() if takes(task)] for task in tasks]
     assert {len(shares) for shares in taken} == {1}
     assert {k for (k,) in taken} == set(range(1, 8))
-    assert share_of("1/3").of == share_of("3 / 3").of == 3
     for text in ("0/3", "4/3", "1", "a/b", "1/0", "-1/3"):
         with pytest.raises(ConfigurationError, match="expected I/N"):
             share_of(text)
