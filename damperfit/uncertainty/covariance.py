@@ -34,7 +34,7 @@ their pulls, which cancel at the minimum, are taken for independent::
 
 A law that is not the damper's misses every log alike. Their pulls in the same block of phase are
 therefore summed, over the logs and over the settings, before they are squared, too; the larger of
-the two is taken, direction by direction.
+the two errors of each value is given.
 
 A rig is tared before each log. Where the search has found an offset of each log beside their mean
 one, J is what is left of it beside these offsets: they are as uncertain as all else.
@@ -218,7 +218,9 @@ def _of_setting(
     repeating, supposed = pulls
     if repeating.ndim:  # the same law misses every setting alike
         alike = shifts(repeating, None if one.repeating is None else one.repeating.T)
-        misfit = larger(misfit, alike @ alike.T)
+        squares, own_squares = np.sum(alike**2, axis=1), misfit.diagonal()
+        wider = np.sqrt(np.maximum(squares / np.maximum(own_squares, 1e-300), 1.0))
+        misfit = misfit * np.outer(wider, wider)
     if one.supposed is not None:
         defaults = shifts(supposed, one.supposed)
         misfit = misfit + defaults @ defaults.T
