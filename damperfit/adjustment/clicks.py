@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.adjustment.between import BENDS, LEAST, MOST, SMOOTH, Between
 from damperfit.adjustment.force_at import (
     MEASURED,
     MODEL,
     STROKE_WORDS,
     Force,
+    Stage,
     credible_forces,
     force_at,
     named_speeds,
@@ -26,6 +28,7 @@ from damperfit.adjustment.force_at import (
     stage_of,
 )
 from damperfit.adjustment.trends import Trend, find_trends
+from damperfit.arrays import FloatArray
 from damperfit.identification import Campaign
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95
@@ -138,24 +141,21 @@ def compare_settings(
 
 # Which setting gives a wanted force: the forces by setting, read the other way round.
 #
-# Between fitted settings the force follows a monotone cubic (PCHIP), which never leaves the
-# forces of the two neighbours. The interval of an answer is where the wanted force lies within
-# the force's 95 % interval; between settings that are more than one click apart half of that
-# interval is widened by how far the cubic lies from the straight line in that gap and the two
-# beside it, for nothing was measured there. Two settings alone tell no curve, so that the
-# interval is the whole gap. Of the shipped set with settings left out 94 to 96 of 100 hold the
-# setting that was left out, by the cubic at that place alone 87 to 94, of two settings none
-# (`python -m tests.adjustment.gap_coverage`).
+# Between fitted settings the force is that of the damper whose areas and preloads lie between
+# theirs (`damperfit.adjustment.between`). The interval of an answer is where the wanted force lies
+# within the force's 95 % interval; between settings that are more than one click apart, where
+# nothing was measured, it is widened by how far from the answer other curves have the force. Two
+# settings alone tell no curve, so that the interval is the whole gap. How many intervals hold
+# the truth: `python -m tests.adjustment.gap_coverage`.
 #
 # A force that the model does not reach and the measured forces do is answered by these.
 
-# Between neighbouring clicks cubic and straight line are a hundredth of a click apart: no answer is
-# shown closer, however narrow its interval.
+# No answer is shown closer, however narrow its interval.
 _FINEST = 0.01
-# How far truth may lie from the curve: with 1.4 of how far it bends 95 of 100 intervals hold. A
-# bend grows with the square of the gap; from one much narrower little is foretold: no more than
-# twice.
-_BEND, _WIDER = 1.4, 2.0
+# How far truth may lie from the curve, by how far the other curves do.
+_BEND = 1.4
+# In a gap the curve is looked at in so many steps a click, at least and at most.
+_A_CLICK, _FEWEST, _MOST = 8, 8, 32
 
 
 class Answer(NamedTuple):
@@ -171,6 +171,8 @@ class Answer(NamedTuple):
     above: Setting
     force_below: float  # N
     force_above: float
+    # What the logs leave open beside it that moves the answer, as "rebound opening at 6".
+    untold: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,6 +235,8 @@ def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> s
             )
         elif max(answer.high - answer.position, answer.position - answer.low) < _FINEST:
             interval = f" (95 % within {_FINEST:g})"
+    if answer.untold:
+        interval += f" (not determined there: {', '.join(answer.untold)})"
     if answer.below == answer.above:
         return f"setting {answer.below}{interval}, which gives {below}"
     said = (
@@ -253,37 +257,64 @@ def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> s
 
 
 def which_setting(
-    forces: Sequence[Force], force: float, *, line: SettingLine | None = None
+    forces: Sequence[Force],
+    force: float,
+    *,
+    line: SettingLine | None = None,
+    stages: Sequence[Stage] = (),
+    damper: Model | None = None,
 ) -> Wanted:
-    """Return the settings at which a force is reached, of forces at one speed and stroke."""
+    """Return the settings at which a force is reached, of forces at one speed and stroke.
+
+    Between settings the force is the damper's with values between those of the stages; without
+    these the forces themselves are interpolated.
+    """
     along = line or lines_of(one.setting for one in forces)[0]
     mine = [one for one in forces if one.setting in along.numbers]
-    wanted = _Curve(mine, along).wanted(force)
+    wanted = _Curve(mine, along, stages, damper).wanted(force)
     measured = [one.as_measured for one in mine if one.measured is not None]
     if not wanted.answers and len(measured) > 1:
-        as_measured = _Curve(measured, along).wanted(force)
+        as_measured = _Curve(measured, along, stages, damper).wanted(force)
         return as_measured if as_measured.answers else wanted
     return wanted
 
 
 class _Curve:
-    """Force over the clicks of one adjuster, between settings a monotone cubic."""
+    """Force over the clicks of one adjuster."""
 
-    def __init__(self, forces: Sequence[Force], line: SettingLine) -> None:
-        from scipy.interpolate import PchipInterpolator
-
+    def __init__(
+        self,
+        forces: Sequence[Force],
+        line: SettingLine,
+        stages: Sequence[Stage],
+        damper: Model | None,
+    ) -> None:
         self.line, self.ordered = line, sorted(forces, key=lambda one: line.numbers[one.setting])
         self.places = np.array([line.numbers[one.setting] for one in self.ordered])
         self.forces = np.array([one.force for one in self.ordered])
         reaches = [max(one.high - one.force, one.force - one.low) for one in self.ordered]
         self.reaches = np.array(reaches)
-        self.cubic = PchipInterpolator(self.places, self.forces)
+        by_setting = {one.setting: one for one in stages}
+        known = [by_setting[one.setting] for one in self.ordered if one.setting in by_setting]
+        self.between = Between(
+            damper if len(known) == len(self.ordered) else None,
+            known,
+            self.places,
+            self.forces,
+            speed=self.ordered[0].speed,
+            stroke=self.ordered[0].stroke,
+        )
+        self._looked: dict[tuple[int, str], tuple[FloatArray, FloatArray]] = {}
 
     def wanted(self, force: float) -> Wanted:
         """Answer where the curve has a force, else a setting that has it within its interval."""
         sign = -1.0 if self.ordered[0].stroke == "bump" else 1.0
         weakest, *_, hardest = sorted(self.ordered, key=lambda one: sign * one.force)
-        exact = [*self.places[self.forces == force].tolist(), *self.crossings(force)]
+        exact = self.places[self.forces == force].tolist()
+        off = self.forces - force
+        for gap in np.flatnonzero(off[:-1] * off[1:] < 0.0).tolist():
+            passed = self.crossings(force, [gap])  # of an odd number that in the middle
+            exact.append(passed[len(passed) // 2])
         near = self.places[np.abs(self.forces - force) <= self.reaches].tolist()
         return Wanted(
             force=force,
@@ -297,47 +328,66 @@ class _Curve:
             origin=weakest.origin,
         )
 
-    def crossings(self, *forces: float) -> list[float]:
-        """Every place between settings where the curve passes one of the forces."""
-        from scipy.optimize import brentq
+    def looked(self, gap: int, way: str = SMOOTH) -> tuple[FloatArray, FloatArray]:
+        """Places in a gap, both ends among them, and the forces there by one of the ways."""
+        if (gap, way) not in self._looked:
+            ends = self.places[gap], self.places[gap + 1]
+            steps = min(max(_A_CLICK * math.ceil(ends[1] - ends[0]), _FEWEST), _MOST)
+            at = np.linspace(*ends, steps + 1)
+            forces = self.between.forces(at, way)
+            forces[[0, -1]] = self.forces[gap : gap + 2]
+            self._looked[gap, way] = at, forces
+        return self._looked[gap, way]
 
-        roots = []
-        for force in forces:
-            off = self.forces - force
-            for k in np.flatnonzero(off[:-1] * off[1:] < 0.0):
-                ends = self.places[k], self.places[k + 1]
-                roots.append(float(brentq(lambda at, f=force: float(self.cubic(at)) - f, *ends)))
+    def crossings(self, force: float, gaps: Iterable[int], way: str = SMOOTH) -> list[float]:
+        """Every place in those gaps where the curve passes a force."""
+        roots: list[float] = []
+        for gap in gaps:
+            at, forces = self.looked(gap, way)
+            off = forces - force
+            k = np.flatnonzero((off[:-1] < 0.0) != (off[1:] < 0.0))
+            roots += (at[k] - off[k] * (at[k + 1] - at[k]) / (off[k + 1] - off[k])).tolist()
         return roots
 
     def answer(self, position: float, force: float) -> Answer:
         """Return what stands beside a position of the curve, and its interval."""
         above = int(np.searchsorted(self.places, position))
         below = above if self.places[above] == position else above - 1
-        gap = self.places[above] - self.places[below]
-        share = (position - self.places[below]) / (gap or 1.0)
+        ends = float(self.places[below]), float(self.places[above])
+        gap = ends[1] - ends[0]
+        share = (position - ends[0]) / (gap or 1.0)
         reach = (1.0 - share) * self.reaches[below] + share * self.reaches[above]
         low = high = math.nan
+        untold: tuple[str, ...] = ()
         if math.isfinite(reach):
-            if gap > 1.0:
-                reach += 4.0 * share * (1.0 - share) * self.bend(below, gap)
-            has_curve = len(self.places) > 2 or gap <= 1.0  # two settings tell none
-            edges = self.crossings(force - reach, force + reach) if has_curve else []
+            edges: list[float] = []
+            if len(self.places) > 2 or gap <= 1.0:  # two settings tell no curve
+                gaps = range(len(self.places) - 1)
+                for end in (force - reach, force + reach):
+                    edges += self.crossings(end, gaps)
             low = max((s for s in edges if s < position), default=float(self.places[0]))
             high = min((s for s in edges if s > position), default=float(self.places[-1]))
+            if gap > 1.0:
+                less, more, untold = self.hidden(position, force, below)
+                low = min(low, max(ends[0], low - less))
+                high = max(high, min(ends[1], high + more))
         nearest = min(below, above, key=lambda k: abs(self.forces[k] - force))
         closest, first, second = (
             Setting.of(self.ordered[k].setting) for k in (nearest, below, above)
         )
-        ends = float(self.forces[below]), float(self.forces[above])
-        return Answer(position, low, high, closest, first, second, *ends)
+        forces = float(self.forces[below]), float(self.forces[above])
+        return Answer(position, low, high, closest, first, second, *forces, untold)
 
-    def bend(self, below: int, gap: float) -> float:
-        """How far the force may lie from the curve in the middle of a gap, N: see the top."""
-        shares = np.linspace(0.0, 1.0, 41)
-        bends = []
-        for k in range(max(below - 1, 0), min(below + 2, len(self.places) - 1)):
-            (a, b), (first, second) = self.places[k : k + 2], self.forces[k : k + 2]
-            straight = first + shares * (second - first)
-            off = np.max(np.abs(self.cubic(a + shares * (b - a)) - straight))
-            bends.append(float(off) * min(gap / float(b - a), _WIDER) ** 2)
-        return _BEND * max(bends)
+    def hidden(
+        self, position: float, force: float, gap: int
+    ) -> tuple[float, float, tuple[str, ...]]:
+        """How far below and above the place may be for what nothing shows in a gap, and why."""
+        away = {
+            way: [place - position for place in self.crossings(force, [gap], way)]
+            for way in self.between.ways[1:]
+        }
+        bend = max((abs(one) for way in BENDS for one in away.get(way, ())), default=0.0)
+        left_open = [one for way in (LEAST, MOST) for one in away.get(way, ())]
+        less, more = -min(0.0, 0.0, *left_open), max(0.0, 0.0, *left_open)
+        untold = self.between.untold(gap) if max(less, more) > _FINEST else ()
+        return max(_BEND * bend, less), max(_BEND * bend, more), untold

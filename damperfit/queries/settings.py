@@ -314,7 +314,7 @@ def tabulate_forces(
         source,
         shown,
         clicks(shown),
-        () if question.force is None else _wanted(shown, question, question.force),
+        () if question.force is None else _wanted(run, shown, question, question.force),
         (*run.remarks, *run.remarks_on_errors, *lost),
         tuple(notes),
         tuple(failures[setting].trace for setting in sorted(failures)),
@@ -322,7 +322,9 @@ def tabulate_forces(
     )
 
 
-def _wanted(shown: Sequence[Force], question: Question, force: float) -> tuple[Wanted, ...]:
+def _wanted(
+    run: Run, shown: Sequence[Force], question: Question, force: float
+) -> tuple[Wanted, ...]:
     settings = {one.setting for one in shown}
     if len(settings) < 2:
         raise ConfigurationError(
@@ -339,7 +341,10 @@ def _wanted(shown: Sequence[Force], question: Question, force: float) -> tuple[W
             code="one-setting",
         )
     mine = [one for one in shown if one.stroke == question.stroke]
-    return tuple(which_setting(mine, force, line=line) for line in lines)
+    return tuple(
+        which_setting(mine, force, line=line, stages=run.settings, damper=run.damper)
+        for line in lines
+    )
 
 
 def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> Iterator[str]:

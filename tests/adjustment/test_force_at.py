@@ -10,6 +10,7 @@ import pytest
 import damperfit
 from damperfit.adjustment.clicks import clicks, which_setting
 from damperfit.adjustment.force_at import (
+    STROKES,
     Force,
     Sine,
     Stage,
@@ -371,6 +372,44 @@ def test_intervals_over_gaps_hold_the_setting_that_was_left_out() -> None:
     for count in (3, 5, 10):
         held, asked = gap_coverage.covered(count, draws=8)
         assert 0.93 <= held / asked <= 0.99, count
+
+
+@pytest.mark.parametrize(
+    ("count", "strokes", "share"),
+    [(1, ("bump",), 0.85), pytest.param(20, STROKES, 0.97, marks=pytest.mark.slow)],
+)
+def test_intervals_hold_untested_clicks_of_valves(count, strokes, share) -> None:
+    rows = gap_coverage.covered_of_valves(count, strokes=strokes)
+    click, position, low, high, gap = rows.T
+    assert len(click) > 5 * count
+    assert np.mean((low <= click) & (click <= high)) >= share
+    assert np.nanmedian(np.abs(position - click) / gap) < 0.02
+    assert np.nanmedian((high - low) / gap) < 0.5
+
+
+@pytest.mark.parametrize("side", ["rebound", "compression"])
+@pytest.mark.parametrize("is_tied", [False, True])
+def test_a_valve_that_opens_between_clicks_bends_the_force_there(side, is_tied) -> None:
+    """640 N of such a damper was put at click 8.7 (8.2 to 9.4) for 7.2."""
+    model, stroke = gap_coverage.DAMPER, "bump" if side == "compression" else "rebound"
+
+    def numbers(click):
+        bleed = 4e4 / (1.0 - 0.065 * click)
+        return VALUES | {f"{side}_bleed": bleed, f"{side}_opening": 1.7e6, f"{side}_slope": 1.2e7}
+
+    tied = ["rebound", "compression"] if is_tied else []
+    speed = 0.05 if stroke == "rebound" else 0.04  # the whole bore presses there
+    stages = [gap_coverage.stage_at(n, numbers(n), top=speed, tied=tied) for n in (2, 6, 10, 14)]
+    signed = speed if stroke == "rebound" else -speed
+    truth = quasi_static(model, model.values(numbers(8)), [signed]).forces[0]
+    run = run_of(tuple(stages), model, SINE)
+    found = tabulate_forces(run, Question(speed, float(truth), stroke))
+    (answer,) = found.wanted[0].answers
+    by_force = which_setting([one for one in found.forces if one.stroke == stroke], truth).answers
+    assert abs(by_force[0].position - 8.0) > 1.0  # where the forces alone put it
+    assert abs(answer.position - 8.0) < 0.7
+    assert (answer.untold != ()) == (not is_tied)
+    assert ("not determined there" in found.sentence) == (not is_tied)
 
 
 def test_without_errors_there_is_no_interval() -> None:

@@ -1,0 +1,138 @@
+"""Forces between tested settings: the damper with the values that lie between theirs.
+
+An adjuster moves areas and preloads. These are smooth along the clicks; the force is not, it bends
+where a valve opens. So the values are interpolated, each by the logarithm, with a monotone cubic
+(PCHIP), and the force is the quasi-static one of the damper that has them. What the shown forces
+are besides (measured ones, most of all) is interpolated alike and added, so that the curve passes
+every shown force.
+
+Other curves say what may hide between settings: the same values with straight lines, and with
+straight lines of areas (1/y), as a needle that is turned opens a port. A valve that stays closed at
+a setting tells neither its preload nor its slope there: it has those of the nearest setting that
+tells them, as far as its own logs allow it, and may have half or twice of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.adjustment.force_at import STROKES, Stage
+from damperfit.arrays import FloatArray
+from damperfit.damper.quasi_static import quasi_static
+from damperfit.errors import SimulationError
+
+if TYPE_CHECKING:
+    from damperfit.damper.model import Model
+    from damperfit.damper.quantity import Quantity
+
+# What a closed valve does not tell lies within this factor of the nearest setting that tells it: a
+# step of a preload adjuster changes the preload by 1.5 to 2.3 times.
+_UNTOLD = 2.0
+SMOOTH, STRAIGHT, AREAS, LEAST, MOST = "smooth", "straight", "areas", "least", "most"
+BENDS = (STRAIGHT, AREAS)
+
+
+class Between:
+    """The model's force along the clicks of one adjuster, at one speed and stroke."""
+
+    def __init__(
+        self,
+        damper: Model | None,
+        stages: Sequence[Stage],
+        places: FloatArray,
+        forces: FloatArray,
+        *,
+        speed: float,
+        stroke: str,
+    ) -> None:
+        self.damper, self.stages, self.places, self.shown = damper, stages, places, forces
+        self.speed = speed if stroke == STROKES[0] else -speed
+        names = [one.name for one in stages[0].parameters.quantities] if damper and stages else []
+        # What differs between settings, and of it what closed valves do not tell.
+        self.values = {
+            name: np.array([getattr(one.parameters, name) for one in stages]) for name in names
+        }
+        self.values = {name: row for name, row in self.values.items() if np.ptp(row) > 0.0}
+        limits = [dict(one.open_limits) for one in stages]
+        self.limits = {
+            name: [one.get(name) for one in limits]
+            for name in self.values
+            if any(name in one for one in limits) and not all(name in one for one in limits)
+        }
+        self.ways = [SMOOTH, STRAIGHT, AREAS] if self.values else [SMOOTH, STRAIGHT]
+        self.ways += [LEAST, MOST] if self.limits else []
+        self._besides: dict[str, FloatArray] = {}  # shown less modelled forces of the settings
+
+    def forces(self, at: Sequence[float] | FloatArray, way: str = SMOOTH) -> FloatArray:
+        """Return the forces at some places, by one of the ways, N."""
+        at = np.asarray(at, dtype=np.float64)
+        plain = _along(self.places, self.shown, at, is_smooth=way != STRAIGHT)
+        if way not in self._besides:
+            self._besides[way] = self.shown - self._modelled(self.places, way)
+        if not np.all(np.isfinite(self._besides[way])):
+            return plain
+        forces = self._modelled(at, way) + _along(self.places, self._besides[way], at)
+        return np.where(np.isfinite(forces), forces, plain)
+
+    def untold(self, gap: int) -> tuple[str, ...]:
+        """What a valve that is closed at one of a gap's settings does not tell, for people."""
+        first = self.stages[0].parameters if self.stages else None
+        return tuple(
+            f"{first.quantity(name).label} at {self.stages[k].setting}"
+            for name, limits in self.limits.items()
+            for k in (gap, gap + 1)
+            if first is not None and limits[k] is not None
+        )
+
+    def _modelled(self, at: FloatArray, way: str) -> FloatArray:
+        if self.damper is None or not self.values:
+            return np.full(len(at), math.nan)
+        first = self.stages[0].parameters
+        rows = {name: self._values(first.quantity(name), at, way) for name in self.values}
+        forces = np.full(len(at), math.nan)
+        try:
+            for k in range(len(at)):
+                values = first.replace({name: float(row[k]) for name, row in rows.items()})
+                forces[k] = quasi_static(self.damper, values, [self.speed]).forces[0]
+        except SimulationError:  # no damper has such values: the forces alone are interpolated
+            pass
+        return forces
+
+    def _values(self, quantity: Quantity, at: FloatArray, way: str) -> FloatArray:
+        y = self.values[quantity.name]
+        if not quantity.is_logarithmic:
+            return _along(self.places, y, at, is_smooth=way == SMOOTH)
+        if quantity.name in self.limits:
+            y = self._told(y, self.limits[quantity.name], way)
+        vanishes = any(quantity.edge_at(one) for one in y)
+        if way == AREAS or vanishes:  # a port that closes has no area, and no logarithm of it
+            power = 1.0 if vanishes and quantity.idle_edges[:1] == ("below",) else -1.0
+            return _along(self.places, y**power, at, is_smooth=way == SMOOTH) ** (1.0 / power)
+        return np.exp(_along(self.places, np.log(y), at, is_smooth=way == SMOOTH))
+
+    def _told(
+        self, y: FloatArray, limits: Sequence[tuple[float, float] | None], way: str
+    ) -> FloatArray:
+        """Values of a quantity that closed valves do not tell at some settings."""
+        told = np.array([k for k, one in enumerate(limits) if one is None])
+        y = y.copy()
+        for k, known in enumerate(limits):
+            if known is not None:
+                nearest = y[told[np.argmin(np.abs(self.places[told] - self.places[k]))]]
+                factor = {LEAST: 1.0 / _UNTOLD, MOST: _UNTOLD}.get(way, 1.0)
+                y[k] = min(max(factor * nearest, known[0]), known[1])
+        return y
+
+
+def _along(
+    places: FloatArray, y: FloatArray, at: FloatArray, *, is_smooth: bool = True
+) -> FloatArray:
+    from scipy.interpolate import PchipInterpolator
+
+    if is_smooth and len(places) > 1:
+        return np.asarray(PchipInterpolator(places, y)(at))
+    return np.interp(at, places, y)
