@@ -1,8 +1,8 @@
 """Which way a log counts displacement and force: put right where it is certain, else asked.
 
 1. A damper takes energy, so mean(f v) > 0: that fixes the product of both signs.
-2. What was declared is taken as it is, and doubted only where the opposite were certain. With one
-   sign declared, the energy fixes the other.
+2. What was declared is taken as it is, and doubted only where the opposite were certain: then the
+   grade is withheld. With one sign declared, the energy fixes the other.
 3. The gas pushes the rod out. Where the log rests, the force is that of the gas within the
    friction, and tells the signs (`rest_of`).
 4. In the motion the force level (`force_level`) is -a_r P_0 in the project's signs, and of the
@@ -407,7 +407,7 @@ def _doubtful(level: ForceLevel, *, is_declared: bool) -> Signs:
         sees = "as if both channels were positive in compression, but that is not certain"
         # Progressive valves curve more in rebound: where these do, a tare explains the level.
         is_tared = level.rebound_curvature > max(level.bump_curvature, 0.0)
-        if not is_declared and not is_tared and abs(level.force) > _OF_DOUBT * level.doubt:
+        if not is_tared and abs(level.force) > _OF_DOUBT * level.doubt:
             name = CONTRADICTED
     advice = "the declared signs are kept; check them again" if is_declared else ""
     text = f"{level.sentence}, {sees}; {advice or f'taken as logged; {_ASK}'}"

@@ -48,6 +48,7 @@ from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from damperfit.uncertainty.assessment import Assessment
+    from damperfit.uncertainty.covariance import Interval
 
 
 class GradeLimits(NamedTuple):
@@ -79,6 +80,9 @@ _FOUND = frozenset({Status.FITTED, Status.SHARED})
 
 # What the level of the force may be wrong by, in its own uncertainty and in gas forces.
 _OF_UNCERTAINTY, _OF_GAS = 1.5, 0.25
+# An offset of twice the gas force, within this share of it, is no tare but a gas force that is
+# counted reversed. Gas forces below a rig's usual tare, N, tell nothing.
+_TURNED, _LEAST_GAS = 0.4, 30.0
 _AS_CLEAR = 1.5  # times the least doubt of a log: valves that open early look like an offset
 _CLIPPINGS = ("force_clipping", "displacement_clipping")
 # s; a 30 Hz filter spreads a jump over so much to both sides.
@@ -114,6 +118,10 @@ def objections(
         fit.setting: (*_of_fit(fit, diagnoses.get(fit.setting), gas), *doubted.get(fit.setting, ()))
         for fit in campaign.fits
     }
+    errors = {one.setting: one.intervals for one in assessment.uncertainties}
+    for fit in campaign.fits:
+        if gas is not None and (turned := _turned_gas(fit, errors.get(fit.setting, {}), gas)):
+            reasons[fit.setting] = (*reasons[fit.setting], turned)
     return {setting: why for setting, why in reasons.items() if why}
 
 
@@ -187,6 +195,24 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
         if one.is_friction and (ratio := jump_ratio(fit, value)) > LIMITS.jump:
             text = f"{one.symbol} = {value:.3g} N would need a jump of the force at each reversal "
             yield Objection("friction", one.name, f"{text}{ratio:.2g} times that of the log")
+
+
+def _turned_gas(fit: Fit, intervals: Mapping[str, Interval], gas: GasFacts) -> Objection | None:
+    """Where an offset turns the gas force round, as signs do that are both declared wrongly."""
+    for one in fit.parameters.quantities:
+        error = intervals.get(one.name)
+        if not one.is_offset or error is None or gas.force < _LEAST_GAS:
+            continue
+        value = fit.parameters[one.name]
+        level, doubt = value - gas.force, math.hypot(error.error, error.misfit)
+        if abs(level / gas.force - 1.0) < _TURNED and level > _CERTAIN * doubt:
+            text = (
+                f"{one.symbol} = {value:.0f} N turns the gas force of {-gas.force:.0f} N round, as "
+                "if both channels were positive in compression: check the signs; hold "
+                f"{one.symbol} if the load cell has such a zero"
+            )
+            return Objection("direction", one.name, text)
+    return None
 
 
 def _repeats(diagnosis: Diagnosis) -> bool:

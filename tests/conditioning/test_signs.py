@@ -94,7 +94,7 @@ def test_a_certain_sign_is_not_overruled_by_what_was_declared() -> None:
     log = mirrored(log_of(10), MIRRORS["both"])
     trace = condition(replace(log, reverse_displacement=False, reverse_force=False), PURDY)
     assert not put_right(trace)
-    doubt = found(trace)["direction"]
+    doubt = found(trace)["direction_contradicted"]  # which withholds the grade
     assert doubt.severity == "warning"
     assert "declared signs are kept" in doubt.sentence
 

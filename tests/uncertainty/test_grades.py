@@ -17,7 +17,8 @@ from damperfit.damper.quantity import Quantity
 from damperfit.identification import Status, identify
 from damperfit.recording import Finding
 from damperfit.simulation import simulate, sine_motion
-from damperfit.uncertainty import Assessment, Diagnosis, assess, grades, objections
+from damperfit.uncertainty import Assessment, Diagnosis, Uncertainty, assess, grades, objections
+from damperfit.uncertainty.covariance import Interval
 from damperfit.uncertainty.grades import LIMITS, air_objections, jump_ratio, offset_mismatch
 from damperfit.uncertainty.residuals import Hint
 from tests import fakes
@@ -55,6 +56,33 @@ def logged(fit, **changes):
     """The same fit of a log with other facts."""
     (log,) = fit.logs
     return replace(fit, logs=(log._replace(trace=replace(log.trace, **changes)),))
+
+
+@pytest.mark.parametrize(
+    ("times", "share", "error", "is_withheld"),
+    [
+        (2.0, 1.0, 1.0, True),  # both signs declared wrongly: the tare takes up the gas force twice
+        (1.7, 1.0, 1.0, True),  # a tare of the cell besides
+        (1.0, 1.0, 1.0, False),  # tared with the damper mounted
+        (1.5, 1.0, 1.0, False),
+        (2.5, 1.0, 1.0, False),
+        (-2.0, 1.0, 1.0, False),
+        (2.0, 1.0, 40.0, False),  # not beyond four standard errors
+        (2.0, 0.2, 1.0, False),  # a gas force like any tare
+    ],
+)
+def test_an_offset_that_turns_the_gas_force_round_withholds(
+    times, share, error, is_withheld
+) -> None:
+    gas = GAS._replace(rod_area=share * GAS.rod_area)
+    fit = having(mse=0.001, status={"f_0": "fitted"}, f_0=times * gas.force)
+    known = Interval(error, 0.0, 0.0, 1.0)
+    assessment = Assessment(uncertainties=(Uncertainty(fit.setting, {"f_0": known}, (), None),))
+    found = objections(campaign(fit), assessment, gas).get(fit.setting, ())
+    assert ("direction" in {one.kind for one in found}) is is_withheld
+    held = replace(fit, status={**fit.status, "f_0": Status.FIXED})
+    without = Assessment(uncertainties=(Uncertainty(fit.setting, {}, (), None),))
+    assert objections(campaign(held), without, gas) == {}
 
 
 def test_a_sound_fit_keeps_its_grade() -> None:
