@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from statistics import median
@@ -70,6 +70,7 @@ _FOLLOWED, _TRIED = 3, 6  # candidates that are tried, and settings
 _FINER = 8  # times the rate of the logs
 # Keys of a run that are of its logs or its start.
 _OF_LOGS = ("start", "start_values", "profile", "hold_out", "hold_out_cycles")
+_OF_SINE = ("log", "amplitude_m", "frequency_Hz", "cycles", "noise_N")  # of a segment
 _SLOWEST, _FASTEST = 0.1, 10.0  # Hz; the latter where the rig's is not declared
 _FASTER, _OF_TRAVEL = 2.0, 0.9  # times the tested speed, likewise; of the damper's travel
 _SMALLEST = 16.0  # times below the largest stroke
@@ -396,9 +397,7 @@ class _Known:
         self.segments = [
             segment
             for segment in entries_in(run.record, "stretches")
-            if segment.get("setting") == setting.setting.cell
-            and segment.get("noise_N")
-            and segment.get("frequency_Hz")
+            if segment.get("setting") == setting.setting.cell and all(map(segment.get, _OF_SINE))
         ]
         noises = sorted(float(segment["noise_N"]) for segment in self.segments)
         # Of the filtered force between cycles, N.
@@ -462,7 +461,9 @@ class _Rig:
                 "identify logs with steady cycles",
                 code="no-noise",
             )
-        self.options, inputs = run.own_configuration.conditioning, entries_in(run.record, "inputs")
+        # What is simulated is in time, and about the middle of the stroke.
+        self.options = run.own_configuration.conditioning.but(skew=0.0, centre=None)
+        inputs = entries_in(run.record, "inputs")
         rates = [rate for log in inputs if (rate := number_in(log, "sample_rate_Hz"))]
         self.rate = median(rates) if rates else 1000.0  # of the logs, Hz
         # Samples to one that counts, of white noise behind the filter.
@@ -590,11 +591,12 @@ class _Rig:
     def _fitted(self, test: NextTest | None, seed: int) -> Run | None:
         """The run's tests, and a new one at each planned setting, recorded and fitted alike."""
         wanted = [
-            (known, NextTest(one["amplitude_m"], one["frequency_Hz"], one["cycles"]))
+            (known, NextTest(one["amplitude_m"], one["frequency_Hz"], one["cycles"]), one["log"])
             for known in self.trial
             for one in known.segments
         ]
-        wanted += [(known, test) for known in self._planned if test is not None]
+        if test is not None:  # as warm as the setting's first
+            wanted += [(known, test, known.segments[0]["log"]) for known in self._planned]
         try:
             logs = (self._recorded(*one, [seed, k]) for k, one in enumerate(wanted))
             traces = [condition(log, self.options) for log in logs]
@@ -620,7 +622,7 @@ class _Rig:
             sections.get("identification", {}).pop(key, None)
         return load_configuration(overlay=sections | {"damper": self.run.declared_damper or {}})
 
-    def _recorded(self, known: _Known, test: NextTest, seed: list[int]) -> Recording:
+    def _recorded(self, known: _Known, test: NextTest, like: str, seed: list[int]) -> Recording:
         """A test as the rig writes it; the same noise in every call.
 
         The scatter between cycles is all taken for noise of the force, white before the filter;
@@ -632,7 +634,8 @@ class _Rig:
         motion = sine_motion(
             test.amplitude, test.frequency, cycles=test.cycles + _RUN_IN, sample_rate=rate
         )
-        force = known.setting.simulate(motion).force
+        warm = next((log.temperature for log in self.run.logs if log.name == like), None)
+        force = known.setting.simulate(replace(motion, temperature=warm)).force
 
         def filtered(channels: FloatArray, rate: float) -> FloatArray:
             if own.rig_filter == "none":
@@ -649,6 +652,7 @@ class _Rig:
             time=np.arange(logged.shape[1]) / self.rate,
             displacement=logged[0],
             force=logged[1],
+            temperature=None if warm is None else np.full(logged.shape[1], warm),
             reverse_displacement=False,
             reverse_force=False,
         )
