@@ -36,7 +36,7 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "layouts again": ("laws.search", "_Search.in_its_layout", lambda _, fit, __: fit),
     "missed": ("laws.search", "_Search.missed", lambda _, fit: fit),
     "held out": ("laws.search", "_Search.of_held_out", lambda *_: 0.0),
-    "believed friction": ("laws.one_model", "_UNBELIEVED", 0.0),
+    "believed friction": ("identification.fit_problem", "_UNBELIEVED", 0.0),
     "yielding": ("laws.search", "_Search.yielding", lambda _, law, *__: law),
     "ties by the logs": ("laws.search", "_Search.with_ties", lambda *_: None),
     "believed defaults": ("laws.search", "_FREED", 1e9),

@@ -22,9 +22,10 @@ importing `scipy.signal` takes 0.7 s.
 
 import math
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.cycles import fastest_frequency
@@ -177,19 +178,38 @@ def _constants(sections: bytes) -> tuple[FloatArray, int, int]:
     return np.array(states), settled, faded
 
 
-def gain_at(design: FilterDesign, frequencies: float | FloatArray, sample_rate: float) -> Any:
-    """Return the share of the amplitude of sines that passes, both passes counted."""
-    z = np.exp(-2j * np.pi * np.multiply.outer(np.arange(3), frequencies) / sample_rate)
-    passed = np.abs(design.sections[:, :3] @ z) / np.abs(design.sections[:, 3:] @ z)
-    one_pass = np.prod(passed, axis=0)
-    return one_pass**2 if design.is_zero_phase else one_pass
+def passed_at(design: FilterDesign, turns: FloatArray) -> NDArray[np.complex128]:
+    """Return what passes of sines of so many turns a sample, (n,), both passes counted."""
+    z = np.exp(-2j * np.pi * turns)
+    powers = np.array([np.ones_like(z), z, z * z])
+    over, under = np.split(design.sections, 2, axis=1)
+    one_pass = np.multiply.reduce(over @ powers) / np.multiply.reduce(under @ powers)
+    return np.asarray(np.abs(one_pass) ** 2 + 0j if design.is_zero_phase else one_pass)
+
+
+def gain_at(design: FilterDesign, frequency: float, sample_rate: float) -> float:
+    """Return the share of the amplitude of a sine that passes, both passes counted."""
+    return float(np.abs(passed_at(design, np.array([frequency / sample_rate])))[0])
+
+
+def impulse_of(design: FilterDesign, reach: int) -> FloatArray:
+    """Return what a filter makes of an impulse in the middle of 2 reach + 1 samples."""
+    return _impulse(design.sections.tobytes(), design.is_zero_phase, reach)
+
+
+@lru_cache(maxsize=64)
+def _impulse(sections: bytes, is_zero_phase: bool, reach: int) -> FloatArray:  # noqa: FBT001
+    impulse = np.zeros(2 * reach + 1)
+    impulse[reach] = 1.0
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
+    return apply_filter(design, impulse)
 
 
 def corner_of(design: FilterDesign, *, sample_rate: float) -> float:
     """Return where a sine's power is halved, both passes counted, Hz; infinite where nothing is."""
-    frequencies = np.geomspace(1e-4, 0.5, 200) * sample_rate
-    falls = np.flatnonzero(gain_at(design, frequencies, sample_rate) < math.sqrt(0.5))
-    return float(frequencies[falls[0]]) if len(falls) else math.inf
+    turns = np.geomspace(1e-4, 0.5, 200)
+    falls = np.flatnonzero(np.abs(passed_at(design, turns)) < math.sqrt(0.5))
+    return float(sample_rate * turns[falls[0]]) if len(falls) else math.inf
 
 
 # Velocity: the derivative of the cubic spline through the displacement samples, with not-a-knot

@@ -176,7 +176,7 @@ def _rate_and_filter(seen: Seen) -> Iterator[Finding]:
         text += f": velocity is {100.0 * lost:.2g} % low; sample faster"
     yield Finding("sample_rate", "warning" if lost > 1e-2 else "note", text, rate, "Hz")
 
-    lost = 1.0 - float(gain_at(trace.model_filter, frequency, sample_rate=rate))
+    lost = 1.0 - gain_at(trace.model_filter, frequency, rate)
     if lost > 1e-3:
         text = (
             f"the filter takes {100.0 * lost:.2g} % off the motion at {frequency:.3g} Hz: "

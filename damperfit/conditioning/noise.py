@@ -21,9 +21,9 @@ from functools import lru_cache
 import numpy as np
 
 from damperfit.conditioning.cycles import clean_cycles
-from damperfit.conditioning.filters import apply_filter, settling_samples
+from damperfit.conditioning.filters import impulse_of, settling_samples
 from damperfit.conditioning.signals import FloatArray, IntArray, noise_of
-from damperfit.recording import FilterDesign, Stretch, Trace
+from damperfit.recording import Stretch, Trace
 from damperfit.statistics import mean_of, median, variance_of
 
 _FEWEST_PHASES = 8
@@ -52,29 +52,15 @@ def noise_floor(trace: Trace) -> float:
 
 def with_noise(trace: Trace, left_out: FloatArray) -> Trace:
     """Return a trace with the noise of each stretch, of some by what the filter has left out."""
-    stretches = []
+    stretches, design = [], trace.model_filter
     for one in trace.stretches:
         noise, source = math.sqrt(_scatter_between_cycles(trace, one)), _BY_CYCLES
         if not math.isfinite(noise) and len(left_out):
-            passed = float(np.sum(_impulse_of(trace, 1) ** 2))
+            passed = float(np.sum(impulse_of(design, settling_samples(design) + 1) ** 2))
             noise, source = noise_of(left_out[one.window]) * math.sqrt(passed), "above the filter"
         is_known = math.isfinite(noise) or len(left_out)
         stretches.append(replace(one, noise=noise, noise_source=source) if is_known else one)
     return replace(trace, stretches=tuple(stretches))
-
-
-def _impulse_of(trace: Trace, more: int) -> FloatArray:
-    """Return what the trace's filter makes of an impulse, until it has settled and a bit more."""
-    return _impulse(trace.model_filter.sections.tobytes(), trace.model_filter.is_zero_phase, more)
-
-
-@lru_cache(maxsize=64)
-def _impulse(sections: bytes, is_zero_phase: bool, more: int) -> FloatArray:  # noqa: FBT001
-    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6).copy(), is_zero_phase, "")
-    reach = settling_samples(design) + more
-    impulse = np.zeros(2 * reach + 1)
-    impulse[reach] = 1.0
-    return apply_filter(design, impulse)
 
 
 def _scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
@@ -90,7 +76,7 @@ def _scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
         return math.nan
     (values,), weights = _folded(trace.force[None], starts, phases)
     scatter = float(np.mean(np.var(values, axis=0, ddof=1)))
-    answer = _impulse_of(trace, _TAPS)
+    answer = impulse_of(trace.model_filter, settling_samples(trace.model_filter) + _TAPS)
     sums = np.array([answer[: len(answer) - k] @ answer[k:] for k in range(_TAPS)])
     # Sums of the products of weights that stand 0, 1, 2, 3 samples apart.
     products = weights @ weights.T

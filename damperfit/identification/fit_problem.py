@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,14 @@ _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
 # Weights of settings beside each other that are this near those of the end move nothing.
 _SAME_WEIGHT = 1.5
+# What a factor of e costs of a number that no log tells, as a share of what is left at a setting:
+# its root. Without it such numbers run to where a simulation takes longest.
+_HELD = 0.02
+# Friction of a car damper's seals, N, and the deviation of its logarithm: 5 to 100 N are believed.
+# A low preload beside several times the friction fits what a higher one does.
+BELIEVED_FRICTION, FRICTION_SPREAD = 22.0, 0.75
+# What a deviation from it costs, as a share of what is left at a setting: its root.
+_UNBELIEVED = 0.1
 _ALONE = Setting(())
 
 
@@ -259,7 +267,9 @@ class Block:
 class FitProblem:
     """Settings that are fitted together, and what they share.
 
-    With a gas content V_r and K_B/C are shared in place of K_e, by the chain rule.
+    With a gas content V_r and K_B/C are shared in place of K_e, by the chain rule. Of candidates
+    everything is shared or follows adjusters, and is held near where it began, friction near what
+    seals have.
     """
 
     blocks: Mapping[Setting, Block]  # with the same quantities free
@@ -268,7 +278,7 @@ class FitProblem:
     held: frozenset[Unknown] = frozenset()  # unknowns that stay as the starts have them
     gas: GasLaw | None = None  # where K_e, which is free, starts from
     # Of the settings' squares; None: 1/N^2 by what the start leaves, of one setting alone by what a
-    # useless model would leave.
+    # useless model would leave; those of candidates are in units of that.
     weights: Mapping[Setting, float] | None = None
     jobs: int = 1  # threads
 
@@ -326,11 +336,15 @@ class _Stacked:
         settings, names, border = problem.settings, problem.variables, problem.border
         first = problem.blocks[settings[0]]
         self.is_alone = len(settings) == 1 and not border
-        self.stays_beyond = self.is_alone and first.stays_beyond
+        self.is_dense = first.is_candidate and not self.is_alone
+        self.stays_beyond = first.stays_beyond
         self.weights = dict(problem.weights or {})
         if self.is_alone and not self.weights:
             self.weights = {settings[0]: first.scale**2}
         self.transformation = first.variables if self.is_alone else first.common_variables
+        if self.is_dense:
+            deviation = np.mean([one.deviation for one in problem.blocks.values()])
+            self.transformation = first.variables._replace(scales=np.full(len(names), deviation))
         is_shared = np.array([name in {*problem.shared, *GAS_NAMES} for name in names], dtype=bool)
         self.own, self.n_border = np.flatnonzero(~is_shared), len(border)
         places = {one: k for k, one in enumerate(border)}
@@ -352,6 +366,13 @@ class _Stacked:
         if problem.gas is not None:  # the law's own two, last, have none
             low[-len(GAS_NAMES) :], high[-len(GAS_NAMES) :] = -math.inf, math.inf
         self.bounds = None if self.stays_beyond else (low, high)
+        # Of the border: what it is held at, and how strongly; 0 of what has no logarithm.
+        own = [first.model.quantity(one.name) for one in border] if self.is_dense else []
+        is_log = np.array([one.is_logarithmic for one in own], dtype=bool)
+        is_friction = np.array([one.is_friction for one in own], dtype=bool)
+        began = np.where(is_log, self._stacked(numbers), 1.0) if own else np.empty(0)
+        self.held_at = np.where(is_friction, BELIEVED_FRICTION, began)
+        self.pull = np.where(is_friction, _UNBELIEVED / FRICTION_SPREAD, _HELD * is_log)
 
     def _packed(
         self, numbers: Mapping[Setting, FloatArray], gas: GasLaw | None
@@ -387,10 +408,11 @@ class _Stacked:
             known[self.moving[setting]] = border[self.places[setting]]
             values[setting], beyond = self._values(setting, known, gas)
 
-        def block_of(setting: Setting) -> tuple[LinearSystem | FloatArray, float, float, bool]:
+        def block_of(setting: Setting) -> tuple[Any, float, float, bool]:
             block = self.problem.blocks[setting]
             evaluate = partial(block.evaluate, values[setting], block.free)
-            seen = evaluate() if self.is_alone else attempted(setting, evaluate)
+            is_whole = self.is_alone or self.is_dense
+            seen = evaluate() if is_whole else attempted(setting, evaluate)
             if isinstance(seen, Failure):
                 # A trial that cannot be simulated is one step too far; a bug is the end.
                 error = SettingError(seen)
@@ -402,7 +424,8 @@ class _Stacked:
                 rows[0] @ rows[0] / block.facts.n_samples,
                 n_independent(rows[0]),
             )
-            rows *= math.sqrt(self.weights.get(setting, 1.0 / max(mean_square, 1e-300)))
+            unit = block.scale if self.is_dense else 1.0
+            rows *= unit * math.sqrt(self.weights.get(setting, 1.0 / max(mean_square, 1e-300)))
             system = self._linear(setting, rows, values[setting], gas)
             return system, mean_square, independent, is_cavitating
 
@@ -411,17 +434,36 @@ class _Stacked:
         self.weights = self.weights or {s: 1.0 / max(x, 1e-300) for s, x in mean_squares.items()}
         n = dict(zip(settings, independent, strict=True))
         point = Point(values, mean_squares, n, any(empty), self.weights, gas)
+        if self.is_dense:
+            return self._dense(systems, variables), point
         return (systems[0] if self.is_alone else BorderedSystem(systems, self.n_border)), point
+
+    def _dense(
+        self, parts: Sequence[tuple[FloatArray, FloatArray]], variables: FloatArray
+    ) -> LinearSystem:
+        """One block of all settings, and of what their unknowns are held by."""
+        numbers = np.where(self.pull > 0.0, np.exp(np.clip(variables, -600.0, 600.0)), 1.0)
+        held = self.pull * np.log(numbers / self.held_at)
+        residuals = np.concatenate([*(rest for rest, _ in parts), held])
+        jacobian, first = np.zeros((len(residuals), len(variables))), 0
+        for setting, (rest, columns) in zip(self.problem.settings, parts, strict=True):
+            last = first + len(rest)
+            jacobian[first:last, self.places[setting]] = columns[:, self.moving[setting]]
+            first = last
+        jacobian[first:] = np.diag(self.pull / numbers * numbers)
+        return finite_system(residuals, jacobian)
 
     def _linear(
         self, setting: Setting, rows: FloatArray, values: Values, gas: GasLaw | None
-    ) -> LinearSystem | FloatArray:
-        """A setting's residuals and derivatives by u: a system, or a block of the bordered one."""
+    ) -> Any:
+        """A setting's residuals and derivatives by u: a system, or what is made one with others."""
         free, n_own = self.problem.free, len(self.own)
         with np.errstate(over="ignore", invalid="ignore"):
             jacobian = rows[1:].T * self.transformation.slopes(values_of(free, values))
         if self.is_alone:
             return finite_system(rows[0], jacobian)
+        if self.is_dense:
+            return rows[0], jacobian
         if gas is not None:  # by the setting's variables, logarithms both
             by_law = np.array(
                 [[float(name == by) for by in self.problem.variables] for name in free]

@@ -38,7 +38,6 @@ from damperfit.identification.fit_problem import (
 from damperfit.identification.least_squares import Minimum, Stopping, inverse_information
 from damperfit.identification.logs import (
     LogFit,
-    SeenLog,
     compare,
     inseparable,
     normalised_mse,
@@ -346,8 +345,8 @@ def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:
         force = comparison.force.copy()  # not a view that keeps more
         pressures = comparison.response.pressures.astype(np.float32)
         own = tuple(islice(cycles, len(trace.stretches)))
-        kept = SeenLog(values, trace, block.model, block.solver, force, pressures, own)
-        logs.append(LogFit(trace, mse, noise_floor(trace), alone, kept))
+        seen_with, floor = (values, block.model, block.solver), noise_floor(trace)
+        logs.append(LogFit(trace, mse, floor, alone, seen_with, force, pressures, own))
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))

@@ -24,7 +24,6 @@ from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
 from damperfit.damper.quantity import DAMPER, LOG, RIG, SETTING
@@ -42,6 +41,7 @@ from damperfit.identification.least_squares import (
     NO_LENGTH,
     BorderedSystem,
     Minimum,
+    Quadratic,
     Stopping,
     inverse_information,
     reduced,
@@ -54,6 +54,7 @@ from damperfit.identification.sharing import (
     GasLaw,
     Sharing,
     Unknown,
+    one_by_one,
     unknown_at,
     unknowns_of,
 )
@@ -278,21 +279,22 @@ class _Search:
         self.weights: dict[Setting, float] = before.weights if before else {}
         self.rows: dict[Setting, FloatArray] = before.rows if before else {}
         self.n_eff: float = before.n_eff if before else 0.0
-        self._curvatures, self._slopes, self._costs, self._u = [], [], [], []
-        for setting in self.settings:
-            block = blocks[setting]
+        k = len(self.names)
+        n, self.cost = k * len(self.settings), 0.0  # at the point itself
+        u, slope, curvature = np.empty(n), np.empty(n), np.zeros((n, n))
+        for first, setting in enumerate(self.settings):
+            block, own = blocks[setting], slice(k * first, k * (first + 1))
             residuals, jacobian = linearise(block.whole, at[setting])
             if before is None:
                 self._weigh(setting, block, residuals)
             rows = self.rows[setting]
             triangle = reduced(rows * residuals, rows[:, None] * jacobian)
             rows, right = triangle[:, :-1], triangle[:, -1]
-            self._curvatures.append(rows.T @ rows + _NOT_DETERMINED**2 * np.eye(len(self.names)))
-            self._slopes.append(rows.T @ right)
-            self._costs.append(float(right @ right))
-            self._u.append(block.common_variables.pack(values_of(self.names, at[setting])))
-        self.cost = sum(self._costs)  # at the point itself
-        self._middle = np.mean(self._u, axis=0)
+            curvature[own, own] = rows.T @ rows + _NOT_DETERMINED**2 * np.eye(k)
+            slope[own] = rows.T @ right
+            self.cost += float(right @ right)
+            u[own] = block.common_variables.pack(values_of(self.names, at[setting]))
+        self._quadratic = Quadratic(self.cost, u, slope, curvature)
         self._worths: dict[tuple[tuple[str, ...], ...], float] = {}
 
     def _weigh(self, setting: Setting, block: Block, residuals: FloatArray) -> None:
@@ -324,61 +326,37 @@ class _Search:
         adjusters: tuple[str, ...],
     ) -> dict[str, tuple[str, ...]]:
         """Change what one quantity follows until nothing is gained by it."""
-        way, free = dict(follows), [name for name in self.names if name not in known]
+        free = [name for name in self.names if name not in known]
         sizes = range(len(adjusters) + 1) if len(adjusters) <= _FEW_ADJUSTERS else (0, 1)
         some = [few for size in sizes for few in combinations(adjusters, size)]
         some += [] if adjusters in some else [adjusters]
-        while True:
-            others = [way | {name: few} for name in free for few in some if few != way[name]]
-            best = min(others, key=self.worth, default=way)
-            if self.worth(best) >= self.worth(way) - _NO_GAIN:
-                return way
-            way = best
+        changes = [(name, few) for name in free for few in some]
+        return one_by_one(follows, changes, self.worth, _NO_GAIN)[-1]
 
     def price(self, follows: Mapping[str, tuple[str, ...]]) -> float:
         """What the unknowns of a way cost."""
-        return self._places(follows)[1] * math.log(self.n_eff)
+        return len({*self._unknowns(follows)}) * math.log(self.n_eff)
 
     def worth(self, follows: Mapping[str, tuple[str, ...]]) -> float:
         """X of a way."""
         key = tuple(follows[name] for name in self.names)
         if key not in self._worths:
-            _, cost, n = self._solved(follows)
-            self._worths[key] = cost + n * math.log(self.n_eff)
+            cost, _ = self._quadratic.tied(self._unknowns(follows))
+            self._worths[key] = cost + self.price(follows)
         return self._worths[key]
 
     def starts(self, follows: Mapping[str, tuple[str, ...]]) -> dict[Setting, Values]:
         """The values of each setting at the minimum of the linear least squares."""
-        starts = {}
-        for setting, u in zip(self.settings, self._solved(follows)[0], strict=True):
+        starts, (_, found) = {}, self._quadratic.tied(self._unknowns(follows))
+        for setting, u in zip(self.settings, found.reshape(-1, len(self.names)), strict=True):
             numbers = self.blocks[setting].common_variables.unpack(u)
             values = with_values(self.at[setting], self.names, numbers)
             starts[setting] = kept_within(values, self.names)
         return starts
 
-    def _places(self, follows: Mapping[str, tuple[str, ...]]) -> tuple[NDArray[np.intp], int]:
-        """Which unknown each quantity of each setting is, and how many there are."""
-        numbers: dict[Unknown, int] = {}
-        for setting in self.settings:
-            for name in self.names:
-                numbers.setdefault(unknown_at(name, follows, setting), len(numbers))
-        rows = [[numbers[unknown_at(n, follows, s)] for n in self.names] for s in self.settings]
-        return np.array(rows, dtype=np.intp), len(numbers)
-
-    def _solved(self, follows: Mapping[str, tuple[str, ...]]) -> tuple[FloatArray, float, int]:
-        """The variables of each setting, the cost there, the number of unknowns."""
-        places, n = self._places(follows)
-        whole, right, cost = np.zeros((n, n)), np.zeros(n), 0.0
-        for row, curvature, slope, u, own in zip(
-            places, self._curvatures, self._slopes, self._u, self._costs, strict=True
-        ):
-            away = self._middle - u
-            whole[np.ix_(row, row)] += curvature
-            right += np.bincount(row, slope + curvature @ away, n)
-            cost += own + float(away @ (2.0 * slope + curvature @ away))
-        # Every unknown stands for a quantity of one middle.
-        theta = np.linalg.solve(whole, -right)
-        return self._middle + theta[places], cost + float(right @ theta), n
+    def _unknowns(self, follows: Mapping[str, tuple[str, ...]]) -> list[Unknown]:
+        """Which unknown each quantity of each setting is."""
+        return [unknown_at(name, follows, s) for s in self.settings for name in self.names]
 
 
 # The joint fit of a campaign.

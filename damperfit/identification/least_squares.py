@@ -32,7 +32,6 @@ from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
     LinearSystem: TypeAlias = "DenseSystem | BorderedSystem"
-    _Model = Callable[[FloatArray], tuple[FloatArray, FloatArray, "Extra"]]
 
 Extra = TypeVar("Extra")
 
@@ -485,29 +484,6 @@ class Transformation(NamedTuple):
         return np.where(self.is_logarithmic, values, self.scales)
 
 
-def minimise(
-    model: _Model[Extra],
-    start: FloatArray,
-    transformation: Transformation,
-    stopping: Stopping = Stopping(),
-    bounds: tuple[FloatArray, FloatArray] | None = None,
-) -> Minimum[Extra]:
-    """Minimise a sum of squares in y, (k,), from a start.
-
-    The model gives residuals (n,), their derivative by y (n, k) and anything to be remembered.
-    """
-
-    def point_at(variables: FloatArray) -> tuple[LinearSystem, Extra]:
-        values = transformation.unpack(variables, bounds)
-        residuals, slopes, extra = model(values)
-        with np.errstate(over="ignore", invalid="ignore"):
-            jacobian = slopes * transformation.slopes(values)
-        return finite_system(residuals, jacobian), extra
-
-    low_high = bounds and (transformation.pack(bounds[0]), transformation.pack(bounds[1]))
-    return iterate(point_at, transformation.pack(start), stopping, low_high)
-
-
 def finite_system(residuals: FloatArray, jacobian: FloatArray) -> DenseSystem:
     """One block of residuals, all numbers of which are finite; else a failed simulation."""
     with np.errstate(over="ignore", invalid="ignore"):
@@ -531,3 +507,23 @@ def inverse_information(jacobian: FloatArray) -> FloatArray:
     inverse = np.diag(np.where(is_seen, 0.0, math.inf))
     inverse[np.ix_(is_seen, is_seen)] = roots @ roots.T
     return inverse
+
+
+class Quadratic(NamedTuple):
+    """A sum of squares near a point, as its Jacobian has it: where variables are tied."""
+
+    cost: float  # at the point
+    at: FloatArray  # its variables, (n,)
+    slope: FloatArray  # J^T r, (n,)
+    curvature: FloatArray  # J^T J, (n, n)
+
+    def tied(self, unknowns: Sequence[Any]) -> tuple[float, FloatArray]:
+        """Return the least sum where variables that are one unknown are equal, and all of them."""
+        numbers = {one: k for k, one in enumerate(dict.fromkeys(unknowns))}
+        places, n = np.array([numbers[one] for one in unknowns], dtype=np.intp), len(numbers)
+        pairs = (n * places[:, None] + places).ravel()
+        whole = np.bincount(pairs, self.curvature.ravel(), n * n).reshape(n, n)
+        right = np.bincount(places, self.curvature @ self.at - self.slope, n)
+        found = np.linalg.solve(whole, right)[places]
+        away = found - self.at
+        return self.cost + float(away @ (2.0 * self.slope + self.curvature @ away)), found

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
-from damperfit.conditioning import apply_filter
+from damperfit.conditioning.filters import apply_filter, impulse_of, passed_at
 from damperfit.damper.quantity import GAS_AMOUNT, RIG, STIFFNESS, Quantity
 from damperfit.problem import Problem, warning
-from damperfit.recording import FilterDesign, Stretch, Trace
+from damperfit.recording import Stretch, Trace
 from damperfit.simulation import Motion, Response, SolverOptions, motion_of, simulate
 from damperfit.statistics import mean_of, median, variance_of
 
@@ -62,7 +62,7 @@ _JUMP = 0.5
 # Before and after it nothing counts for so many widths of the filter's answer to an impulse, which
 # at 30 Hz are 10 and 20 ms.
 _BEFORE, _AFTER = 0.6, 1.2
-_IMPULSE = 1 << 13  # samples, far longer than any filter's answer
+_IMPULSE = 1 << 12  # samples to both sides, far longer than any filter's answer
 # Where corners are more of a stretch than this, they are what it tells.
 _MOST = 1.0 / 3.0
 
@@ -102,7 +102,8 @@ def _counted(trace: Trace) -> NDArray[np.bool_] | None:
         return None
     cut_off = np.abs(trace.drive.velocity - trace.velocity)
     counts = np.ones(len(cut_off), dtype=bool)
-    width = _width(trace.model_filter.sections.tobytes(), trace.model_filter.is_zero_phase)
+    # How long the filter's answer to an impulse lasts, in samples: 1 over its power.
+    width = 1.0 / float(np.sum(impulse_of(trace.model_filter, _IMPULSE) ** 2))
     for stretch in trace.stretches:
         part = stretch.window
         near = np.zeros(stretch.n_samples, dtype=bool)
@@ -111,15 +112,6 @@ def _counted(trace: Trace) -> NDArray[np.bool_] | None:
         if np.mean(near) <= _MOST:
             counts[part] = ~near
     return None if counts.all() else counts[trace.compared]
-
-
-@lru_cache(maxsize=64)
-def _width(sections: bytes, is_zero_phase: bool) -> float:  # noqa: FBT001
-    """How long a filter's answer to an impulse lasts, in samples: 1 over its power."""
-    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6).copy(), is_zero_phase, "")
-    impulse = np.zeros(_IMPULSE)
-    impulse[_IMPULSE // 2] = 1.0
-    return 1.0 / float(np.sum(apply_filter(design, impulse) ** 2))
 
 
 # Logs that hold one speed, or a few: what triangle waves cannot tell.
@@ -387,14 +379,8 @@ def _settled(
 
 def _gain(trace: Trace, period: float, n: int) -> NDArray[np.complex128]:
     """The filter at the harmonics of a period in samples."""
-    design = trace.model_filter
     # What lies beyond the log's own highest frequency is not in it.
-    turn = np.minimum(np.arange(n // 2 + 1) / period, 0.5)
-    z = np.exp(-2j * np.pi * turn)
-    powers = np.array([np.ones_like(z), z, z * z])
-    over, under = np.split(design.sections, 2, axis=1)
-    one_pass = np.multiply.reduce(over @ powers) / np.multiply.reduce(under @ powers)
-    return np.asarray(np.abs(one_pass) ** 2 + 0j if design.is_zero_phase else one_pass)
+    return passed_at(trace.model_filter, np.minimum(np.arange(n // 2 + 1) / period, 0.5))
 
 
 @lru_cache(maxsize=1024)
@@ -457,62 +443,41 @@ def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:
     return float(np.float64(100.0 * mean_of(misfit * misfit)) / variance_of(measured))
 
 
-# One log beside the fit of its setting, and what is kept of its last simulation.
-#
-# Judging, the responses' file and the characteristics are all of one simulation at the values
-# that a fit ended at. It is kept with the fit, and made anew where anything of it has changed.
-
-
-class SeenLog(NamedTuple):
-    """A log simulated with the values that a fit ended at, kept for those who come after it."""
-
-    parameters: Values
-    trace: Trace
-    damper: Model
-    solver: SolverOptions
-    force: FloatArray  # (n,), behind the trace's model filter, N
-    # (3, n), Pa; of every log of a run no more is kept than 50 bytes a sample, and 0.03 Pa are less
-    # than the integrator's error. An empty chamber stays empty.
-    pressures: NDArray[np.float32]
-    cycles: tuple[SettledCycle, ...] = ()  # of each stretch, where the fit has gone down on them
-
-    def is_of(self, parameters: Values, trace: Trace, damper: Model, solver: SolverOptions) -> bool:
-        """Whether a simulation of this would be that one again."""
-        same_log = self.trace is trace
-        same_model = self.damper is damper or self.damper == damper
-        return same_log and same_model and self.solver == solver and self.parameters == parameters
-
-    @property
-    def comparison(self) -> SimulatedLog:
-        """The comparison again; without masses, sensitivities and what is before the filter."""
-        motion, n = motion_of(self.trace), len(self.force)
-        time = motion.start_time + motion.interval * np.arange(n, dtype=np.float64)
-        driven, pressures = (motion.displacement, motion.velocity), self.pressures.astype(float)
-        response = Response(time, *driven, np.empty(0), pressures, np.empty((2, 0)))
-        return SimulatedLog(response, self.force, np.empty((0, n)))
-
-
 class LogFit(NamedTuple):
-    """How one log of a setting is met by the setting's parameters."""
+    """How one log of a setting is met by the setting's parameters.
+
+    Judging, the responses' file and the characteristics are all of one simulation at the values
+    that a fit ended at. It is kept, and made anew where anything of it has changed.
+    """
 
     trace: Trace
     mse_percent: float  # eq. (22) over the log's steady whole cycles,
     noise_floor_percent: float  # and of the scatter between them alone; NaN for a single cycle
     stretch_mse_percent: tuple[float, ...] = ()  # of each stretch, by its own variance
-    seen: SeenLog | None = None  # simulated with the fitted values, for those who judge it
+    seen_with: tuple[Values, Model, SolverOptions] | None = None  # what was simulated
+    force: FloatArray = np.empty(0)  # (n,), behind the trace's model filter, N
+    # (3, n), Pa; of every log of a run no more is kept than 50 bytes a sample, and 0.03 Pa are less
+    # than the integrator's error. An empty chamber stays empty.
+    pressures: NDArray[np.float32] = np.empty((3, 0), dtype=np.float32)
+    cycles: tuple[SettledCycle, ...] = ()  # of each stretch, where the fit has gone down on them
 
     def cycles_of(
         self, parameters: Values, damper: Model, solver: SolverOptions
     ) -> tuple[SettledCycle, ...]:
         """Return the mean cycles that the fit went down on; none where it ended at other values."""
-        kept = self.seen
-        is_kept = kept and kept.is_of(parameters, self.trace, damper, solver)
-        return kept.cycles if kept and is_kept else ()
+        return self.cycles if self.seen_with == (parameters, damper, solver) else ()
 
     def compared(self, parameters: Values, damper: Model, solver: SolverOptions) -> SimulatedLog:
-        """Return the log beside the model, as the fit has left it or simulated anew."""
-        if self.seen and self.seen.is_of(parameters, self.trace, damper, solver):
-            return self.seen.comparison
+        """Return the log beside the model, as the fit has left it or simulated anew.
+
+        Without masses, sensitivities and what is before the filter where it is as it was left.
+        """
+        if self.seen_with == (parameters, damper, solver):
+            motion, n = motion_of(self.trace), len(self.force)
+            time = motion.start_time + motion.interval * np.arange(n, dtype=np.float64)
+            driven, pressures = (motion.displacement, motion.velocity), self.pressures.astype(float)
+            response = Response(time, *driven, np.empty(0), pressures, np.empty((2, 0)))
+            return SimulatedLog(response, self.force, np.empty((0, n)))
         found = compare(parameters, self.trace, damper, solver=solver)
         # As one that was kept: whoever looks at it sees the same, whether or not it was.
         single = found.response.pressures.astype(np.float32).astype(np.float64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -43,6 +43,26 @@ class Unknown(NamedTuple):
 def unknown_at(name: str, follows: Follows, setting: Setting) -> Unknown:
     """The unknown that a quantity is at a setting."""
     return Unknown(name, tuple((one, setting.place(one)) for one in follows.get(name, ())))
+
+
+def one_by_one(
+    follows: Follows,
+    changes: Sequence[tuple[str, tuple[str, ...]]],
+    worth: Callable[[dict[str, tuple[str, ...]]], float],
+    least: float,
+) -> list[dict[str, tuple[str, ...]]]:
+    """Change what one quantity follows, the best first, until nothing is gained by it; each way.
+
+    Changes are of a name; the first way is what was given.
+    """
+    ways = [dict(follows)]
+    while True:
+        here = ways[-1]
+        others = [here | {name: some} for name, some in changes if here.get(name) != some]
+        best = min(others, key=worth, default=here)
+        if worth(best) >= worth(here) - least:
+            return ways
+        ways.append(best)
 
 
 def unknowns_of(

@@ -6,7 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,6 +76,13 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
     if not hasattr(fits[0].model, "rebound"):
         return ()
     model: ValveDamper = fits[0].model  # type: ignore[assignment]
+
+    def orifice(resistance: float) -> float:
+        return 1e6 / (resistance * math.sqrt(2.0 * model.oil_density))
+
+    def laminar(resistance: float) -> float:
+        return 1e-5 * resistance * model.oil_density * _SHOWN_FLOW
+
     said = []
     for stroke in ("rebound", "compression"):
         valve = getattr(model, stroke)
@@ -93,17 +100,17 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
             )
         kind = "laminar" if valve.bleed == "leak" else "part-laminar"
         parts = (
-            ("bleed", _orifice, "the bleed is an orifice of {} mm2 (C_d A)"),
-            ("leak", _laminar, f"the {kind} bleed takes {{}} bar at 10 cm3/s of flow"),
-            ("port", _orifice, "a port behind the blow-off is an orifice of {} mm2 (C_d A)"),
-            ("power", _bare, "beyond its opening the pressure goes with the flow to the power {}"),
+            ("bleed", orifice, "the bleed is an orifice of {} mm2 (C_d A)"),
+            ("leak", laminar, f"the {kind} bleed takes {{}} bar at 10 cm3/s of flow"),
+            ("port", orifice, "a port behind the blow-off is an orifice of {} mm2 (C_d A)"),
+            ("power", float, "beyond its opening the pressure goes with the flow to the power {}"),
         )  # fmt: skip
         for part, shown, words in parts:
             name = f"{stroke}_{part}"
             values = _determined(fits, name) if name in model.names else []
             if values:
-                numbers = _range([shown(model, one) for one in values])
-                others = _elsewhere(model, layouts, name, partial(shown, model), values)
+                numbers = _range([shown(one) for one in values])
+                others = _elsewhere(model, layouts, name, shown, values)
                 also = f" ({others.removeprefix('; ')})" if others else ""
                 said.append(f"in {stroke} {words.format(numbers)}{also}{_where(fits, name)}")
     names = fits[0].values.names
@@ -127,7 +134,13 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
         known = [one for one in (_determined(fits, name) if name in names else []) if one > least]
         if known:
             said.append(words.format(_range([factor * one for one in known])) + _where(fits, name))
-    said.extend((*_oil_seen(model, fits), *_gas_seen(model, fits)))
+    for one in model.quantities:  # the oil, where it is not that of the default
+        stiff = _determined(fits, one.name) if one.role == STIFFNESS else []
+        if known := [value for value in stiff if value != one.default]:
+            numbers = _range([1e-9 * value for value in known])
+            where = _where(fits, one.name)
+            said.append(f"the bulk modulus of oil and chambers is {numbers} GPa{where}")
+    said.extend(_gas_seen(model, fits))
     said.extend(
         f"the {one.label} is not determined: none is taken, and the intervals allow for up to "
         f"{2.0 * one.ignorance:.2g} {one.shown_unit}"
@@ -151,17 +164,6 @@ def _elsewhere(
     )
 
 
-def _oil_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> Iterator[str]:
-    """Yield the stiffness of the oil where it is not that of the default."""
-    for one in model.quantities:
-        if one.role == STIFFNESS:
-            known = [value for value in _determined(fits, one.name) if value != one.default]
-            if known:
-                numbers = _range([1e-9 * value for value in known])
-                where = _where(fits, one.name)
-                yield f"the bulk modulus of oil and chambers is {numbers} GPa{where}"
-
-
 def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
     """Return what a gas volume that was found says of what was declared, if one was found."""
     known = [one for one in _determined(fits, "gas_volume") if one != model.gas_volume]
@@ -169,7 +171,7 @@ def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
         return []
     times = model.gas_volume / float(np.median(known))
     others = [f"{1e-5 * times * model.gas_pressure:.3g} bar"]
-    exponent, (least, most) = times * model.gas_exponent, _of_gases(model)
+    exponent, (least, most) = times * model.gas_exponent, model.quantity("gas_exponent").believable
     if least < exponent < most:
         others.append(f"an exponent of {exponent:.2f}")
     others.append(f"a rod {times**0.25:.3g} times as thick")
@@ -177,22 +179,6 @@ def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
     found = f"{_range([1e6 * one for one in known])} cm3 at {1e-5 * model.gas_pressure:.4g} bar"
     taken = f"[damper] has {1e6 * model.gas_volume:.3g} cm3"
     return [f"the gas spring is that of {found}; {taken}; {same}: measure with gauge and callipers"]
-
-
-def _of_gases(model: ValveDamper) -> tuple[float, float]:
-    return model.quantity("gas_exponent").believable
-
-
-def _orifice(damper: ValveDamper, resistance: float) -> float:
-    return 1e6 / (resistance * math.sqrt(2.0 * damper.oil_density))
-
-
-def _bare(_: ValveDamper, number: float) -> float:
-    return number
-
-
-def _laminar(damper: ValveDamper, resistance: float) -> float:
-    return 1e-5 * resistance * damper.oil_density * _SHOWN_FLOW
 
 
 def _determined(fits: Sequence[LawFit | SeenAt], name: str) -> list[float]:
@@ -266,72 +252,60 @@ class _Tests:
 
 
 def undecided(
-    search: LawSearch, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
+    search: LawSearch,
+    fits: Sequence[LawFit],
+    evidence: Sequence[SettingLogs],
+    *,
+    has_parts_alone: bool = False,
 ) -> tuple[str, ...]:
-    """Return one sentence for each thing that the logs leave open, with the test to decide it."""
-    tests = _tests(evidence)
-    if tests is None:
-        return ()
-    return (
-        *interchangeable_parts(search, fits, evidence),
-        *_of_quantities(fits, tests),
-        *_of_refused(search, tests),
-        *_of_prediction(fits, tests),
-    )
+    """Return one sentence for each thing that the logs leave open, with the test to decide it.
 
-
-def interchangeable_parts(
-    search: LawSearch, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
-) -> tuple[str, ...]:
-    """Return of these sentences those on parts of the law that may be taken for each other."""
-    tests = _tests(evidence)
-    if tests is None:
-        return ()
-    return (
-        *_of_yielding(search, tests),
-        *_of_layouts(search, tests),
-        *_of_exchanges(search, tests),
-        *_of_mounting(fits[0], tests),
-        *_of_moving_mass(fits[0], evidence),
-    )
-
-
-def _tests(evidence: Sequence[SettingLogs]) -> _Tests | None:
+    Of parts alone: those of the law that may be taken for each other.
+    """
     stretches = [part for one in evidence for log in one.fitted for part in log.stretches]
     if not stretches:
-        return None
+        return ()
     speeds = [one.peak_speed for one in stretches]
     frequencies = [one.frequency for one in stretches]
     longest = max(one.amplitude for one in stretches)
     repeats = not any(one.kind == "moving" for one in stretches)
-    return _Tests(min(speeds), max(speeds), min(frequencies), max(frequencies), longest, repeats)
-
-
-def _of_layouts(search: LawSearch, tests: _Tests) -> Iterator[str]:
-    if not search.alike:
-        return
-    names = [search.chosen.fits[0].model.name, *search.alike]
-    listed = " or ".join(one.replace("_", " ") for one in names)
-    test = _runs_empty(search.chosen.fits[0].model, names) or tests.faster
-    yield (
-        f"The layout, {listed}: they fit and predict alike. Pressures and orifices of the valves "
-        "differ with it (intervals of identify hold both), forces hardly. The maker's drawing "
-        f"decides it (damper.model, or a layout for models), or {test}."
+    tests = _Tests(min(speeds), max(speeds), min(frequencies), max(frequencies), longest, repeats)
+    parts = (
+        *_of_other_structures(search, tests),
+        *_of_mounting(fits[0], tests),
+        *_of_moving_mass(fits[0], evidence),
     )
+    if has_parts_alone:
+        return parts
+    others = _of_quantities(fits, tests), _of_refused(search, tests), _of_prediction(fits, tests)
+    return (*parts, *chain(*others))
 
 
-def _runs_empty(model: Model, names: Sequence[str]) -> str:
-    """The test in which only a monotube has no oil to press in bump, where that may be one."""
-    if "monotube" not in names or not isinstance(model, ValveDamper):
-        return ""
-    force = float(f"{model.gas_pressure * model.annulus_area:.2g}")
-    return (
-        f"a test with more than {force:.0f} N of damping in compression, by a higher speed or less "
-        "gas pressure: at the gas pressure times the annulus the rod side of a monotube is empty"
-    )
-
-
-def _of_exchanges(search: LawSearch, tests: _Tests) -> Iterator[str]:
+def _of_other_structures(search: LawSearch, tests: _Tests) -> Iterator[str]:
+    if search.also:
+        yield (
+            f"Whether oil passes valves or something yields before it slides, as a "
+            "magneto-rheological fluid or dry friction does: the logs hold "
+            f"{100.0 * search.held_share:.0f} % of their force down to a tenth of the speed, and "
+            f"{search.also} fits and predicts that about as well. Another speed decides it, "
+            f"{0.3 * tests.slowest:.2g} m/s, with what moves beside the steady cycles in the log."
+        )
+    if search.alike:
+        model, test = search.chosen.fits[0].model, tests.faster
+        names = [model.name, *search.alike]
+        listed = " or ".join(one.replace("_", " ") for one in names)
+        if "monotube" in names and isinstance(model, ValveDamper):
+            force = float(f"{model.gas_pressure * model.annulus_area:.2g}")
+            test = (
+                f"a test with more than {force:.0f} N of damping in compression, by a higher speed "
+                "or less gas pressure: at the gas pressure times the annulus the rod side of a "
+                "monotube is empty"
+            )
+        yield (
+            f"The layout, {listed}: they fit and predict alike. Pressures and orifices of the "
+            "valves differ with it (intervals of identify hold both), forces hardly. The maker's "
+            f"drawing decides it (damper.model, or a layout for models), or {test}."
+        )
     others: dict[str, list[Exchange]] = defaultdict(list)
     for one in search.exchanges:
         others[one.part].append(one)
@@ -343,17 +317,6 @@ def _of_exchanges(search: LawSearch, tests: _Tests) -> Iterator[str]:
             f"model {fits}, and the intervals cover both. {tests.faster[0].upper()}"
             f"{tests.faster[1:]}, another gas pressure, or a rigid bar in the damper's place would "
             "decide it."
-        )
-
-
-def _of_yielding(search: LawSearch, tests: _Tests) -> Iterator[str]:
-    if search.also:
-        yield (
-            f"Whether oil passes valves or something yields before it slides, as a "
-            "magneto-rheological fluid or dry friction does: the logs hold "
-            f"{100.0 * search.held_share:.0f} % of their force down to a tenth of the speed, and "
-            f"{search.also} fits and predicts that about as well. Another speed decides it, "
-            f"{0.3 * tests.slowest:.2g} m/s, with what moves beside the steady cycles in the log."
         )
 
 

@@ -15,7 +15,7 @@ from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
 from damperfit.identification.fit_problem import Block, is_at_edge
 from damperfit.identification.fit_setting import COMPARING, best_of_starts
-from damperfit.identification.least_squares import Minimum
+from damperfit.identification.least_squares import Minimum, inverse_information
 from damperfit.identification.logs import FEWEST_SAMPLES
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
@@ -241,13 +241,8 @@ def _undetermined(
 
     What a law leaves over is not white: a stretch counts as `FEWEST_SAMPLES`, not as thousands.
     """
-    lengths = np.sqrt(np.sum(ended.jacobian**2, axis=0))
-    columns = ended.jacobian / np.maximum(lengths, 1e-300)
-    # Of quantities that do the same an inverse may be negative by rounding; this is never below 0.
-    sizes, ways = np.linalg.eigh(columns.T @ columns)
-    spread = np.sum(ways**2 / (np.maximum(sizes, 0.0) + 1e-12), axis=1)
-    variance = spread * ended.cost / (FEWEST_SAMPLES * n_stretches)
-    errors = np.sqrt(variance) / np.maximum(lengths, 1e-300)
+    variance = ended.cost / (FEWEST_SAMPLES * n_stretches)
+    errors = np.sqrt(np.diag(inverse_information(ended.jacobian)) * variance)
     return tuple(
         name
         for name, error in zip(free, errors.tolist(), strict=True)

@@ -37,16 +37,26 @@ import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.damper.model import Model, Values
-from damperfit.damper.quantity import DAMPER, RIG
 from damperfit.damper.valve_dampers import ValveDamper, ValveReading, read_loops, valve_starts
 from damperfit.errors import SimulationError
 from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identification.fit_problem import Block, is_at_edge
+from damperfit.identification.fit_problem import (
+    BELIEVED_FRICTION,
+    FRICTION_SPREAD,
+    Block,
+    Point,
+    is_at_edge,
+)
 from damperfit.identification.fit_setting import spread_starts
-from damperfit.identification.least_squares import Minimum, Stopping
+from damperfit.identification.least_squares import (
+    Minimum,
+    Quadratic,
+    Stopping,
+    inverse_information,
+)
 from damperfit.identification.logs import effective_samples
-from damperfit.identification.sharing import Follows, Unknown, unknown_at
+from damperfit.identification.sharing import Follows, Unknown, one_by_one, unknown_at
 from damperfit.laws.law_fit import (
     ENOUGH_PERCENT,
     GAIN,
@@ -65,7 +75,7 @@ from damperfit.laws.law_fit import (
     predicted_worse,
     times_worse,
 )
-from damperfit.laws.one_model import BELIEVED_FRICTION, FRICTION_SPREAD, OneModel
+from damperfit.laws.one_model import OneModel
 from damperfit.laws.rivals import YIELDING, held_against, is_open_to, unbelievable
 from damperfit.laws.structures import (
     BOTH,
@@ -132,12 +142,12 @@ class _Fit:
 
     structure: Structure
     model: OneModel
-    minimum: Minimum[dict[Setting, Values]]
+    minimum: Minimum[Point]
     began: str = ""  # which of its starts beside another structure led here
 
     @property
-    def values(self) -> dict[Setting, Values]:
-        return self.minimum.extra
+    def values(self) -> Mapping[Setting, Values]:
+        return self.minimum.extra.values
 
     @cached_property
     def promised(self) -> float:
@@ -151,7 +161,7 @@ class _Fit:
     @cached_property
     def percent(self) -> dict[Setting, float]:
         """MSE of each setting on its mean cycles."""
-        return {s: 100.0 * one.cost(self.values[s]) for s, one in self.model.misfits.items()}
+        return {s: 100.0 * one.cost(self.values[s]) for s, one in self.model.blocks.items()}
 
 
 class _Search:
@@ -204,13 +214,13 @@ class _Search:
         if self.may_tie:  # a click moves the preload of a stack, seldom what it is made of
             follows = {n: a for n, a in follows.items() if n.partition("_")[2] not in _OF_STACK}
         follows = structure.follows(follows)
-        return OneModel(misfits, follows, dict.fromkeys(settings, 1.0), self.jobs)
+        weights = dict.fromkeys(settings, 1.0)
+        return OneModel(misfits, free, follows, weights=weights, jobs=self.jobs)
 
     def held(self, structure: Structure, setting: Setting) -> dict[str, float]:
         """What is held at a setting."""
-        fixed = self.evidence[setting].fixed
-        known = {n: x for n, x in fixed.items() if n in structure.damper.names}
-        return {**structure.held, **known}
+        fixed, names = self.evidence[setting].fixed, structure.damper.names
+        return structure.held | {n: x for n, x in fixed.items() if n in names}
 
     def first(self, structure: Structure, settings: Sequence[Setting] = ()) -> _Fit:
         """A structure from each setting's own loops, then from each other, then as one fit."""
@@ -220,7 +230,7 @@ class _Search:
         def own(setting: Setting) -> Values:
             logs = self.evidence[setting]
             held = self.held(structure, setting)
-            misfit = model.misfits[setting]
+            misfit = model.blocks[setting]
             ended = descended(misfit, held, logs.more_start)
             for start in spread_starts(misfit, ended.extra, setting, self.n_starts - 1):
                 with suppress(SimulationError):
@@ -243,7 +253,7 @@ class _Search:
         better = dict(values)
 
         def again(setting: Setting) -> Values:
-            misfit = replace(model.misfits[setting], free=own)
+            misfit = replace(model.blocks[setting], free=own)
             best, least = values[setting], misfit.cost(values[setting])
             for other in model.settings:
                 if other == setting:
@@ -260,12 +270,12 @@ class _Search:
         if own:
             with executor(self.jobs) as pool:
                 better = dict(zip(model.settings, pool.map(again, model.settings), strict=True))
-        return self.ended_at(replace(fit, minimum=model.descend(better, _END)))
+        return self.ended_at(replace(fit, minimum=model.minimise(better, _END)))
 
     def ended_at(self, fit: _Fit, stopping: Stopping = _END) -> _Fit:
         """The minimum with the weights that it gives the settings itself."""
         model = fit.model.weighed_at(fit.values, least=_LEAST)
-        return replace(fit, model=model, minimum=model.descend(fit.values, stopping))
+        return replace(fit, model=model, minimum=model.minimise(fit.values, stopping))
 
     def starts(
         self, structure: Structure, model: OneModel, near: _Fit
@@ -281,11 +291,16 @@ class _Search:
         )  # fmt: skip
         full, little, anew = {}, {}, {}
         for setting in model.settings:
-            own = _with_whole_friction(near.values[setting], structure.damper)
+            own = near.values[setting]
+            if "breakaway" in own.names and "breakaway" not in structure.damper.names:
+                # All friction that it has at rest: next to nothing may slide beside it, and what is
+                # nothing has no slope, and no descent leads back.
+                name = next(one.name for one in own.quantities if one.is_friction)
+                own = own.replace({name: getattr(own, name) + own.breakaway})
             start = self.start(structure, setting)
             known = {n: x for n in model.free if n in own.names and (x := getattr(own, n))}
             full[setting] = start.replace(known)
-            absent = model.misfits[setting].absent_beside(known)
+            absent = model.blocks[setting].absent_beside(known)
             half = {n: math.sqrt(a * getattr(start, n)) for n, a in absent.items()}
             little[setting] = full[setting].replace(half)
             beside = {n: x for n, x in known.items() if not n.startswith(changed or "-")}
@@ -323,26 +338,10 @@ class _Search:
             if began in starts and words != began:
                 continue
             with suppress(SimulationError, np.linalg.LinAlgError):
-                found.append(_Fit(structure, model, model.descend(at, _GLANCE), words))
+                found.append(_Fit(structure, model, model.minimise(at, _GLANCE), words))
                 if found[-1].minimum.cost < near.minimum.cost:
                     break  # the others are for where this one leads away
         return min(found, key=lambda one: one.promised, default=None)
-
-    def most_to_gain(self, fit: _Fit) -> float:
-        """By what the criterion falls, without its price, where nothing but noise is left."""
-        found = 0.0
-        for setting, percent in fit.percent.items():
-            noise = 100.0 * fit.model.misfits[setting].scatter
-            found += self.n_eff[setting] * math.log(
-                (percent + FLOOR_PERCENT) / (min(noise, percent) + FLOOR_PERCENT)
-            )
-        nothing = self.n_held * _HELD_SAMPLES * math.log(_HELD_FLOOR_PERCENT)
-        return found + max(self.of_held_out(fit) - nothing, 0.0)
-
-    @property
-    def n_held(self) -> int:
-        """Settings compared with something held out."""
-        return sum(bool(self.evidence[s].held_out) for s in self.compared)
 
     # the criterion
 
@@ -355,7 +354,7 @@ class _Search:
 
     def price(self, structure: Structure, settings: Sequence[Setting]) -> float:
         """What the numbers and parts of a structure cost: a number by the samples that see it."""
-        unknowns = self.model(structure, settings).unknowns
+        unknowns = self.model(structure, settings).border
         seen = [sum(self.n_eff[s] for s in settings if one.holds_at(s)) for one in unknowns]
         return sum(map(math.log, seen)) + _NEEDLESS * structure.n_needless
 
@@ -394,7 +393,7 @@ class _Search:
 
         def at(setting: Setting) -> LawFit:
             return fit_at(
-                replace(fit.model.misfits[setting], solver=self.solver, cycles=None),
+                replace(fit.model.blocks[setting], solver=self.solver, cycles=None),
                 self.evidence[setting],
                 values[setting],
                 evaluations=fit.minimum.evaluations,
@@ -409,15 +408,6 @@ class _Search:
             tried = Tried(fit.structure.title, tuple(pool.map(at, fit.model.settings)))
         self._judged[id(fit)] = fit, tried
         return tried
-
-    def count_samples(self, fit: _Fit) -> None:
-        """Take the effective samples of what a structure leaves."""
-        for one in self.judged(fit).fits:
-            stretches = [x for trace in self.evidence[one.setting].fitted for x in trace.stretches]
-            self.n_eff[one.setting] = sum(
-                effective_samples(rest, max(x.n_cycles, 1))
-                for rest, x in zip(one.residuals, stretches, strict=True)
-            )
 
     # moves
 
@@ -530,7 +520,16 @@ class _Search:
         """Whether a structure has less, or what it has more may be worth its price."""
         if len(structure.free) < len(fit.structure.free):
             return True
-        return self.most_to_gain(fit) > math.log(sum(self.n_eff[s] for s in fit.values))
+        gain = 0.0  # without a price, where nothing but noise is left
+        for setting, percent in fit.percent.items():
+            noise = 100.0 * fit.model.blocks[setting].scatter
+            gain += self.n_eff[setting] * math.log(
+                (percent + FLOOR_PERCENT) / (min(noise, percent) + FLOOR_PERCENT)
+            )
+        n_held = sum(bool(self.evidence[s].held_out) for s in self.compared)
+        nothing = n_held * _HELD_SAMPLES * math.log(_HELD_FLOOR_PERCENT)
+        gain += max(self.of_held_out(fit) - nothing, 0.0)
+        return gain > math.log(sum(self.n_eff[s] for s in fit.values))
 
     def screened(
         self,
@@ -557,7 +556,7 @@ class _Search:
         found.sort(key=lambda one: one[0])
         for k, (rise, words, glance) in enumerate(found[:_LOOKED_AT]):
             if rise <= 0.0 and glance.minimum.status == 0:
-                minimum = glance.model.descend(glance.values, _LOOK)
+                minimum = glance.model.minimise(glance.values, _LOOK)
                 again = replace(glance, minimum=minimum)
                 found[k] = (self.rise(again, near, fit), words, again)
         return sorted(found, key=lambda one: one[0])
@@ -582,7 +581,7 @@ class _Search:
         """Keep a candidate, and say it to who waits for it."""
         one, other = self.judged(fit), self.judged(beside)
         small, large = (
-            (one, other) if len(fit.model.unknowns) < len(beside.model.unknowns) else (other, one)
+            (one, other) if len(fit.model.border) < len(beside.model.border) else (other, one)
         )
         is_larger = large is one
         moved = f"MSE {other.mse_percent:.2g} to {one.mse_percent:.2g} %"
@@ -633,7 +632,12 @@ class _Search:
             near += [one] if times < SEEN_APART else []
         near = [self.extended(one, self.compared) for one in near]
         taken = min(near, key=lambda one: self.judged(one).score)
-        self.count_samples(taken)
+        for law in self.judged(taken).fits:  # the effective samples of what it leaves
+            stretches = [x for trace in self.evidence[law.setting].fitted for x in trace.stretches]
+            self.n_eff[law.setting] = sum(
+                effective_samples(rest, max(x.n_cycles, 1))
+                for rest, x in zip(law.residuals, stretches, strict=True)
+            )
         return taken
 
     def in_its_layout(
@@ -684,7 +688,7 @@ class _Search:
                 if n in values.names
             }
             start[setting] = self.start(structure, setting).replace(known)
-        ended = model.descend(model.with_common(start), _END)
+        ended = model.minimise(model.with_common(start), _END)
         return self.lent(_Fit(structure, model, ended))
 
     # against what is no candidate of the search
@@ -874,7 +878,7 @@ class _Search:
             structure = replace(fit.structure, ties=tuple(sorted(ties.items())))
             model = replace(self.model(structure, fit.model.settings), weights=fit.model.weights)
             try:
-                minimum = model.descend(model.with_common(linear.values(ties)), _END)
+                minimum = model.minimise(model.with_common(linear.values(ties)), _END)
                 tied = self.ended_at(_Fit(structure, model, minimum))
                 gain = self.criterion(fit) - self.criterion(tied)
             except SimulationError:
@@ -890,7 +894,7 @@ class _Search:
         Only then: beside valves that are tied wrongly every other part would be chosen for them.
         """
         self.follows, before = follows, fit.model
-        if self.model(fit.structure, before.settings).unknowns == before.unknowns:
+        if self.model(fit.structure, before.settings).border == before.border:
             return fit
         found = []
         for one in (fit, *self.fits_alike):
@@ -933,7 +937,7 @@ class _Search:
         model = self.model(fit.structure, settings)
         values = {s: fit.values[s] for s in settings}
         model = model.weighed_at(values, least=_LEAST)
-        return _Fit(fit.structure, model, model.descend(values, stopping))
+        return _Fit(fit.structure, model, model.minimise(values, stopping))
 
     def at_all(self, fit: _Fit) -> _Fit:
         """The structure at every setting."""
@@ -952,7 +956,7 @@ class _Search:
 
         def at(setting: Setting) -> Values:
             near = fit.values[nearest_setting(setting, fit.values) or next(iter(fit.values))]
-            misfit = replace(model.misfits[setting], free=own)
+            misfit = replace(model.blocks[setting], free=own)
             common = {n: getattr(near, n) for n in near.names if n not in own}
             starts = fit.structure.damper.start(self.evidence[setting].fitted, common)
             found = []
@@ -971,7 +975,7 @@ class _Search:
             values = dict(fit.values) | dict(zip(missing, pool.map(at, missing), strict=True))
         values = model.with_common(values)
         model = model.weighed_at(values, least=_LEAST)
-        return self.lent(_Fit(fit.structure, model, model.descend(values, _END)))
+        return self.lent(_Fit(fit.structure, model, model.minimise(values, _END)))
 
 
 class _Linear:
@@ -986,18 +990,17 @@ class _Linear:
         stack = [name for name in scoped.free if name.partition("_")[2] in _OF_STACK]
         untied = replace(self.structure, ties=tuple((n, settings[0].adjusters) for n in stack))
         base = replace(search.model(untied, settings), weights=fit.model.weights)
-        self.base, self.minimum = base, base.descend(fit.values, _ONE)
-        triangle = self.minimum.jacobian
-        self.curvature = triangle.T @ triangle
-        self.curvature += 1e-9 * np.diag(np.diag(self.curvature) + 1e-12)
-        self.slope, self.at = self.minimum.system.gradient, self.minimum.variables
+        self.base, self.minimum = base, base.minimise(fit.values, _ONE)
+        jacobian, slope = self.minimum.jacobian, self.minimum.system.gradient
+        curvature = jacobian.T @ jacobian
+        curvature += 1e-9 * np.diag(np.diag(curvature) + 1e-12)
+        here = self.minimum.cost, self.minimum.variables
+        self.quadratic = Quadratic(*here, slope, curvature)
         self.whose = [
-            (one.name, next(s for s in base.settings if one.holds_at(s))) for one in base.unknowns
+            (one.name, next(s for s in base.settings if one.holds_at(s))) for one in base.border
         ]
         per_cost = sum(search.n_eff[s] for s in base.settings) / max(self.minimum.cost, 1e-300)
-        size = np.sqrt(np.diag(self.curvature) + 1e-300)
-        shape = self.curvature / size / size[:, None] + 1e-9 * np.eye(len(size))
-        errors = np.sqrt(np.diag(np.linalg.inv(shape)) / per_cost) / size
+        errors = np.sqrt(np.diag(inverse_information(jacobian)) / per_cost)
         self.is_determined = errors < _DETERMINED
 
     def solved(
@@ -1006,14 +1009,7 @@ class _Linear:
         """The cost of tied unknowns, the variables there, and the unknowns."""
         follows = replace(self.structure, ties=tuple(ties.items())).follows(self.by_scope)
         unknowns = [unknown_at(name, follows, setting) for name, setting in self.whose]
-        places = {one: k for k, one in enumerate(dict.fromkeys(unknowns))}
-        chosen = np.zeros((len(unknowns), len(places)))
-        chosen[np.arange(len(unknowns)), [places[one] for one in unknowns]] = 1.0
-        right = chosen.T @ (self.curvature @ self.at - self.slope)
-        found = chosen @ np.linalg.solve(chosen.T @ self.curvature @ chosen, right)
-        away = found - self.at
-        cost = self.minimum.cost + float(away @ (2.0 * self.slope + self.curvature @ away))
-        return cost, found, list(places)
+        return *self.quadratic.tied(unknowns), list(dict.fromkeys(unknowns))
 
     def rise(self, ties: Mapping[str, tuple[str, ...]]) -> float:
         """By how much the criterion promises to lie above nothing."""
@@ -1032,18 +1028,9 @@ class _Linear:
     ) -> list[dict[str, tuple[str, ...]]]:
         """Change what one quantity follows until nothing is gained by it; after each change."""
         damper = self.structure.damper
-        found: list[dict[str, tuple[str, ...]]] = []
         names = [name for name in self.base.own if not damper.quantity(name).is_offset]
-        least = self.rise(ties)
-        while True:
-            others = [
-                ties | {name: way} for name in names for way in ways if self.is_shown(name, way)
-            ]
-            ties = min(others, key=self.rise, default=ties)
-            if (rise := self.rise(ties)) >= least - 1e-6:
-                return found
-            found.append(ties)
-            least = rise
+        changes = [(name, way) for name in names for way in ways if self.is_shown(name, way)]
+        return one_by_one(ties, changes, self.rise, 1e-6)[1:]
 
     def is_shown(self, name: str, way: tuple[str, ...]) -> bool:
         """Whether each adjuster that a preload or bleed follows no more has two determined values.
@@ -1071,14 +1058,11 @@ class _Linear:
         for setting in base.settings:
             own = {
                 one.name: math.exp(min(max(u, -600.0), 600.0))
-                for one, u in zip(base.unknowns, variables.tolist(), strict=True)
+                for one, u in zip(base.border, variables.tolist(), strict=True)
                 if one.holds_at(setting) and base.model.quantity(one.name).is_logarithmic
             }
             found[setting] = self.fit.values[setting].replace(own)
         return found
-
-
-_COMMON = {DAMPER, RIG}
 
 
 def _most_unlike(evidence: Sequence[SettingLogs], most: int = _MOST_COMPARED) -> list[Setting]:
@@ -1092,17 +1076,6 @@ def _most_unlike(evidence: Sequence[SettingLogs], most: int = _MOST_COMPARED) ->
         places = np.linspace(0, len(ranked) - 1, most).round().astype(int)
         ranked = [ranked[k] for k in places]
     return sorted(one.setting for one in ranked)
-
-
-def _with_whole_friction(near: Values, model: Model) -> Values:
-    """Values whose friction is all that they have at rest, where a structure has no more there.
-
-    Next to nothing may slide beside it: what is nothing has no slope, and no descent leads back.
-    """
-    if "breakaway" not in near.names or "breakaway" in model.names:
-        return near
-    name = next(one.name for one in near.quantities if one.is_friction)
-    return near.replace({name: getattr(near, name) + near.breakaway})
 
 
 def _of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:
@@ -1119,9 +1092,7 @@ def _of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str
 def follows_by_scope(model: Model, free: Sequence[str], adjusters: tuple[str, ...]) -> Follows:
     """Return what each quantity follows: all adjusters, unless it is the damper's or the rig's."""
     of = {name: model.quantity(name) for name in free}
-    return {
-        name: adjusters for name, one in of.items() if one.is_offset or one.scope not in _COMMON
-    }
+    return {name: adjusters for name, one in of.items() if one.is_offset or not one.is_shared}
 
 
 @one_blas_thread()

@@ -17,7 +17,7 @@ from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.identification import DETECT, FitOptions, GivenStart, shared_names
 from damperfit.identification.sharing import Follows
-from damperfit.laws.description import interchangeable_parts, physics_seen, undecided
+from damperfit.laws.description import physics_seen, undecided
 from damperfit.laws.law_fit import (
     UNDETERMINED,
     JudgedLaw,
@@ -447,7 +447,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
             *_tied_still(options.untied, best),
         ),
         undecided=(*doubts, *undecided(search, fits, evidence)),
-        alike=(*doubts, *interchangeable_parts(search, fits, evidence)),
+        alike=(*doubts, *undecided(search, fits, evidence, has_parts_alone=True)),
         open_layouts=(Monotube.name,) if is_open else (),
         assumed=configuration.notes,
     )

@@ -842,10 +842,10 @@ def _responses(
     Of the mean cycles that the fit went down on, where it did: their sensitivities, (k, n), differ
     from those of the log by what noise of the displacement does, and cost far less.
     """
-    trace, kept = log.trace, log.seen
+    trace = log.trace
     rows: list[FloatArray] = []
     rounding: list[tuple[FloatArray, ...]] = []
-    if kept is not None and cycles:
+    if cycles:
         for cycle, stretch in zip(cycles, trace.stretches, strict=True):
             options = cycle.solver(solver)
             response = simulate(values, damper, cycle.motion, sensitivities=names, options=options)
@@ -853,7 +853,7 @@ def _responses(
             rows.append(cycle.over(stretch, signals))
             taken = cycle.taken_by_filter(response.force)
             rounding.append((cycle.motion.velocity[-len(taken) :], taken))
-        return kept.force, kept.pressures, rows, rounding
+        return log.force, log.pressures, rows, rounding
     seen = compare(values, trace, damper, sensitivities=names, solver=solver)
     whole, taken = np.vstack([seen.force, _slopes(trace, seen)]), seen.response.force - seen.force
     for stretch in trace.stretches:

@@ -9,10 +9,12 @@ from functools import partial
 import numpy as np
 
 from damperfit.identification.least_squares import (
+    Minimum,
     Stopping,
     Transformation,
+    finite_system,
     inverse_information,
-    minimise,
+    iterate,
 )
 from tests.certificate.problems import Array, Problem
 
@@ -22,6 +24,24 @@ from tests.certificate.problems import Array, Problem
 STOPPING = Stopping(1e-15, 1e-12, 2000, rest=math.inf)
 MOST_DIGITS = 11.0  # NIST prints that many
 SOLVED = 6.0
+
+
+def minimise(
+    model: Callable,
+    start: Array,
+    transformation: Transformation,
+    stopping: Stopping = Stopping(),
+    bounds: tuple[Array, Array] | None = None,
+) -> Minimum:
+    """Minimise over y: the model gives residuals, their derivative by y, and what is remembered."""
+
+    def point_at(variables: Array) -> tuple:
+        values = transformation.unpack(variables, bounds)
+        residuals, slopes, extra = model(values)
+        return finite_system(residuals, slopes * transformation.slopes(values)), extra
+
+    edges = bounds and tuple(map(transformation.pack, bounds))
+    return iterate(point_at, transformation.pack(start), stopping, edges)
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from damperfit.identification.least_squares import (
     Transformation,
     inverse_information,
     iterate,
-    minimise,
     reduced,
 )
+from tests.certificate.fits import minimise
 
 RANDOM = np.random.default_rng(4)
 X = np.linspace(0.0, 1.0, 20)

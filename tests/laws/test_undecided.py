@@ -15,7 +15,7 @@ from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import _statuses
 from damperfit.identification.least_squares import DenseSystem, Minimum
 from damperfit.identification.logs import FEWEST_SAMPLES
-from damperfit.laws.description import interchangeable_parts, physics_seen, seen_again, undecided
+from damperfit.laws.description import physics_seen, seen_again, undecided
 from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, SettingLogs, Tried, _undetermined
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
@@ -95,7 +95,8 @@ def test_what_moves_with_the_load_cell_is_asked_for_where_a_kilogram_is_felt() -
     def asked(share: float, model: TwinTube = MODEL) -> tuple[str, ...]:
         one = fit(model=model)
         logs = [SettingLogs(one.setting, (felt(share),))]
-        return interchangeable_parts(LawSearch((), Tried("law", (one,)), 60.0), [one], logs)
+        search = LawSearch((), Tried("law", (one,)), 60.0)
+        return undecided(search, [one], logs, has_parts_alone=True)
 
     assert asked(0.0199) == ()
     (said,) = asked(0.0201)
@@ -106,7 +107,8 @@ def test_what_moves_with_the_load_cell_is_asked_for_where_a_kilogram_is_felt() -
     )
     still = replace(felt(0.5), force=np.zeros_like(felt(0.5).force))  # a channel that was not on
     logs = [SettingLogs(fit().setting, (still,))]
-    assert interchangeable_parts(LawSearch((), Tried("law", (fit(),)), 60.0), [fit()], logs) == ()
+    search = LawSearch((), Tried("law", (fit(),)), 60.0)
+    assert undecided(search, [fit()], logs, has_parts_alone=True) == ()
     weighed = replace(MODEL, mounting=Mounting(FIT, NONE, FIT, 1.2))
     assert asked(0.5, weighed) == ()
 
