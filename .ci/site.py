@@ -10,11 +10,11 @@ from mkdocs.structure.files import File
 
 import damperfit
 from damperfit.cli.pages import filled
-from damperfit.conditioning import condition
-from damperfit.identification import identify
+from damperfit.conditioning.log_to_trace import condition
+from damperfit.identification.procedures import identify
 from damperfit.io import read_curves, read_log
 from damperfit.simulation import simulate
-from damperfit.uncertainty import assess
+from damperfit.uncertainty.assessment import assess
 
 _STEPS = (read_log, read_curves, condition, identify, simulate, assess)
 

@@ -16,13 +16,16 @@ from typing import TYPE_CHECKING
 from damperfit.adjustment.trends import Trend, in_few_words
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification import Campaign, Fit, Status
+from damperfit.identification.fit_setting import Fit
+from damperfit.identification.outcome import Status
+from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import of_runs, of_settings
 from damperfit.problem import FEW, Key, listed_names
 from damperfit.recording import Trace
 from damperfit.tested.setting import ADJUSTER, Setting, clicks_between
-from damperfit.uncertainty import Assessment, Diagnosis
+from damperfit.uncertainty.assessment import Assessment
 from damperfit.uncertainty.grades import doubted_cavitation, what_spreads
+from damperfit.uncertainty.residuals import Diagnosis
 
 if TYPE_CHECKING:
     from damperfit.adjustment.clicks import Adjustment

@@ -68,7 +68,7 @@ from damperfit.tables.files import (
     write_table,
 )
 from damperfit.tested.setting import Setting, label_of
-from damperfit.uncertainty import SpeedForces
+from damperfit.uncertainty.speed_forces import SpeedForces
 from damperfit.units.quantities import QuantityError, parse_quantity
 
 if TYPE_CHECKING:
@@ -907,8 +907,8 @@ class Run:
         """
         import pandas as pd
 
-        from damperfit.conditioning import condition
-        from damperfit.identification import compare, normalised_mse
+        from damperfit.conditioning.log_to_trace import condition
+        from damperfit.identification.logs import compare, normalised_mse
         from damperfit.io import read_log
         from damperfit.recording import Recording
 

@@ -38,7 +38,7 @@ from damperfit.units.shown_units import SI, ShownUnits
 if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
-    from damperfit.uncertainty import Assessment
+    from damperfit.uncertainty.assessment import Assessment
 
 
 @dataclass(frozen=True, slots=True)

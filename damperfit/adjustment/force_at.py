@@ -36,10 +36,10 @@ from damperfit.statistics import NORMAL_95
 if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.errors import OnError
-    from damperfit.identification import Fit
+    from damperfit.identification.fit_setting import Fit
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Assessment, SpeedForces
-    from damperfit.uncertainty.speed_forces import MeasuredForce
+    from damperfit.uncertainty.assessment import Assessment
+    from damperfit.uncertainty.speed_forces import MeasuredForce, SpeedForces
 
 STROKE_WORDS = {"rebound": "rebound", "bump": "compression"}  # keys are the paper's, words people's
 STROKES = tuple(STROKE_WORDS)

@@ -35,14 +35,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.arrays import FloatArray
-from damperfit.identification import Fit, Status
+from damperfit.identification.fit_setting import Fit
+from damperfit.identification.outcome import Status
 from damperfit.statistics import median, student_quantile
 from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
-    from damperfit.uncertainty import Uncertainty
+    from damperfit.uncertainty.covariance import Uncertainty
 
 SCALES = ("linear", "log", "reciprocal", "from_first", "from_last")
 _SIGN = {"linear": 1.0, "reciprocal": -1.0}  # P is y to this power; on other scales its logarithm

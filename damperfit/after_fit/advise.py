@@ -30,8 +30,8 @@ import numpy as np
 
 from damperfit.adjustment.force_at import force_at
 from damperfit.arrays import FloatArray
-from damperfit.conditioning import condition
 from damperfit.conditioning.filters import apply_filter, design_filter, passed_filter
+from damperfit.conditioning.log_to_trace import condition
 from damperfit.configuration.damper_section import damper_of_record
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import Model, Values

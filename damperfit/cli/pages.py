@@ -19,7 +19,7 @@ from damperfit.configuration.loading import configuration_toml, load_configurati
 from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.exporting.targets import TARGETS, Target
-from damperfit.identification import Outcome
+from damperfit.identification.outcome import Outcome
 from damperfit.manual import TOPICS, read_page, read_schema
 from damperfit.tables.columns import describe_tables
 from damperfit.units.quantities import _TABLE, units_of

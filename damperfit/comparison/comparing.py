@@ -39,7 +39,7 @@ from damperfit.comparison.measured import (
     zero_shift,
 )
 from damperfit.errors import ConfigurationError, failure_of
-from damperfit.identification import Status
+from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.problem import Failure
 from damperfit.statistics import NORMAL_95

@@ -22,7 +22,7 @@ from pydantic import (
     create_model,
 )
 
-from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest, OffsetFacts
+from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest, OffsetFacts
 from damperfit.configuration.damper_section import damper_defaults, damper_of, damper_record
 from damperfit.configuration.drawings import MEASURED
 from damperfit.damper.model import MODELS, Model
@@ -46,7 +46,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.tables.columns import column_names
 from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import Setting, parse_setting
-from damperfit.uncertainty import HoldOutOptions, check_profile_names
+from damperfit.uncertainty.options import HoldOutOptions, check_profile_names
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.units.shown_units import parse_units
 

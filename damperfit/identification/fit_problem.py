@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.conditioning import apply_filter
+from damperfit.conditioning.filters import apply_filter
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.least_squares import (
     BorderedSystem,

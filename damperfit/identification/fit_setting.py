@@ -24,7 +24,7 @@ from zlib import crc32
 import numpy as np
 
 from damperfit.arrays import FloatArray
-from damperfit.conditioning import noise_floor
+from damperfit.conditioning.noise import noise_floor
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import DamperfitError, FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import (

@@ -16,7 +16,8 @@ from damperfit.damper.mounting import NONE
 from damperfit.damper.network import BLOW_OFF_PARTS
 from damperfit.damper.quantity import FRICTION, STIFFNESS
 from damperfit.damper.valve_dampers import ValveDamper
-from damperfit.identification import Campaign, Status
+from damperfit.identification.outcome import Status
+from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import of_settings
 from damperfit.laws.structures import in_other_layouts
 from damperfit.tested.setting import Setting

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.arrays import FloatArray
-from damperfit.conditioning import TRANSIENTS, transients
+from damperfit.conditioning.segments import TRANSIENTS, transients
 from damperfit.errors import SimulationError
-from damperfit.identification import compare, normalised_mse
 from damperfit.identification.fit_problem import Block, is_at_edge
 from damperfit.identification.fit_setting import COMPARING, best_of_starts
 from damperfit.identification.least_squares import Minimum, inverse_information
-from damperfit.identification.logs import FEWEST_SAMPLES
+from damperfit.identification.logs import FEWEST_SAMPLES, compare, normalised_mse
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting

@@ -39,7 +39,6 @@ from damperfit.arrays import FloatArray
 from damperfit.damper.model import Model, Values
 from damperfit.damper.valve_dampers import ValveDamper, ValveReading, read_loops, valve_starts
 from damperfit.errors import SimulationError
-from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import (
     BELIEVED_FRICTION,
@@ -55,7 +54,7 @@ from damperfit.identification.least_squares import (
     Stopping,
     inverse_information,
 )
-from damperfit.identification.logs import effective_samples
+from damperfit.identification.logs import compare, effective_samples
 from damperfit.identification.sharing import Follows, Unknown, one_by_one, unknown_at
 from damperfit.laws.law_fit import (
     ENOUGH_PERCENT,

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning.log_to_trace import condition
+from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.polarity import CONTRADICTED, UNKNOWN
 from damperfit.configuration.damper_section import damper_defaults
 from damperfit.configuration.drawings import DRAWINGS, MEASURED

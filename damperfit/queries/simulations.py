@@ -23,7 +23,7 @@ from damperfit.errors import (
     did_you_mean,
     failure_of,
 )
-from damperfit.identification import unlimited_in, values_from_others
+from damperfit.identification.sharing import unlimited_in, values_from_others
 from damperfit.io import read_log
 from damperfit.problem import Option, listed_names
 from damperfit.recording import Trace

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.trends import in_few_words
 from damperfit.errors import ConfigurationError
-from damperfit.identification import Outcome
+from damperfit.identification.outcome import Outcome
 from damperfit.identification.sharing import of_runs
 from damperfit.problem import Problem, failure_lines, listing, short_listing
 from damperfit.reporting.records import (

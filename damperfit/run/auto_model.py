@@ -15,7 +15,7 @@ from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.quantity import Quantity
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
-from damperfit.identification import DETECT, FitOptions, GivenStart, shared_names
+from damperfit.identification.options import DETECT, FitOptions, GivenStart, shared_names
 from damperfit.identification.sharing import Follows
 from damperfit.laws.description import physics_seen, undecided
 from damperfit.laws.law_fit import (

@@ -10,7 +10,7 @@ from damperfit.damper.network import BLOW_OFFS, Valve
 from damperfit.damper.quantity import FRICTION, GAS_AMOUNT, OFFSET, STIFFNESS
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification import GivenStart, check_start
+from damperfit.identification.options import GivenStart, check_start
 from damperfit.problem import Option
 from damperfit.tables.files import read_known_numbers
 from damperfit.tested.setting import Setting

@@ -31,7 +31,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.conditioning.duplicates import (
     REPEATS,
     contradiction,
@@ -39,6 +38,7 @@ from damperfit.conditioning.duplicates import (
     is_same_test,
     rod_area_ratio,
 )
+from damperfit.conditioning.segments import TRANSIENTS, transients
 from damperfit.configuration.options import Configuration, unmatched
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import (
@@ -48,7 +48,9 @@ from damperfit.errors import (
     OutputError,
     failure_of,
 )
-from damperfit.identification import Campaign, Fit, LogFit
+from damperfit.identification.fit_setting import Fit
+from damperfit.identification.logs import LogFit
+from damperfit.identification.procedures import Campaign
 from damperfit.identification.unlike_motions import contradictory_motions
 from damperfit.problem import Failure, Option, Problem, listed_names, warning
 from damperfit.recording import Trace, natural_order
@@ -56,7 +58,8 @@ from damperfit.run.log_files import expand, real_path
 from damperfit.run.logs import LogBatch, add_traces, read_batch
 from damperfit.store import check_writable, reserved
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import HoldOutOptions, Prediction, SegmentRange, split_cycles
+from damperfit.uncertainty.grades import Prediction, SegmentRange, split_cycles
+from damperfit.uncertainty.options import HoldOutOptions
 from damperfit.workers import apart, available_cores, told_here
 
 if TYPE_CHECKING:
@@ -330,7 +333,7 @@ def _fitted(
 
 def _fits(configuration: Configuration, batch: LogBatch, *, jobs: int, watch: Watch) -> Campaign:
     """Return the fits of all settings; none where there is no log, or the user has stopped."""
-    from damperfit.identification import Campaign, identify
+    from damperfit.identification.procedures import Campaign, identify
 
     damper, options = configuration.damper, configuration.identification
     if not batch.traces or watch.cancelled():

@@ -22,7 +22,7 @@ from damperfit.units.quantities import units_of
 if TYPE_CHECKING:
     import pandas as pd
 
-    from damperfit.conditioning import ConditionOptions
+    from damperfit.conditioning.options import ConditionOptions
 
 
 # Paths and patterns
@@ -279,7 +279,7 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
 
 def in_memory(logs: object, options: ConditionOptions) -> tuple[object, list[Trace]]:
     """Return what must be read yet, and what needs no reading: traces, recordings conditioned."""
-    from damperfit.conditioning import condition
+    from damperfit.conditioning.log_to_trace import condition
 
     if isinstance(logs, Trace | Recording):
         logs = [logs]

@@ -22,7 +22,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.conditioning import ConditionOptions, condition, examine_raw
+from damperfit.conditioning.findings import examine_raw
+from damperfit.conditioning.log_to_trace import condition
+from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.polarity import CONTRADICTED, UNKNOWN, reversed_in
 from damperfit.errors import (
     ConfigurationError,

@@ -30,7 +30,9 @@ from damperfit.errors import (
     failure_of,
     sparing,
 )
-from damperfit.identification import Campaign, Status, describe_searches
+from damperfit.identification.fit_setting import describe_searches
+from damperfit.identification.outcome import Status
+from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Trace
@@ -48,25 +50,25 @@ from damperfit.tables.files import LogSignals, json_values, typed_rows
 from damperfit.tables.rows import campaign_rows, profile_rows, valve_rows
 from damperfit.tested.identity import Identity, common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
-from damperfit.uncertainty import (
+from damperfit.uncertainty.assessment import (
     METHOD,
     Assessment,
-    Bench,
-    Interval,
-    MisfitProfile,
+    assess,
+    profile_campaign,
+    reconsider,
+)
+from damperfit.uncertainty.covariance import Interval, Uncertainty, make_interval
+from damperfit.uncertainty.grades import (
     Objection,
     Prediction,
-    Uncertainty,
-    assess,
+    air_objections,
+    doubted_cavitation,
     missed_predictions,
     objections,
     predict,
     prediction_warnings,
-    profile_campaign,
-    reconsider,
 )
-from damperfit.uncertainty.covariance import make_interval
-from damperfit.uncertainty.grades import air_objections, doubted_cavitation
+from damperfit.uncertainty.profiles import Bench, MisfitProfile
 from damperfit.units.quantities import engineering
 from damperfit.workers import executor
 

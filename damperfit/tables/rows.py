@@ -19,9 +19,10 @@ from damperfit.conditioning.measured_characteristics import (
     mean_extremes,
 )
 from damperfit.damper.model import Model
-from damperfit.identification import Campaign, Fit, SimulatedLog
-from damperfit.identification.fit_setting import EXCELLENT
+from damperfit.identification.fit_setting import EXCELLENT, Fit
+from damperfit.identification.logs import SimulatedLog
 from damperfit.identification.outcome import Status
+from damperfit.identification.procedures import Campaign
 from damperfit.passed_speeds import in_both_strokes
 from damperfit.recording import Stretch, Trace
 from damperfit.simulation import NAMED_SPEEDS
@@ -29,7 +30,10 @@ from damperfit.statistics import mean_of
 from damperfit.tables.columns import CAVITATION, CLICK, FORCE, Column
 from damperfit.tables.files import LogSignals, finite
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import Assessment, Interval, MisfitProfile, Prediction
+from damperfit.uncertainty.assessment import Assessment
+from damperfit.uncertainty.covariance import Interval
+from damperfit.uncertainty.grades import Prediction
+from damperfit.uncertainty.profiles import MisfitProfile
 
 if TYPE_CHECKING:
     from damperfit.damper.valve_dampers import ValveCharacteristic

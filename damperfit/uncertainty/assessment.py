@@ -16,13 +16,12 @@ import numpy as np
 from damperfit.damper.model import Model
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import FitCancelledError, SimulationError, sparing
-from damperfit.identification import Campaign, Fit, Sharing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import is_nothing
-from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, Fit, is_loose
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.procedures import TAKEN
-from damperfit.identification.sharing import of_settings, unknown_at
+from damperfit.identification.procedures import TAKEN, Campaign
+from damperfit.identification.sharing import Sharing, of_settings, unknown_at
 from damperfit.problem import Option, Problem, warning
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95, percentiles

@@ -60,14 +60,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.conditioning import apply_filter
+from damperfit.conditioning.filters import apply_filter
 from damperfit.damper.model import Model, Values
 from damperfit.damper.mounting import other_turns, with_pressed_seal
 from damperfit.errors import SimulationError, sparing
-from damperfit.identification import Campaign, Fit, LogFit, Sharing, SimulatedLog
-from damperfit.identification.logs import SettledCycle, compare, fast_length, weights
+from damperfit.identification.fit_setting import Fit
+from damperfit.identification.logs import (
+    LogFit,
+    SettledCycle,
+    SimulatedLog,
+    compare,
+    fast_length,
+    weights,
+)
 from damperfit.identification.outcome import Status
-from damperfit.identification.sharing import GAS_FOLLOWER, GAS_NAMES
+from damperfit.identification.procedures import Campaign
+from damperfit.identification.sharing import GAS_FOLLOWER, GAS_NAMES, Sharing
 from damperfit.recording import FilterDesign, Stretch, Trace
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.statistics import NORMAL_95, student_quantile

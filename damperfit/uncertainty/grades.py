@@ -18,26 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.conditioning import TRANSIENTS, GasFacts, apply_filter, noise_floor
+from damperfit.conditioning.filters import apply_filter
+from damperfit.conditioning.noise import noise_floor
+from damperfit.conditioning.options import GasFacts
 from damperfit.conditioning.polarity import CONTRADICTED, force_level
+from damperfit.conditioning.segments import TRANSIENTS
 from damperfit.damper.cylinder import AMBIENT
 from damperfit.damper.load_cell import behind_lag
 from damperfit.damper.model import Model
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
-from damperfit.identification import (
-    Campaign,
-    Fit,
-    FitOptions,
-    GivenStart,
-    LogFit,
-    SimulatedLog,
-    compare,
-    identify,
-    normalised_mse,
-)
 from damperfit.identification.fit_problem import edge_of
+from damperfit.identification.fit_setting import Fit
+from damperfit.identification.logs import LogFit, SimulatedLog, compare, normalised_mse
+from damperfit.identification.options import FitOptions, GivenStart
 from damperfit.identification.outcome import Status
+from damperfit.identification.procedures import Campaign, identify
 from damperfit.identification.sharing import unlimited_in, values_from_others
 from damperfit.problem import Problem, warning
 from damperfit.recording import Stretch, Trace

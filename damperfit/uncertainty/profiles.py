@@ -35,7 +35,6 @@ from damperfit.arrays import FloatArray
 from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import FitCancelledError, SimulationError
-from damperfit.identification import Fit
 from damperfit.identification.fit_problem import (
     Block,
     FitProblem,
@@ -46,7 +45,7 @@ from damperfit.identification.fit_problem import (
     values_of,
     with_values,
 )
-from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, Fit
 from damperfit.identification.joint import fit_jointly
 from damperfit.identification.least_squares import NO_LENGTH, DenseSystem, Stopping, iterate
 from damperfit.identification.outcome import Status

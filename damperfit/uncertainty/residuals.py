@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from damperfit.arrays import FloatArray
-from damperfit.conditioning import apply_filter
+from damperfit.conditioning.filters import apply_filter
 from damperfit.conditioning.polarity import YIELDS, held_shares
 from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.outcome import Status
