@@ -117,7 +117,7 @@ def test_its_signals_are_numbers_and_nothing_else_is_told_by_pressures(name: str
     told = np.isfinite(seen.pressures).all(axis=1)
     assert list(told) == [signal in one.model.signals for signal in PRESSURES]
     (fit,) = one.campaign.fits
-    assert math.isfinite(fit.cavitation_fraction) == bool(one.model.signals)
+    assert math.isfinite(fit.cavitation.fraction) == bool(one.model.signals)
 
 
 @EVERY

@@ -55,11 +55,6 @@ class Cavitation:
     safe_gas_pressure: float = math.nan
 
     @property
-    def margin(self) -> float:
-        """Fraction by which the resistance may rise that empties a chamber; as `r_m3_margin`."""
-        return self.r_m3_margin
-
-    @property
     def moment(self) -> str:
         """When the pressure is lowest, in words."""
         x, v = f"x = {1e3 * self.displacement:+.0f} mm", f"v = {self.velocity:+.2f} m/s"
@@ -108,13 +103,10 @@ def _share(fraction: float) -> str:
     return f"{100.0 * fraction:.2g} %"
 
 
-def seen_cavitation(seen: Sequence[tuple[Trace, Response]]) -> Cavitation:
-    """Return what the pressures of a setting's logs show."""
-    return _lowest(seen)[0]
-
-
-def _lowest(seen: Sequence[tuple[Trace, Response]]) -> tuple[Cavitation, Trace, Response, int]:
-    """The same with the log of the lowest pressure, and its sample."""
+def seen_cavitation(
+    seen: Sequence[tuple[Trace, Response]],
+) -> tuple[Cavitation, Trace, Response, int]:
+    """Return what the pressures of a setting's logs show, the log of the lowest, and its sample."""
     trace, response = min(seen, key=lambda log: float(log[1].pressures[:, log[0].compared].min()))
     part = trace.compared
     pressures = response.pressures[:, part]
@@ -143,8 +135,17 @@ def examine_cavitation(
 
     The one with the lowest pressure is looked at closely.
     """
-    shown, trace, response, moment = _lowest(seen)
-    line = _nearness(parameters, trace, response, damper)
+    shown, trace, response, moment = seen_cavitation(seen)
+    # Largest (P_3 - P_2)/P_3 of the cycle: 1 at the onset of cavitation, small far from it.
+    p_2, p_3 = response.pressures[1:, trace.compared]
+    if float(p_2.min()) > 0.0:
+        nearness = 1.0 - p_2 / p_3
+    else:
+        # While the clamp holds, the drop over valve 3 is not seen: that of incompressible oil.
+        x, v = trace.displacement[trace.compared], trace.velocity[trace.compared]
+        drop = damper.oil_density * parameters.r_m3 * damper.piston_area * v
+        nearness = drop / gas_pressure(damper, x)
+    line = max(float(np.max(nearness)), 1e-300)
     # The motion that leads there: of steady cycles the last, and as much before as it takes to
     # forget the start.
     stretch = next(one for one in trace.stretches if one.first <= moment < one.stop)
@@ -166,17 +167,6 @@ def examine_cavitation(
     margin = _root(lambda factor: lowest(factor, 1.0), 1.0 / line, known)
     safe = _root(lambda factor: lowest(1.0, factor), line, known)
     return replace(shown, r_m3_margin=margin - 1.0, safe_gas_pressure=safe * damper.gas_pressure)
-
-
-def _nearness(parameters: Values, trace: Trace, response: Response, damper: Damper) -> float:
-    """Largest (P_3 - P_2)/P_3 of the cycle: 1 at the onset of cavitation, small far from it."""
-    p_2, p_3 = response.pressures[1:, trace.compared]
-    if float(p_2.min()) > 0.0:
-        return max(float(np.max(1.0 - p_2 / p_3)), 1e-300)
-    # While the clamp holds, the drop over valve 3 is not seen: take that of incompressible oil.
-    x, v = trace.displacement[trace.compared], trace.velocity[trace.compared]
-    drop = damper.oil_density * parameters.r_m3 * damper.piston_area * v
-    return max(float(np.max(drop / gas_pressure(damper, x))), 1e-300)
 
 
 def _root(lowest: Callable[[float], float], guess: float, known: float = math.nan) -> float:

@@ -232,7 +232,7 @@ class Model(ABC):
         from damperfit.damper.cavitation import Cavitation, seen_cavitation
 
         del values, solver
-        return seen_cavitation(seen) if self.signals else Cavitation()
+        return seen_cavitation(seen)[0] if self.signals else Cavitation()
 
     def valve_characteristics(
         self, values: Values, traces: Sequence[Trace]

@@ -60,19 +60,6 @@ class QuasiStatic(NamedTuple):
         return np.asarray(np.nanmin(self.pressures, axis=0, initial=np.inf) <= 0.0)
 
 
-def ideal_values(damper: Model, values: Values, *, with_tare: bool = False) -> Values:
-    """Return values of a damper that neither yields nor lags, on a rig without tare unless wanted.
-
-    Where the model knows no gas the rig's offset holds the gas force, and stays in any case.
-    """
-    values = _as_declared(damper, values)
-    keeps = with_tare or damper.rest_force(0.0) is None
-    # By the damper's: results of before quantities had an ideal value do not tell theirs.
-    changes = {one.name: one.ideal for one in damper.quantities if one.ideal is not None}
-    offsets = {one.name: 0.0 for one in values.quantities if one.is_offset and not keeps}
-    return values.replace(changes | offsets)
-
-
 def quasi_static(
     damper: Model,
     values: Values,
@@ -111,12 +98,15 @@ def quasi_static(
         raise ConfigurationError(
             f"speeds: expected finite numbers, found {asked.tolist()}", code="not-finite"
         )
-    values = _as_declared(damper, values)
-    ideal = ideal_values(damper, values, with_tare=with_tare)
+    if values.quantities != damper.quantities and values.names == damper.names:
+        # Those of an older run do not say what is ideal.
+        values = damper.values(dict(values))
     offsets = [one.name for one in values.quantities if one.is_offset]
     gas = damper.rest_force(displacement)
-    is_out = {one.name for one in damper.quantities if one.ideal is not None}
-    is_out |= {*offsets} if gas is not None and not with_tare else set()
+    # Where the model knows no gas the rig's offset holds the gas force, and stays in any case.
+    is_out = dict.fromkeys(offsets, 0.0) if gas is not None and not with_tare else {}
+    is_out |= {one.name: one.ideal for one in damper.quantities if one.ideal is not None}
+    ideal = values.replace(is_out)
     seals = [one.name for one in values.quantities if one.role == FRICTION]
     seals += [name for name in _FRICTION_PARTS if name in values.names]
     wanted = tuple(dict.fromkeys((*(n for n in sensitivities if n not in is_out), *seals)))
@@ -148,13 +138,6 @@ def quasi_static(
         sensitivities=tuple(sensitivities),
         slopes=np.array([rows[n] for n in sensitivities]).reshape(len(sensitivities), len(asked)),
     )
-
-
-def _as_declared(damper: Model, values: Values) -> Values:
-    """The same of the damper's own quantities: those of an older run do not say what is ideal."""
-    if values.quantities == damper.quantities or values.names != damper.names:
-        return values
-    return damper.values(dict(zip(values.names, values.numbers, strict=True)))
 
 
 def _steps(speeds: FloatArray, end: float, leg: float) -> tuple[Motion, NDArray[np.intp]]:

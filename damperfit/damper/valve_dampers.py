@@ -204,15 +204,52 @@ class ValveDamper(Cylinder):
         inside = self.gas_pressure * (self.gas_volume / room) ** self.gas_exponent
         return np.asarray(self.rod_area * (self.ambient_pressure - inside))
 
-    def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
-        """Start from the valves as read off the loops: `damperfit.damper.valve_dampers`."""
-        return valve_starts(self, traces, fixed)
+    def start(
+        self,
+        traces: Sequence[Trace],
+        fixed: Mapping[str, float],
+        readings: Sequence[ValveReading] = (),
+    ) -> tuple[Values, ...]:
+        """Start from the valves as the loops show them, by `read_loops` where that is known."""
+        points = valve_points(self, traces, fixed, readings)
+        return tuple(within_plausible(self, point, fixed) for point in points)
 
     def valve_characteristics(
         self, values: Values, traces: Sequence[Trace]
     ) -> tuple[ValveCharacteristic, ...]:
-        """Read them as `damperfit.damper.valve_dampers` says."""
-        return valve_characteristics(self, values, traces)
+        """Return the valves by the logs of a setting; one that these hardly press is left out."""
+        numbers = dict(values)
+        of_cell = {name: numbers[name] for name in OF_LOAD_CELL if name in numbers}
+        loops = [
+            loop_of(before_load_cell(trace, **of_cell), self.rest_force(trace.displacement))
+            for trace in traces
+        ]
+        both = [Side(side.area, side.drag + numbers["drag"]) for side in _sides(self, numbers)]
+        reading = read_valves(loops, *both, offset=numbers["f_0"], friction=numbers["f_f"])
+        read = []
+        for stroke, side in zip(STROKES, both, strict=True):
+            curve: ValveCurve = getattr(reading, stroke)
+            valve: Valve = getattr(self, stroke)
+            if curve.highest <= 0.0:
+                continue
+            own = {part: numbers[f"{stroke}_{part}"] for part in valve.parts}
+            # A bleed rises steeply from nothing: most points stand there.
+            drop = curve.highest * np.linspace(0.0, 1.0, _POINTS) ** 2
+            opening = own.get("opening")
+            if opening is not None and opening < curve.highest:
+                drop = np.sort(np.append(drop, opening))
+            read.append(
+                ValveCharacteristic(
+                    stroke="bump" if stroke == "compression" else stroke,
+                    area=side.area,
+                    drop=curve.drop,
+                    flow=curve.flow,
+                    law_drop=drop,
+                    law_flow=law_flow(own, drop, self.oil_density),
+                    opening=opening,
+                )
+            )
+        return tuple(read)
 
 
 @dataclass(frozen=True, slots=True)
@@ -416,8 +453,14 @@ class DeclaredNetwork(ValveDamper):
             **{name: getattr(self, name) for name in (*VALVE_RANGES, "mounting", "friction")}
         )
 
-    def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
+    def start(
+        self,
+        traces: Sequence[Trace],
+        fixed: Mapping[str, float],
+        readings: Sequence[ValveReading] = (),
+    ) -> tuple[Values, ...]:
         """Start from the valves of the preset that presses alike, shared out among the passages."""
+        del readings  # of its own preset
         opens = {passage.start for passage in self.passages if passage.law in BLOW_OFFS}
         points: list[list[dict[str, float]]] = []
         for kind in (law for law in BLOW_OFFS if law not in {"none", "linear"}):
@@ -704,65 +747,16 @@ class ValveCharacteristic(NamedTuple):
     opening: float | None  # p_open of its blow-off, Pa; None without one
 
 
-def valve_characteristics(
-    damper: ValveDamper, values: Values, traces: Sequence[Trace]
-) -> tuple[ValveCharacteristic, ...]:
-    """Return the valves of a setting by its logs; one that these hardly press is left out."""
-    numbers = dict(values)
-    of_cell = {name: numbers[name] for name in OF_LOAD_CELL if name in numbers}
-    loops = [
-        loop_of(before_load_cell(trace, **of_cell), damper.rest_force(trace.displacement))
-        for trace in traces
-    ]
-    both = [Side(side.area, side.drag + numbers["drag"]) for side in _sides(damper, numbers)]
-    reading = read_valves(loops, *both, offset=numbers["f_0"], friction=numbers["f_f"])
-    read = []
-    for stroke, side in zip(STROKES, both, strict=True):
-        curve: ValveCurve = getattr(reading, stroke)
-        valve: Valve = getattr(damper, stroke)
-        if curve.highest <= 0.0:
-            continue
-        own = {part: numbers[f"{stroke}_{part}"] for part in valve.parts}
-        # A bleed rises steeply from nothing: most points stand there.
-        drop = curve.highest * np.linspace(0.0, 1.0, _POINTS) ** 2
-        opening = own.get("opening")
-        if opening is not None and opening < curve.highest:
-            drop = np.sort(np.append(drop, opening))
-        read.append(
-            ValveCharacteristic(
-                stroke="bump" if stroke == "compression" else stroke,
-                area=side.area,
-                drop=curve.drop,
-                flow=curve.flow,
-                law_drop=drop,
-                law_flow=law_flow(own, drop, damper.oil_density),
-                opening=opening,
-            )
-        )
-    return tuple(read)
-
-
-def valve_starts(
-    damper: ValveDamper,
-    traces: Sequence[Trace],
-    fixed: Mapping[str, float],
-    readings: Sequence[ValveReading] = (),
-) -> tuple[Values, ...]:
-    """Return starting points for the logs of one setting, that of the loops first.
-
-    The readings are those of `read_loops`, where they are known.
-    """
-    points = valve_points(damper, traces, fixed, readings)
-    return tuple(within_plausible(damper, point, fixed) for point in points)
-
-
 def valve_points(
     damper: ValveDamper,
     traces: Sequence[Trace],
     fixed: Mapping[str, float],
     readings: Sequence[ValveReading] = (),
 ) -> list[dict[str, float]]:
-    """Return the same points by name, whatever of it the damper has."""
+    """Return where a fit of a setting may start, by name, that of the loops first.
+
+    Whatever of it the damper has.
+    """
     readings = readings or read_loops(damper, traces, fixed)
     speed = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in traces)
     force = np.concatenate([trace.force[trace.compared] for trace in traces])

@@ -153,16 +153,6 @@ class Fit:
     logs: tuple[LogFit, ...]  # fitted together
     warnings: tuple[Problem, ...] = ()
 
-    @property
-    def cavitation_fraction(self) -> float:
-        """Share of the compared time with a chamber at zero pressure."""
-        return self.cavitation.fraction
-
-    @property
-    def cavitation_margin(self) -> float:
-        """Fraction by which the resistance may rise that empties a chamber on this motion."""
-        return self.cavitation.margin
-
 
 def minimised(block: Block, start: Values, *, spent: int = 0) -> FitResult:
     """The minimum that a start leads to, judged; evaluations already spent are added."""

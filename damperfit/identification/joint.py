@@ -159,20 +159,6 @@ def _fairly_weighed(problem: FitProblem, ended: Minimum[Point]) -> Minimum[Point
     return ended
 
 
-def rough_errors(problem: FitProblem, ended: Minimum[Point]) -> dict[Unknown, float]:
-    """Rough relative standard errors of the shared unknowns where a fit has ended."""
-    assert isinstance(ended.system, BorderedSystem)
-    variances = np.diag(inverse_information(ended.system.shared_rows)).tolist()
-    inflation = np.mean(
-        [problem.blocks[s].facts.n_samples / n for s, n in ended.extra.n_independent.items()]
-    )
-    border = replace(problem, gas=ended.extra.gas).border
-    return {
-        unknown: math.sqrt(variance * inflation)
-        for unknown, variance in zip(border, variances, strict=True)
-    }
-
-
 # What is shared.
 
 
@@ -480,8 +466,12 @@ def _result(
     spent: int,
 ) -> JointResult:
     """What a joint fit has reached, and what it has not."""
-    system, at, status = ended.system, ended.extra, {}
-    errors = rough_errors(tied, ended)
+    system, at, status = cast("BorderedSystem", ended.system), ended.extra, {}
+    # Rough relative standard errors of what is shared.
+    inflation = np.mean([tied.blocks[s].facts.n_samples / n for s, n in at.n_independent.items()])
+    variances = np.diag(inverse_information(system.shared_rows)) * inflation
+    border = replace(tied, gas=at.gas).border
+    errors = dict(zip(border, np.sqrt(variances).tolist(), strict=True))
     for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(at.values)):
         having = [values for s, values in at.values.items() if unknown.holds_at(s)]
         one, value = having[0].quantity(unknown.name), getattr(having[0], unknown.name)

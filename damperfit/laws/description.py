@@ -63,12 +63,6 @@ def _with(status: Mapping[str, Status], wanted: frozenset[Status]) -> tuple[str,
     return tuple(name for name, one in status.items() if one in wanted)
 
 
-def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
-    """Return the oil's force at which the blow-off of a stroke opens, N; its p_open is in Pa."""
-    rebound, compression = damper.pressed_areas
-    return opening * (rebound if stroke == "rebound" else compression)
-
-
 def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -> tuple[str, ...]:
     """Return one sentence for each part that the law has.
 
@@ -85,12 +79,12 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
         return 1e-5 * resistance * model.oil_density * _SHOWN_FLOW
 
     said = []
-    for stroke in ("rebound", "compression"):
+    for stroke, area in zip(("rebound", "compression"), model.pressed_areas, strict=True):
         valve = getattr(model, stroke)
         if valve.blow_off != "none":
             name = f"{stroke}_opening"
             openings = _determined(fits, name)
-            forces = [opening_force(model, stroke, one) for one in openings]
+            forces = [area * one for one in openings]
             said.append(
                 f"in {stroke} a blow-off opens at {_range(forces)} N "
                 f"({_range([1e-5 * one for one in openings])} bar"

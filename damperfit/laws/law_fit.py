@@ -265,8 +265,6 @@ ENOUGH_HELD_OUT_PERCENT = 0.2
 SEEN_APART = 1.5
 # The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
 _NOTHING_APART = 4.0
-# A tenth of what is asked of a prediction: below it none predicts worse, and no verdict asks less.
-PREDICTED_PERCENT = 0.05
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
 # Two predictions this near each other differ by noise.
 NO_WORSE = 1.1

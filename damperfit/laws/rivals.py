@@ -34,8 +34,15 @@ def rank_rivals(
 
     def fit(job: tuple[type[Rival], SettingLogs]) -> LawFit | None:
         kind, one = job
+        model = kind()
+        if (
+            kind is RestoringForceSurface
+        ):  # laid over strokes and speeds of the logs that are fitted
+            widest = max(float(np.max(np.abs(t.displacement[t.compared]))) for t in one.fitted)
+            fastest = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in one.fitted)
+            model = RestoringForceSurface(half_stroke=widest, top_speed=fastest)
         try:
-            return fit_law(_on_scale(kind, one), one, solver=solver)
+            return fit_law(model, one, solver=solver)
         except SimulationError:
             return None
 
@@ -53,15 +60,6 @@ def rank_rivals(
 def _rank(rival: Tried) -> tuple[float, float]:
     held = rival.held_out_percent
     return (0.0 if math.isnan(held) else held, rival.mse_percent)
-
-
-def _on_scale(kind: type[Rival], one: SettingLogs) -> Rival:
-    """The model; a surface is laid over the strokes and speeds of the logs that are fitted."""
-    if kind is not RestoringForceSurface:
-        return kind()
-    widest = max(float(np.max(np.abs(t.displacement[t.compared]))) for t in one.fitted)
-    fastest = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in one.fitted)
-    return RestoringForceSurface(half_stroke=widest, top_speed=fastest)
 
 
 # What yields before it slides, held against the valves that were found.

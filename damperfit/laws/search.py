@@ -37,7 +37,7 @@ import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.damper.model import Model, Values
-from damperfit.damper.valve_dampers import ValveDamper, ValveReading, read_loops, valve_starts
+from damperfit.damper.valve_dampers import ValveDamper, ValveReading, read_loops
 from damperfit.errors import SimulationError
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import (
@@ -319,7 +319,8 @@ class _Search:
             place = damper.name, damper.mounting.moving_mass, held.get("return_slope"), setting
             if place not in self._readings:
                 self._readings[place] = read_loops(damper, logs, held)
-            self._starts[key] = valve_starts(damper, logs, held, self._readings[place])[0]
+            known = self._readings[place]
+            self._starts[key] = ValveDamper.start(damper, logs, held, known)[0]
         return self._starts[key]
 
     def glanced(self, structure: Structure, near: _Fit, began: str = "") -> _Fit | None:

@@ -97,7 +97,16 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
     law = cast("ValveDamper", damper)
     rebound, bump = _of_valve(law.rebound), _of_valve(law.compression)
     valves = rebound if rebound == bump else f"{rebound} in rebound, {bump} in bump"
-    words = [f"{law.name.replace('_', ' ')}: {valves}", _of_rig(law.mounting)]
+    mounting = law.mounting
+    parts = (
+        ("elastic mounting", mounting.series_stiffness),
+        ("play", mounting.play),
+        ("rubber", mounting.rubber),
+        ("lag", mounting.lag),
+        ("moving mass", mounting.moving_mass),
+    )
+    rig = ", ".join(word for word, kind in parts if kind != NONE) or "rigid mounting"
+    words = [f"{law.name.replace('_', ' ')}: {valves}", rig]
     words += [said for part, said in _FRICTION.items() if getattr(law.friction, part) != NONE]
     if freed:
         words.append("also " + ", ".join(law.quantity(name).label for name in freed))
@@ -110,17 +119,6 @@ def _of_valve(valve: Valve) -> str:
 
 
 _FRICTION = {part: said for part, (owner, _, said) in PARTS.items() if owner == "friction"}
-
-
-def _of_rig(mounting: Mounting) -> str:
-    parts = (
-        ("elastic mounting", mounting.series_stiffness),
-        ("play", mounting.play),
-        ("rubber", mounting.rubber),
-        ("lag", mounting.lag),
-        ("moving mass", mounting.moving_mass),
-    )
-    return ", ".join(word for word, kind in parts if kind != NONE) or "rigid mounting"
 
 
 # A stroke with only one of the two has the other in its place: neither may be missing meanwhile.

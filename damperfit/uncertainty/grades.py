@@ -482,6 +482,8 @@ _OF_CHANCE = 3.0
 _LEAST_TESTED = 0.3
 # N; a load cell drifts by less between tests.
 _TOLD_OFFSET = 1.0
+# A tenth of what is asked of a prediction: a model that carries over to another motion may have it.
+PREDICTED_PERCENT = 0.05
 # Stroke and peak speed that differ by less are one motion: rigs repeat both to a per cent or two.
 _SAME_MOTION = 0.05
 
@@ -607,7 +609,9 @@ def predict(
     """
     fits = {fit.setting: fit for fit in campaign.fits}
     parameters = {setting: fit.parameters for setting, fit in fits.items()}
-    noise = {one.setting: _known(one.noise_percent) for one in assessment.diagnoses}
+    # Nothing is known of the scatter of a single cycle: then all of the misfit is lack of fit.
+    known = (one for one in assessment.diagnoses if not math.isnan(one.noise_percent))
+    noise = {one.setting: one.noise_percent for one in known}
     unlimited = {fit.setting: assessment.unlimited(fit) for fit in campaign.fits}
     lacks = [max(fit.mse_percent - noise.get(fit.setting, 0.0), 0.0) for fit in campaign.fits]
     predictions = []
@@ -637,7 +641,7 @@ def predict(
                 mse_percent=normalised_mse(measured, simulated),
                 noise_floor_percent=noise_floor(trace),
                 fitted_mse_percent=float(np.mean([fit.mse_percent for fit in campaign.fits])),
-                expected_mse_percent=_expected(expected),
+                expected_mse_percent=max(expected, PREDICTED_PERCENT),
                 is_unseen=True,
                 unlimited=unlimited_in(values, parameters, unlimited),
             )
@@ -678,19 +682,12 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
         mse_percent=normalised_mse(measured, simulated),
         noise_floor_percent=noise_floor(trace),
         fitted_mse_percent=fit.mse_percent,
-        expected_mse_percent=expected if is_same_motion else _expected(expected),
+        expected_mse_percent=expected if is_same_motion else max(expected, PREDICTED_PERCENT),
         is_same_motion=is_same_motion,
         is_same_speed=_is_same_motion(fit, trace, has_same_stroke=False),
         own_offset=offset,
         tested_share=share,
     )
-
-
-def _expected(percent: float) -> float:
-    """Return the MSE that a model which carries over has, %; none below what matters is asked."""
-    from damperfit.laws.law_fit import PREDICTED_PERCENT
-
-    return max(percent, PREDICTED_PERCENT)
 
 
 def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
@@ -701,12 +698,8 @@ def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
         for stretch, place in zip(trace.stretches, trace.places, strict=True)
     )
     variance = float(np.var(trace.force[trace.compared]))
-    return _known(100.0 * scatter / trace.n_samples / variance)
-
-
-def _known(percent: float) -> float:
-    """Nothing is known of the scatter of a single cycle: then all of the misfit is lack of fit."""
-    return 0.0 if math.isnan(percent) else percent
+    percent = 100.0 * scatter / trace.n_samples / variance
+    return 0.0 if math.isnan(percent) else percent  # of a single cycle
 
 
 def _tested(trace: Trace) -> NDArray[np.bool_]:

@@ -62,7 +62,7 @@ from damperfit.uncertainty.covariance import (
 )
 
 if TYPE_CHECKING:
-    from damperfit.identification.least_squares import LinearSystem, Minimum, Step
+    from damperfit.identification.least_squares import LinearSystem, Step
 
 # A rise this far below zero is another, better minimum.
 _BETTER = -0.5
@@ -376,26 +376,6 @@ def _full_step(system: LinearSystem) -> Step:
     return system.scaled(lengths).step(_UNSEEN)
 
 
-def _joint_walk(
-    problem: FitProblem, unknown: Unknown, centre: Minimum[Point], scale: float, error: float
-) -> _Walk:
-    """The walk over all settings of a joint fit."""
-    at = centre.extra.values
-    first = next(values for setting, values in at.items() if unknown.holds_at(setting))
-    quantity, best = first.quantity(unknown.name), float(getattr(first, unknown.name))
-
-    def refit(state: Point, along: float, left: int) -> _Place:
-        del left  # a joint fit is not cut short
-        held = {unknown.name: _moved(quantity, best, along)}
-        starts = {s: x.replace(held) if unknown.holds_at(s) else x for s, x in state.values.items()}
-        tried = replace(problem, gas=state.gas, weights=centre.extra.weights)
-        ended = fit_jointly(tried, starts)
-        rise = scale * (ended.cost - centre.cost)
-        return _Place(ended.extra, rise, ended.extra.values, ended.evaluations)
-
-    return _Walk(quantity, best, error, _Place(centre.extra, 0.0, at, 0), refit)
-
-
 def profile_at(
     name: str, one: Linearisation, bench: Bench, stride: Stride = Stride()
 ) -> MisfitProfile | None:
@@ -484,13 +464,27 @@ def profile_jointly(
         gas=sharing.gas,
         jobs=bench.jobs,
     )
-    best = fit_jointly(whole, {fit.setting: fit.parameters for fit in fits})
-    held = replace(whole, held=frozenset({unknown}))
+    centre = fit_jointly(whole, {fit.setting: fit.parameters for fit in fits})
+    at = centre.extra.values
+    held = replace(whole, held=frozenset({unknown}), weights=centre.extra.weights)
+    first = next(values for setting, values in at.items() if unknown.holds_at(setting))
+    quantity, best = first.quantity(name), float(getattr(first, name))
     having = (one.fit.setting for one in linearised if unknown.holds_at(one.fit.setting))
     error = bench.known[next(having)].whole_error(name)
     scale = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)] / error**2
-    walk = _joint_walk(held, unknown, best, scale, error / _unit(fits[0], name))
-    profiles = walk.profiles(stride)
+
+    def refit(state: Point, along: float, left: int) -> _Place:
+        del left  # a joint fit is not cut short
+        there = {name: _moved(quantity, best, along)}
+        starts = {
+            s: x.replace(there) if unknown.holds_at(s) else x for s, x in state.values.items()
+        }
+        ended = fit_jointly(replace(held, gas=state.gas), starts)
+        rise = scale * (ended.cost - centre.cost)
+        return _Place(ended.extra, rise, ended.extra.values, ended.evaluations)
+
+    begin = _Place(centre.extra, 0.0, at, 0)
+    profiles = _Walk(quantity, best, error / _unit(fits[0], name), begin, refit).profiles(stride)
     mine = [setting for setting in sorted(profiles) if unknown.holds_at(setting)]
     return tuple(replace(profiles[setting], is_shared=True) for setting in mine)
 

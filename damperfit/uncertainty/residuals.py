@@ -463,8 +463,13 @@ def diagnose(
 
     Doubted are shared parameters of which one value for all settings is known not to hold.
     """
-    fit = linearised.fit
-    parts = residuals_by_stretch(linearised)
+    fit, parts = linearised.fit, []
+    for log, seen in zip(fit.logs, linearised.logs, strict=True):
+        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+            rest = np.where(seen.weights[place] > 0.0, seen.residuals[place], 0.0)
+            folded = _fold(rest, stretch) if stretch.n_cycles > 1 else np.empty((0, 0))
+            about = folded - folded.mean(axis=0) if folded.size else folded
+            parts.append(StretchResiduals(stretch, log.trace.interval, rest, folded, about))
     repeats, noise, is_more = split_power(parts)
     forces = [log.trace.force[log.trace.compared] for log in fit.logs]
     variance = variance_of(forces[0] if len(forces) == 1 else np.concatenate(forces))
@@ -529,18 +534,6 @@ class StretchResiduals(NamedTuple):
     residuals: FloatArray  # (n,), N
     folded: FloatArray = np.empty((0, 0))  # the cycles, (cycles, phases)
     about: FloatArray = np.empty((0, 0))  # what each differs from their mean by
-
-
-def residuals_by_stretch(linearised: Linearisation) -> list[StretchResiduals]:
-    """Return the residuals of each stretch."""
-    parts = []
-    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
-        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
-            residuals = np.where(seen.weights[place] > 0.0, seen.residuals[place], 0.0)
-            folded = _fold(residuals, stretch) if stretch.n_cycles > 1 else np.empty((0, 0))
-            about = folded - folded.mean(axis=0) if folded.size else folded
-            parts.append(StretchResiduals(stretch, log.trace.interval, residuals, folded, about))
-    return parts
 
 
 def split_power(parts: Sequence[StretchResiduals]) -> tuple[float, float, Callable[[], bool]]:

@@ -9,7 +9,7 @@ import pytest
 from damperfit.damper.load_cell import acceleration, before_load_cell, behind_lag
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Valve
-from damperfit.damper.valve_dampers import ThroughFlow, TwinTube, valve_starts
+from damperfit.damper.valve_dampers import ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.simulation import Motion, SolverOptions, sine_motion, triangle_motion
 from tests import fakes
@@ -80,7 +80,7 @@ def test_a_log_before_its_load_cell_is_what_the_damper_had() -> None:
     np.testing.assert_allclose(early, log.force + 0.01 * np.gradient(log.force, log.interval))
     # A mass that was weighed is taken off before valves are read.
     weighed = replace(BARE, mounting=Mounting(NONE, NONE, NONE, 3.0))
-    both = zip(valve_starts(BARE, [log], {}), valve_starts(weighed, [loaded], {}), strict=True)
+    both = zip(BARE.start([log], {}), weighed.start([loaded], {}), strict=True)
     for one, other in both:
         own = [getattr(other, name) for name in one.names]
         np.testing.assert_allclose(own, one.numbers, rtol=1e-6)

@@ -18,7 +18,6 @@ from damperfit.damper.valve_dampers import (
     ThroughFlow,
     TwinTube,
     declared_passages,
-    valve_characteristics,
 )
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
@@ -102,7 +101,7 @@ def truth(model, **more):
 def test_what_the_loops_show_lies_on_the_law_that_made_them(kind) -> None:
     model = damper(kind, Mounting("fit", "none", "fit"))
     values = truth(model, lag=6e-3, drag=20.0)
-    found = valve_characteristics(model, values, [log(model, values)])
+    found = model.valve_characteristics(values, [log(model, values)])
     assert [one.stroke for one in found] == ["rebound", "bump"]
     for one, area in zip(found, model.pressed_areas, strict=True):
         # The base valve is read through the piston's return, by the small area of the rod.
@@ -146,7 +145,7 @@ def test_a_valve_that_no_log_presses_is_left_out() -> None:
     made = log(model, values)
     # The load cell reads a pull throughout: nothing presses the valve of compression.
     pulled = replace(made, force=np.abs(made.force) + 50.0)
-    (only,) = valve_characteristics(model, values, [pulled])
+    (only,) = model.valve_characteristics(values, [pulled])
     assert only.stroke == "rebound"
 
 

@@ -10,7 +10,6 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import identify
-from damperfit.laws.law_fit import PREDICTED_PERCENT
 from damperfit.recording import Finding
 from damperfit.uncertainty import (
     Assessment,
@@ -21,7 +20,7 @@ from damperfit.uncertainty import (
     prediction_warnings,
     split_cycles,
 )
-from damperfit.uncertainty.grades import LIMITS, _prediction, _tested
+from damperfit.uncertainty.grades import LIMITS, PREDICTED_PERCENT, _prediction, _tested
 from tests import fakes
 from tests.identification.rig import recording
 
