@@ -46,7 +46,6 @@ from damperfit.simulation import SolverOptions
 from damperfit.tables.columns import column_names
 from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import Setting, parse_setting
-from damperfit.uncertainty.options import HoldOutOptions, check_profile_names
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.units.shown_units import parse_units
 

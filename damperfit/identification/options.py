@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -54,6 +54,14 @@ def check_start(quantity: Quantity, value: float, *, is_fixed: bool, is_held: bo
             f"{high:g} {quantity.unit}.",
             code="implausible",
         )
+
+
+@dataclass(frozen=True, slots=True)
+class HoldOutOptions:
+    """What is kept from the fit and predicted instead."""
+
+    patterns: tuple[str, ...] = ()  # which logs, by name or path
+    cycles: float = 0.0  # of the last steady cycles of every log; below 1 a share of them
 
 
 PROCEDURE_NAMES = ("paper", "joint", "plain")
@@ -180,3 +188,19 @@ def _check_name(what: str, name: str, names: tuple[str, ...]) -> None:
             where=Key(("identification", what.replace(" ", "_"))),
             code=f"unknown-{what.replace(' ', '-')}",
         )
+
+
+def check_profile_names(
+    names: Iterable[str], known: Sequence[str], *, fixed: Container[str] = ()
+) -> None:
+    """Refuse, by a ConfigurationError, names of no known parameter, or of one that is held."""
+    where = Key(("identification", "profile"))
+    for name in names:
+        if name not in known:
+            there, hint = ", ".join(known), did_you_mean(name, known)
+            text = f"no parameter {name!r} to profile; there are {there}.{hint}"
+            raise ConfigurationError(text, where=where, code="unknown-quantity")
+        if name in fixed:
+            where = Key(("identification", "profile"), ("fix",))
+            text = f"{name} is both fixed and to be profiled; choose one."
+            raise ConfigurationError(text, where=where, code="not-together")

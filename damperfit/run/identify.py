@@ -50,6 +50,7 @@ from damperfit.errors import (
 )
 from damperfit.identification.fit_setting import Fit
 from damperfit.identification.logs import LogFit
+from damperfit.identification.options import HoldOutOptions
 from damperfit.identification.procedures import Campaign
 from damperfit.identification.unlike_motions import contradictory_motions
 from damperfit.problem import Failure, Option, Problem, listed_names, warning
@@ -59,7 +60,6 @@ from damperfit.run.logs import LogBatch, add_traces, read_batch
 from damperfit.store import check_writable, reserved
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.grades import Prediction, SegmentRange, split_cycles
-from damperfit.uncertainty.options import HoldOutOptions
 from damperfit.workers import apart, available_cores, told_here
 
 if TYPE_CHECKING:

@@ -2,6 +2,4 @@
 
 from damperfit.door import door
 
-__getattr__ = door(
-    __name__, "options", "assessment", "covariance", "grades", "profiles", "residuals"
-)
+__getattr__ = door(__name__, "assessment", "covariance", "grades", "profiles", "residuals")

@@ -19,6 +19,7 @@ from damperfit.errors import FitCancelledError, SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import is_nothing
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, Fit, is_loose
+from damperfit.identification.options import check_profile_names
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.procedures import TAKEN, Campaign
 from damperfit.identification.sharing import Sharing, of_settings, unknown_at
@@ -36,7 +37,6 @@ from damperfit.uncertainty.covariance import (
     solved,
     uncertainties,
 )
-from damperfit.uncertainty.options import check_profile_names
 from damperfit.uncertainty.profiles import (
     Bench,
     MisfitProfile,
@@ -47,6 +47,7 @@ from damperfit.uncertainty.profiles import (
     shared_limits,
 )
 from damperfit.uncertainty.residuals import (
+    FLAWS,
     BySpeed,
     Diagnosis,
     diagnose,
@@ -54,7 +55,6 @@ from damperfit.uncertainty.residuals import (
     group_warning,
     hidden_friction,
     reconciled,
-    words_of,
 )
 from damperfit.uncertainty.speed_forces import (
     Slopes,
@@ -600,7 +600,9 @@ def _with_hidden_friction(
         return with_friction, ()
     text = "{settings}: a small misfit is as from {words}; the intervals allow for it."
     where = of_settings(one.diagnosis.setting for one in found)
-    told = warning("misfit-of-all", text, settings=where, words=words_of(name, amount), flaw=name)
+    told = warning(
+        "misfit-of-all", text, settings=where, words=FLAWS[name].words(amount), flaw=name
+    )
     return with_friction, (told,)
 
 

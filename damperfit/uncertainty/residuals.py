@@ -62,7 +62,7 @@ def _rounded(amount: float) -> str:
     return f"{float(f'{abs(amount):.2g}'):g}"
 
 
-_FLAWS: Mapping[str, _Flaw] = {
+FLAWS: Mapping[str, _Flaw] = {
     "delay": _Flaw(
         "reversals", 1e3, "a channel delay (the force is {size} ms {way} against the displacement)",
         ("late", "early"), largest=25.0,  # ms; force channels are 8 to 14 ms late at worst
@@ -215,7 +215,7 @@ def seek_flaws(
         gains = [gain(column * counts, basis, residuals) for column in candidates]
         best = max(range(len(gains)), key=gains.__getitem__)
         share, amount = gains[best]
-        flaw = _FLAWS.get(name)
+        flaw = FLAWS.get(name)
         if flaw is None:
             is_shared = name in doubted
             how = "is shared by all settings and here" if is_shared else "held at a wrong value,"
@@ -305,7 +305,7 @@ def _is_reasonable(hint: Hint, half_range: float, friction: float = math.inf) ->
     """Whether a rig or damper can be wrong by so much; half the force's range and friction in N."""
     if hint.name in {"friction_with_position", "friction_with_pressure"}:
         return -friction < hint.amount <= half_range
-    flaw = _FLAWS.get(hint.name)
+    flaw = FLAWS.get(hint.name)
     largest = _LARGEST_OF_HELD if flaw is None else flaw.largest or half_range
     return hint.name == "gas_stiffness" or abs(hint.amount) <= largest
 
@@ -381,11 +381,6 @@ def hidden_friction(each: Sequence[BySpeed]) -> tuple[int, float]:
     fitted = each[0].fitted
     is_sure = abs(sureness[best]) > least and _LEAST * fitted < abs(amount) < _MOST * fitted
     return best, amount if is_sure else 0.0
-
-
-def words_of(name: str, amount: float) -> str:
-    """Return a flaw of a size, in its own unit, for people."""
-    return _FLAWS[name].words(amount)
 
 
 # The repeating power of pure noise over its scatter is F-distributed; beyond the bar once in as
