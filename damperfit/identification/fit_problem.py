@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter
+from damperfit.damper.model import Model, Values
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.least_squares import (
     BorderedSystem,
@@ -53,7 +54,6 @@ from damperfit.tested.setting import Setting
 from damperfit.workers import InTurn, Threads, executor
 
 if TYPE_CHECKING:
-    from damperfit.damper.model import Model, Values
     from damperfit.identification.least_squares import LinearSystem
 
 # A force or a sensitivity, SI; a cylinder of the size of a car stays far below.

@@ -25,6 +25,7 @@ import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.noise import noise_floor
+from damperfit.damper.model import Values
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import DamperfitError, FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import (
@@ -52,7 +53,6 @@ from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.model import Values
     from damperfit.identification.procedures import ProcedureInput
 
 

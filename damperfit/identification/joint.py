@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from damperfit.arrays import FloatArray
+from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import DAMPER, LOG, RIG, SETTING
 from damperfit.identification.fit_problem import (
     Block,
@@ -63,7 +64,6 @@ from damperfit.statistics import chi_squared_quantile
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from damperfit.damper.model import Model, Values
     from damperfit.damper.purdy.parameters import Damper
     from damperfit.identification.procedures import ProcedureInput
 

@@ -1,12 +1,10 @@
 """The logs of a setting as a fit sees them: what they tell, mean cycles, the model beside them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +12,12 @@ from numpy.typing import NDArray
 from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.filters import apply_filter, impulse_of, passed_at
+from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import GAS_AMOUNT, RIG, STIFFNESS, Quantity
 from damperfit.problem import Problem, warning
 from damperfit.recording import Stretch, Trace
 from damperfit.simulation import Motion, Response, SolverOptions, motion_of, simulate
 from damperfit.statistics import mean_of, median, variance_of
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Model, Values
-
 
 # What a fit asks of its logs: how much each sample counts, how many count, what they can tell.
 

@@ -1,20 +1,15 @@
 """What to fit and how: the options of an identification."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+from damperfit.damper.model import Model
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.identification.sharing import GAS_FOLLOWER
 from damperfit.problem import Key, Option
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting, nearest_setting
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Model
-    from damperfit.damper.quantity import Quantity
 
 
 @dataclass(frozen=True, slots=True)

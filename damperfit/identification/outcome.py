@@ -1,11 +1,9 @@
 """How a fit ended, with a sentence of advice; what it says of each parameter; why there is none."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum, StrEnum
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from damperfit.errors import (
     ConfigurationError,
@@ -15,9 +13,7 @@ from damperfit.errors import (
     failure_of,
 )
 from damperfit.problem import Failure
-
-if TYPE_CHECKING:
-    from damperfit.tested.setting import Setting
+from damperfit.tested.setting import Setting
 
 Found = TypeVar("Found")
 

@@ -1,19 +1,15 @@
 """Where the parameters that all settings share came from; their errors are traced back by it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from damperfit.damper.model import Values
 from damperfit.tested.setting import Place, Setting
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Values
 
 Follows: TypeAlias = "Mapping[str, tuple[str, ...]]"
 """Adjusters that a quantity follows; one that is not named is the damper's."""

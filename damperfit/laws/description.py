@@ -1,13 +1,11 @@
 """The chosen structure in sentences: the physics that it sees, what the logs leave open."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,12 +17,10 @@ from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.identification.outcome import Status
 from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import of_settings
+from damperfit.laws.law_fit import Exchange, LawFit, LawSearch, SettingLogs
 from damperfit.laws.structures import in_other_layouts
+from damperfit.recording import Stretch
 from damperfit.tested.setting import Setting
-
-if TYPE_CHECKING:
-    from damperfit.laws.law_fit import Exchange, LawFit, LawSearch, SettingLogs
-    from damperfit.recording import Stretch
 
 _UNDETERMINED = (frozenset({Status.NOT_IDENTIFIABLE, Status.ABSENT}), frozenset({Status.AT_BOUND}))
 _NAMED = 3  # settings; of more only the number is given

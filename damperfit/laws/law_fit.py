@@ -1,16 +1,15 @@
 """A structure fitted at settings, for comparing: what it misses and predicts, what was tried."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.segments import TRANSIENTS, transients
+from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError
 from damperfit.identification.fit_problem import Block, is_at_edge
 from damperfit.identification.fit_setting import COMPARING, best_of_starts
@@ -19,9 +18,6 @@ from damperfit.identification.logs import FEWEST_SAMPLES, compare, normalised_ms
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Model, Values
 
 # What a law misses of logs: in all, and at the speed where it is off most.
 

@@ -11,19 +11,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import permutations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError
 from damperfit.identification.fit_problem import FitProblem, Point, kept_within
 from damperfit.identification.least_squares import Minimum, Stopping, inverse_information
 from damperfit.identification.logs import FEWEST_SAMPLES
 from damperfit.identification.sharing import Unknown, unknown_at
 from damperfit.tested.setting import Setting
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Model, Values
 
 # Steps are short beside numbers that logs tell to a thousandth: no step is too short to be tried.
 _SHORTEST = 1e-8

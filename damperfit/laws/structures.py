@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from damperfit.damper.model import Model
 from damperfit.damper.mounting import FIT, NONE, Mounting
@@ -19,9 +19,7 @@ from damperfit.damper.quantity import STIFFNESS
 from damperfit.damper.rivals import Rival
 from damperfit.damper.valve_dampers import STROKES as PLACES
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
-
-if TYPE_CHECKING:
-    from damperfit.identification.sharing import Follows
+from damperfit.identification.sharing import Follows
 
 # Laws next to a law: with a part more or less, of another kind; each in a few words.
 
