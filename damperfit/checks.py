@@ -108,7 +108,7 @@ def _with_status(subject: Subject, status: Status, words: str) -> str:
 def _no_cavitation(subject: Subject) -> _Verdict:
     """No chamber reaches zero pressure."""
     empty = [fit for fit in subject.fits if fit.cavitation.fraction > 0.0]
-    known = [fit for fit in subject.fits if math.isfinite(fit.cavitation.margin)]
+    known = [fit for fit in subject.fits if math.isfinite(fit.cavitation.r_m3_margin)]
     if empty:
         worst = max(empty, key=lambda fit: fit.cavitation.fraction)
         share = f"{100.0 * worst.cavitation.fraction:.1f} % of the cycle at setting"
@@ -119,8 +119,8 @@ def _no_cavitation(subject: Subject) -> _Verdict:
         return False, reason
     if not known:
         return True, "no chamber reaches zero pressure"
-    nearest = min(known, key=lambda fit: fit.cavitation.margin)
-    margin = f"{100.0 * nearest.cavitation.margin:.0f} % at setting {nearest.setting}"
+    nearest = min(known, key=lambda fit: fit.cavitation.r_m3_margin)
+    margin = f"{100.0 * nearest.cavitation.r_m3_margin:.0f} % at setting {nearest.setting}"
     return True, f"no chamber reaches zero pressure; R_m3 may rise by {margin}, elsewhere by more"
 
 

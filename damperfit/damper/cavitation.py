@@ -49,7 +49,7 @@ class Cavitation:
     velocity: float = math.nan  # v, m/s; of a chamber at zero when it gets there
     # Fraction by which R_m3 may rise before a chamber cavitates on this motion; negative when it
     # must fall, NaN where no factor from 1/1000 to 1000 is at the edge.
-    margin: float = math.nan
+    r_m3_margin: float = math.nan
     # Gas pressure P_0 at which a chamber just reaches zero on this motion, all else as it is,
     # absolute, Pa; NaN likewise. A lower one cavitates.
     safe_gas_pressure: float = math.nan
@@ -77,8 +77,8 @@ def describe_cavitation(
             text += "; the model does not match these logs, so the damper itself may be full"
         elif not math.isnan(one.safe_gas_pressure):
             text += f"; it takes a gas pressure of {one.safe_gas_pressure / 1e5:.2f} bar absolute"
-            if not math.isnan(one.margin):
-                text += f", or R_m3 lower by {_share(-one.margin)},"
+            if not math.isnan(one.r_m3_margin):
+                text += f", or R_m3 lower by {_share(-one.r_m3_margin)},"
             text += " to keep it full"
         sentences.append(text)
     full = {setting: one for setting, one in settings.items() if one.fraction == 0.0}
@@ -89,9 +89,9 @@ def describe_cavitation(
             f"{one.lowest_pressure / 1e5:.2f} bar absolute, in chamber {one.chamber} of setting "
             f"{setting}, at {one.moment}"
         )
-        if not math.isnan(one.margin + one.safe_gas_pressure):
+        if not math.isnan(one.r_m3_margin + one.safe_gas_pressure):
             text += (
-                f"; there R_m3 may rise by {_share(one.margin)}, or the gas pressure "
+                f"; there R_m3 may rise by {_share(one.r_m3_margin)}, or the gas pressure "
                 f"fall to {one.safe_gas_pressure / 1e5:.2f} bar absolute, until a chamber "
                 "cavitates on this motion"
             )
@@ -166,7 +166,7 @@ def examine_cavitation(
     known = float(response.pressures[:2, trace.compared].min())
     margin = _root(lambda factor: lowest(factor, 1.0), 1.0 / line, known)
     safe = _root(lambda factor: lowest(1.0, factor), line, known)
-    return replace(shown, margin=margin - 1.0, safe_gas_pressure=safe * damper.gas_pressure)
+    return replace(shown, r_m3_margin=margin - 1.0, safe_gas_pressure=safe * damper.gas_pressure)
 
 
 def _root(lowest: Callable[[float], float], guess: float, known: float = math.nan) -> float:

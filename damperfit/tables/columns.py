@@ -108,7 +108,9 @@ CHARACTERISTICS = (
 _SAFE = "absolute gas pressure at rest at which a chamber just reaches zero on this motion"
 CAVITATION = (
     _number("cavitation_fraction", "1", "share of the cycle with a chamber at P = 0", "fraction"),
-    _number("r_m3_cavitation_margin", "1", "rise of R_m3 at which chamber 2 cavitates", "margin"),
+    _number(
+        "r_m3_cavitation_margin", "1", "rise of R_m3 at which chamber 2 cavitates", "r_m3_margin"
+    ),
     _number("lowest_pressure", "Pa", "lowest absolute pressure of any chamber", "lowest_pressure"),
     _count("lowest_pressure_chamber", "chamber of the lowest pressure"),
     _number("lowest_pressure_displacement", "m", "x at the lowest pressure", "displacement"),

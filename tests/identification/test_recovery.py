@@ -61,7 +61,7 @@ def test_paper_procedure_recovers_all_settings_from_noisy_logs(settings) -> None
         assert fit.noise_floor_percent < 1.5 * fit.mse_percent
         assert fit.cavitation.fraction == 0.0
         # Onset lies at 2.597e6/0.85: the paper's "about 15 %".
-        assert fit.cavitation.margin == pytest.approx(1 / 0.85 - 1, abs=0.025)
+        assert fit.cavitation.r_m3_margin == pytest.approx(1 / 0.85 - 1, abs=0.025)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def lowest(parameters, gas: float) -> float:
 def test_onset_is_where_the_paper_has_it(setting: int) -> None:
     # Section 6.2: 2.597e6 lies about 15 % below the onset, for P_0 = 0.46 MPa.
     found = examined(at(setting), setting)
-    assert 1.0 - 1.0 / (1.0 + found.margin) == pytest.approx(0.15, abs=0.016)
+    assert 1.0 - 1.0 / (1.0 + found.r_m3_margin) == pytest.approx(0.15, abs=0.016)
     onset = examined(at(setting, r_m3=2.597e6 / 0.85), setting)
     assert onset.safe_gas_pressure == pytest.approx(4.6e5, rel=0.02)
 
@@ -166,9 +166,9 @@ def test_the_safe_gas_pressure_and_the_margin_just_keep_the_chambers_full(r_m3, 
     found = examined(truth, gas=gas)
     assert lowest(truth, 1.005 * found.safe_gas_pressure) > 0.0
     assert lowest(truth, 0.99 * found.safe_gas_pressure) == 0.0
-    onset = r_m3 * (1.0 + found.margin)
+    onset = r_m3 * (1.0 + found.r_m3_margin)
     assert lowest(at(r_m3=0.995 * onset), gas) > 0.0 == lowest(at(r_m3=1.01 * onset), gas)
-    assert (found.margin < 0.0) == (found.fraction > 0.0)
+    assert (found.r_m3_margin < 0.0) == (found.fraction > 0.0)
 
 
 def test_the_lowest_pressure_is_in_chamber_2_near_the_peak_speed_of_rebound() -> None:
