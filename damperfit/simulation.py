@@ -150,6 +150,7 @@ def refuse_amplitude(amplitude: float, room: float) -> None:
 
 def sine_motion(amplitude: float, frequency: float, *, cycles: float, sample_rate: float) -> Motion:
     """Return x = A sin(2 pi f t), A in m and f in Hz, from t = 0 to the end of the last cycle."""
+    _refuse_wave(amplitude, frequency, cycles, sample_rate)
     phase = 2.0 * np.pi * frequency * _times(cycles / frequency, sample_rate)
     velocity = amplitude * 2.0 * np.pi * frequency * np.cos(phase)
     return Motion(1.0 / sample_rate, amplitude * np.sin(phase), velocity)
@@ -159,6 +160,7 @@ def triangle_motion(
     amplitude: float, frequency: float, *, cycles: float, sample_rate: float
 ) -> Motion:
     """Return a triangle wave that starts upwards from 0, sampled like `sine_motion`."""
+    _refuse_wave(amplitude, frequency, cycles, sample_rate)
     phase = frequency * _times(cycles / frequency, sample_rate) + 0.25
     part = phase - np.floor(phase)
     displacement = amplitude * (1.0 - 4.0 * np.abs(part - 0.5))
@@ -167,6 +169,17 @@ def triangle_motion(
     # At a corner the velocity is the mean of both sides.
     at_corner = np.isclose(part[:, None], [0.0, 0.5, 1.0], atol=1e-9).any(axis=1)
     return Motion(1.0 / sample_rate, displacement, np.where(at_corner, 0.0, velocity))
+
+
+def _refuse_wave(amplitude: float, frequency: float, cycles: float, sample_rate: float) -> None:
+    if not math.isfinite(amplitude):
+        text = f"amplitude: expected a finite number, found {amplitude:g} m"
+        raise ConfigurationError(text, code="not-finite")
+    wanted = {"frequency": (frequency, " Hz"), "cycles": (cycles, "")}
+    for name, (value, unit) in (wanted | {"sample_rate": (sample_rate, " Hz")}).items():
+        if not 0.0 < value < math.inf:
+            text = f"expected a finite number above 0, found {value:g}{unit}"
+            raise ConfigurationError(text, subject=name, code="out-of-range")
 
 
 def _times(duration: float, sample_rate: float) -> FloatArray:
