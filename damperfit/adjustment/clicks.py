@@ -29,7 +29,7 @@ from damperfit.adjustment.force_at import (
 )
 from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.arrays import FloatArray
-from damperfit.identification import Campaign
+from damperfit.identification.procedures import Campaign
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95
 from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of

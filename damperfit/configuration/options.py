@@ -29,7 +29,14 @@ from damperfit.damper.model import MODELS, Model
 from damperfit.damper.quantity import Quantity
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
-from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
+from damperfit.identification.options import (
+    DETECT,
+    FitOptions,
+    GivenStart,
+    HoldOutOptions,
+    check_options,
+    check_profile_names,
+)
 from damperfit.io import ReadOptions
 from damperfit.io.tests_table import FACTS, fact_of
 from damperfit.problem import Key

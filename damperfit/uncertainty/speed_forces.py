@@ -37,7 +37,7 @@ from damperfit.uncertainty.residuals import residual_scatter
 
 if TYPE_CHECKING:
     from damperfit.damper.model import Model
-    from damperfit.identification import Fit
+    from damperfit.identification.fit_setting import Fit
 
 PVP, CVP = "pvp", "cvp"
 # Strokes and speeds that differ by less are those of one test.
