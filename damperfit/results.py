@@ -45,28 +45,9 @@ from damperfit.reporting.records import (
 )
 from damperfit.simulation import Motion, SolverOptions
 from damperfit.store import file_set, path_of, settle
-from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
-from damperfit.tables.files import (
-    LogSignals,
-    check_files,
-    has_table,
-    is_part,
-    json_pieces,
-    lay_out,
-    part_in,
-    read_facts,
-    read_part,
-    read_record,
-    read_rows,
-    read_signals,
-    read_table,
-    responses_table,
-    table_in_units,
-    table_quantities,
-    title_of,
-    write_responses,
-    write_table,
-)
+from damperfit.tables import files as table_files
+from damperfit.tables.columns import PAPER_QUANTITIES, TABLES, unknown_schema, values_from
+from damperfit.tables.files import LogSignals
 from damperfit.tested.setting import Setting, label_of
 from damperfit.uncertainty.speed_forces import SpeedForces
 from damperfit.units.quantities import QuantityError, parse_quantity
@@ -82,10 +63,6 @@ if TYPE_CHECKING:
     from damperfit.reporting.sheet import Sheet
 
 
-TABLES = (
-    *("parameters", "mse", "adjustment", "characteristics", "valves", "valve_parts"),
-    *("responses", "profiles"),
-)
 PAGE = "report.html"
 NOTEBOOK_COLUMNS = 100
 _BEYOND = 1.05  # times what was tested, or less than that part of it
@@ -364,14 +341,14 @@ class Run:
             again.__dict__ |= own | {"_remarks": list(place._remarks)}  # noqa: SLF001 - its own
             return again
         place = path_of(place, "damperfit.load", "the path of a results folder")
-        if is_part(place):
-            record, quantities, rows = read_part(place)
+        if table_files.is_part(place):
+            record, quantities, rows = table_files.read_part(place)
             return cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
         remarks: list[str] = []
         if place.is_file() or place.suffix in {".csv", ".parquet"}:
-            record, quantities, rows, source = read_table(place)
-            beside = read_record(place.parent / "run.json", [])
-            check_files(place.parent, beside, remarks, [place.stem])
+            record, quantities, rows, source = table_files.read_table(place)
+            beside = table_files.read_record(place.parent / "run.json", [])
+            table_files.check_files(place.parent, beside, remarks, [place.stem])
             more |= {"quantities": quantities, "place": place, "remarks": remarks}
             run = cls(record, {"parameters": rows}, **more)
             run._source = source
@@ -380,10 +357,10 @@ class Run:
             text = "no such folder; expected the results of damperfit identify"
             raise ConfigurationError(text, subject=place, code="no-folder")
         settle(place)
-        record = read_record(place / "run.json", remarks)
+        record = table_files.read_record(place / "run.json", remarks)
         remarks.extend(filter(None, [unknown_schema(record)]))
-        check_files(place, record, remarks, parts)
-        known = table_quantities(place / "parameters.parquet", record)
+        table_files.check_files(place, record, remarks, parts)
+        known = table_files.table_quantities(place / "parameters.parquet", record)
         run = cls(record, quantities=known, place=place, remarks=remarks, **more)
         for name in parts:
             _ = run.signals if name == "responses" else run.rows(name)
@@ -422,7 +399,7 @@ class Run:
     @cached_property
     def name(self) -> str:
         """What people call it: the damper's of a fleet, else its folder's."""
-        return "" if self.place is None else title_of(self.place)
+        return "" if self.place is None else table_files.title_of(self.place)
 
     @cached_property
     def tests(self) -> tuple[MeasuredTest, ...]:
@@ -444,7 +421,9 @@ class Run:
             if not self._is_folder or not (name in {"parameters", "mse"} or self._has(name)):
                 return ()
             n_remarks = len(self._remarks)
-            known = read_rows(self.folder, name, self._remarks, self.quantities, self.record)
+            known = table_files.read_rows(
+                self.folder, name, self._remarks, self.quantities, self.record
+            )
             if not known and len(self._remarks) > n_remarks:
                 self._lost.add(name)
             once = {row["setting"]: row for row in reversed(known)}  # the first of each
@@ -459,14 +438,14 @@ class Run:
     def _has(self, name: str) -> bool:
         if name in self._lost:
             return False
-        is_stored = self._is_folder and has_table(self.folder, self.record, name)
+        is_stored = self._is_folder and table_files.has_table(self.folder, self.record, name)
         return name in self._rows or is_stored or (name == "responses" and bool(self._signals))
 
     def table(self, name: str) -> pa.Table:
         """Return a table as it is written: its columns have units and meaning as metadata."""
         if name == "responses":
-            return responses_table(self.signals, **self._layout)
-        return lay_out(name, self.rows(name), **self._layout)
+            return table_files.responses_table(self.signals, **self._layout)
+        return table_files.lay_out(name, self.rows(name), **self._layout)
 
     @property
     def _layout(self) -> dict[str, Any]:
@@ -477,7 +456,9 @@ class Run:
     @cached_property
     def facts(self) -> dict[str, Any]:
         """What its tables tell of how they were made."""
-        known = read_facts(self.folder / "parameters.parquet") if self._is_folder else {}
+        known = (
+            table_files.read_facts(self.folder / "parameters.parquet") if self._is_folder else {}
+        )
         return {key: value for key, value in known.items() if key not in _OF_TABLE}
 
     @property
@@ -488,14 +469,16 @@ class Run:
             if self._signals is not None:
                 made = self._signals() if callable(self._signals) else self._signals
             elif self._is_folder:
-                made = read_signals(self.folder, self._remarks, self.quantities)
+                made = table_files.read_signals(self.folder, self._remarks, self.quantities)
             known = sorted(made, key=lambda one: (one.setting, natural_order(one.log)))
             self._signals = tuple(known)
         return self._signals
 
     @property
     def _is_folder(self) -> bool:
-        return self.place is not None and self.place.is_dir() and not is_part(self.place)
+        return (
+            self.place is not None and self.place.is_dir() and not table_files.is_part(self.place)
+        )
 
     def _check_settings(self) -> None:
         """Remark on settings that stand in one table alone; where one is empty, that was said."""
@@ -822,7 +805,7 @@ class Run:
         """SHA-256 of the table of parameters; empty where it stands in no file."""
         if self.place is None:
             return ""
-        paths = [part_in(self.place) if is_part(self.place) else self.place]
+        paths = [table_files.part_in(self.place) if table_files.is_part(self.place) else self.place]
         if self._is_folder:
             paths = [self.place / f"parameters{suffix}" for suffix in (".parquet", ".csv")]
         return next((sha256_of(path) for path in paths if path.is_file()), "")
@@ -1106,11 +1089,11 @@ class Run:
         with file_set(folder) as files:
             for name in self._rows:
                 table = self.table(name)
-                write_table(files.path(f"{name}.parquet"), table, suffix=".parquet")
-                shown = table_in_units(table, units)
-                write_table(files.path(f"{name}.csv"), shown, suffix=".csv")
+                table_files.write_table(files.path(f"{name}.parquet"), table, suffix=".parquet")
+                shown = table_files.table_in_units(table, units)
+                table_files.write_table(files.path(f"{name}.csv"), shown, suffix=".csv")
             signals = self._signals() if callable(self._signals) else self._signals or ()
-            write_responses(files.path("responses.parquet"), signals, **self._layout)
+            table_files.write_responses(files.path("responses.parquet"), signals, **self._layout)
             text = self.report_text.encode("utf-8", "backslashreplace")
             files.path("report.md").write_bytes(text)
             for name in set(TABLES) - {*self._rows, "responses"}:
@@ -1125,7 +1108,7 @@ class Run:
                 total = round(timings.get("total_s", 0.0) + spent, 4)
                 self.record["timings"] = timings | {"write_s": spent, "total_s": total}
             with files.path("run.json").open("wb") as file:
-                for piece in json_pieces(self.record):
+                for piece in table_files.json_pieces(self.record):
                     file.write(piece.encode("utf-8", "backslashreplace"))
         forget_figures(folder)
 
@@ -1223,7 +1206,11 @@ def forget_others(folder: Path, written: Sequence[str]) -> None:
         _forget_run(folder)
     with suppress(OSError):
         for inside in sorted(folder.iterdir()):
-            beside = read_record(inside / "run.json", []).get(_BESIDE) if inside.is_dir() else None
+            beside = (
+                table_files.read_record(inside / "run.json", []).get(_BESIDE)
+                if inside.is_dir()
+                else None
+            )
             is_one = isinstance(beside, list) and inside.name in beside
             if is_one and inside.name not in written and not inside.is_symlink():
                 _forget_run(inside)

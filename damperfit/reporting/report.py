@@ -16,19 +16,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.sharing import of_runs
 from damperfit.problem import Problem, failure_lines, listing, short_listing
-from damperfit.reporting.records import (
-    checks_in,
-    entries_in,
-    failures_in,
-    findings_in,
-    gaps_in,
-    law_in,
-    listed_in,
-    number_in,
-    problems_in,
-    sentences_in,
-    trends_in,
-)
+from damperfit.reporting import records, tables
 from damperfit.reporting.sheet import (
     Sheet,
     escape,
@@ -36,22 +24,6 @@ from damperfit.reporting.sheet import (
     percent,
     rows_in_units,
     sheet_in_units,
-)
-from damperfit.reporting.tables import (
-    cavitation_sheet,
-    check_sheet,
-    check_summary,
-    force_sheets,
-    grade_counts,
-    held_out_sheet,
-    law_sentences,
-    measured_force_sheet,
-    mse_sheet,
-    parameter_sheet,
-    remarks_on,
-    rival_sheet,
-    segment_sheet,
-    tried_laws_sheet,
 )
 from damperfit.tested.identity import identity_sentence
 from damperfit.units.shown_units import SI, ShownUnits
@@ -80,12 +52,12 @@ def lead(run: Run) -> str:
         return "No setting could be fitted."
     known = {row["setting"]: row["mse_percent"] for row in rows}
     worst = max(known, key=known.__getitem__)
-    checks = checks_in(run.record)
-    checked = f"; {check_summary(checks)}" if checks else ""
+    checks = records.checks_in(run.record)
+    checked = f"; {tables.check_summary(checks)}" if checks else ""
     return (
-        f"{len(known)} setting{'s' * (len(known) > 1)} fitted, {grade_counts(rows)}; MSE median "
-        f"{percent(median(known.values()))} %, worst {percent(known[worst])} % at setting "
-        f"{worst}{checked}."
+        f"{len(known)} setting{'s' * (len(known) > 1)} fitted, {tables.grade_counts(rows)}; "
+        f"MSE median {percent(median(known.values()))} %, worst {percent(known[worst])} % at "
+        f"setting {worst}{checked}."
     )
 
 
@@ -104,14 +76,14 @@ def report_sections(run: Run, units: ShownUnits = SI) -> list[Section]:
 
 def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     record, parameters = run.record, run.rows("parameters")
-    checks, law, gaps = checks_in(record), law_in(record), gaps_in(record)
+    checks, law, gaps = records.checks_in(record), records.law_in(record), records.gaps_in(record)
     forces = rows_in_units(run.rows("adjustment"), units)
     segments = rows_in_units(run.rows("characteristics"), units)
     advice = {one.value: one.advice for one in Outcome if one is not Outcome.CONVERGED}
     outcomes = {row.get("outcome") for row in parameters} & set(advice)
     errors = {
-        (str(one.get("setting")), one["log"], number_in(one, "start_s")): one.get("mse_percent")
-        for one in entries_in(record, "stretches")
+        (str(one.get("setting")), one["log"], records.number_in(one, "start_s")): one
+        for one in records.entries_in(record, "stretches")
         if isinstance(one.get("log"), str)
     }
 
@@ -120,27 +92,28 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
         return Section(title, place, sheets=shown)
 
     def words(title: str, about: str) -> Section:
-        return Section(title, "words", sentences_in(record, about))
+        return Section(title, "words", records.sentences_in(record, about))
 
     missing = [f"no result for {of_runs(gaps)}"] if gaps else []
-    yield Section("Not done", "alarm", [*failure_lines(failures_in(record)), *missing])
+    yield Section("Not done", "alarm", [*failure_lines(records.failures_in(record)), *missing])
     yield Section("These results are incomplete", "alarm", run.remarks)
-    yield Section("Gates not met", "alarm", list(map(str, listed_in(record, "gates_missed"))))
-    yield table("Force by setting", "top", *force_sheets(forces), scaled=True)
-    yield Section("Model structure that the logs support", "words", law_sentences(law))
-    found = parameter_sheet(parameters, run.quantities, units=units)
+    gates = map(str, records.listed_in(record, "gates_missed"))
+    yield Section("Gates not met", "alarm", list(gates))
+    yield table("Force by setting", "top", *tables.force_sheets(forces), scaled=True)
+    yield Section("Model structure that the logs support", "words", tables.law_sentences(law))
+    found = tables.parameter_sheet(parameters, run.quantities, units=units)
     yield table("Parameters", "parameters", found)
-    errors_by_log = mse_sheet(run.rows("mse"), parameters, run.quantities)
+    errors_by_log = tables.mse_sheet(run.rows("mse"), parameters, run.quantities)
     yield table("MSE by setting and log", "tables", errors_by_log)
-    summary = [check_summary(checks)] if checks else []
-    yield Section("Checks", "checks", summary, [check_sheet(checks)])
-    yield Section("Warnings", "words", listing(problems_in(record)))
+    summary = [tables.check_summary(checks)] if checks else []
+    yield Section("Checks", "checks", summary, [tables.check_sheet(checks)])
+    yield Section("Warnings", "words", listing(records.problems_in(record)))
     yield Section("What to do", "words", sorted(f"{one}: {advice[one]}" for one in outcomes))
     yield Section("Verdicts", "words", verdicts(run))
-    held_out = held_out_sheet(entries_in(record, "held_out"))
+    held_out = tables.held_out_sheet(records.entries_in(record, "held_out"))
     yield table("Held out: predicted, not fitted", "words", held_out)
-    trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
-    offset = sentences_in(record, "force_offset")
+    trends = in_few_words(trend.sentence for trend in records.trends_in(record) if trend.sentence)
+    offset = records.sentences_in(record, "force_offset")
     yield Section("Across the settings", "words", [*trends, *offset])
     yield words("Noise and lack of fit", "noise_and_lack_of_fit")
     yield words("Identifiability", "identifiability")
@@ -148,23 +121,23 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield words("Cavitation", "cavitation")
     findings = (  # mere notes stand with their log
         Problem(finding.name, finding.sentence, finding.severity, str(log.get("log", "log")))
-        for log in entries_in(record, "inputs")
-        for finding in findings_in(log)
+        for log in records.entries_in(record, "inputs")
+        for finding in records.findings_in(log)
         if finding.severity != "note"
     )
     yield Section("Warnings of each log", "folded", listing(findings))
-    peaks = segment_sheet(segments, has_setting=True, errors=errors)
+    peaks = tables.segment_sheet(segments, has_setting=True, errors=errors)
     yield table("Peak force against peak speed (PVP)", "tables", peaks, scaled=True)
-    beside = measured_force_sheet(forces)
+    beside = tables.measured_force_sheet(forces)
     yield table("Measured beside the model", "tables", beside, scaled=True)
     if run.declared_damper is not None:  # the paper's would be assumed, and remarked on
         with suppress(ConfigurationError):  # a model without such valves
             valves = run.valves()
             title = "Valves as parts, at a discharge coefficient of 0.7"
             yield Section(title, "tables", valves.remarks, valves.sheets())
-    yield table("Model structures that were tried", "tables", tried_laws_sheet(law))
-    yield table("Models of the literature", "tables", rival_sheet(law))
-    yield table("How near to cavitation", "tables", cavitation_sheet(parameters))
+    yield table("Model structures that were tried", "tables", tables.tried_laws_sheet(law))
+    yield table("Models of the literature", "tables", tables.rival_sheet(law))
+    yield table("How near to cavitation", "tables", tables.cavitation_sheet(parameters))
     yield Section("How it was done", "folded", list(_procedure(run, units)))
 
 
@@ -192,14 +165,14 @@ def verdict(row: Any, run: Run) -> str:
     words = row["grade"] or "no grade"
     if row["mse_percent"] is not None:
         words += f", MSE {percent(row['mse_percent'])} %"
-    remarks = remarks_on(row, run.quantities)
+    remarks = tables.remarks_on(row, run.quantities)
     reason = f"withheld because {row['grade_reason']}" if row.get("grade_reason") else ""
     return "; ".join(part for part in (words, remarks, reason) if part)
 
 
 def _procedure(run: Run, units: ShownUnits) -> Iterator[str]:
     """Yield how it was done, how the rig was declared, what was tested, what made the results."""
-    yield from map(str, listed_in(run.record, "procedure"))
+    yield from map(str, records.listed_in(run.record, "procedure"))
     configuration = run.record.get("configuration")
     rig = configuration.get("rig") if isinstance(configuration, dict) else None
     if isinstance(rig, dict):

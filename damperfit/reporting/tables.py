@@ -563,8 +563,8 @@ def segment_sheet(
 ) -> Sheet:
     """Return peak force against peak speed (PVP), energy, hysteresis: a row a segment.
 
-    Of all settings, by setting and speed; else of one log, as it ran. ``errors`` are MSEs of the
-    fit in per cent, by setting, log and begin.
+    Of all settings, by setting and speed; else of one log, as it ran. ``errors`` are segments with
+    the MSE of the fit, by setting, log and begin.
     """
     peaks = [row for row in rows if row["point"] == "peak"]
     first = [Column.of("from", "s", "start_s")]
@@ -581,7 +581,8 @@ def segment_sheet(
         return number(max((one for one in speeds if one is not None), default=None), digits=3)
 
     def error(row: Row) -> str:
-        return percent((errors or {}).get((str(row["setting"]), row["log"], row["start_s"])))
+        segment = (errors or {}).get((str(row["setting"]), row["log"], row["start_s"]), {})
+        return percent(number_in(segment, "mse_percent"))
 
     columns = [
         *first,

@@ -24,7 +24,7 @@ import re
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from importlib import import_module
@@ -648,11 +648,9 @@ def named_files(patterns: Iterable[str], paths: Sequence[Path]) -> dict[str, tup
     for pattern in filter(_is_of_files, patterns):
         named[pattern] = tuple(path for path in paths if _is_named(pattern, path.name, str(path)))
         if not named[pattern]:
-            try:
+            with suppress(ConfigurationError):
                 beside = expand([pattern])
-            except ConfigurationError:
-                continue
-            named[pattern] = tuple(known.get(real_path(path), path) for path in beside)
+                named[pattern] = tuple(known.get(real_path(path), path) for path in beside)
     return named
 
 
@@ -750,13 +748,11 @@ def note_unpredicted(
     for trace in (trace for trace in batch.held_out if id(trace) not in done):
         kind, why = "SimulationError", "cannot be simulated on it"
         if trace.setting not in fitted:
-            kind, why = (
-                "PredictionError",
-                (
-                    "has no fit, and no joint fit of others that have its clicks; fit settings "
-                    "that have them together{joint}, give another log of it to fit, or hold out "
-                    "some of its cycles{cycles}"
-                ),
+            kind = "PredictionError"
+            why = (
+                "has no fit, and no joint fit of others that have its clicks; fit settings that "
+                "have them together{joint}, give another log of it to fit, or hold out some of its "
+                "cycles{cycles}"
             )
         if batch.is_asked and trace.name not in failed:
             text = f"held out, but cannot be predicted: setting {trace.setting} {why}"

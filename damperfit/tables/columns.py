@@ -221,6 +221,8 @@ _TABLES: dict[str, tuple[Column, ...]] = {
     ),
 }
 
+TABLES = tuple(name for name in _TABLES if name != "time_series")  # of a run
+
 
 def _columns(
     table: str, settings: Collection[Setting] = (), quantities: Sequence[Quantity] = ()
@@ -286,8 +288,7 @@ def describe_tables(
     keys = ("name", "type", "unit", "description")
     return {
         table: [dict(zip(keys, c, strict=False)) for c in _columns(table, settings, quantities)]
-        for table in _TABLES
-        if table != "time_series"
+        for table in TABLES
     }
 
 

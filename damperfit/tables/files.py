@@ -54,10 +54,7 @@ PART_FOLDERS = ("serial-*", "serial=*")  # the latter of earlier versions
 _OWN = ("version", "schema_version", "test", "configuration")  # of a table, not of run.json
 _BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
 _MANY = 6  # columns that are named when they are missing
-_SIGNALS = (
-    *("time_s", "displacement_m", "velocity_m_per_s", "force_measured_N", "force_N"),
-    *("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa"),
-)
+_SIGNALS = [name for name in column_kinds("responses") if name not in {"setting", "log"}]
 
 
 class LogSignals(NamedTuple):
