@@ -25,6 +25,7 @@ from damperfit.tables.columns import (
 )
 from damperfit.tables.files import (
     check_files,
+    lay_out,
     read_rows,
     safe_cell,
     table_quantities,
@@ -32,6 +33,7 @@ from damperfit.tables.files import (
     write_table,
 )
 from damperfit.tables.rows import characteristic_rows
+from damperfit.tested.setting import Setting
 from tests.fakes import campaign, fit, make_tables, trace, values_in
 from tests.report_folder import put_responses
 
@@ -288,3 +290,16 @@ def test_motion_that_does_not_repeat_has_its_extremes_and_no_hysteresis() -> Non
     assert rows[0]["cycles"] == 0
     assert rows[1]["stretch"] == 2
     assert rows[1]["start_s"] == pytest.approx(10.0 + 667 / 500.0)
+
+
+def test_which_of_several_adjusters_was_turned_is_read_back(tmp_path) -> None:
+    """A row for each: the page and report.md show both changes, as the terminal does."""
+    setting = Setting((("low_speed", 6), ("high_speed", 3)))
+    rows = [
+        {"setting": setting, "speed_m_per_s": 0.1, "stroke": "rebound", "changed": name}
+        for name in setting.adjusters
+    ]
+    write_table(tmp_path / "adjustment.parquet", lay_out("adjustment", rows, settings=[setting]))
+    known = read_rows(tmp_path, "adjustment", [])
+    assert [row["setting"] for row in known] == [setting, setting]
+    assert [row["changed"] for row in known] == ["low_speed", "high_speed"]
