@@ -1154,9 +1154,12 @@ class Run:
 
     def _repr_html_(self) -> str:
         from damperfit.reporting.sheet import html_table
+        from damperfit.reporting.tables import check_sheet, check_summary
 
-        shown = "".join(f"<p>{escape(line)}</p>" for line in self._unmet)
-        return html_table(self._sheet(), caption=self._headline) + shown
+        checks = checks_in(self.record)
+        failed = "".join(f"<p>{escape(line)}</p>" for line in self.failures[:_SHOWN_FAILURES])
+        table = html_table(self._sheet(), caption=self._headline)
+        return table + failed + html_table(check_sheet(checks), caption=check_summary(checks))
 
 
 # Folders of results: what an earlier run left there and a new one must not keep, or not lose.
@@ -1166,7 +1169,7 @@ class Run:
 
 _BESIDE = "folders_of_this_run"  # in run.json, where one command wrote results of several dampers
 _DRAWN = re.compile(
-    r"(mse|fan|absolute_velocity|peak_force|named_speeds|parameter_\w+"
+    r"(mse|fan|absolute_velocity|peak_force|named_speeds|(parameter|profile)_\w+"
     r"|setting_[\w.+-]+_(force_velocity|force_displacement|force_time|residual|pressures|peaks|valves))"
     r"\.(png|svg|pdf)"
 )

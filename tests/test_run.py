@@ -67,6 +67,7 @@ def test_logs_have_segments_and_signals(run) -> None:
 
 def test_frames_of_forces_profiles_and_problems(run) -> None:
     assert (set(run.clicks["setting"]), set(run.profile("r_m2")["setting"])) == ({2, 3}, {1, 2, 3})
+    assert run.plot("profile_r_m2").get_ylabel() == "rise of the misfit"
     with pytest.raises(ConfigurationError, match="no profile of 'k_e'; there are r_m2"):
         run.profile("k_e")
     assert all(one.code and one.sentence() for one in run.problems)

@@ -8,8 +8,8 @@ every shown force.
 
 Other curves say what may hide between settings: the same values with straight lines, and with
 straight lines of areas (1/y), as a needle that is turned opens a port. A valve that stays closed at
-a setting tells neither its preload nor its slope there: it has those of the nearest setting that
-tells them, as far as its own logs allow it, and may have half or twice of them.
+a setting determines neither its preload nor its slope there: it has those of the nearest setting
+that determines them, as far as its own logs allow it, and may have half or twice of them.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
 
-# What a closed valve does not tell lies within this factor of the nearest setting that tells it: a
-# step of a preload adjuster changes the preload by 1.5 to 2.3 times.
-_UNTOLD = 2.0
+# What a closed valve does not determine lies within this factor of the nearest setting where it is
+# determined: a step of a preload adjuster changes the preload by 1.5 to 2.3 times.
+_LEFT_OPEN = 2.0
 SMOOTH, STRAIGHT, AREAS, LEAST, MOST = "smooth", "straight", "areas", "least", "most"
 BENDS = (STRAIGHT, AREAS)
 
@@ -52,7 +52,7 @@ class Between:
         self.damper, self.stages, self.places, self.shown = damper, stages, places, forces
         self.speed = speed if stroke == STROKES[0] else -speed
         names = [one.name for one in stages[0].parameters.quantities] if damper and stages else []
-        # What differs between settings, and of it what closed valves do not tell.
+        # What differs between settings, and of it what closed valves do not determine.
         self.values = {
             name: np.array([getattr(one.parameters, name) for one in stages]) for name in names
         }
@@ -78,8 +78,8 @@ class Between:
         forces = self._modelled(at, way) + _along(self.places, self._besides[way], at)
         return np.where(np.isfinite(forces), forces, plain)
 
-    def untold(self, gap: int) -> tuple[str, ...]:
-        """What a valve that is closed at one of a gap's settings does not tell, for people."""
+    def undetermined(self, gap: int) -> tuple[str, ...]:
+        """What a valve that is closed at one of a gap's settings does not determine, for people."""
         first = self.stages[0].parameters if self.stages else None
         return tuple(
             f"{first.quantity(name).label} at {self.stages[k].setting}"
@@ -107,23 +107,23 @@ class Between:
         if not quantity.is_logarithmic:
             return _along(self.places, y, at, is_smooth=way == SMOOTH)
         if quantity.name in self.limits:
-            y = self._told(y, self.limits[quantity.name], way)
+            y = self._completed(y, self.limits[quantity.name], way)
         vanishes = any(quantity.edge_at(one) for one in y)
         if way == AREAS or vanishes:  # a port that closes has no area, and no logarithm of it
             power = 1.0 if vanishes and quantity.idle_edges[:1] == ("below",) else -1.0
             return _along(self.places, y**power, at, is_smooth=way == SMOOTH) ** (1.0 / power)
         return np.exp(_along(self.places, np.log(y), at, is_smooth=way == SMOOTH))
 
-    def _told(
+    def _completed(
         self, y: FloatArray, limits: Sequence[tuple[float, float] | None], way: str
     ) -> FloatArray:
-        """Values of a quantity that closed valves do not tell at some settings."""
-        told = np.array([k for k, one in enumerate(limits) if one is None])
+        """Values of a quantity that closed valves do not determine at some settings."""
+        determined = np.array([k for k, one in enumerate(limits) if one is None])
         y = y.copy()
         for k, known in enumerate(limits):
             if known is not None:
-                nearest = y[told[np.argmin(np.abs(self.places[told] - self.places[k]))]]
-                factor = {LEAST: 1.0 / _UNTOLD, MOST: _UNTOLD}.get(way, 1.0)
+                nearest = y[determined[np.argmin(np.abs(self.places[determined] - self.places[k]))]]
+                factor = {LEAST: 1.0 / _LEFT_OPEN, MOST: _LEFT_OPEN}.get(way, 1.0)
                 y[k] = min(max(factor * nearest, known[0]), known[1])
         return y
 

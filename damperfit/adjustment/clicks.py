@@ -172,7 +172,7 @@ class Answer(NamedTuple):
     force_below: float  # N
     force_above: float
     # What the logs leave open beside it that moves the answer, as "rebound opening at 6".
-    untold: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,8 +235,8 @@ def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> s
             )
         elif max(answer.high - answer.position, answer.position - answer.low) < _FINEST:
             interval = f" (95 % within {_FINEST:g})"
-    if answer.untold:
-        interval += f" (not determined there: {', '.join(answer.untold)})"
+    if answer.undetermined:
+        interval += f" (not determined there: {', '.join(answer.undetermined)})"
     if answer.below == answer.above:
         return f"setting {answer.below}{interval}, which gives {below}"
     said = (
@@ -358,7 +358,7 @@ class _Curve:
         share = (position - ends[0]) / (gap or 1.0)
         reach = (1.0 - share) * self.reaches[below] + share * self.reaches[above]
         low = high = math.nan
-        untold: tuple[str, ...] = ()
+        undetermined: tuple[str, ...] = ()
         if math.isfinite(reach):
             edges: list[float] = []
             if len(self.places) > 2 or gap <= 1.0:  # two settings tell no curve
@@ -368,7 +368,7 @@ class _Curve:
             low = max((s for s in edges if s < position), default=float(self.places[0]))
             high = min((s for s in edges if s > position), default=float(self.places[-1]))
             if gap > 1.0:
-                less, more, untold = self.hidden(position, force, below)
+                less, more, undetermined = self.hidden(position, force, below)
                 low = min(low, max(ends[0], low - less))
                 high = max(high, min(ends[1], high + more))
         nearest = min(below, above, key=lambda k: abs(self.forces[k] - force))
@@ -376,7 +376,7 @@ class _Curve:
             Setting.of(self.ordered[k].setting) for k in (nearest, below, above)
         )
         forces = float(self.forces[below]), float(self.forces[above])
-        return Answer(position, low, high, closest, first, second, *forces, untold)
+        return Answer(position, low, high, closest, first, second, *forces, undetermined)
 
     def hidden(
         self, position: float, force: float, gap: int
@@ -389,5 +389,5 @@ class _Curve:
         bend = max((abs(one) for way in BENDS for one in away.get(way, ())), default=0.0)
         left_open = [one for way in (LEAST, MOST) for one in away.get(way, ())]
         less, more = -min(0.0, 0.0, *left_open), max(0.0, 0.0, *left_open)
-        untold = self.between.untold(gap) if max(less, more) > _FINEST else ()
-        return max(_BEND * bend, less), max(_BEND * bend, more), untold
+        undetermined = self.between.undetermined(gap) if max(less, more) > _FINEST else ()
+        return max(_BEND * bend, less), max(_BEND * bend, more), undetermined

@@ -387,7 +387,7 @@ def find_trends(
 def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     n = points.n
     if n < LEAST_FOR_TREND:
-        count = f"{n} setting{'' if n == 1 else 's'} with a sound value"
+        count = f"determined at {n or 'no'} setting{'' if n < 2 else 's'}"
         why = f"{count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
         if not line.numbers:
             why = "the settings are words, along which there is no trend"

@@ -100,7 +100,7 @@ class _Field(NamedTuple):
         return self.word in _CLICKS
 
 
-def guess_settings(names: Iterable[str]) -> Guess:
+def guess_settings(names: Iterable[str]) -> Guess:  # noqa: PLR0911 - one return a case
     r"""Return what the names of logs, whose setting nobody said, tell of their settings.
 
     Examples
@@ -135,6 +135,12 @@ def guess_settings(names: Iterable[str]) -> Guess:
             where=f"the number after '{chosen.before}'" if chosen.before else "the first number",
             option=Option("rig", pattern, "setting_pattern"),
         )
+        # R12C08 and R06C08: two adjusters, one of which was turned.
+        named = {one: adjuster_of(one.word) for one in may_be if adjuster_of(one.word)}
+        if chosen in named and len(named) == len(set(named.values())) > 1 and len(kinds) == 1:
+            every = _pattern_of_all(named, fields, alike)
+            turned = tuple(named.values())
+            return Guess(settings, said, _declaring(pattern, turned, every), turned, every)
         return Guess(settings, said, _declaring(pattern), pattern=pattern)
     likely = sorted(fields, key=lambda one: (not one.is_clicks, not one.may_be, not one.is_varied))
     pattern = _pattern(likely[0], alike) if likely else ""

@@ -26,6 +26,7 @@ from damperfit.damper.model import PRESSURES
 from damperfit.reporting.records import entries_in, number_in, trends_in, units_in
 from damperfit.reporting.sheet import number
 from damperfit.reporting.tables import Shown, is_one_for_all
+from damperfit.statistics import CHI_SQUARED_95
 from damperfit.tested.setting import Place, Setting, lines_of
 from damperfit.units.shown_units import ShownUnits
 
@@ -688,9 +689,29 @@ def _trends(
                 yield Line(*ring, "off the trend", "ink", style="rings", in_legend=False)
 
 
+def _profiles(shown: ReportPlots) -> Iterator[Plot]:
+    """Each profile that was asked for: the rise of the misfit as the parameter is moved."""
+    rows = shown.run.rows("profiles")
+    for one in shown.run.quantities:
+        scale, lines = Shown(one), []
+        for setting in dict.fromkeys(r["setting"] for r in rows if r["parameter"] == one.name):
+            mine = [r for r in rows if (r["parameter"], r["setting"]) == (one.name, setting)]
+            points = sorted((scale.factor * row["value"], row["misfit_rise"]) for row in mine)
+            x, y = np.reshape(points, (-1, 2)).T
+            label, colour = f"setting {setting}", shown.colours[setting]
+            lines.append(Line(x, y, label, colour, setting, "dot_line", tag=str(setting)))
+        if lines:
+            rules = ((CHI_SQUARED_95, "95 % limit"),)
+            panel = Panel(one.symbol, scale.axis, "rise of the misfit", "", (*lines,), rules=rules)
+            caption = (
+                "Each point is a fit with the parameter held there; below the line it is inside."
+            )
+            yield Plot(f"profile_{one.name}", f"{one.symbol}, profile", (panel,), caption)
+
+
 # What the page and `damperfit report --figures` draw of all settings, the first one on top.
 FIGURES: tuple[Callable[[ReportPlots], Iterator[Plot]], ...] = (
-    *(_peak_forces, _fan, _parameters, _errors, _absolute, _named_speeds),
+    *(_peak_forces, _fan, _parameters, _profiles, _errors, _absolute, _named_speeds),
 )
 
 

@@ -649,15 +649,13 @@ def _sentence(one: Diagnosis) -> str:
     text += f", of which {one.noise_percent:.2g} % is noise"
     if not one.is_structured:
         return f"{text}: no misfit repeats"
-    # A damper that yields, as the model does where it meets the logs.
-    unexplained = "a misfit repeats, and its cause was not found"
-    yields = f"the damper holds {100.0 * one.held_share:.0f} % of its force down to a tenth of its "
-    if one.is_met and one.modelled_share >= min(YIELDS, 0.9 * one.held_share):
-        yields += "speed, as a preloaded valve, dry friction or a magneto-rheological fluid does, "
-        yields += f"and so does the model; {unexplained}"
-    else:
-        yields += "speed: it yields before it slides, like a preloaded valve, dry friction or a "
-        yields += "magneto-rheological fluid, and the model misses that"
+    yields = unexplained = "a misfit repeats, and its cause was not found"
+    if not one.is_met or one.modelled_share < min(YIELDS, 0.9 * one.held_share):
+        yields = (
+            f"the damper holds {100.0 * one.held_share:.0f} % of its force down to a tenth of its "
+            "speed: it yields before it slides, like a preloaded valve, dry friction or a "
+            "magneto-rheological fluid, and the model misses that"
+        )
     if not one.hints:
         return f"{text}: {yields if one.has_yielded else unexplained}"
     named = " or ".join(hint.words for hint in one.hints)

@@ -408,7 +408,7 @@ def test_a_valve_that_opens_between_clicks_bends_the_force_there(side, is_tied) 
     by_force = which_setting([one for one in found.forces if one.stroke == stroke], truth).answers
     assert abs(by_force[0].position - 8.0) > 1.0  # where the forces alone put it
     assert abs(answer.position - 8.0) < 0.7
-    assert (answer.untold != ()) == (not is_tied)
+    assert (answer.undetermined != ()) == (not is_tied)
     assert ("not determined there" in found.sentence) == (not is_tied)
 
 

@@ -132,6 +132,16 @@ def named(text: str) -> list[str]:
     return [name if name.endswith(".gz") else f"{name}.csv" for name in plain]
 
 
+@pytest.mark.parametrize("first", ["R12_C08", "R12C08", "reb12_comp8"])
+def test_of_two_adjusters_one_was_turned(first) -> None:
+    names = [f"run_{first}.csv", f"run_{first.replace('12', '6')}.csv"]
+    guess = guess_settings(names)
+    assert guess.adjusters == ("rebound", "compression")
+    assert [place.places[0][1] for place in guess.settings.values()] == [12, 6]
+    for name, clicks in zip(names, ("12", "6"), strict=True):
+        assert re.search(guess.pattern, name)["rebound"] == clicks
+
+
 @pytest.mark.parametrize("row", GUESSED.strip().splitlines())
 def test_what_differs_is_the_setting(row) -> None:
     given, clicks, pattern = parted(row)
