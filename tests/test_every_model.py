@@ -1,6 +1,5 @@
 """Every model of `MODELS`: simulated, differentiated, recovered, judged, laid out, shown."""
 
-import math
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -11,7 +10,7 @@ import pytest
 import damperfit
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.model import FLAWS_OF_OIL, MODELS, PRESSURES, Model, Values, model_named
+from damperfit.damper.model import FLAWS_OF_OIL, MODELS, Model, Values, model_named
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
@@ -108,16 +107,6 @@ def test_values_have_its_order_and_its_force_is_differentiated_by_every_number(n
     held = {q.name for q in one.model.quantities if q.default == getattr(one.truth, q.name)}
     told = [k for k, name in enumerate(wanted) if name not in held and name in one.model.names]
     assert np.all((slope[told] > 0.0) | [one.model.quantity(wanted[k]).is_offset for k in told])
-
-
-@EVERY
-def test_its_signals_are_numbers_and_nothing_else_is_told_by_pressures(name: str) -> None:
-    one = case(name)
-    seen = compare(one.truth, one.trace, one.model, solver=ROUGH).response
-    told = np.isfinite(seen.pressures).all(axis=1)
-    assert list(told) == [signal in one.model.signals for signal in PRESSURES]
-    (fit,) = one.campaign.fits
-    assert math.isfinite(fit.cavitation.fraction) == bool(one.model.signals)
 
 
 @EVERY

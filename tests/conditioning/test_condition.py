@@ -96,16 +96,6 @@ def test_sines_of_any_phase_frequency_and_rate(frequency, rate, phase, cycles):
     assert (v > 0).all()
 
 
-@pytest.mark.parametrize("shift", [1.0, -17.3, 1e6])
-def test_shifted_time_changes_nothing(shift):
-    here, there = condition(sine_log()), condition(sine_log(start=shift))
-    assert here.compared == there.compared
-    for name in ("displacement", "velocity", "force"):
-        a, b = getattr(here, name), getattr(there, name)
-        assert np.abs(a - b).max() <= 1e-9 * np.abs(a).max()
-    assert there.start_time - here.start_time == pytest.approx(shift, abs=1e-9)
-
-
 LOG = sine_log()
 NOISE = np.random.default_rng(7).normal(size=len(LOG.time))
 LONG = {"frequency": 29.0, "amplitude": 0.002, "cycles": 90.0, "rate": 500.0}

@@ -11,7 +11,6 @@ from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import (
-    ConditionOptions,
     apply_filter,
     condition,
     design_filter,
@@ -23,7 +22,6 @@ from damperfit.conditioning.filters import (
     fading_samples,
 )
 from damperfit.errors import ConditioningError
-from tests.conditioning.logs import sine_log
 
 seeds = st.integers(0, 2**31)
 
@@ -119,25 +117,9 @@ def test_values_between_samples_are_those_of_a_polynomial() -> None:
 
 # A corner that follows the motion, and refusals that offer the one that fits.
 
-AUTO = ConditionOptions(auto_corner=True)
-
 
 def offered(log, options):
     with pytest.raises(ConditioningError) as refusal:
         condition(log, options)
     key, corner = re.search(r"set ([a-z_.]+) = '([0-9.]+)Hz'", str(refusal.value)).groups()
     return key, float(corner)
-
-
-def test_a_refusal_offers_a_corner_that_fits():
-    slow = sine_log(rate=50.0)
-    key, corner = offered(slow, ConditionOptions())
-    assert (key, corner) == ("conditioning.filter_corner", 20.0)
-    assert condition(slow, ConditionOptions(filter_corner=corner)).n_cycles > 5
-    assert condition(slow, AUTO).n_cycles > 5
-    key, corner = offered(slow, ConditionOptions(rig_filter="causal"))
-    assert key == "rig.filter_corner"
-    fast = sine_log(frequency=12.0, amplitude=0.003, cycles=60)
-    key, corner = offered(fast, ConditionOptions(filter_corner=10.0))
-    assert (key, corner) == ("conditioning.filter_corner", 240.0)
-    assert condition(fast, ConditionOptions(filter_corner=corner)).n_cycles > 5

@@ -290,26 +290,3 @@ def test_blows_where_play_closes_are_no_spikes_and_a_spike_among_them_is(size, w
     assert "force_spikes" not in warned(log)
     log.force[4000] += 2.5 * size + 300.0
     assert "1 spike in the force, in row 4001" in warned(log)["force_spikes"].sentence
-
-
-SCATTER = np.repeat(1.0 + 0.03 * np.random.default_rng(1).standard_normal(60), 500)
-TREND = np.linspace(0.0, 1.0, 30000)
-
-
-@pytest.mark.parametrize(
-    ("size", "warm", "names"),
-    [
-        (86.7 - 14.9 * TREND, 38.0 + 36.0 * TREND, {"force_trend"}),
-        (86.7 - 14.9 * TREND**2, 38.0 + 36.0 * TREND**2, {"force_trend"}),
-        (80.0 * SCATTER, 38.0 + 36.0 * TREND, {"cycle_scatter"}),
-        ((86.7 - 14.9 * TREND) * SCATTER, 38.0 + 36.0 * TREND, {"cycle_scatter", "force_trend"}),
-        # Evenly distributed, a trend deviates by 0.29 of itself; 1 % and two errors are 1.2 %.
-        (80.0 * (1.0 - 0.025 * TREND), None, set()),
-        (80.0 * (1.0 - 0.06 * TREND), None, {"force_trend"}),
-    ],
-)
-def test_a_trend_of_the_peaks_is_told_from_their_scatter(size, warm, names):
-    def law(_, v):
-        return size * v / np.abs(v).max()
-
-    assert set(warned(logged(sine(2.0, 0.01, 60), law, noise=(2e-6, 0.3), warm=warm))) == names

@@ -67,29 +67,8 @@ def test_a_single_cycle_cannot_say():
     assert math.isnan(noise_floor(replace(trace, stretches=(one,))))
 
 
-def test_a_motion_that_differs_explains_a_force_that_does() -> None:
-    """Of cycles of other sizes: not where the force alone has them."""
-    size = 1.0 + 0.02 * np.repeat([1.0, -1.0, 0.5, -0.5, 1.0, -1.0], 200)
-    one = cycles(6)
-    alone = replace(one, force=size * one.force)
-    both = replace(alone, displacement=size * one.displacement, velocity=size * one.velocity)
-    assert noise_beside_motion(alone) == pytest.approx(noise_floor(alone), rel=0.05)
-    assert noise_beside_motion(both) < 0.01 * noise_floor(both)
-
-
 def test_beside_what_repeats_too_little_or_does_nothing_no_noise_is_told() -> None:
     assert math.isnan(noise_beside_motion(cycles(1)))
     assert not math.isnan(noise_beside_motion(cycles(2)))
     six = cycles(6)
     assert math.isnan(noise_beside_motion(replace(six, force=np.full(len(six.force), 7.0))))
-
-
-def test_a_displacement_and_the_square_of_a_speed_explain_a_force_that_differs() -> None:
-    one, size = cycles(6), np.repeat([1.0, -1.0, 0.5, -0.5, 1.0, -1.0], PERIOD)
-    x, v = one.displacement + 1e-3 * size, (1.0 + 0.2 * size) * one.velocity
-    for both in (
-        replace(one, displacement=x, force=one.force + 20.0 * size),
-        replace(one, velocity=v, force=2e4 * v * np.abs(v)),
-    ):
-        assert noise_beside_motion(both) < 0.01 * noise_floor(both)
-    assert noise_floor(condition(smooth_log(15.0, 1000.0))) < 1e-9

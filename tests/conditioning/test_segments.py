@@ -115,30 +115,6 @@ def test_the_figures_of_each_stretch_are_those_of_its_law():
         assert stretch.describe(trace)["energy_J"] == told.energy
 
 
-TWICE = ((1.5, 0.02, 6), (0, 0, 2), (1.5, 0.02, 6))
-ONCE = ((1.5, 0.02, 14),)
-
-
-@pytest.mark.parametrize(
-    ("parts", "times", "is_told"),
-    [
-        (TWICE, lambda t: np.where(t > 6.0, 1.5, 1.0), True),
-        ((TWICE[0], (0.5, 0.02, 4), TWICE[2]), lambda t: np.where(t > 10.0, 1.3, 1.0), True),
-        (TWICE, lambda t: np.where(t > 6.0, 1.15, 1.0), False),  # as of a warm damper
-        (TWICE, np.ones_like, False),
-        (ONCE, lambda t: np.where(t > 5.0, 1.12, 1.0), True),
-        (ONCE, lambda t: 1.0 + 0.1 * (t > 3.0) - 0.3 * (t > 6.0), True),
-        (ONCE, lambda t: 1.0 - 0.03 * t, False),  # warms up
-        (ONCE, lambda t: 1.0 + 0.5 * ((t > 4.0) & (t < 4.4)), False),  # one cycle
-    ],
-)
-def test_a_motion_that_goes_on_with_another_force_is_another_setting(parts, times, is_told):
-    log = speeds(*parts)
-    warnings = set(warned(replace(log, force=times(log.time) * log.force)))
-    assert ("another_force" in warnings) is is_told
-    assert not is_told or not warnings & {"cycle_scatter", "force_trend"}
-
-
 # Rest, run-up and coast-down of one steady run.
 
 

@@ -474,14 +474,3 @@ def test_toml_declares_it_with_units():
         load_configuration(
             overlay={"damper": {"model": "twin_tube", "friction": {"presliding_way": "fit"}}}
         )
-
-
-@pytest.mark.parametrize("mounting", [RIGID, ELASTIC], ids=["rigid", "elastic"])
-def test_below_the_solvers_dead_band_friction_turns_as_it_did(mounting):
-    sharp, below, above = (
-        run("b", cycles=1, sensitivities=("turning_speed",), turning_speed=speed, **mounting)
-        for speed in (0.0, 0.9e-4, 2e-3)
-    )
-    np.testing.assert_array_equal(below.force, sharp.force)
-    assert not below.sensitivities["turning_speed"].any()
-    assert np.max(np.abs(above.force - sharp.force)) > 1.0

@@ -121,16 +121,6 @@ def test_minima_that_fit_equally_well_are_told(searched) -> None:
     assert "3 starts of which 1 could not be simulated: 2 minima, with MSE 0.01 %" in said
 
 
-def test_a_flat_minimum_is_one_minimum(searched) -> None:
-    lost = Outcome.NOT_IDENTIFIABLE
-    ends = [
-        ended(replace(HERE, k_e=k * HERE.k_e), 0.01, lost, k_e="not_identifiable") for k in (1, 9)
-    ]
-    _, found = searched(*ends)
-    assert len(found.minima) == 1
-    assert found.warning == ""
-
-
 def started(start: GivenStart):
     options = FitOptions("plain", fixed={**KNOWN, "f_0": 0.0}, start=start)
     setting = Setting.of(9)
