@@ -276,7 +276,8 @@ def advise(
         like = next(test for test in ranked if test[:2] == tests[0][:2])
         again = rig.tried(like, seed=2) or tests[0]
         shares = {name: math.sqrt(x * again.shares[name]) for name, x in tests[0].shares.items()}
-        tests = (tests[0]._replace(shares=shares), *tests[1:])
+        twice = (tests[0]._replace(shares=shares), *tests[1:])
+        tests = tuple(sorted(twice, key=lambda test: test.rank))
     is_any_use = any(test.share <= _NOTICED for test in tests)
     if not tests:
         where = "within the limits of the rig" + " and above its noise" * bool(ranked)
@@ -292,6 +293,8 @@ def advise(
                 "most of the interval is lack of fit or an assumed default, which another test "
                 "of this kind repeats"
             )
+        elif tests[0].share > 1.0 / _USEFUL:
+            why = "it would show lack of fit of the model that today's interval knows nothing of"
         most = f" by more than {100.0 * (1.0 - tests[0].share):.0f} %" if is_any_use else ""
         sentence = f"no test within these limits narrows the interval of {title}{most}: {why}"
     speed, tested = abs(question.speed), max(one.setting.top_speed for one in rig.known)
@@ -528,7 +531,7 @@ class _Rig:
             if at_end := self.screened(test, end):
                 for label, share in test.shares.items():
                     shares[label] *= max(1.0, at_end.shares[label] / share)
-        return test._replace(shares={label: min(share, 1.0) for label, share in shares.items()})
+        return test._replace(shares=shares)
 
     def decided(self, rivals: Sequence[Rival], test: NextTest, worth: float) -> NextTest | None:
         """What a test tells of structures that remain; None: it is beyond rig or damper.
