@@ -763,8 +763,13 @@ def circumstances(
     def differs(kind: str, what: str, a: str, b: str, more: str = "") -> None:
         found.append(Circumstance(kind, a, b, f"{what}: {a}, then {b}{more}"))
 
+    of_one_model = not is_bare and first.damper.name == second.damper.name
     facts, others = (
-        {what: rest for what, *rest in _facts(run, units, is_bare=is_bare)} for run in runs
+        {
+            what: rest
+            for what, *rest in _facts(run, units, is_bare=is_bare, of_one_model=of_one_model)
+        }
+        for run in runs
     )
     for what, (kind, text, more) in facts.items():
         if what in others and others[what][1] != text:
@@ -797,16 +802,17 @@ def circumstances(
     return tuple(sorted(found, key=lambda one: _ORDER.index(one.kind)))
 
 
-def _facts(  # noqa: PLR0912 - one kind after the other
-    run: Run, units: ShownUnits, *, is_bare: bool
+def _facts(  # noqa: C901, PLR0912 - one kind after the other
+    run: Run, units: ShownUnits, *, is_bare: bool, of_one_model: bool
 ) -> Iterator[tuple[str, str, str, str]]:
     """Yield what may differ between runs: its name, kind and value, and what follows from it."""
     for key in _WHOSE:
         if owner := run.identity.get(key):
             yield key, "identity", str(owner), ""
     if not is_bare:  # of measured curves the damper need not be known
+        yield "model", "model", run.damper.name, ": only forces are compared, not parameters"
+    if of_one_model:
         damper = run.damper
-        yield "model", "model", damper.name, ": only forces are compared, not parameters"
         more = ": those with the same name are compared"
         yield f"quantities of {damper.name}", "model", ", ".join(damper.names), more
         for one in run.quantities:
@@ -817,24 +823,29 @@ def _facts(  # noqa: PLR0912 - one kind after the other
                 yield f"damper.{name}", kind, f"{size:.6g} {unit}".strip(), ""
         if math.isfinite(gas := _gas_force(run)):
             force = units.write(gas, "N", ".1f" if units.of("N") == "N" else ".3g")
-            more = ": so much of every difference of force is the declared gas"
+            more = ": their difference is in every difference of force"
             yield "gas force at mid-stroke", "gas", force, more
     document = run.record.get("configuration")
     for (section, key), (kind, words) in _HOW.items():
         keys = document.get(section) if isinstance(document, dict) else None
         value: Any = keys.get(key) if isinstance(keys, dict) else None
         if isinstance(value, dict):
-            value = [f"{name} = {one}" for name, one in value.items()]
+            value = [f"{name} = {_plain(one)}" for name, one in value.items()]
         if isinstance(value, list):
-            value = ", ".join(map(str, value)) or "none"
+            value = ", ".join(map(_plain, value)) or "none"
         if value is not None:
-            yield words, kind, str(value), ""
+            yield words, kind, _plain(value), ""
     more = "; what the older run lacks is not compared"
     for name, words, follows in (
         ("version", "damperfit", ""), ("schema_version", "schema of the results", more),
     ):  # fmt: skip
         if (number := run.record.get(name)) is not None:
             yield words, "version", str(number), follows
+
+
+def _plain(value: object) -> str:
+    """A value of a configuration: 60 and 60.0 are one."""
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
 def _inputs(run: Run) -> list[tuple[str, dict[str, Any]]]:

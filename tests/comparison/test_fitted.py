@@ -16,6 +16,7 @@ from damperfit.comparison.comparing import (
     freedom_of,
     parameter_readings,
 )
+from damperfit.damper.model import model_named
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals import Bilinear
@@ -170,6 +171,12 @@ def test_a_record_that_differs_is_named(a, b, said) -> None:
     assert _said(a, a)[1:] == []
 
 
+def test_a_number_is_the_same_however_it_is_written() -> None:
+    fixed = [{"configuration": {"identification": {"fix": {"f_f": f}}}} for f in (50, 50.0, 51)]
+    assert _said(*fixed[:2]) == []
+    assert _said(*fixed[1:]) == ["held parameters: f_f = 50, then f_f = 51"]
+
+
 @pytest.mark.parametrize(
     ("before", "after", "said"),
     [
@@ -216,7 +223,12 @@ def test_another_motion_or_temperature_is_named_beyond_a_limit(changed, begins) 
 def test_the_gas_and_units_are_named() -> None:
     first, second = _said({}, {"damper": replace(PURDY_DAMPER, gas_pressure=5.6e5)})
     assert first == "damper.gas_pressure: 460000 Pa, then 560000 Pa"
-    assert second.startswith("gas force at mid-stroke: -130.4 N, then -158.8 N: so much of every")
+    assert second.startswith(
+        "gas force at mid-stroke: -130.4 N, then -158.8 N: their difference is in"
+    )
+    # Of another model dimensions and gas are others by nature.
+    model = "model: purdy, then twin_tube: only forces are compared, not parameters"
+    assert _said({}, {"damper": model_named("twin_tube")}) == [model]
     own, *rest = PURDY_DAMPER.quantities
     other = {"quantities": (replace(own, unit="furlong"), *rest)}
     told = "unit of r_m1: s sqrt(N)/(m kg), then furlong: it is not compared"
