@@ -601,15 +601,17 @@ def _force_trend(up: _Peaks, down: _Peaks, warming: tuple[float, float] | None) 
 
 def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Finding]:
     """How far the mean force goes: each speed has its own, one slope in time is common to all."""
-    cyclic = [stretch for stretch in trace.stretches if stretch.n_cycles > 1]
     half = 0.5 * float(np.ptp(trace.force[trace.compared]))
-    if sum(stretch.n_cycles - 1 for stretch in cyclic) < _ENOUGH or not half > 0.0:
-        return
     means = []
-    for stretch in cyclic:
+    for stretch in trace.stretches:
+        if stretch.n_cycles < 2:
+            continue
         starts = clean if len(clean := clean_cycles(stretch)) > 2 else stretch.cycle_starts
         sums = cycle_energies(np.ones_like(trace.force), trace.force, starts, 1.0)
         means.append((0.5 * (starts[1:] + starts[:-1]), sums / np.diff(starts)))
+    # One speed of four cycles has as many changes from cycle to cycle.
+    if sum(len(values) - 1 for _, values in means) < _ENOUGH - 1 or not half > 0.0:
+        return
     drift, error = _drift(means)
     share = 100.0 * drift / half
     text = f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the "

@@ -232,7 +232,7 @@ def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> Configuratio
     for layer in reversed(layers):
         for name in (key, *where.beside):
             for one in sections:
-                path = (*one, name.removeprefix("rig_") if one == ("rig",) else name)
+                path = (*one, name)
                 if _depth(layer.values, path) < len(path):
                     continue
                 if name == key:
@@ -270,10 +270,11 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
         word = f"{entry.word!r} or " if entry is not None and entry.word else ""
         reason = f"expected {word}{_EXPECTED.get(kind, 'another value').format(**context)}"
     code = "out-of-range" if kind.startswith(("greater", "less")) else "wrong-value"
-    if kind == "less_than_equal" and entry is not None and entry.dimension:
+    if kind.endswith("_equal") and context.get("ge") != 0 and entry is not None and entry.dimension:
         unit = entry.default.lstrip("0123456789.").replace("mm", "m")
         example = f", as in {entry.default!r}" * (entry.default[0] != "0")
-        reason += f" {unit}; a bare number is in {unit}{example}"
+        reason += f" {unit}" * (kind == "less_than_equal")
+        reason += f"; a bare number is in {unit}{example}"
     typed: Any = source.values
     for one in keys[: _depth(source.values, keys)]:  # as it was written, not as it was converted
         typed = typed[int(one) if isinstance(typed, list | tuple) else one]

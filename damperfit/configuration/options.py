@@ -352,7 +352,7 @@ def build_configuration(
         adjusters=adjusters,
         max_bytes=rig.max_log_bytes,
         profile=rig.profile,
-        profiles={name: _declared(keys) for name, keys in rig.profiles.items()},
+        profiles={name: _declared(keys, "profiles", name) for name, keys in rig.profiles.items()},
     )
     reading.check()
     if output["checks"]:
@@ -395,12 +395,12 @@ def _path(text: str) -> Path | None:
     return Path(os.path.expanduser(text)) if text else None  # noqa: PTH111 - Path raises on ~nobody
 
 
-def _declared(values: dict[str, Any]) -> dict[str, Any]:
+def _declared(values: dict[str, Any], *place: str) -> dict[str, Any]:
     """Return the keys of a profile that are given, what logs were tested at in SI."""
     given = {key: _as_read(values[key]) for key in ProfileSection.entries() if key in values}
     if "tested_at" in given:  # a name that is none is left to the reader's options
         given["tested_at"] = {
-            name: _read(text, partial(fact_of, name, str(text)), "tested_at", name)
+            name: _read(text, partial(fact_of, name, str(text)), *place, "tested_at", name)
             if name in FACTS
             else math.nan
             for name, text in given["tested_at"].items()

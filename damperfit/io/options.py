@@ -71,8 +71,8 @@ class ReadOptions(Declarations):
             try:
                 self._with(profile).check()
             except ConfigurationError as error:
-                text = f"rig.profiles.{name}: {error}"
-                raise ConfigurationError(text, code="wrong-value") from error
+                key: Any = error.problem.where
+                raise error.at(Key(("rig", "profiles", name, key.path[-1]))) from error
 
     def _check_channels(self) -> None:
         for name in ("columns", "units", "scales", "offsets", "tested_at"):

@@ -51,6 +51,8 @@ identify LOG --config nope.toml -> --config nope.toml: cannot be read #unreadabl
 identify LOG --config bad.toml -> --config bad.toml:2: rig.skew #out-of-range
 identify LOG --config unknown.toml -> --config unknown.toml:2: unknown #unknown-key
 identify LOG --rig skip_lines=a -> --rig skip_lines #wrong-value
+identify LOG --rig profiles.lab.encoding=no -> --rig profiles.lab.encoding: 'no' is not #wrong-value
+identify LOG --skew=-100 -> 'auto' or -0.1 or more; a bare number is in s #out-of-range
 identify LOG --tests nope.csv -> --tests nope.csv: cannot be read #bad-table-of-tests
 identify LOG --out '' -> --out: found ''
 identify LOG --out text -> --out text: cannot be written: text is not a folder #not-a-folder
