@@ -132,7 +132,7 @@ def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, 
     def full(*_args, **_how):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("damperfit.results.write_responses", full)
+    monkeypatch.setattr("damperfit.tables.files.write_responses", full)
     log = logs / "setting_01.csv"
     ended = run("identify", log, "--report")
     assert ended.code == 1
