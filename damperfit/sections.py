@@ -9,12 +9,18 @@ fields of the model that it names.
 
 from __future__ import annotations
 
+import math
+import operator
 from collections.abc import Mapping
 from copy import copy
 from functools import cache
+from numbers import Real
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Key
 
 if TYPE_CHECKING:
     from damperfit.simulation import SolverOptions
@@ -42,6 +48,27 @@ class Entry(NamedTuple):
     keyword: str = ""  # name of the option, where it is not the key's
     kind: str = ""  # as in `damperfit.arguments`, where the default does not tell
 
+    def in_place_of(self, value: Any) -> str:
+        """Return what is expected where a value, as the program reads it, is not allowed."""
+        if self.words:
+            wanted = " or ".join(repr(word) for word in self.words if word)
+            return "" if value in self.words else wanted
+        limits = (
+            ("more than {:g}", self.above, operator.gt),
+            ("{:g} or more", self.least, operator.ge),
+            ("less than {:g}", self.below, operator.lt),
+            ("at most {:g}", self.most, operator.le),
+        )
+        is_number = self.dimension or any(limit is not None for _, limit, _ in limits)
+        if not is_number or (self.word and value == self.word):
+            return ""
+        if not (isinstance(value, Real) and (self.has_infinity or math.isfinite(value))):
+            return f"{self.word!r} or a finite number" if self.word else "a finite number"
+        for text, limit, is_within in limits:
+            if limit is not None and not is_within(value, limit):
+                return text.format(limit)
+        return ""
+
 
 def key(default: Any, about: str, dimension: str = "", **how: Any) -> Any:
     """Return a key of a section; what the program reads of it has the type of its annotation."""
@@ -63,6 +90,16 @@ class Section(SimpleNamespace):
     def but(self, **values: Any) -> Self:
         """Return the section with other values, which are taken as they are."""
         return type(self)(**{**vars(self), **values})
+
+    def refuse_wrong(self, **others: Entry) -> None:
+        """Refuse what no key allows, where Python gives it; `others` are attributes with a key."""
+        for name, entry in {**self.entries(), **others}.items():
+            value = getattr(self, name)
+            if value is not None and (wanted := entry.in_place_of(value)):
+                hint = did_you_mean(str(value), entry.words)
+                text = f"expected {wanted}, found {value!r}{hint and f'.{hint}'}"
+                code = "wrong-value" if entry.words else "out-of-range"
+                raise ConfigurationError(text, where=Key((name,)), code=code)
 
     @classmethod
     @cache
@@ -276,7 +313,7 @@ class ConditioningSection(Section):
     spikes: str = key("keep", "bridge: samples that stand out are replaced by a straight line",
         words=("keep", "bridge"))
     min_amplitude: float = key("0.2mm",
-        "outside these a unit was surely misread", "length", above=0.0)
+        "outside these a unit was surely misread", "length", least=0.0)
     max_amplitude: float = key("1m", "on both sides of mid-stroke", "length", above=0.0)
     max_force: float = key("100kN", "the same", "force", above=0.0)
 

@@ -1,6 +1,6 @@
 """The chain from a recording to a trace, step by step, and the logs that are refused on the way."""
 
-import math
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -59,7 +59,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     if options.spikes == "bridge":
         options = options.but(spikes="keep")
         # A spike may be beyond what a log may hold; what is left when it is gone may not.
-        lenient = condition(recording, options.but(max_force=math.inf))
+        lenient = condition(recording, options.but(max_force=sys.float_info.max))
         recording = bridge_spikes(recording, samples_a_cycle(lenient))
     _refuse_dead(recording)
     options, corner = with_corner(recording, options)

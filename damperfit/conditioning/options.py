@@ -2,9 +2,17 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from damperfit.sections import ConditioningSection
+from damperfit.errors import ConfigurationError
+from damperfit.problem import Key
+from damperfit.sections import ConditioningSection, RigSection
+
+_OF_RIG = RigSection.entries()
+_RIG_KEYS = {
+    **{f"rig_{name}": _OF_RIG[name] for name in ("filter", "filter_corner", "filter_order")},
+    **{name: _OF_RIG[name] for name in ("centre", "skew")},
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +80,15 @@ class ConditionOptions(ConditioningSection):
     # l_1 and l_2 of the damper, m: a stroke beyond the chambers is refused.
     chamber_lengths: tuple[float, float] | None = None
     nominal: NominalTest = NominalTest()  # what the test was meant to be, for findings
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.refuse_wrong(**_RIG_KEYS)
+        low, high = self.min_amplitude, self.max_amplitude
+        if not low < high:
+            text = f"found {low:g} m, expected less than max_amplitude, {high:g} m"
+            where = Key(("min_amplitude",), ("max_amplitude",))
+            raise ConfigurationError(text, where=where, code="out-of-range")
 
     @property
     def is_ours(self) -> bool:

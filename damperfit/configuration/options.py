@@ -354,7 +354,6 @@ def build_configuration(
         profile=rig.profile,
         profiles={name: _declared(keys, "profiles", name) for name, keys in rig.profiles.items()},
     )
-    reading.check()
     if output["checks"]:
         from damperfit.checks import expand_checks
 
@@ -410,11 +409,6 @@ def _declared(values: dict[str, Any], *place: str) -> dict[str, Any]:
 
 def _conditioning(own: dict[str, Any], rig: RigSection, facts: dict[str, Any]) -> ConditionOptions:
     is_auto = isinstance(own["filter_corner"], str)
-    low, high = own["min_amplitude"], own["max_amplitude"]
-    if not low < high:
-        text = f"found {low:g} m, expected less than max_amplitude, {high:g} m"
-        where = Key(("min_amplitude",), ("max_amplitude",))
-        raise ConfigurationError(text, where=where, code="out-of-range")
     names = ("frequency", "amplitude", "temperature", "temperature_tolerance")
     motion = {name: getattr(rig, name) for name in names}
     return ConditionOptions(

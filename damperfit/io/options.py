@@ -11,7 +11,7 @@ from typing import Any
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.io.tests_table import FACTS
 from damperfit.problem import Key
-from damperfit.sections import Declarations
+from damperfit.sections import Declarations, RigSection
 from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.units.quantities import find_unit
@@ -26,6 +26,7 @@ CHANNELS = {
 }
 # Channels that a log is good without; where they are missing or damaged they are left out.
 EXTRAS = ("temperature", "velocity")
+_MAX_BYTES = RigSection.entries()["max_log_bytes"]
 
 
 class ReadOptions(Declarations):
@@ -39,8 +40,16 @@ class ReadOptions(Declarations):
     needs_force: bool = True  # False: of a car log time and displacement alone
     max_bytes: int = 500_000_000  # of the largest log (of text, when it is compressed)
 
-    def check(self) -> None:
-        """Refuse declarations that mean nothing, where their values alone do not show it."""
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.refuse_wrong(max_bytes=_MAX_BYTES)
+        for name in ("reverse_force", "reverse_displacement"):
+            if (value := getattr(self, name)) not in (True, False, "detect"):
+                raise _wrong(name, f"expected true, false or 'detect', found {value!r}")
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse declarations that mean nothing, where a value alone does not show it."""
         try:
             pattern = re.compile(self.setting_pattern, re.IGNORECASE)
         except re.error as error:
@@ -69,7 +78,7 @@ class ReadOptions(Declarations):
             raise ConfigurationError(text, where=where, code="unknown-profile")
         for name, profile in self.profiles.items():
             try:
-                self._with(profile).check()
+                self._with(profile)
             except ConfigurationError as error:
                 key: Any = error.problem.where
                 raise error.at(Key(("rig", "profiles", name, key.path[-1]))) from error

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.errors import ConditioningError
+from damperfit.errors import ConditioningError, ConfigurationError
 from tests.conditioning.logs import LAW, sine_log, static_force
 
 RIG = butter(4, 30.0, fs=1000.0, output="sos")
@@ -134,6 +134,25 @@ BAD = {
     "faster": (sine_log(**{**LONG, "frequency": 31.0}), {}, "not below the filter"),
     "reversed force": (replace(LOG, force=-LOG.force), {}, "delivers 7.* J per cycle .* reversed"),
 }
+
+# Options that a caller in Python gives, and the refusal: nothing stands in for them in silence.
+WRONG = {
+    "filter": ("zerophase", "filter: .* Did you mean 'zero_phase'"),
+    "rig_filter": ("butter", "rig_filter: expected 'none' or 'causal' or 'zero_phase'"),
+    "filter_order": (0, "filter_order: expected 1 or more, found 0"),
+    "rig_filter_corner": (-3.0, "rig_filter_corner: expected more than 0, found -3"),
+    "skew": (0.2, "skew: expected at most 0.1, found 0.2"),
+    "centre": (float("nan"), "centre: .*finite number, found nan"),
+    "spikes": ("drop", "spikes: expected 'keep' or 'bridge'"),
+    "min_amplitude": (2.0, "min_amplitude: found 2 m, expected less than max_amplitude"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_options_are_refused(name):
+    value, message = WRONG[name]
+    with pytest.raises(ConfigurationError, match=message):
+        ConditionOptions(**{name: value})
 
 
 @pytest.mark.parametrize("case", BAD)

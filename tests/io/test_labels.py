@@ -95,7 +95,7 @@ def test_an_own_pattern_and_an_unknown_group(put) -> None:
     options = ReadOptions(setting_pattern=r"klick(\d+)")
     assert read_log(put(LOG, "s3_Klick12.csv"), options).setting == 12
     with pytest.raises(ConfigurationError, match=r"group 'rebund'.*Did you mean 'rebound'"):
-        ReadOptions(adjusters=TWO, setting_pattern=r"(?P<rebund>\d+)").check()
+        ReadOptions(adjusters=TWO, setting_pattern=r"(?P<rebund>\d+)")
 
 
 # Guesses from names.

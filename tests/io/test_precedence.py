@@ -156,9 +156,14 @@ def test_a_wrong_key_of_a_profile_is_named(tmp_path, row) -> None:
         ({"units": {"forse": "N"}}, "no channel 'forse'.*Did you mean 'force'"),
         ({"setting_pattern": "s(\\d+"}, "not a regular expression"),
         ({"setting_pattern": "s\\d+"}, "no group"),
+        ({"max_bytes": 0}, "max_bytes: expected more than 0, found 0"),
+        ({"separator": "colon"}, "expected ',' or ';' .*found 'colon'"),
+        ({"skip_lines": -1}, "skip_lines: expected 0 or more"),
+        ({"reverse_force": "yes"}, "expected true, false or 'detect', found 'yes'"),
+        ({"scales": {"force": 0.0}}, "force is 0.0, expected other than 0"),
         ({"profile": "loger", "profiles": {"logger": {}}}, "no profile 'loger'.*Did"),
     ],
 )
 def test_options_that_mean_nothing(options, message) -> None:
     with pytest.raises(ConfigurationError, match=message):
-        ReadOptions(**options).check()
+        ReadOptions(**options)
