@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 # What a closed valve does not determine lies within this factor of the nearest setting where it is
 # determined: a step of a preload adjuster changes the preload by 1.5 to 2.3 times.
 _LEFT_OPEN = 2.0
+_MOVES = 1e-3  # of a force: less nobody sees
 SMOOTH, STRAIGHT, AREAS, LEAST, MOST = "smooth", "straight", "areas", "least", "most"
 BENDS = (STRAIGHT, AREAS)
 
@@ -76,30 +77,40 @@ class Between:
         if not np.all(np.isfinite(self._besides[way])):
             return plain
         forces = self._modelled(at, way) + _along(self.places, self._besides[way], at)
-        return np.where(np.isfinite(forces), forces, plain)
+        return forces if np.all(np.isfinite(forces)) else plain  # of one kind: no jump between
 
-    def undetermined(self, gap: int) -> tuple[str, ...]:
-        """What a valve that is closed at one of a gap's settings does not determine, for people."""
-        first = self.stages[0].parameters if self.stages else None
-        return tuple(
-            f"{first.quantity(name).label} at {self.stages[k].setting}"
-            for name, limits in self.limits.items()
-            for k in (gap, gap + 1)
-            if first is not None and limits[k] is not None
-        )
+    def undetermined(self, gap: int, place: float) -> tuple[str, ...]:
+        """What a closed valve leaves open at a gap's settings and moves a force there, for people.
 
-    def _modelled(self, at: FloatArray, way: str) -> FloatArray:
-        if self.damper is None or not self.values:
-            return np.full(len(at), math.nan)
-        first = self.stages[0].parameters
-        rows = {name: self._values(first.quantity(name), at, way) for name in self.values}
+        Of both strokes: what the other one's valve leaves open moves no force of this one.
+        """
+        found = []
+        for name, limits in self.limits.items():
+            at = np.array([place])
+            ends = [self._modelled(at, way, only=name)[0] for way in (LEAST, MOST)]
+            if abs(ends[1] - ends[0]) > _MOVES * max(map(abs, ends)):
+                label = self.stages[0].parameters.quantity(name).label
+                beside = (k for k in (gap, gap + 1) if limits[k] is not None)
+                found += [f"{label} at {self.stages[k].setting}" for k in beside]
+        return tuple(found)
+
+    def _modelled(self, at: FloatArray, way: str, only: str = "") -> FloatArray:
+        """Forces of the damper at some places; NaN where no damper has the values of one of them.
+
+        Of one quantity only by that way, if it is named.
+        """
         forces = np.full(len(at), math.nan)
+        if self.damper is None or not self.values:
+            return forces
+        first = self.stages[0].parameters
+        ways = {name: way if only in {"", name} else SMOOTH for name in self.values}
+        rows = {name: self._values(first.quantity(name), at, one) for name, one in ways.items()}
         try:
             for k in range(len(at)):
                 values = first.replace({name: float(row[k]) for name, row in rows.items()})
                 forces[k] = quasi_static(self.damper, values, [self.speed]).forces[0]
-        except SimulationError:  # no damper has such values: the forces alone are interpolated
-            pass
+        except SimulationError:
+            forces[:] = math.nan
         return forces
 
     def _values(self, quantity: Quantity, at: FloatArray, way: str) -> FloatArray:

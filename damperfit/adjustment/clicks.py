@@ -362,9 +362,11 @@ class _Curve:
         if math.isfinite(reach):
             edges: list[float] = []
             if len(self.places) > 2 or gap <= 1.0:  # two settings tell no curve
-                gaps = range(len(self.places) - 1)
+                beside = {above - 1, above} & {*range(len(self.places) - 1)}
                 for end in (force - reach, force + reach):
-                    edges += self.crossings(end, gaps)
+                    off = self.forces - end
+                    passed = np.flatnonzero(off[:-1] * off[1:] <= 0.0).tolist()
+                    edges += self.crossings(end, {*passed, *beside})
             low = max((s for s in edges if s < position), default=float(self.places[0]))
             high = min((s for s in edges if s > position), default=float(self.places[-1]))
             if gap > 1.0:
@@ -389,5 +391,5 @@ class _Curve:
         bend = max((abs(one) for way in BENDS for one in away.get(way, ())), default=0.0)
         left_open = [one for way in (LEAST, MOST) for one in away.get(way, ())]
         less, more = -min(0.0, 0.0, *left_open), max(0.0, 0.0, *left_open)
-        undetermined = self.between.undetermined(gap) if max(less, more) > _FINEST else ()
+        undetermined = self.between.undetermined(gap, position) if max(less, more) > _FINEST else ()
         return max(_BEND * bend, less), max(_BEND * bend, more), undetermined

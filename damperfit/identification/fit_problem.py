@@ -401,12 +401,12 @@ class _Stacked:
             law = np.exp(border[-len(GAS_NAMES) :]).tolist()
             gas = gas._replace(**dict(zip(GAS_NAMES, law, strict=True)))
         values: dict[Setting, Values] = {}
-        beyond: NDArray[np.bool_] | None = None
+        beyond: dict[Setting, NDArray[np.bool_] | None] = {}
         for setting, mine in zip(settings, own.reshape(len(settings), -1), strict=True):
             known = self.packed[setting].copy()
             known[self.own] = mine
             known[self.moving[setting]] = border[self.places[setting]]
-            values[setting], beyond = self._values(setting, known, gas)
+            values[setting], beyond[setting] = self._values(setting, known, gas)
 
         def block_of(setting: Setting) -> tuple[Any, float, float, bool]:
             block = self.problem.blocks[setting]
@@ -418,8 +418,8 @@ class _Stacked:
                 error = SettingError(seen)
                 raise _BugError(error) if seen.is_internal else error
             rows, is_cavitating = seen
-            if beyond is not None:
-                rows[1:][beyond] = 0.0  # beyond the bound nothing changes any more
+            if (is_beyond := beyond[setting]) is not None:
+                rows[1:][is_beyond] = 0.0  # beyond the bound nothing changes any more
             mean_square, independent = (
                 rows[0] @ rows[0] / block.facts.n_samples,
                 n_independent(rows[0]),

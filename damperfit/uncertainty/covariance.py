@@ -227,7 +227,10 @@ def _of_setting(
     if repeating.ndim:  # the same law misses every setting alike
         alike = shifts(repeating, None if one.repeating is None else one.repeating.T)
         squares, own_squares = np.sum(alike**2, axis=1), misfit.diagonal()
-        wider = np.sqrt(np.maximum(squares / np.maximum(own_squares, 1e-300), 1.0))
+        # Nothing but rounding is not made wider: it may be of either sign.
+        is_any = own_squares > 0.0
+        ratios = np.divide(squares, own_squares, out=np.ones_like(squares), where=is_any)
+        wider = np.sqrt(np.maximum(ratios, 1.0))
         misfit = misfit * np.outer(wider, wider)
     if one.supposed is not None:
         defaults = shifts(supposed, one.supposed)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import damperfit
+from damperfit.adjustment import between
 from damperfit.adjustment.clicks import clicks, which_setting
 from damperfit.adjustment.force_at import (
     STROKES,
@@ -25,6 +26,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.rivals import Bilinear
+from damperfit.errors import SimulationError
 from damperfit.identification import Status
 from damperfit.queries.settings import Question, tabulate_forces
 from damperfit.tested.setting import Setting
@@ -402,6 +404,11 @@ def test_a_valve_that_opens_between_clicks_bends_the_force_there(side, is_tied) 
     stages = [gap_coverage.stage_at(n, numbers(n), top=speed, tied=tied) for n in (2, 6, 10, 14)]
     signed = speed if stroke == "rebound" else -speed
     truth = quasi_static(model, model.values(numbers(8)), [signed]).forces[0]
+    # What the valve of the other stroke leaves open moves no force of this one.
+    other = "rebound_opening" if side == "compression" else "compression_opening"
+    values = stages[1].parameters.replace({other: 1.2 * VALUES[other]})
+    limits = (*stages[1].open_limits, (other, (1e5, 1e8)))
+    stages[1] = replace(stages[1], parameters=values, open_limits=limits)
     run = run_of(tuple(stages), model, SINE)
     found = tabulate_forces(run, Question(speed, float(truth), stroke))
     (answer,) = found.wanted[0].answers
@@ -409,7 +416,27 @@ def test_a_valve_that_opens_between_clicks_bends_the_force_there(side, is_tied) 
     assert abs(by_force[0].position - 8.0) > 1.0  # where the forces alone put it
     assert abs(answer.position - 8.0) < 0.7
     assert (answer.undetermined != ()) == (not is_tied)
+    assert all(side in one for one in answer.undetermined)
     assert ("not determined there" in found.sentence) == (not is_tied)
+
+
+def test_where_a_damper_between_cannot_be_solved_the_forces_alone_are_interpolated(
+    monkeypatch,
+) -> None:
+    """The curve of a gap was the damper's up to there and jumped to that of the forces."""
+
+    def solved_up_to_r_m1(damper, values, speeds, **asked):
+        if 1.9e4 < values.r_m1 < 2.3e4:
+            raise SimulationError("no pressures found", code="not-integrated")
+        return quasi_static(damper, values, speeds, **asked)
+
+    stages = [gap_coverage.STAGES[k] for k in (2, 9, 14)]
+    mine = [one for one in force_at(stages, PURDY_DAMPER, (0.2,)) if one.stroke == "rebound"]
+    monkeypatch.setattr(between, "quasi_static", solved_up_to_r_m1)
+    known = {"stages": stages, "damper": PURDY_DAMPER}
+    for wanted in (mine[0].force + 10.0, 550.0, mine[1].force - 10.0):
+        (alone,), (found,) = (which_setting(mine, wanted, **k).answers for k in ({}, known))
+        assert found.position == pytest.approx(alone.position)
 
 
 def test_without_errors_there_is_no_interval() -> None:
