@@ -10,12 +10,15 @@ from damperfit.damper.purdy.closed_forms import modulus_at_pressure
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, FitOptions, Outcome, compare, identify, joint
-from damperfit.identification.fit_problem import Block
+from damperfit.identification.fit_problem import Block, FitProblem, _Stacked
 from damperfit.identification.joint import working_pressure
 from damperfit.identification.sharing import GasLaw
+from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, linearise_settings, uncertainties
 from damperfit.uncertainty.covariance import shared_covariance, shared_curvature
-from tests.identification.rig import trace, traces
+from damperfit.workers import InTurn
+from tests.identification.rig import short_trace, trace, traces
 
 OWN, SHARED = ("r_m1", "r_m2", "k_e"), ("r_m3", "f_f")
 
@@ -47,6 +50,27 @@ def test_it_is_the_minimum_of_one_big_least_squares() -> None:
     covariance = np.linalg.inv(big.jac.T @ big.jac)
     assert np.abs((found - big.x) / np.sqrt(np.diag(covariance))).max() < 0.05
     assert np.sum(residuals(found) ** 2) <= 2 * big.cost * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("beyond", [0, 1])
+def test_beyond_the_bound_of_one_setting_a_candidate_still_moves_at_the_others(beyond) -> None:
+    """The bounds of the last setting were taken for those of all."""
+    logs = {Setting.of(s): short_trace(s) for s in (3, 15)}
+    free = ("r_m1", "r_m2")
+    blocks = {
+        s: Block(PURDY_DAMPER, (one,), free, SolverOptions(), is_candidate=True)
+        for s, one in logs.items()
+    }
+    follows = {"r_m1": next(iter(logs)).adjusters}
+    problem = FitProblem(blocks, free, follows, weights=dict.fromkeys(logs, 1.0))
+    stacked = _Stacked(problem, {s: reference_parameters(3) for s in logs}, InTurn())
+    at = stacked.start.copy()
+    at[beyond] = np.log(PURDY_DAMPER.quantity("r_m1").plausible[1]) + 1.0
+    steps = 1e-6 * np.eye(len(at))
+    costs = [[stacked.point_at(at + sign * one)[0].cost for sign in (1, -1)] for one in steps]
+    slopes = -np.diff(costs)[:, 0] / 2e-6
+    found = 2.0 * stacked.point_at(at)[0].gradient
+    assert found == pytest.approx(slopes, rel=0.05, abs=1e-4 * np.max(np.abs(slopes)))
 
 
 def test_what_is_shared_is_an_option() -> None:
