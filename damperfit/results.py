@@ -472,6 +472,8 @@ class Run:
                 made = table_files.read_signals(self.folder, self._remarks, self.quantities)
             known = sorted(made, key=lambda one: (one.setting, natural_order(one.log)))
             self._signals = tuple(known)
+            if self._is_folder and not known:
+                self._lost.add("responses")
         return self._signals
 
     @property
@@ -1087,7 +1089,8 @@ class Run:
         """Write a run that is in memory as a set of files; those of an earlier run go."""
         begin, units = perf_counter(), units_in(self.record)
         with file_set(folder) as files:
-            for name in self._rows:
+            there = [name for name in self._rows if self._has(name)]
+            for name in there:
                 table = self.table(name)
                 table_files.write_table(files.path(f"{name}.parquet"), table, suffix=".parquet")
                 shown = table_files.table_in_units(table, units)
@@ -1096,7 +1099,7 @@ class Run:
             table_files.write_responses(files.path("responses.parquet"), signals, **self._layout)
             text = self.report_text.encode("utf-8", "backslashreplace")
             files.path("report.md").write_bytes(text)
-            for name in set(TABLES) - {*self._rows, "responses"}:
+            for name in set(TABLES) - {*there, "responses"}:
                 files.without(f"{name}.parquet")
                 files.without(f"{name}.csv")
             files.without(PAGE)
@@ -1137,7 +1140,9 @@ class Run:
     def _headline(self) -> str:
         from damperfit.reporting.report import lead
 
-        return f"Run: {f'damper {self.title}, ' * (self.title != 'damperfit')}{lead(self)}"
+        whose = f"damper {self.title}, " if self.title != "damperfit" else ""
+        failed = f" {len(self.failures)} failed." if self.failures else ""
+        return f"Run: {whose}{lead(self)}{failed}"
 
     @property
     def _unmet(self) -> tuple[str, ...]:
@@ -1158,8 +1163,10 @@ class Run:
 
         checks = checks_in(self.record)
         failed = "".join(f"<p>{escape(line)}</p>" for line in self.failures[:_SHOWN_FAILURES])
-        table = html_table(self._sheet(), caption=self._headline)
-        return table + failed + html_table(check_sheet(checks), caption=check_summary(checks))
+        shown = html_table(self._sheet(), caption=self._headline) + failed
+        if checks:
+            shown += html_table(check_sheet(checks), caption=check_summary(checks))
+        return shown
 
 
 # Folders of results: what an earlier run left there and a new one must not keep, or not lose.

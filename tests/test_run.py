@@ -73,6 +73,20 @@ def test_frames_of_forces_profiles_and_problems(run) -> None:
     assert all(one.code and one.sentence() for one in run.problems)
 
 
+def test_it_counts_what_failed_and_lists_no_table_that_is_lost(folder: Path, tmp_path) -> None:
+    where = Path(shutil.copytree(folder, tmp_path / "run"))
+    (where / "responses.parquet").unlink()
+    record = json.loads((where / "run.json").read_text())
+    failures = [{"name": f"{k}.csv", "kind": "LogError", "message": "empty"} for k in range(7)]
+    (where / "run.json").write_text(json.dumps(record | {"failures": failures}))
+    run = damperfit.load(where)
+    assert repr(run).splitlines()[0].endswith(" 7 failed.")
+    with pytest.raises(ConfigurationError, match=r"no table 'responses'.* are .*profiles"):
+        run.frame("responses")
+    with pytest.raises(ConfigurationError, match=r"there are (?!.*responses)"):
+        run.frame("responses")
+
+
 @pytest.fixture
 def older(folder: Path, tmp_path: Path) -> Path:
     """The same run as the first versions wrote it: fewer tables, columns and keys."""

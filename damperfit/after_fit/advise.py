@@ -44,7 +44,7 @@ from damperfit.errors import (
     did_you_mean,
 )
 from damperfit.problem import Option
-from damperfit.recording import Recording
+from damperfit.recording import Recording, Trace
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.records import entries_in, findings_in, listed_in, number_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out
@@ -513,7 +513,8 @@ class _Rig:
         """
         if seed not in self.again:  # the run's own tests
             self.again[seed] = self._fitted(None, seed)
-        first, run = self.again[seed], self._fitted(test, seed)
+        first = self.again[seed]
+        run = None if first is None else self._fitted(test, seed)
         if first is None or run is None:
             return None
         shares = dict(test.shares)
@@ -523,7 +524,8 @@ class _Rig:
                 self.question.errors(fitted, fitted.setting(label)) for fitted in (first, run)
             )
             more = math.sqrt(max(known.floor**2 - missed**2, 0.0))
-            shares[label] = math.hypot(now, more) / math.hypot(was, more)
+            if was > 0.0 and now > 0.0:  # else one fit has no error of it: as screened
+                shares[label] = math.hypot(now, more) / math.hypot(was, more)
         tried = [known.setting.label for known in self._planned]
         for label in shares.keys() - tried:
             shares[label] *= median(shares[one] / test.shares[one] for one in tried)
@@ -600,12 +602,14 @@ class _Rig:
         ]
         if test is not None:  # as warm as the setting's first
             wanted += [(known, test, known.segments[0]["log"]) for known in self._planned]
-        try:
-            logs = (self._recorded(*one, [seed, k]) for k, one in enumerate(wanted))
-            traces = [condition(log, self.options) for log in logs]
-            findings = (finding for trace in traces for finding in trace.findings)
-            if any(one.name == _NOISE and one.severity == "warning" for one in findings):
-                return None
+        traces: list[Trace] = []
+        try:  # the new test first: it may be refused
+            for k, (known, motion, like) in reversed([*enumerate(wanted)]):
+                trace = condition(self._recorded(known, motion, like, [seed, k]), self.options)
+                too_noisy = (f.name == _NOISE and f.severity == "warning" for f in trace.findings)
+                if motion is test and any(too_noisy):
+                    return None
+                traces.insert(0, trace)
             (done,) = identified(self._configuration, (), traces=traces, is_one=True)
         except (SimulationError, ConditioningError, LogError):
             return None

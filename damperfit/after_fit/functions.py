@@ -212,6 +212,8 @@ def watch(
         Folder of the results; by default nothing is written.
     reference : Run or path, optional
         What forces are compared with.
+    stop : threading.Event, optional
+        Ends it when it is set; Ctrl-C does so too.
 
     Returns
     -------

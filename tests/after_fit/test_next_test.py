@@ -127,6 +127,15 @@ def test_logs_beyond_a_limit_of_the_next_test_still_count(fitted, limit) -> None
     assert free.tests[0].share < 1.0
 
 
+def test_logs_noisier_than_the_next_test_still_count(short) -> None:
+    run = damperfit.load(short / "results")
+    for log in run.record["inputs"]:
+        finding = next(one for one in log["findings"] if one["name"] == "displacement_noise")
+        finding["value"] = 30.0  # um, of which inspection warns at the speed of these logs
+    advice = run.advise("k_e", setting="1", max_stroke="32mm", max_speed="0.6m/s")
+    assert advice.tests[0].share < 0.8
+
+
 def test_the_adjuster_as_one_hole_passes_the_flow_of_its_resistance(fitted) -> None:
     holes = {hole["setting"]: hole for hole in fitted.valves(cd=0.7, cd_spread=0.0).holes}
     density = fitted.damper.oil_density
