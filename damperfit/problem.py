@@ -12,6 +12,7 @@ import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from keyword import iskeyword
 from typing import Any, NamedTuple
 
 FEW = 20  # sentences in all that are shown one by one; a damper has some twenty settings
@@ -101,7 +102,8 @@ _OFFERED = re.compile(r"\{--([a-z-]+)(?: ([^{}]*))?\}")
 
 
 def _option(offered: re.Match[str]) -> Option:
-    return Option(offered[1].replace("-", "_"), offered[2] or "")
+    name = offered[1].replace("-", "_")
+    return Option(f"{name}_" if iskeyword(name) else name, offered[2] or "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +113,8 @@ class Problem:
     >>> p = Problem("no-setting", "give {--setting}", subject="a.csv")
     >>> p.sentence(), p.sentence(Words("damperfit.identify"))
     ('a.csv: give --setting', 'a.csv: give setting=')
+    >>> Problem("question", "give {--for}").sentence(Words("damperfit.advise"))
+    'give for_='
     """
 
     code: str  # the same in every release, as in "no-such-file"

@@ -58,7 +58,10 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.queries.settings import positive
 
     if for_ is None:
-        text = "expected {--for}, what is to be known better: k_e, say, force@0.05m/s or law"
+        text = (
+            "expected {--for}, what is to be known better: a quantity such as k_e, force@0.05m/s "
+            "or law"
+        )
         raise usage(text, "question")
     run = run_of(results, "damperfit.advise", config, takes_parts=False)
     rig = (run.own_configuration if config is None else run.configuration).rig

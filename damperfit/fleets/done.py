@@ -163,3 +163,6 @@ class FleetDone(Answer):
         if self.page is not None:
             lines.append(f"{self.page} written, with tables of dampers and outliers")
         return tuple(lines)
+
+    def __repr__(self) -> str:
+        return "\n".join(filter(None, (super().__repr__(), *self.written)))

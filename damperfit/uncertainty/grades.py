@@ -159,7 +159,7 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
     contradicted = [trace.name for one, trace in findings if one.name == CONTRADICTED]
     if contradicted:
         text = f"the gas force in {contradicted[0]} contradicts the signs of its channels"
-        yield Objection("direction", "", f"{text}: declare which way they are counted")
+        yield Objection("direction", "", f"{text}: check and declare which way they are counted")
     if diagnosis is None or math.isnan(diagnosis.noise_percent):
         is_missed = fit.mse_percent > LIMITS.misfit_percent  # much, where noise is not known
     else:
