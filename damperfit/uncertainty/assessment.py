@@ -217,7 +217,7 @@ def motions_apart(campaign: Campaign) -> Iterator[Problem]:
 
 def gas_in_offset(campaign: Campaign, damper: Model) -> Iterator[Problem]:
     """Yield what of the damper explains both the gas volume that was found and the offset."""
-    gas, determined = damper.gas, {Status.FITTED, Status.SHARED}
+    gas, determined = damper.plain.gas, {Status.FITTED, Status.SHARED}
     volumes: list[float] = []
     offsets: list[float] = []
     for fit in campaign.fits:
