@@ -609,8 +609,9 @@ def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Finding]:
         starts = clean if len(clean := clean_cycles(stretch)) > 2 else stretch.cycle_starts
         sums = cycle_energies(np.ones_like(trace.force), trace.force, starts, 1.0)
         means.append((0.5 * (starts[1:] + starts[:-1]), sums / np.diff(starts)))
-    # One speed of four cycles has as many changes from cycle to cycle.
-    if sum(len(values) - 1 for _, values in means) < _ENOUGH - 1 or not half > 0.0:
+    # Four cycles of one speed change three times; of several, whose edges disturb them, one more.
+    n_changes = sum(len(values) - 1 for _, values in means)
+    if n_changes < _ENOUGH - (len(means) < 2) or not half > 0.0:
         return
     drift, error = _drift(means)
     share = 100.0 * drift / half
