@@ -76,6 +76,8 @@ def test_frames_of_forces_profiles_and_problems(run) -> None:
 def test_it_counts_what_failed_and_lists_no_table_that_is_lost(folder: Path, tmp_path) -> None:
     where = Path(shutil.copytree(folder, tmp_path / "run"))
     (where / "responses.parquet").unlink()
+    profiles = pq.read_table(where / "profiles.parquet").drop_columns(["value"])
+    pq.write_table(profiles, where / "profiles.parquet")
     record = json.loads((where / "run.json").read_text())
     failures = [{"name": f"{k}.csv", "kind": "LogError", "message": "empty"} for k in range(7)]
     (where / "run.json").write_text(json.dumps(record | {"failures": failures}))
@@ -85,6 +87,8 @@ def test_it_counts_what_failed_and_lists_no_table_that_is_lost(folder: Path, tmp
         run.frame("responses")
     with pytest.raises(ConfigurationError, match=r"there are (?!.*responses)"):
         run.frame("responses")
+    with pytest.raises(ConfigurationError, match="no figure 'profile_r_m2'"):
+        run.plot("profile_r_m2")
 
 
 @pytest.fixture

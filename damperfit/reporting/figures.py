@@ -691,7 +691,7 @@ def _trends(
 
 def _profiles(shown: ReportPlots) -> Iterator[Plot]:
     """Each profile that was asked for: the rise of the misfit as the parameter is moved."""
-    rows = shown.run.rows("profiles")
+    rows = [r for r in shown.run.rows("profiles") if None not in (r["value"], r["misfit_rise"])]
     for one in shown.run.quantities:
         scale, lines = Shown(one), []
         for setting in dict.fromkeys(r["setting"] for r in rows if r["parameter"] == one.name):
