@@ -145,7 +145,7 @@ def read_valves(
             for setting in run.settings
             if setting.setting not in shown
         )
-        remarks += _jumps(quantity, mine)
+        remarks += _jumps(run, quantity, mine)
         remarks += () if reference is None else _worn(quantity, run, reference)
         rows += mine
     if not rows:
@@ -187,10 +187,14 @@ def _read(setting: SettingResult, quantity: Quantity) -> tuple[float, float, flo
     return float(setting.parameters[quantity.name]), low, high
 
 
-def _jumps(quantity: Quantity, rows: Sequence[Row]) -> Iterator[str]:
+def _jumps(run: Run, quantity: Quantity, rows: Sequence[Row]) -> Iterator[str]:
     """Say where a click changes a valve far more than the others, or the other way."""
     what, si = ("pressure", "Pa") if quantity.part == _OPENING else ("area", "m2")
     factor, unit = _SHOWN[si]
+    reach = {}  # half of the interval over the value; what C_d may be off is common to all
+    for setting in run.settings:
+        size, low, high = _read(setting, quantity)
+        reach[setting.setting] = 0.5 * (high - low) / size if size > 0.0 and high > low else 0.0
     changes = [(before, row, row[f"{what}_change_{si}"]) for before, row in pairwise(rows)]
     steps = [(one, two, factor * step) for one, two, step in changes if step is not None]
     way = math.copysign(1.0, sum(step for *_, step in steps))
@@ -198,6 +202,10 @@ def _jumps(quantity: Quantity, rows: Sequence[Row]) -> Iterator[str]:
         usual = median(abs(near) for *_, near in (*steps[max(k - 2, 0) : k], *steps[k + 1 : k + 3]))
         place = f"{quantity.symbol}: {step:+.3g} {unit} a click from setting {one['setting']} to "
         place += str(two["setting"])
+        sizes = [row[f"{what}_{si}"] for row in (one, two)]
+        errors = (size * reach[row["setting"]] for size, row in zip(sizes, (one, two), strict=True))
+        if not abs(sizes[1] - sizes[0]) > math.hypot(*errors):
+            continue
         if abs(step) > _JUMP * usual:
             times = f"{abs(step) / usual:.2g} times" if usual else "unlike"
             why = "a port opens or closes, or a jet is blocked"
@@ -213,9 +221,12 @@ def _worn(quantity: Quantity, run: Run, reference: Run) -> Iterator[str]:
         now, low, high = _read(setting, quantity)
         then, first, last = earlier.get(setting.label, (0.0, 0.0, 0.0))
         if then and (first > high or last < low):
+            what, times = (
+                ("preload", now / then) if quantity.part == _OPENING else ("area", then / now)
+            )
             yield (
-                f"{quantity.symbol} of setting {setting.label}: {100.0 * (now / then - 1.0):+.2g} "
-                f"% since {reference.name}, beyond both intervals"
+                f"{quantity.symbol} of setting {setting.label}: {what} "
+                f"{100.0 * (times - 1.0):+.2g} % since {reference.name}, beyond both intervals"
             )
 
 

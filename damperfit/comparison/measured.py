@@ -279,7 +279,9 @@ def _force(group: Sequence[MeasuredTest], speed: float, stroke: str) -> Reading:
     pooled = _pooled(group, [test.force_at(speed, stroke) for test in group])
     largest = max(float(np.nanmax(np.abs(test.strokes[stroke][0]))) for test in group)
     has_size = math.isnan(pooled.value) or abs(pooled.value) >= _LEAST * largest
-    return pooled._replace(scale=pooled.value if has_size else 0.0)
+    # Harder is positive in both strokes, also of a rebound in which the gas still pushes.
+    size = math.copysign(pooled.value, 1.0 if stroke == STROKES[0] else -1.0)
+    return pooled._replace(scale=size if has_size else 0.0)
 
 
 def _pooled(group: Sequence[MeasuredTest], values: Sequence[tuple[float, float]]) -> Reading:
