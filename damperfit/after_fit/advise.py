@@ -66,7 +66,7 @@ _AMPLITUDES, _FREQUENCIES = 6, 8  # of the grid of candidates, spaced evenly by 
 _SAMPLES = 400  # of a cycle
 _RUN_IN = 2  # cycles before the one that is evaluated
 _FEWEST_CYCLES, _MOST_CYCLES = 3, 15
-_FOLLOWED, _TRIED = 3, 6  # candidates that are tried, and settings
+_FOLLOWED, _TRIED = 3, 4  # candidates that are tried, and settings
 _FINER = 8  # times the rate of the logs
 # Keys of a run that are of its logs or its start.
 _OF_LOGS = ("start", "start_values", "profile", "hold_out", "hold_out_cycles")
