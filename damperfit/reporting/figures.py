@@ -58,8 +58,8 @@ _BAR, _CM3 = 1e5, 1e-6
 _DIRECTIONS = "rebound to the right and up, compression to the left and down"
 # Every setting has one colour, on a ramp from blue (lowest) over purple to red (highest). It was
 # laid by equal steps of the smallest difference that readers with full sight and the three kinds of
-# dichromats see, gets darker all the way, and stands out 3 to 1 on white and on the dark page;
-# `tests/test_colours.py` computes this. "ink" and "muted" are the text colour and a grey.
+# dichromats see, gets darker all the way, and stands out 3 to 1 on white and on the dark page.
+# "ink" and "muted" are the text colour and a grey.
 _RAMP = np.array(
     [
         *((104, 113, 251), (119, 110, 218), (132, 108, 189), (145, 105, 161), (157, 97, 132)),
