@@ -32,7 +32,7 @@ from damperfit.conditioning.cycles import fastest_frequency
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.signals import FloatArray
 from damperfit.conditioning.timebase import UniformLog, make_uniform
-from damperfit.errors import ConditioningError
+from damperfit.errors import ConditioningError, ConfigurationError
 from damperfit.recording import FilterDesign, Finding, Recording
 
 # An edge left over at 1e-8 of the force moves no parameter by more than 1e-6.
@@ -55,12 +55,15 @@ def design_filter(
 
     "zero_phase": forward and backward, combined gain -3 dB at the corner, Hz. "causal": forward
     only, -3 dB at the corner. "none": passes everything. The order is that of one pass, the sample
-    rate in Hz; `key` is what the corner is called where a user says it. A ConditioningError:
-    the corner is not below half the sample rate.
+    rate in Hz; `key` is what the corner is called where a user says it. A ConfigurationError: an
+    unknown kind; a ConditioningError: the corner is not below half the sample rate.
 
     >>> design_filter("zero_phase", 30.0, sample_rate=1000.0).description
     'zero-phase Butterworth low-pass, order 4 forward and backward, -3 dB at 30 Hz'
     """
+    if kind not in ("zero_phase", "causal", "none"):
+        expected = "zero_phase, causal or none"
+        raise ConfigurationError(f"filter: expected {expected}, found {kind!r}", code="wrong-value")
     if kind == "none":
         return FilterDesign(np.empty((0, 6)), is_zero_phase=True, description="no filter")
     if not corner < sample_rate / 2.0:
