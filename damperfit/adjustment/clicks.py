@@ -152,8 +152,9 @@ def compare_settings(
 
 # No answer is shown closer, however narrow its interval.
 _FINEST = 0.01
-# How far truth may lie from the curve, by how far the other curves do.
-_BEND = 1.4
+# How far truth may lie from the curve, by how far the other curves do: of the paper's settings left
+# out 90 of 100 intervals hold with 1.4 of it (ten known), 94 to 98 with this.
+_BEND = 2.5
 # In a gap the curve is looked at in so many steps a click, at least and at most.
 _A_CLICK, _FEWEST, _MOST = 8, 8, 32
 
