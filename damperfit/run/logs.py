@@ -644,8 +644,7 @@ def _failed(
     """Return a log as one that cannot be used, with why."""
     failure = failure_of(error, task)
     log.failure = replace(failure, log=log.log, path=log.path, setting=log.facts["setting"])
-    is_of_log = failure.problem.subject == log.log
-    sentence = failure.problem.message() if is_of_log else failure.message
+    sentence = failure.message.removeprefix(log.log).lstrip(",: ")  # the log is named beside it
     refusal = Finding(_REFUSALS.get(failure.kind, "unreadable"), "refusal", sentence)
     log.facts |= {
         "findings": [finding.describe() for finding in (refusal, *findings)],
