@@ -224,7 +224,7 @@ def test_the_forces_at_the_named_speeds(shown: Outlets) -> None:
         for one in rows:
             known = by_place[one["speed_m_per_s"], one["stroke"]]
             for name in alike:
-                assert one[name] == known[name] or pd.isna(one[name]) == pd.isna(known[name]), name
+                assert one[name] == known[name] or pd.isna([one[name], known[name]]).all(), name
     rows = shown.stored("characteristics")
     loops = rows[rows["point"] == "speed"]
     for line in (line for line in shown.compared if line["name"] == "measured_force"):

@@ -54,13 +54,3 @@ def test_the_page_shows_names_and_obeys_none(comparison) -> None:
     assert np.isfinite(np.frombuffer(base64.b64decode(data["arrays"][0]), "<f4")).all()
     text = comparison_markdown([comparison], points, source="5%", alone=[EVIL])
     assert "<img" not in text.replace("\\<img", "")
-
-
-def test_several_references_have_plots_of_their_own(comparison) -> None:
-    other = compare_runs(
-        run(measured(1), name="other"), run(measured(1, factor=0.9), name="later"), MEASURED
-    )
-    page = comparison_page([comparison, other])
-    names = re.findall(r'data-name="([^"]+)"', page)
-    assert len(names) == len(set(names))
-    assert "Setting 1 (other)" in page

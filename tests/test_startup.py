@@ -1,6 +1,7 @@
 """The command line is there at once: no numerical library is loaded before a command runs."""
 
 import importlib.metadata
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -51,26 +52,30 @@ def test_help_loads_no_heavy_library(command):
     assert all(word in shown for word in words)
 
 
-def test_identify_loads_what_it_needs_and_no_more(tmp_path):
-    """SciPy is 1.1 s of processor for a few small methods; pandas was a third of a second."""
-    loaded = run("-m", "damperfit", "identify", LOG, "--out", str(tmp_path), "--quiet")[2]
-    assert {"damperfit.identification", "damperfit.reporting.report"} <= loaded
-    assert loaded.isdisjoint({"scipy", "numpy.f2py", "pandas", "numpy.ma", "pyarrow.compute"})
-    assert loaded.isdisjoint({"rich.console", *DRAWING})
-    others = ("damper.rivals", "damper.valve_dampers", "laws.search", "laws.law_fit")
-    assert loaded.isdisjoint(f"damperfit.{one}" for one in others)
+# SciPy is 1.1 s of processor for a few small methods, pandas a third of a second.
+NEVER = {"scipy", "pandas", "pyarrow.compute", "numpy.ma", "rich.console", *DRAWING}
+OTHER = "damper.rivals damper.valve_dampers laws.search"
+JUDGING = "identification.fit_setting uncertainty.residuals checks tables.rows"
+# A command, as it is run; modules of ours that it needs, and those that it has no use for.
+LOADED = {
+    "identify": ("-m damperfit", "identification reporting.report", f"{OTHER} laws.law_fit"),
+    "inspect": (
+        *(f"-c {_COUNTED}", "conditioning.log_to_trace"),
+        f"{OTHER} {JUDGING} io.foreign io.groups io.binary",
+    ),
+}
 
 
-def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
-    """It took 1.2 s of processor, two thirds of it for what reads no log."""
-    loaded = run("-c", _COUNTED, "inspect", LOG)[2]
-    assert {"damperfit.conditioning.log_to_trace", "pydantic"} <= loaded
-    assert loaded.isdisjoint({"rich.table", "rich.console"})  # a pipe has no colours
-    assert loaded.isdisjoint({"scipy", "pandas", "pyarrow.compute", "numpy.ma", *DRAWING})
-    judging = ("identification.fit_setting", "uncertainty.residuals", "laws.search", "checks")
-    reading = ("damper.rivals", "damper.valve_dampers", "io.foreign", "io.groups", "io.binary")
-    others = (*judging, *reading, "tables.rows")
-    assert loaded.isdisjoint(f"damperfit.{one}" for one in others)
+@pytest.mark.parametrize("command", LOADED)
+def test_a_command_loads_what_it_needs_and_no_more(tmp_path, command):
+    how, needed, idle = LOADED[command]
+    more = ("--out", str(tmp_path), "--quiet") if command == "identify" else ()
+    loaded = run(*how.split(" ", 1), command, LOG, *more)[2]
+    assert {f"damperfit.{one}" for one in needed.split()} <= loaded
+    assert loaded.isdisjoint(NEVER)
+    for one in idle.split():
+        assert importlib.util.find_spec(f"damperfit.{one}")
+        assert f"damperfit.{one}" not in loaded
 
 
 def test_a_program_that_ends_looks_for_no_garbage():

@@ -218,27 +218,28 @@ def test_an_edited_record_is_no_bug(edited, words, code, value) -> None:
     assert main(words.format(edited).split()) == code
 
 
+def spoilt(folder, value: float):
+    """Put another r_m2 at the first setting; return the settings."""
+    table = pq.read_table(folder / "parameters.parquet")
+    place = table.schema.names.index("r_m2")
+    column = pa.array([value, *table["r_m2"].to_pylist()[1:]])
+    table = table.set_column(place, table.schema.field(place), column)
+    pq.write_table(table, folder / "parameters.parquet")
+    return table["setting"].to_pylist()
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e200])
 @pytest.mark.parametrize(
     "words", ["advise {0} --for k_e --setting 1", "passport {0} --out {0}", "valves {0}"]
 )
 def test_an_edited_table_is_no_bug(edited, value, words) -> None:
-    table = pq.read_table(edited / "parameters.parquet")
-    place = table.schema.names.index("r_m2")
-    values = table["r_m2"].to_pylist()
-    column = pa.array([value, *values[1:]])
-    table = table.set_column(place, table.schema.field(place), column)
-    pq.write_table(table, edited / "parameters.parquet")
+    spoilt(edited, value)
     assert main(words.format(edited).split()) in {0, 1, 2}
 
 
 def test_a_spoilt_number_costs_its_setting_alone(edited) -> None:
     """Of the others it is still told which test narrows it."""
-    table = pq.read_table(edited / "parameters.parquet")
-    place = table.schema.names.index("r_m2")
-    column = pa.array([1e30, *table["r_m2"].to_pylist()[1:]])
-    table = table.set_column(place, table.schema.field(place), column)
-    pq.write_table(table, edited / "parameters.parquet")
+    _, *others = spoilt(edited, 1e30)
     advice = damperfit.advise(edited, for_="k_e", max_speed="0.5m/s")
     assert advice.tests[0].share < 0.9
-    assert set(advice.known["interval_now"]) == {str(n) for n in table["setting"].to_pylist()[1:]}
+    assert set(advice.known["interval_now"]) == {str(n) for n in others}

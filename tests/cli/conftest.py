@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 
 from damperfit.cli import main
@@ -53,24 +52,6 @@ def results(logs, tmp_path_factory) -> Path:
     with kept_fits():
         assert main(["identify", str(logs / "setting_*.csv"), "--out", str(folder), "-q"]) == 0
     return folder
-
-
-@pytest.fixture(scope="session")
-def repeated():
-    """Repeat a test: the text of its log with other noise, for the same test counts once."""
-
-    def repeat(text: str, seed: int) -> str:
-        begin = text.index("\n", text.index("time_s")) + 1
-        head, rows = text[:begin], text[begin:].splitlines()
-        noise = np.random.default_rng(seed).normal(0.0, 2.0, len(rows)).tolist()
-        cells = (row.split(",", 3) for row in rows)
-        told = (
-            ",".join([t, x, f"{float(f) + more:.1f}", *rest])
-            for (t, x, f, *rest), more in zip(cells, noise, strict=True)
-        )
-        return head + "\n".join(told) + "\n"
-
-    return repeat
 
 
 @pytest.fixture

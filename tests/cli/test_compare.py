@@ -1,6 +1,7 @@
 """`damperfit compare` end to end: fitted runs and raw logs of one damper and of a changed one."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -159,6 +160,8 @@ def test_page_markdown_json_and_tables_are_written_as_a_set(run, campaigns) -> N
     for setting in SETTINGS:
         for kind in ("velocity", "displacement"):
             assert f'data-name="setting_{setting:02d}_force_{kind}"' in page
+    names = re.findall(r'data-name="([^"]+)"', page)  # two comparisons have plots of their own
+    assert len(names) == len(set(names))
     table = Path("out/differences.csv").read_text().splitlines()
     assert len(table) == 1 + sum(len(one["lines"]) for one in comparisons)
 

@@ -22,6 +22,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.results import Run
 from damperfit.run import identify
 from damperfit.run.identify import Watch, written
+from damperfit.synthetic import SampleOptions, make_samples
 
 ROOT = Path(__file__).parents[2]
 QUICK = (
@@ -178,13 +179,11 @@ def test_a_signal_asks_to_stop_and_a_second_one_ends_at_once(number, capsys) -> 
         (signal.SIGHUP, 2),  # as a lost terminal sends it
     ],
 )
-def test_the_command_ends_with_130_and_no_temporary_file(
-    logs, repeated, tmp_path, number, jobs
-) -> None:
-    text = (logs / "setting_01.csv").read_text()
-    for i in range(20 * jobs):  # enough work for a signal to arrive in the middle of it
-        content = repeated(text, i).replace("setting: 1\n", f"setting: {i}\n")
-        (tmp_path / f"setting_{i}.csv").write_text(content)
+def test_the_command_ends_with_130_and_no_temporary_file(tmp_path, number, jobs) -> None:
+    for seed in range(jobs):  # enough work for a signal to arrive in the middle of it
+        made = SampleOptions(settings=tuple(range(1, 21)), cycles=7.0, seed=seed)
+        for path in make_samples(tmp_path / "made", made):
+            path.rename(tmp_path / f"{seed}_{path.name}")
     process = subprocess.Popen(
         [sys.executable, "-m", "damperfit", "identify", "*.csv", "--jobs", str(jobs)],
         cwd=tmp_path,

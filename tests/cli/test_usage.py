@@ -21,6 +21,9 @@ identify 'nope*.csv' -> nope*.csv: the pattern matches no file
 identify fol* -> matches only folders
 identify folder -> no log in this folder
 inspect @none.txt -> none.txt cannot be read
+inspect @empty.txt -> @empty.txt: the list names no log
+inspect @list.txt -> list.txt:2: nowhere.csv: no such file
+inspect @nested.txt -> nested.txt:1: a list in a list is not followed
 identify '' -> found ''
 identify LOG --frree r_m1 -> No such option: --frree
 identify LOG --free r_m9 -> --free: no parameter 'r_m9' #unknown-quantity
@@ -51,6 +54,7 @@ identify LOG --config nope.toml -> --config nope.toml: cannot be read #unreadabl
 identify LOG --config bad.toml -> --config bad.toml:2: rig.skew #out-of-range
 identify LOG --config unknown.toml -> --config unknown.toml:2: unknown #unknown-key
 identify LOG --rig skip_lines=a -> --rig skip_lines #wrong-value
+identify LOG --rig max_log_bytes=0 -> --rig max_log_bytes: expected more than 0
 identify LOG --rig profiles.lab.encoding=no -> --rig profiles.lab.encoding: 'no' is not #wrong-value
 identify LOG --skew=-100 -> 'auto' or -0.1 or more; a bare number is in s #out-of-range
 identify LOG --tests nope.csv -> --tests nope.csv: cannot be read #bad-table-of-tests
@@ -130,6 +134,9 @@ ride RESULTS --car nowhere.toml -> nowhere.toml
 """.strip().splitlines()
 FILES = {
     "text": "zzz\n",
+    "empty.txt": "# nothing\n",
+    "list.txt": "# x\nnowhere.csv\n",
+    "nested.txt": "@list.txt\n",
     "bad.toml": "[rig]\nskew = 3\n",
     "unknown.toml": "[rig]\nskeww = 3\n",
     "curves.csv": "speed_m/s,Rebound (N)\n0.1,200\n0.2,300\n0.3,400\n",

@@ -149,11 +149,3 @@ READERS = {
     "matlab": _matlab,
     "csv": _csv,
 }
-# By target: velocity unit in m/s; sign of velocity and of force in the file where the rod moves
-# out. CarMaker has no sign: Pull is the side of rebound.
-SIGNS = dict.fromkeys(READERS, (1.0, 1)) | {
-    "adams": (1e-3, 1),
-    "adams-xml": (1e-3, 1),
-    "carmaker": (1.0, 0),
-    "carsim": (1e-3, -1),
-}

@@ -19,11 +19,17 @@ pytestmark = [
 N_DAMPERS = 8
 
 
-@pytest.fixture
-def logs(tmp_path, texts):
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory, texts):
+    folder = tmp_path_factory.mktemp("killed") / "logs"
     for k in range(N_DAMPERS):
-        put(tmp_path / "logs" / f"D{k}", texts)
-    return tmp_path / "logs"
+        put(folder / f"D{k}", texts)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def undisturbed(logs):
+    return finished(logs, logs.parent / "undisturbed")
 
 
 def command(logs: Path, out: Path, *more: str) -> list[str]:
@@ -43,19 +49,18 @@ def wait_for_part(out: Path, running: subprocess.Popen, number: int = 1) -> None
         time.sleep(0.02)
 
 
-def test_workers_and_order_make_no_difference(logs, tmp_path):
+def test_workers_and_order_make_no_difference(logs, undisturbed, tmp_path):
     names = sorted(str(path) for path in logs.rglob("*.csv"))
     random.Random(1).shuffle(names)  # noqa: S311
-    undisturbed = finished(logs, tmp_path / "one", "--jobs", "1")
-    assert finished(logs, tmp_path / "four", "--jobs", "4") == undisturbed
+    for jobs in ("1", "4"):
+        assert finished(logs, tmp_path / jobs, "--jobs", jobs) == undisturbed
     out = tmp_path / "shuffled"
     shuffled = [sys.executable, "-m", "damperfit", "fleet", *names, "--out", str(out), "--collect"]
     subprocess.run(shuffled, check=True, capture_output=True)
     assert (out / "_fleet" / "fleet.parquet").read_bytes() == undisturbed[0]
 
 
-def test_two_runs_at_once_into_one_folder(logs, tmp_path):
-    undisturbed = finished(logs, tmp_path / "undisturbed")
+def test_two_runs_at_once_into_one_folder(logs, undisturbed, tmp_path):
     out = tmp_path / "out"
     both = [subprocess.Popen(command(logs, out), stderr=subprocess.PIPE) for _ in range(2)]
     for one in both:
@@ -64,8 +69,7 @@ def test_two_runs_at_once_into_one_folder(logs, tmp_path):
     assert finished(logs, out) == undisturbed
 
 
-def test_an_interrupt_ends_cleanly(logs, tmp_path):
-    undisturbed = finished(logs, tmp_path / "undisturbed")
+def test_an_interrupt_ends_cleanly(logs, undisturbed, tmp_path):
     out = tmp_path / "out"
     running = subprocess.Popen(
         command(logs, out, "--jobs", "1"), stderr=subprocess.PIPE, start_new_session=True
@@ -80,10 +84,11 @@ def test_an_interrupt_ends_cleanly(logs, tmp_path):
 
 
 @pytest.mark.extras
-def test_a_dask_cluster_gives_the_same_table_also_when_a_worker_is_killed(logs, tmp_path):
+def test_a_dask_cluster_gives_the_same_table_also_when_a_worker_is_killed(
+    logs, undisturbed, tmp_path
+):
     import distributed
 
-    undisturbed = finished(logs, tmp_path / "undisturbed")
     out = tmp_path / "out"
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.LocalCluster(**options) as cluster:

@@ -2,8 +2,8 @@
 
 import gzip
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,6 @@ class Scenario:
     force_n: tuple[float, ...] = (-56.75, 812.5, 0.0, -3.0, 1.5)
     temperature: tuple[float, ...] = (26.0, 26.5, 25.75, 26.0, 26.25)
     setting: int = 10
-    metadata: Mapping[str, str] = field(default_factory=dict)
 
     def rows(self) -> list[tuple[float, float, float, float]]:
         return list(

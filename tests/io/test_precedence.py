@@ -133,6 +133,10 @@ restarts = 'lst' -> expected 'refuse', 'split' or 'last'.*Did you mean 'last'
 thousands = ',' | decimal = ',' -> ',' already has another meaning
 bad_rows = 'keep' -> expected 'refuse' or 'drop', found 'keep'
 scales = {force = 0.0} -> scales: force is 0\.0, expected other than 0
+units = {forse = 'N'} -> no channel 'forse'.*Did you mean 'force'
+setting_pattern = 's' -> no group
+separator = 'colon' -> separator: expected .*, found 'colon'
+skip_lines = -1 -> skip_lines: expected 0 or more
 """
 
 
@@ -147,23 +151,3 @@ def test_a_wrong_key_of_a_profile_is_named(tmp_path, row) -> None:
     assert "rig.profiles.lab" in str(caught.value)
     if says.startswith((r"\.", "unknown")):  # others are judged when all is known
         assert str(caught.value).startswith(f"--config {path}:2: ")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"units": {"force": "stone"}}, "no unit of force 'stone'"),
-        ({"units": {"forse": "N"}}, "no channel 'forse'.*Did you mean 'force'"),
-        ({"setting_pattern": "s(\\d+"}, "not a regular expression"),
-        ({"setting_pattern": "s\\d+"}, "no group"),
-        ({"max_bytes": 0}, "max_bytes: expected more than 0, found 0"),
-        ({"separator": "colon"}, "expected ',' or ';' .*found 'colon'"),
-        ({"skip_lines": -1}, "skip_lines: expected 0 or more"),
-        ({"reverse_force": "yes"}, "expected true, false or 'detect', found 'yes'"),
-        ({"scales": {"force": 0.0}}, "force is 0.0, expected other than 0"),
-        ({"profile": "loger", "profiles": {"logger": {}}}, "no profile 'loger'.*Did"),
-    ],
-)
-def test_options_that_mean_nothing(options, message) -> None:
-    with pytest.raises(ConfigurationError, match=message):
-        ReadOptions(**options)
