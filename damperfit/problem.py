@@ -275,6 +275,11 @@ class Failure:
         return {**self.problem.record(), **known, "message": self.message}
 
 
+def counted(number: int, noun: str) -> str:
+    """Return how many of something there are, such as "1 log" or "2 logs"."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def listed_names(names: Sequence[str], *, few: int = _NAMES + 1, mark: str = ", ") -> str:
     """Return names in a row; of more than a few the first five, and how many more.
 

@@ -45,7 +45,7 @@ from damperfit.cli.console import (
     wrapped,
 )
 from damperfit.errors import ConfigurationError, DamperfitError, SimulationError
-from damperfit.problem import Option
+from damperfit.problem import Option, counted
 
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
@@ -100,10 +100,6 @@ def _counting(how: Shown) -> Callable[[str], None]:
             _tell(how, f"{n} structures tried")
 
     return note
-
-
-def _plural(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"
 
 
 # Fits
@@ -180,7 +176,7 @@ def _tell_of_run(damper: Identified, how: Shown) -> None:
         return
     n_fits, n_all = len(damper.run.settings), len(damper.failures)
     n_failed = sum(not failure.is_left_out for failure in damper.failures)
-    done = f"{_plural(n_fits, 'setting')} fitted"
+    done = f"{counted(n_fits, 'setting')} fitted"
     done += f", {n_failed} failed" if n_failed else ""
     done += f", {n_all - n_failed} left out" if n_all > n_failed else ""
     if damper.is_interrupted and not n_fits:
@@ -305,7 +301,7 @@ def sweep(how: Shown, **given: Any) -> int:
     done = api.sweep(**{**given, "out": out})
     _tell(how, done.damper, done.source, notes=done.notes, warnings=done.warnings)
     _show(how, done.document, chain(*zip(done.sheets(), done.sentences, strict=True)))
-    _tell(how, f"sweep.csv and {_plural(len(done.plots), 'figure')} written to {out}")
+    _tell(how, f"sweep.csv and {counted(len(done.plots), 'figure')} written to {out}")
     return 0
 
 

@@ -1,8 +1,8 @@
-"""What was written held against the logs of the run: files are read back, models and FMUs are run.
+"""Written files compared with the logs of the run: tables are read back, models and FMUs are run.
 
-The force of either passes the filter that the measured one passed, and is compared with it where
-neither a beginning nor the filter's edges are felt. A table is the one that stands in the file, in
-the file's units and signs; equations are those of the file, solved as they stand there.
+Their force passes the filter that the measured one passed, and is compared with it away from the
+beginning and the filter's edges. Tables are read in the file's units and signs; equations are those
+of the file, solved as they stand there.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
     checks = []
     with TemporaryDirectory(prefix="damperfit-", ignore_cleanup_errors=True) as folder:
         forces, ends = _forces(run, export, Path(folder))
-        for table, force_of, end in zip(export.tables, forces, ends, strict=True):
+        for table, force_of, top in zip(export.tables, forces, ends, strict=True):
             rows, n_beyond = [], 0
             for log in run.run.signals:
                 for part in _segments(log.time) if log.setting == table.setting else ():
@@ -92,15 +92,15 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
                     force = apply_filter(design, force_of(time, x, v))
                     inner = slice(round(_RUN_IN / interval), len(force) - round(_EDGE / interval))
                     both = log.force_measured[part][inner], log.force[part][inner]
-                    known = np.isfinite(both[0]) & (np.abs(v[inner]) <= _NEAR * end)
-                    n_beyond += int((~known).sum())
-                    rows.append(np.array([force[inner], *both])[:, known])
+                    is_compared = np.isfinite(both[0]) & (np.abs(v[inner]) <= _NEAR * top)
+                    n_beyond += int((~is_compared).sum())
+                    rows.append(np.array([force[inner], *both])[:, is_compared])
             if rows:
                 written, measured, fitted = np.concatenate(rows, axis=1)
                 square = float(np.sum((measured - np.mean(measured)) ** 2))
                 error, own = (
-                    100.0 * float(np.sum((one - measured) ** 2)) / square
-                    for one in (written, fitted)
+                    100.0 * float(np.sum((simulated - measured) ** 2)) / square
+                    for simulated in (written, fitted)
                 )
                 share = 100.0 * n_beyond / (n_beyond + len(measured))
                 checks.append(SettingCheck(table.setting, error, own, len(measured), share))
@@ -108,7 +108,7 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
 
 
 def _segments(time: FloatArray) -> Iterator[slice]:
-    """Yield what of a log goes on without a gap, where it is long enough."""
+    """Yield the parts of a log without a gap that are long enough."""
     step = np.diff(time)
     gaps = np.flatnonzero(step > 1.5 * float(np.median(step))) + 1
     for start, stop in pairwise([0, *gaps, len(time)]):
@@ -117,7 +117,7 @@ def _segments(time: FloatArray) -> Iterator[slice]:
 
 
 def _forces(run: ExportedRun, export: Export, folder: Path) -> tuple[list[Force], list[float]]:
-    """Return what gives the force of each setting with the rig's tare, and its highest speed."""
+    """Return for each setting the function of its force, with the rig's tare, and its top speed."""
     tables, band = export.tables, run.run.solver.dead_band
     ends = [table.end if export.lost else np.inf for table in tables]
     first, content = next(iter(export.files.items()))
@@ -163,7 +163,7 @@ def _from_texts(export: Export) -> Iterator[Any]:
     for table in export.tables:
         file = target.file.format(stem=export.options.stem, setting=table.slug)
         text = export.files[file].decode(target.encoding)
-        text = "\n".join(one for one in text.splitlines() if not one.startswith(read["comment"]))
+        text = "\n".join(line for line in text.splitlines() if not line.startswith(read["comment"]))
         if "begins" in read:
             name = re.sub(r"[^A-Za-z0-9]", "_", table.slug)
             text = text.partition(read["begins"].format(setting=name))[2].partition("double")[0]
@@ -189,7 +189,7 @@ def _from_workbook(export: Export) -> Iterator[Any]:
     content = export.files[f"{export.options.stem}.xlsx"]
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         book = ET.fromstring(archive.read("xl/workbook.xml"))  # noqa: S314 - our own file
-        names = [one.get("name") for one in book.iter(f"{_SHEETS}sheet")]
+        names = [sheet.get("name") for sheet in book.iter(f"{_SHEETS}sheet")]
         place = f"xl/worksheets/sheet{names.index('forces') + 1}.xml"
         sheet = ET.fromstring(archive.read(place))  # noqa: S314
     rows = (
@@ -205,16 +205,16 @@ def _from_matlab(export: Export) -> Iterator[Any]:
     from scipy.io import loadmat
 
     stem = export.options.stem
-    known = loadmat(cast("Any", io.BytesIO(export.files[f"{stem}.mat"])))
+    variables = loadmat(cast("Any", io.BytesIO(export.files[f"{stem}.mat"])))
     script = export.files[f"{stem}.m"].decode("utf-8")
     for name in ("velocity", "force"):
         matrix = re.search(rf"^{name} = \[([^\]]*)\];", script, re.MULTILINE)
         rows = [row.split() for row in matrix[1].split(";")] if matrix else []
-        if not rows or not np.allclose(np.array(rows, dtype=float), known[name], rtol=1e-8):
+        if not rows or not np.allclose(np.array(rows, dtype=float), variables[name], rtol=1e-8):
             raise SimulationError(
                 f"{stem}.m and {stem}.mat do not hold the same {name}", code="not-as-written"
             )
-    return (np.column_stack([known["velocity"][:, 0], force]) for force in known["force"].T)
+    return (np.column_stack([variables["velocity"][:, 0], force]) for force in variables["force"].T)
 
 
 # Equations of a Modelica model
@@ -231,7 +231,7 @@ class _Model:
                 "the Modelica file holds no equations that could be solved", code="not-as-written"
             )
         parameters = r"parameter (?:Real|Integer) (\w+)(?:\[[^\]]*\])?(?:\([^)]*\))? = ([^;]+);"
-        self.known = {
+        self.parameters = {
             name: json.loads(value.replace("{", "[").replace("}", "]"))
             for name, value in re.findall(parameters, head)
         }
@@ -255,12 +255,12 @@ class _Model:
         return compile("\n".join(lines), "equations", "exec")
 
     def at(self, setting: int, band: float, tare: float) -> Force:
-        """Return what gives the force of a setting, counted from 1."""
-        known = {**self.known, "setting": setting, "friction_band": band}
+        """Return the function of the force of a setting, counted from 1."""
+        constants = {**self.parameters, "setting": setting, "friction_band": band}
         functions = {"__builtins__": {}, "max": np.maximum, "min": np.minimum}
 
         def solved(x: Any, v: Any, *codes: Any, **states: Any) -> dict[str, Any]:
-            names = {**known, "s_rel": x, "v_rel": v, **states}
+            names = {**constants, "s_rel": x, "v_rel": v, **states}
             for code in codes or (self.body,):
                 exec(code, functions, names)  # noqa: S102 - read by `_compiled`
             return names
@@ -298,17 +298,17 @@ class _Model:
 
 
 class _Unit:
-    """An FMU on the disk for a while, run by the doors of FMI 3, which the library of both has."""
+    """An FMU unpacked on the disk, run through FMI 3, which every library has."""
 
     def __init__(self, content: bytes, folder: Path) -> None:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             archive.extractall(folder)
         here, binaries = this_platform(), folder / "binaries"
         paths = [
-            binaries / name / one.library
-            for one in PLATFORMS
-            for name in (one.name, one.fmi2)
-            if one.name == here and (binaries / name / one.library).is_file()
+            binaries / name / platform.library
+            for platform in PLATFORMS
+            for name in (platform.name, platform.fmi2)
+            if platform.name == here and (binaries / name / platform.library).is_file()
         ]
         if not paths:
             raise ConfigurationError(
@@ -324,7 +324,7 @@ class _Unit:
         self.token, self.resources = tokens[0].encode(), f"{folder}/resources/".encode()
 
     def at(self, setting: int, band: float) -> Force:
-        """Return what gives the force of a setting as the rig would log it."""
+        """Return the function of the force of a setting as the rig would log it."""
         no, zero = ct.c_bool(False), ct.c_double(0.0)
 
         def force(time: FloatArray, x: FloatArray, v: FloatArray) -> FloatArray:

@@ -99,10 +99,10 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
             "valves; hand it over as a table: damperfit export --list shows them",
             code="other-model",
         )
-    cells = [one.setting.cell for one in run.settings]
+    cells = [fit.setting.cell for fit in run.settings]
     whole = [cell for cell in cells if isinstance(cell, int)]
     places = whole if len(whole) == len(cells) else range(1, len(cells) + 1)
-    named = dict(zip(places, (str(one.setting) for one in run.settings), strict=True))
+    named = dict(zip(places, (str(fit.setting) for fit in run.settings), strict=True))
     start = sorted(named)[len(named) // 2]
     air, tolerance = damper.rod_area * damper.ambient_pressure, solver.tolerance
     left_out = set()  # of the states
@@ -114,8 +114,8 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
         body = [*(getattr(damper, name) for name in _OF_VALVES), air, solver.rounding]
         counts = (int(network.has_floating_piston), len(network.passages), len(columns))
         passages = (
-            (one.start, one.end, *(place[name] for name in one.numbers), int(one.is_two_way))
-            for one in network.passages
+            (p.start, p.end, *(place[name] for name in p.numbers), int(p.is_two_way))
+            for p in network.passages
         )
         lines = [f"network {_joined(body)} {' '.join(map(str, counts))}"]
         lines += [" ".join(map(str, row)) for row in passages]
@@ -133,8 +133,8 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
         return 0.0 if holder is None else float(getattr(holder, name))
 
     rows = {
-        number: [number_of(one.values, name) for name in columns]
-        for number, one in zip(named, run.settings, strict=True)
+        number: [number_of(fit.values, name) for name in columns]
+        for number, fit in zip(named, run.settings, strict=True)
     }
     lines += [
         f"solver {tolerance!r} {_MAX_STEPS}",
@@ -143,36 +143,36 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
         f"start {start}",
         f"settings {len(rows)}",
     ]
-    for (number, row), one in zip(rows.items(), run.settings, strict=True):
-        rig = (getattr(one.values, name) if name in one.values.names else 0.0 for name in _RIG)
+    for (number, row), fit in zip(rows.items(), run.settings, strict=True):
+        rig = (fit.values[name] if name in fit.values.names else 0.0 for name in _RIG)
         lines.append(f"{number} {_joined([*row, *rig])}")
     text = "\n".join(lines)
     token = "{" + hashlib.sha256(text.encode()).hexdigest()[:32] + "}"
     grips = [row[columns.index("presliding")] for row in rows.values() if "presliding" in columns]
     if not any(grip > 0.0 for grip in grips):  # friction has no state
         left_out.add("grip")
-    known = _GAS | {
-        one.name: (one.unit, one.meaning, 0.0 if one.is_logarithmic else None)
-        for one in damper.quantities
+    meanings = _GAS | {
+        quantity.name: (quantity.unit, quantity.meaning, 0.0 if quantity.is_logarithmic else None)
+        for quantity in damper.quantities
     }
     numbers: list[Variable] = []  # those that mean something for this damper
     for place_of, name in enumerate(columns):
-        if name in known and name not in _RIG_NUMBERS:
-            unit, meaning, low = known[name]
+        if name in meanings and name not in _RIG_NUMBERS:
+            unit, meaning, low = meanings[name]
             words = f"{meaning}; follows the setting unless it is changed from its start value"
             numbers.append(
                 {"reference": _FIRST_NUMBER + place_of, "name": name, "description": words}
                 | {"causality": "parameter", "variability": "tunable", "unit": unit, "low": low}
                 | {"start": rows[start][place_of]}
             )
-    states = tuple(one for one in _STATES if one not in left_out)
+    states = tuple(name for name in _STATES if name not in left_out)
     text = f"damperfit-damper 3\ntoken {token}\n{text}\n"
     is_of_valves = isinstance(damper, ValveDamper)
     return ExportedDamper(token, text, numbers, named, start, states, is_of_valves)
 
 
 def _joined(numbers: Iterable[float]) -> str:
-    return " ".join(repr(float(one)) for one in numbers)
+    return " ".join(repr(float(number)) for number in numbers)
 
 
 def write_fmu(run: ExportedRun, tables: Sequence[ForceTable], *, version: int) -> bytes:
@@ -181,15 +181,15 @@ def write_fmu(run: ExportedRun, tables: Sequence[ForceTable], *, version: int) -
     sources = {name: _bare(code) for name, code in source_files().items()}
     sources["data.c"] = _data(damper.text)
     members = {
-        **_descriptions(run, damper, version, sorted(one for one in sources if one[-2:] == ".c")),
+        **_descriptions(run, damper, version, sorted(n for n in sources if n.endswith(".c"))),
         "resources/damper.txt": damper.text.encode(),
         "documentation/index.html": _documentation(run, damper, tables),
         "documentation/licenses/LICENSE.txt": _licence(),
         **{f"sources/{name}": content for name, content in sources.items()},
     }
-    for one, code in built().items():
-        if folder := one.fmi2 if version == 2 else one.name:
-            members[f"binaries/{folder}/{one.library}"] = code
+    for platform, code in built().items():
+        if folder := platform.fmi2 if version == 2 else platform.name:
+            members[f"binaries/{folder}/{platform.library}"] = code
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         archive.comment = b"damperfit"
@@ -232,35 +232,32 @@ def _documentation(run: ExportedRun, damper: ExportedDamper, tables: Sequence[Fo
 def _variables(damper: ExportedDamper) -> list[Variable]:
     """Return all variables but time, in the order of the files, with words of the standard."""
     places = sorted(damper.settings)
-    named = ", ".join(
+    setting = _FIXED["setting"] | {"start": damper.start, "low": places[0], "high": places[-1]}
+    setting["description"] += ", ".join(
         str(place) if str(place) == name else f"{place}: {name}"
         for place, name in damper.settings.items()
     )
-    setting = _FIXED["setting"] | {"start": damper.start, "low": places[0], "high": places[-1]}
-    setting["description"] += named
     choices = [
-        one for one in _FIXED["choices"]
-        if damper.is_of_valves or one["name"] != "carry_derivatives"
+        choice for choice in _FIXED["choices"]
+        if damper.is_of_valves or choice["name"] != "carry_derivatives"
     ]  # fmt: skip
     states = [{"name": name, "causality": "local", **_STATES[name]} for name in damper.states]
-    rates = [
-        {"causality": "local", "derivative_of": one["reference"], **one["rate"]} for one in states
-    ]
-    worded = []
-    for one in (*_FIXED["signals"], setting, *damper.numbers, *choices, *states, *rates):
+    rates = [{"causality": "local", "derivative_of": s["reference"], **s["rate"]} for s in states]
+    variables = []
+    for variable in (*_FIXED["signals"], setting, *damper.numbers, *choices, *states, *rates):
         # Without a unit it is a whole number; without a start it is calculated.
-        unit, numbers = one.get("unit", ""), {}
+        unit, numbers = variable.get("unit", ""), {}
         for key, own in (("min", "low"), ("max", "high"), ("nominal", "nominal"), ("start",) * 2):
-            if (value := one.get(own)) is not None:
+            if (value := variable.get(own)) is not None:
                 numbers[key] = repr(float(value)) if unit else str(int(value))
         initial = "exact" if "start" in numbers else "calculated"
         words = {
-            "initial": "" if one["causality"] == "input" else initial,
+            "initial": "" if variable["causality"] == "input" else initial,
             "unit": unit,
             "numbers": ({"unit": unit} if unit else {}) | numbers,
         }
-        worded.append({"variability": "continuous", "derivative_of": None, **one, **words})
-    return worded
+        variables.append({"variability": "continuous", "derivative_of": None, **variable, **words})
+    return variables
 
 
 def _unknowns(damper: ExportedDamper) -> dict[str, list[dict[str, Any]]]:
@@ -277,20 +274,20 @@ def _unknowns(damper: ExportedDamper) -> dict[str, list[dict[str, Any]]]:
         "oil_first": oil[:1],
         "oil_last": oil[-1:],
         "grip": grip,
-        "flow": [3 + one for one in oil],
-        "grip_rate": [1 + one for one in grip],
-        "numbers": [one["reference"] for one in damper.numbers],
+        "flow": [3 + reference for reference in oil],
+        "grip_rate": [1 + reference for reference in grip],
+        "numbers": [number["reference"] for number in damper.numbers],
     }
 
     def references(names: str) -> tuple[int, ...]:
-        known = (words[name] if name in words else (int(name),) for name in names.split())
-        return tuple(chain.from_iterable(known))
+        lists = (words[name] if name in words else (int(name),) for name in names.split())
+        return tuple(chain.from_iterable(lists))
 
     return {
         kind: [
-            {"reference": one, "dependencies": references(states), "parameters": references(names)}
+            {"reference": k, "dependencies": references(states), "parameters": references(names)}
             for unknown, states, names in rows
-            for one in references(unknown)
+            for k in references(unknown)
         ]
         for kind, rows in _FIXED["follows"].items()
     }
@@ -303,10 +300,10 @@ def _descriptions(
     identity = run.run.identity
     owner = " ".join(identity[key] for key in ("damper", "serial") if key in identity)
     listed, structure = _variables(damper), _unknowns(damper)
-    places = {one["reference"]: i for i, one in enumerate(listed, 1)}
+    places = {variable["reference"]: i for i, variable in enumerate(listed, 1)}
     if version == 2:  # an unknown is a place in the list
-        for known in structure.values():
-            known.sort(key=lambda one: places.get(one["reference"], 0))
+        for unknowns in structure.values():
+            unknowns.sort(key=lambda unknown: places.get(unknown["reference"], 0))
     about = {
         "modelName": printable(owner) or "damper",
         "description": f"{run.damper.title}; {run.damper.sentence}",
@@ -322,21 +319,21 @@ def _descriptions(
         templates["terminalsAndIcons/terminalsAndIcons.xml"] = "terminals.xml"
     parts: Any = {"about": about, "damper": damper, "files": files, "places": places}
     parts |= {"variables": listed, "structure": structure, "unit_definitions": _FIXED["units"]}
-    return {name: rendered(one, **parts).encode() for name, one in templates.items()}
+    return {name: rendered(template, **parts).encode() for name, template in templates.items()}
 
 
 # Sources and libraries
 
 
 def _bare(code: bytes) -> bytes:
-    """Return C without comments but its first: who only compiles it need not carry them."""
+    """Return C without comments but its first: a compiler needs none."""
     head = _COMMENT.match(code)
     kept = head.end() if head else 0
     return re.sub(rb"\n{3,}", rb"\n\n", code[:kept] + _COMMENT.sub(b"", code[kept:]))
 
 
 def _data(text: str) -> bytes:
-    """The text as C, for a unit that an importer compiles and runs without files."""
+    """The text as C, for an importer that compiles the unit and has no files."""
     lines = [
         f'    "{line[i : i + _LONGEST]}{end}"'
         for line in text.splitlines()
@@ -412,9 +409,9 @@ def built() -> dict[Platform, bytes]:
 
 
 def missing_platforms(version: int) -> tuple[str, ...]:
-    """Say which platforms' libraries were not built here, and how they are; none: nothing."""
-    there = built()
-    missing = [one.name for one in PLATFORMS if one not in there and (version == 3 or one.fmi2)]
+    """Return a sentence on platforms whose library was not built here; none where all were."""
+    here = built()
+    missing = [p.name for p in PLATFORMS if p not in here and (version == 3 or p.fmi2)]
     sentence = (
         f"no library inside for {', '.join(missing)}, only the C sources; to build them once: "
         "pip install 'damperfit[fmu]' && python -m damperfit.exporting.fmu_build"

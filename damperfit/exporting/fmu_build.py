@@ -90,16 +90,16 @@ def this_platform() -> str:
 
 def main(names: Sequence[str] | None = None) -> int:
     """Build the platforms that are named, else all that are missing."""
-    known = {one.name: one for one in PLATFORMS}
+    platforms = {platform.name: platform for platform in PLATFORMS}
     parser = ArgumentParser(
         prog="python -m damperfit.exporting.fmu_build", description=(__doc__ or "").split("\n")[0]
     )
-    parser.add_argument("platform", nargs="*", choices=known)
-    asked = [known[name] for name in parser.parse_args(names).platform]
+    parser.add_argument("platform", nargs="*", choices=platforms)
+    asked = [platforms[name] for name in parser.parse_args(names).platform]
     there = built()
     try:
-        for one in asked or [one for one in PLATFORMS if one not in there]:
-            sys.stderr.write(f"damperfit: {build(one)} built\n")
+        for platform in asked or [platform for platform in PLATFORMS if platform not in there]:
+            sys.stderr.write(f"damperfit: {build(platform)} built\n")
     except (InstallationError, OutputError) as error:
         sys.stderr.write(f"damperfit: {error}\n")
         return error.exit_code

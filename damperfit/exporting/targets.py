@@ -106,26 +106,26 @@ def exported_run(
         notes.append(
             f"resistances as they are at {at:g} degC (fitted at {damper.reference:g} degC)"
         )
-        settings = tuple(_at_one_temperature(one, damper) for one in settings)
+        settings = tuple(_at_one_temperature(fit, damper) for fit in settings)
         damper = damper.plain
     notes += [
-        f"{', '.join(one.unlimited)} at setting {one.setting}: the logs set no upper limit, so the "
+        f"{', '.join(fit.unlimited)} at setting {fit.setting}: the logs set no upper limit, so the "
         "force beyond their speeds may be far off"
-        for one in settings
-        if one.unlimited
+        for fit in settings
+        if fit.unlimited
     ]
-    run.motion  # noqa: B018 - where it is not known, that is remarked
+    run.motion  # noqa: B018 - where it is not known, that is a warning of the run
     return ExportedRun(run, damper, settings, tuple(notes))
 
 
-def _at_one_temperature(of: SettingResult, damper: WithTemperature) -> SettingResult:
-    values = damper.at_reference(of.values, damper.oil_temperature)
-    own, shared = (tuple(n for n in names if n in values.names) for names in (of.own, of.shared))
-    kept = [k for k, name in enumerate((*of.own, *of.shared)) if name in values.names]
-    covariance = None if of.covariance is None else of.covariance[np.ix_(kept, kept)]
-    limits = tuple(pair for pair in of.open_limits if pair[0] in values.names)
+def _at_one_temperature(fit: SettingResult, damper: WithTemperature) -> SettingResult:
+    values = damper.at_reference(fit.values, damper.oil_temperature)
+    own, shared = (tuple(n for n in names if n in values.names) for names in (fit.own, fit.shared))
+    kept = [k for k, name in enumerate((*fit.own, *fit.shared)) if name in values.names]
+    covariance = None if fit.covariance is None else fit.covariance[np.ix_(kept, kept)]
+    limits = tuple(pair for pair in fit.open_limits if pair[0] in values.names)
     return replace(
-        of, parameters=values, own=own, shared=shared, covariance=covariance, open_limits=limits
+        fit, parameters=values, own=own, shared=shared, covariance=covariance, open_limits=limits
     )
 
 
@@ -191,11 +191,11 @@ def force_tables(
     run: ExportedRun, *, extend: float | None = None, common: bool = False
 ) -> tuple[ForceTable, ...]:
     """Return the table of each setting, to ``extend``, m/s; ``common``: all on the same speeds."""
-    known = run.run.tested.speed
-    fastest = run.run.motion.peak_speed if known is None else known
+    speed = run.run.tested.speed
+    fastest = run.run.motion.peak_speed if speed is None else speed
     tested = []
-    for one in run.settings:  # to three digits: what a log reached, not what its noise did
-        top = min(one.top_speed, fastest)
+    for fit in run.settings:  # to three digits: what a log reached, not what its noise did
+        top = min(fit.top_speed, fastest)
         size = 10.0 ** (2 - math.floor(math.log10(top)))
         tested.append(math.floor(top * size * (1.0 + 1e-9)) / size)
     if max(tested) < 1.02 * min(tested):  # the same test, but for noise
@@ -209,26 +209,25 @@ def force_tables(
         )
     tables: list[ForceTable] = []
     slugs: Counter[str] = Counter()
-    settings = list(zip(run.settings, tested, strict=True))
-    for group in [settings] if common else [[one] for one in settings]:
-        own = {speed for _, speed in group}
+    pairs = list(zip(run.settings, tested, strict=True))
+    for group in [pairs] if common else [[pair] for pair in pairs]:
+        fits, own = zip(*group, strict=True)
         end = max(min(own), extend or 0.0)
-        grid, forces = _characteristics(
-            run.damper, [one for one, _ in group], {end, *(speed for speed in own if speed < end)}
-        )
-        for (setting, speed), row in zip(group, forces, strict=True):
+        tops = {end, *(speed for speed in own if speed < end)}
+        grid, forces = _characteristics(run.damper, fits, tops)
+        for (fit, speed), row in zip(group, forces, strict=True):
             # Labels that differ in signs alone, or in capitals, must not share a file.
-            slug = setting.setting.slug
+            slug = fit.setting.slug
             slugs[slug.casefold()] += 1
             slug += f"_{n}" if (n := slugs[slug.casefold()]) > 1 else ""
-            tables.append(_table(run, setting, slug, speed, grid, row))
+            tables.append(_table(run, fit, slug, speed, grid, row))
     return tuple(tables)
 
 
 def _characteristics(
-    damper: Model, settings: Sequence[SettingResult], tops: set[float]
+    damper: Model, fits: Sequence[SettingResult], tops: set[float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return speeds of both strokes up to the highest of some, and forces (n settings, m speeds).
+    """Return speeds of both strokes, with those of ``tops``, and forces (n settings, m speeds).
 
     Speeds are added between two where the straight line misses the force of a setting.
     """
@@ -236,13 +235,15 @@ def _characteristics(
     side = [min(1.0, top / (2.0 * _TUNED[-1])) * speed for speed in _TUNED]
     while side[-1] * _FARTHER < top:
         side.append(side[-1] * _FARTHER)
-    side = sorted({*(v for v in side if all(abs(v / one - 1.0) > 0.02 for one in tops)), *tops})
+    side = sorted({*(v for v in side if all(abs(v / w - 1.0) > 0.02 for w in tops)), *tops})
     grid = np.array([*(-v for v in reversed(side)), 0.0, *side])
-    offsets = [quasi_static(damper, one.values, np.zeros(1)).forces[0] for one in settings]
+    offsets = [quasi_static(damper, fit.values, np.zeros(1)).forces[0] for fit in fits]
 
     def at(speeds: FloatArray) -> FloatArray:
-        rows = zip(settings, offsets, strict=True)
-        return np.array([quasi_static(damper, s.values, speeds).forces - off for s, off in rows])
+        rows = zip(fits, offsets, strict=True)
+        return np.array(
+            [quasi_static(damper, fit.values, speeds).forces - f_0 for fit, f_0 in rows]
+        )
 
     forces = at(grid)
     forces[:, grid == 0.0] = 0.0
@@ -263,37 +264,42 @@ def _characteristics(
 
 
 def _table(
-    run: ExportedRun, of: SettingResult, slug: str, tested: float, grid: FloatArray, row: FloatArray
+    run: ExportedRun,
+    fit: SettingResult,
+    slug: str,
+    tested: float,
+    grid: FloatArray,
+    row: FloatArray,
 ) -> ForceTable:
     low, high = row.copy(), row.copy()
-    if of.covariance is not None:
-        measured = [one for one in run.run.speed_forces if one.setting == of.setting]
+    if fit.covariance is not None:
+        measured = [force for force in run.run.speed_forces if force.setting == fit.setting]
         sizes = sorted(set(np.abs(grid).tolist()) - {0.0})
-        for one in force_at([of], run.damper, sizes, measured=measured):
-            at = grid == (one.speed if one.stroke == "rebound" else -one.speed)
-            low[at] -= one.force - one.low
-            high[at] += one.high - one.force
-    rest = quasi_static(run.damper, of.values, np.zeros(1))
+        for point in force_at([fit], run.damper, sizes, measured=measured):
+            at = grid == (point.speed if point.stroke == "rebound" else -point.speed)
+            low[at] -= point.force - point.low
+            high[at] += point.high - point.force
+    rest = quasi_static(run.damper, fit.values, np.zeros(1))
     level, stroke = float(rest.forces[0]) - rest.tare, run.run.motion.amplitude
     x = np.linspace(-stroke, stroke, _GAS_POINTS)
     gas = run.damper.rest_force(x)
     return ForceTable(
-        setting=of.setting,
+        setting=fit.setting,
         slug=slug,
-        mse_percent=of.mse_percent,
+        mse_percent=fit.mse_percent,
         speeds=grid,
         forces=row,
         low=low,
         high=high,
         tested=tested,
-        determined=determined_speed(of, run.damper),
+        determined=determined_speed(fit, run.damper),
         stroke=stroke,
         level=level,
-        tare=0.0 if gas is None else of.offset,
+        tare=0.0 if gas is None else fit.offset,
         gas_displacements=np.zeros(1) if gas is None else x,
         gas_forces=np.array([level]) if gas is None else gas,
         has_gas=gas is not None,
-        has_interval=of.covariance is not None,
+        has_interval=fit.covariance is not None,
     )
 
 
@@ -341,11 +347,11 @@ def standard_road() -> Motion:
 
 
 def road_misses(run: ExportedRun, table: ForceTable) -> tuple[RoadMiss, ...]:
-    """Return how far the damper's dynamics are from a table on the road, at three speeds."""
-    fitted = next(one.values for one in run.settings if one.setting == table.setting)
+    """Return how far a table is from the damper's dynamics on the road, at three speeds."""
+    fitted = next(fit.values for fit in run.settings if fit.setting == table.setting)
     damper, values = run.damper, without_rig(fitted)
     if damper.rest_force(0.0) is None:  # the offset holds the gas force, and stays
-        offsets = (one.name for one in fitted.quantities if one.is_offset)
+        offsets = (quantity.name for quantity in fitted.quantities if quantity.is_offset)
         values = values.replace({name: fitted[name] for name in offsets})
     road, first = standard_road(), int(_RUN_IN * _RATE)
     top, widest = float(np.abs(road.velocity).max()), float(np.abs(road.displacement).max())
@@ -357,9 +363,8 @@ def road_misses(run: ExportedRun, table: ForceTable) -> tuple[RoadMiss, ...]:
         x, v = scale * road.displacement[first:], scale * road.velocity[first:]
         miss = np.interp(v, table.speeds, table.forces) + table.at_rest(x) - force
         square = float(np.mean(miss * miss))
-        misses.append(
-            RoadMiss(scale * top, math.sqrt(square), 100.0 * square / float(np.var(force)))
-        )
+        percent = 100.0 * square / float(np.var(force))
+        misses.append(RoadMiss(scale * top, math.sqrt(square), percent))
     return tuple(misses)
 
 
@@ -370,7 +375,7 @@ def _on_road(damper: Model, values: Values, scale: float, solver: SolverOptions)
     return simulate(values, damper, motion, options=solver).force
 
 
-# What every file says of itself: plain lines; each target puts its own mark of a comment before.
+# What stands at the head of every file: plain lines; each target makes them comments of its own.
 
 
 def one_line(text: str) -> str:
@@ -381,21 +386,21 @@ def one_line(text: str) -> str:
 def header_lines(
     run: ExportedRun, tables: Sequence[ForceTable], *, sign: str, gas: str, has_table: bool = True
 ) -> list[str]:
-    """Return whose damper it is, tested where, how good; what is in the file and what is not.
+    """Return whose damper it is, the tested range, the MSE; what is in the file and what is not.
 
-    What is positive (``sign``), where the gas force is (``gas``); of force by speed, or of the
-    equations.
+    ``sign`` says what is positive, ``gas`` where the gas force is. Without a table the file holds
+    the equations.
     """
     about = run.run
-    known = [one for one in tables if math.isfinite(one.mse_percent)]
-    ranked = sorted(known, key=lambda one: one.mse_percent)
-    ends = ranked[:: max(1, len(ranked) - 1)]  # the best and the worst
+    with_mse = [table for table in tables if math.isfinite(table.mse_percent)]
+    ranked = sorted(with_mse, key=lambda table: table.mse_percent)
     errors = [
-        f"{one.mse_percent:.3g} %" + f" (setting {one.setting})" * (len(ends) > 1) for one in ends
+        f"{table.mse_percent:.3g} %" + f" (setting {table.setting})" * (len(ranked) > 1)
+        for table in ranked[:: max(1, len(ranked) - 1)]  # the best and the worst
     ]
     lines = [
         f"damperfit {__version__}: {about.name}, setting "
-        + ", ".join(str(one.setting) for one in tables),
+        + ", ".join(str(table.setting) for table in tables),
         f"identity: {'; '.join(f'{k} {v}' for k, v in about.identity.items()) or 'not named'}",
         f"model: {run.damper.sentence}",
         f"tested: {tested_range(about.tested)}",
@@ -406,8 +411,8 @@ def header_lines(
             "table: force of the damper alone at constant speed, in the middle of the stroke"
         )
     lines += [f"taken out: {taken_out(run)}", determined_line(tables)]
-    if has_table and any(one.is_extended for one in tables):
-        end, tested = max(one.end for one in tables), min(one.tested for one in tables)
+    if has_table and any(table.is_extended for table in tables):
+        end, tested = max(table.end for table in tables), min(table.tested for table in tables)
         lines.append(
             f"beyond {tested:.4g} m/s UNTESTED: up to {end:.4g} m/s the table is the model's, "
             "unmeasured there"
@@ -423,52 +428,51 @@ def header_lines(
 
 
 def taken_out(run: ExportedRun) -> str:
-    """Return what the fit found and the file does not hold: mounting, play, mass, lag, tare."""
+    """Return what was fitted and is not in the file: mounting, play, mass, lag, tare."""
     parts = []
-    for one in run.damper.quantities:
-        values = [setting.values for setting in run.settings]
-        numbers = [getattr(known, one.name) for known in values if one.name in known.names]
-        is_tare = one.is_offset and run.damper.rest_force(0.0) is not None
-        if any(numbers) and (is_tare or one.scope == RIG):
-            factor, unit = _SHOWN.get(one.unit, (1.0, one.unit))
-            ends = dict.fromkeys(f"{factor * end:.4g}" for end in (min(numbers), max(numbers)))
-            label = "tare of the rig" if is_tare else one.label
-            parts.append(f"{label} {' to '.join(ends)} {unit}")
+    for quantity in run.damper.quantities:
+        name = quantity.name
+        numbers = [fit.values[name] for fit in run.settings if name in fit.values.names]
+        is_tare = quantity.is_offset and run.damper.rest_force(0.0) is not None
+        if any(numbers) and (is_tare or quantity.scope == RIG):
+            factor, unit = _SHOWN.get(quantity.unit, (1.0, quantity.unit))
+            limits = min(numbers), max(numbers)
+            texts = dict.fromkeys(f"{factor * limit:.4g}" for limit in limits)
+            label = "tare of the rig" if is_tare else quantity.label
+            parts.append(f"{label} {' to '.join(texts)} {unit}")
     if getattr(getattr(run.damper, "mounting", None), "series_stiffness", NONE) == NONE:
         parts.insert(0, "no mounting (rigid)")
     return ", ".join(parts)
 
 
 def gas_line(table: ForceTable, place: str, *, is_bump_positive: bool = False) -> str:
-    """Return what presses at rest, and what to do with it (``place``: "add it to the spring").
+    """Return the force at rest, and what to do with it (``place``: "add it to the spring").
 
     The table may be of any setting: the gas is the damper's. Where a file counts compression as
     positive the gas has the sign of its spring.
     """
-    sign, way = (-1.0, "plus") if is_bump_positive else (1.0, "minus")
+    sign, outward = (-1.0, "plus") if is_bump_positive else (1.0, "minus")
     what = "gas force" if table.has_gas else "force at rest, gas and tare of the rig together,"
-    sentence = (
-        f"not in the table; {what} {sign * table.level:.4g} N at x = 0 ({way} pushes the rod out)"
-    )
+    level = f"{what} {sign * table.level:.4g} N at x = 0 ({outward} pushes the rod out)"
     if table.has_gas:
         stroke, forces = 1e3 * table.stroke, sign * table.gas_forces
-        sentence += f", {forces[0]:.4g} N at -{stroke:.3g} mm, "
-        sentence += f"{forces[-1]:.4g} N at +{stroke:.3g} mm of rebound"
-    return f"{sentence}; {place}"
+        level += f", {forces[0]:.4g} N at -{stroke:.3g} mm, "
+        level += f"{forces[-1]:.4g} N at +{stroke:.3g} mm of rebound"
+    return f"not in the table; {level}; {place}"
 
 
 def determined_line(tables: Sequence[ForceTable]) -> str:
     """Return up to which speed the logs determine the force of each setting."""
 
-    def speed_of(one: ForceTable) -> str:
-        return "not known" if math.isnan(one.determined) else f"{one.determined:.2g} m/s"
+    def speed_of(table: ForceTable) -> str:
+        return "not known" if math.isnan(table.determined) else f"{table.determined:.2g} m/s"
 
     parts = []
     for speed, group in groupby(tables, key=speed_of):
-        names = [str(one.setting) for one in group]
+        names = [str(table.setting) for table in group]
         which = f"s {names[0]} to {names[-1]}" if len(names) > 1 else f" {names[0]}"
         parts.append(f"{speed} at setting{which}")
-    tested = {f"{one.tested:.3g}" for one in tables}
+    tested = {f"{table.tested:.3g}" for table in tables}
     return (
         f"force determined by the logs (95 % interval within 5 %) to {', '.join(parts)}; tested to "
         f"{' to '.join(sorted({min(tested), max(tested)}))} m/s"
@@ -476,14 +480,14 @@ def determined_line(tables: Sequence[ForceTable]) -> str:
 
 
 def road_line(run: ExportedRun, tables: Sequence[ForceTable]) -> str:
-    """Return how far the damper's dynamics are from its tables on a road, at three speeds."""
+    """Return how far tables are from the damper's dynamics on a road, at three speeds."""
 
     def shares(misses: Sequence[RoadMiss]) -> str:
         words = (f"{m.percent:.2g} % MSE ({m.rms:.3g} N rms) at {m.speed:.2g} m/s" for m in misses)
         return ", ".join(words)
 
-    ranked = [(road_misses(run, one), one) for one in tables]
-    ranked.sort(key=lambda pair: max(one.percent for one in pair[0]))
+    ranked = [(road_misses(run, table), table) for table in tables]
+    ranked.sort(key=lambda pair: max(miss.percent for miss in pair[0]))
     (least, _), (most, table) = ranked[0], ranked[-1]
     sentence = (
         "the table has no elasticity of the oil; on a class B road it misses the model by "
@@ -499,8 +503,8 @@ def interval_lines(table: ForceTable, speed: float = 1.0, sign: float = 1.0) -> 
     if not table.has_interval:
         return ["95 % interval of the forces: not known"]
     rows = [f"95 % interval of the forces: {'mm/s' if abs(speed) > 1.0 else 'm/s'}, low N, high N"]
-    for v, *ends in zip(table.speeds, table.low, table.high, strict=True):
-        low, high = sorted(sign * end for end in ends)
+    for v, *limits in zip(table.speeds, table.low, table.high, strict=True):
+        low, high = sorted(sign * end for end in limits)
         rows.append(f"  {speed * v + 0.0:.6g} {low:.3f} {high:.3f}")
     return rows
 
@@ -525,7 +529,7 @@ class Export(NamedTuple):
     options: ExportOptions
     files: Mapping[str, bytes]  # by name
     tables: tuple[ForceTable, ...]  # of each setting, as they stand in the files, or would
-    lost: str  # how far the damper's dynamics are from its table; empty where they hold no table
+    lost: str  # how far the tables are from the damper's dynamics; empty without a table
     determined: str  # up to which speed the logs determine the force
     notes: tuple[str, ...]  # what else to know
 
@@ -554,7 +558,7 @@ class Target:
         """
         if not out.suffix or out.is_dir():
             return out, "damper"
-        suffixes = ["." + one.rpartition(".")[2] for one in self.file.split(", ")]
+        suffixes = ["." + pattern.rpartition(".")[2] for pattern in self.file.split(", ")]
         if out.suffix.lower() not in suffixes:
             raise ConfigurationError(
                 f"{self.name} writes {' and '.join(suffixes)} files; give a "
@@ -586,7 +590,7 @@ class Target:
             files = _WRITERS[self.name](run, tables, options)
         else:
             for group in [(one,) for one in tables] if is_one_each else [tables]:
-                text = rendered(self.template, **_known(run, group, options)).rstrip("\n") + "\n"
+                text = rendered(self.template, **_context(run, group, options)).rstrip("\n") + "\n"
                 name = self.file.format(stem=options.stem, setting=group[0].slug)
                 lost = "xmlcharrefreplace" if text.startswith("<?xml") else "replace"
                 files[name] = text.encode(self.encoding, lost)
@@ -597,10 +601,10 @@ class Target:
 # Texts: a template gets the run, its tables (`table` is the first), options and a few functions
 
 
-def rendered(template: str, **known: Any) -> str:
+def rendered(template: str, **context: Any) -> str:
     """Return a template of this package, filled in; texts cannot leave their place in XML, HTML."""
     is_marked = template.endswith((".xml", ".html"))
-    return _environment(is_marked=is_marked).get_template(template).render(**known)
+    return _environment(is_marked=is_marked).get_template(template).render(**context)
 
 
 @cache
@@ -608,7 +612,7 @@ def _environment(*, is_marked: bool) -> Environment:
     def shown(text: object) -> Markup:
         return text if isinstance(text, Markup) else escape(printable(str(text)))
 
-    made = Environment(
+    environment = Environment(
         loader=PackageLoader("damperfit.exporting"),
         autoescape=is_marked,  # noqa: S701 - other texts are no markup
         finalize=shown if is_marked else None,
@@ -617,14 +621,14 @@ def _environment(*, is_marked: bool) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters["one_line"] = one_line
-    return made
+    environment.filters["one_line"] = one_line
+    return environment
 
 
-def _known(
+def _context(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
 ) -> dict[str, Any]:
-    """What templates may ask for."""
+    """What templates use."""
     first, numbers = tables[0], _setting_numbers(tables)
 
     def header(
@@ -649,7 +653,7 @@ def _known(
         "options": options,
         "header": header,
         "intervals": lambda speed=1.0, of=first: interval_lines(of, speed, np.sign(speed)),
-        "comments": lambda mark, lines: "\n".join(f"{mark} {one}".rstrip() for one in lines),
+        "comments": lambda mark, lines: "\n".join(f"{mark} {line}".rstrip() for line in lines),
         "rebound": _REBOUND,
         "ranges": [(range_, list(rows)) for range_, rows in ranges],
         "grid_of": grid_of,
@@ -666,10 +670,9 @@ def _known(
 
 def _setting_numbers(tables: Sequence[ForceTable]) -> list[float]:
     """Return a number for each setting, rising: where it stands, else 1, 2, ..."""
-    known = [table.setting.number() for table in tables]
-    numbers = [math.nan if one is None else float(one) for one in known]
-    is_rising = np.isfinite(numbers).all() and (np.diff(numbers) > 0.0).all()
-    return numbers if is_rising else [1.0 + k for k in range(len(tables))]
+    numbers = [n for table in tables if (n := table.setting.number()) is not None]
+    is_rising = len(numbers) == len(tables) and bool(np.all(np.diff(numbers) > 0.0))
+    return list(map(float, numbers)) if is_rising else [1.0 + k for k in range(len(tables))]
 
 
 def _modelica(
@@ -681,22 +684,22 @@ def _modelica(
     x, gas = first.gas_displacements, first.gas_forces
     word = re.sub(r"\W", "_", stem, flags=re.ASCII).strip("_") or "damper"
     word = word if word[0].isalpha() else f"D_{word}"
-    quantities = [one for one in run.damper.quantities if one.name in _OF_PAPER]
+    quantities = [quantity for quantity in run.damper.quantities if quantity.name in _OF_PAPER]
     text = rendered(
         "modelica.mo",
-        **_known(run, tables, options),
+        **_context(run, tables, options),
         name=word[0].upper() + word[1:],
         sign="s_rel in m, v_rel in m/s and f in N are positive in rebound (tension)",
         physics=isinstance(run.damper, Damper),
         damper=run.damper,
         quantities=quantities,
         values={
-            one.name: [getattr(setting.values, one.name) for setting in run.settings]
-            for one in quantities
+            quantity.name: [fit.values[quantity.name] for fit in run.settings]
+            for quantity in quantities
         },
         speeds=first.speeds[:-1].tolist(),
         firsts=[float(table.forces[0]) for table in tables],
-        bends=[[float(one[0]), *np.diff(one).tolist()] for one in slopes],
+        bends=[[float(slope[0]), *np.diff(slope).tolist()] for slope in slopes],
         gas=np.polyfit(x, gas, min(3, len(x) - 1))[::-1].tolist(),
     )
     return {f"{stem}.mo": (text.rstrip("\n") + "\n").encode("utf-8", "replace")}
@@ -708,10 +711,10 @@ def _matlab(
     """Return a script (.m) and a data file (.mat, version 5) with the same variables."""
     from scipy.io import savemat
 
-    first, known, stem = tables[0], _known(run, tables, options), options.stem
+    first, context, stem = tables[0], _context(run, tables, options), options.stem
     labels = [str(table.setting) for table in tables]
     about = [
-        *known["header"](_REBOUND, "gas_force at gas_displacement; add it to the table's force"),
+        *context["header"](_REBOUND, "gas_force at gas_displacement; add it to the table's force"),
         "set the table's extrapolation: linear or error, never the last value",
         *(f"column {k} of force: setting {label}" for k, label in enumerate(labels, 1)),
     ]
@@ -730,7 +733,7 @@ def _matlab(
         "gas_displacement": first.gas_displacements[:, None],
         "gas_force": first.gas_forces[:, None],
     }
-    script = rendered("matlab.m", **known, about=map(one_line, about), variables=variables)
+    script = rendered("matlab.m", **context, about=map(one_line, about), variables=variables)
     cells = np.array(labels, dtype=object)[None, :]
     document = {"setting_label": cells, **variables, "about": "\n".join(about)}
     file = io.BytesIO()
@@ -753,12 +756,12 @@ class _Table(NamedTuple):
 
 def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
     """Yield the tables of the run, as far as they are there."""
-    described = describe_tables([one.setting for one in run.settings], run.run.quantities)
+    described = describe_tables([fit.setting for fit in run.settings], run.run.quantities)
     for name in _STORED:
         rows = run.run.rows(name)
         columns = []
-        for one in described[name] if rows else ():
-            heading, unit = one["name"], one["unit"] if one["unit"] != "1" else ""
+        for column in described[name] if rows else ():
+            heading, unit = column["name"], column["unit"] if column["unit"] != "1" else ""
             cells = [
                 row["setting"].cell
                 if heading == "setting"
@@ -784,13 +787,13 @@ def _workbook(
 ) -> dict[str, bytes]:
     """Return one workbook: what it is about, forces with half intervals, tables of the results."""
     shown = options.units
-    known = [table for table in tables if table.has_interval]
-    halves = (0.5 * (table.high - table.low) for table in known)
-    forces = [shown.show(one, "N") for one in (*(table.forces for table in tables), *halves)]
+    with_interval = [table for table in tables if table.has_interval]
+    halves = (0.5 * (table.high - table.low) for table in with_interval)
+    forces = [shown.show(force, "N") for force in (*(table.forces for table in tables), *halves)]
     headings = [
         shown.column("speed_m_per_s", "m/s"),
         *(f"setting {table.setting}" for table in tables),
-        *(f"± 95 % of setting {table.setting}" for table in known),
+        *(f"± 95 % of setting {table.setting}" for table in with_interval),
     ]
     units = [shown.of("m/s"), *(shown.of("N") for _ in forces)]
     rows = np.column_stack([shown.show(tables[0].speeds, "m/s"), *forces]).tolist()
@@ -847,16 +850,16 @@ def _csv_files(
 
     rows = []
     for table in tables:
-        columns = [shown.show(one, "N") for one in (table.forces, table.low, table.high)]
+        columns = [shown.show(column, "N") for column in (table.forces, table.low, table.high)]
         columns.insert(0, shown.show(table.speeds, "m/s"))
         for v, speed, *numbers in zip(table.speeds, *columns, strict=True):
-            force, *ends = (f"{one:.3f}".replace(".", mark) for one in numbers)
-            ends = ends if table.has_interval else ["", ""]
+            force, *interval = (f"{value:.3f}".replace(".", mark) for value in numbers)
+            interval = interval if table.has_interval else ["", ""]
             speed_cell = f"{speed:.6g}".replace(".", mark)
-            rows.append((str(table.setting), speed_cell, force, table.range_of(v), *ends))
+            rows.append((str(table.setting), speed_cell, force, table.range_of(v), *interval))
     names = ("force_N", "force_ci_low_N", "force_ci_high_N")
-    force, *ends = (shown.column(name, "N") for name in names)
-    head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", *ends)
+    force, *interval = (shown.column(name, "N") for name in names)
+    head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", *interval)
     about = "\n".join(_about(run, tables)) + "\n"
     files = {
         f"{stem}.csv": content(head, rows),

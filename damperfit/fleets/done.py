@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.fleets.parts import SUMMARY, collect
 from damperfit.fleets.run import Done, State
+from damperfit.problem import counted
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import Sheet
 
@@ -24,16 +25,12 @@ _WORDS = {
 }
 
 
-def _counted(number: int, words: str) -> str:
-    return f"{number} {words}{'' if number == 1 else 's'}"
-
-
 class FleetDone(Answer):
     """What became of the dampers of a fleet.
 
-    `folder` is that of the parts, `done` the dampers that were looked at of `n_tasks`; `n_rows` the
-    rows of the table of all parts, `survey` what that tells, `page` the page, where they were asked
-    for.
+    `folder` is that of the parts, `done` the dampers that were looked at of `n_tasks`. Where they
+    were asked for, `n_rows` are the rows of the table of all parts, `survey` its evaluation, `page`
+    the page.
     """
 
     def __init__(self, folder: Path, *, has_logs: bool) -> None:
@@ -52,17 +49,17 @@ class FleetDone(Answer):
     @property
     def counts(self) -> dict[str, int]:
         """How many dampers ended in which way."""
-        return {state.value: sum(one.state is state for one in self.done) for state in State}
+        return {state.value: sum(task.state is state for task in self.done) for state in State}
 
     @property
     def exit_code(self) -> int:
         """How the command ends; failures of parts that were there count like those of new ones."""
         if self.is_stopped:
             return 130
-        if any(one.n_failures for one in self.done):
-            return 1 if any(one.n_settings for one in self.done) else 3
+        if any(task.n_failures for task in self.done):
+            return 1 if any(task.n_settings for task in self.done) else 3
         is_missed = self.held is not None and bool(self.held.missed)
-        return 4 if is_missed or any(one.n_gates for one in self.done) else 0
+        return 4 if is_missed or any(task.n_gates for task in self.done) else 0
 
     def collect(self, tolerance: Tolerance | None, *, is_reported: bool) -> None:
         """Make the one table of all parts, its page, and hold its forces against bands."""
@@ -85,19 +82,19 @@ class FleetDone(Answer):
         held, survey = self.held, self.survey
 
         def lines(name: str) -> list[dict[str, str]]:
-            listed = [(one.owner, line) for one in self.done for line in getattr(one, name)]
+            listed = [(task.owner, line) for task in self.done for line in getattr(task, name)]
             return [{"damper": owner, "message": line} for owner, line in listed]
 
         return {
             "dampers": self.n_tasks,
             **self.counts,
-            "logs": sum(one.n_logs for one in self.done),
-            "settings": sum(one.n_settings for one in self.done),
+            "logs": sum(task.n_logs for task in self.done),
+            "settings": sum(task.n_settings for task in self.done),
             "interrupted": self.is_stopped,
             "failures": lines("failures"),
             "gates_missed": lines("gates"),
             "tolerance": None if held is None else held.source,
-            "dampers_out_of_tolerance": [] if held is None else [one.run for one in held.worst],
+            "dampers_out_of_tolerance": [] if held is None else [point.run for point in held.worst],
             "points": [] if held is None else tolerance_rows(held.missed),
             "capability": [] if survey is None else survey.capability,
             "shifts": [] if survey is None else list(survey.shifts),
@@ -113,13 +110,11 @@ class FleetDone(Answer):
         """How many dampers ended in which way, and those that are out of tolerance."""
         lines = []
         if self.has_logs:
-            known = [(self.counts[state.value], words) for state, words in _WORDS.items()]
-            ends = ", ".join(f"{n} {words}" for k, (n, words) in enumerate(known) if n or not k)
-            logs, settings = (
-                sum(getattr(one, name) for one in self.done) for name in ("n_logs", "n_settings")
-            )
-            dampers, fits = _counted(self.n_tasks, "damper"), f"{settings} settings with a fit"
-            lines.append(f"{dampers}: {ends}; {logs} logs, {fits}")
+            counts = [(self.counts[state.value], words) for state, words in _WORDS.items()]
+            states = ", ".join(f"{n} {words}" for k, (n, words) in enumerate(counts) if n or not k)
+            n_logs = sum(task.n_logs for task in self.done)
+            fits = f"{sum(task.n_settings for task in self.done)} settings with a fit"
+            lines.append(f"{counted(self.n_tasks, 'damper')}: {states}; {n_logs} logs, {fits}")
         if (held := self.held) is not None:
             lines.append(f"tolerance {held.source}: {held.sentence}")
             for point in held.worst[:_MANY]:
@@ -129,31 +124,31 @@ class FleetDone(Answer):
                 )
                 lines.append(f"{point.run or 'unknown'}{setting}{speed}: {point.words}")
             if (more := len(held.worst) - _MANY) > 0:
-                lines.append(f"and {_counted(more, 'more damper')}; --report lists them")
+                lines.append(f"and {counted(more, 'more damper')}; --report lists them")
         return "\n".join(lines)
 
     @property
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
         """What failed, gates that were missed, and what an interrupt has left."""
-        failures, gates = (
-            [f"{one.owner or 'logs'}: {line}" for one in self.done for line in getattr(one, name)]
-            for name in ("failures", "gates")
-        )
+        owners = [(task.owner or "logs", task) for task in self.done]
+        failures = [f"{owner}: {line}" for owner, task in owners for line in task.failures]
+        gates = [f"{owner}: {line}" for owner, task in owners for line in task.gates]
         if (more := len(failures) - _MANY) > 0:
             failures[_MANY:] = [
                 f"and {more} more failures; the parts in {self.folder} hold them all"
             ]
-        left = f"{self.n_tasks - len(self.done)} of {self.n_tasks} dampers left"
-        stopped = [f"interrupted; {left}, the same command goes on with them"]
-        return (*failures, *gates, *(stopped if self.is_stopped else ()))
+        if self.is_stopped:
+            left = f"{self.n_tasks - len(self.done)} of {self.n_tasks} dampers left"
+            gates.append(f"interrupted; {left}, the same command goes on with them")
+        return (*failures, *gates)
 
     @property
     def written(self) -> tuple[str, ...]:
         """What stands where, and what an earlier run has left in it."""
         lines = []
-        if n_before := sum(one.n_failures - len(one.failures) for one in self.done):
+        if n_before := sum(task.n_failures - len(task.failures) for task in self.done):
             verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
-            count = _counted(n_before, "failure")
+            count = counted(n_before, "failure")
             lines.append(f"{count} of an earlier run {verb} too; the parts hold {them}")
         if self.n_tasks and not self.is_stopped:
             lines.append(f"parts in {self.folder}")

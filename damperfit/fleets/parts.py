@@ -32,7 +32,7 @@ SUMMARY = "_fleet"  # of the folder of all that tells of the whole fleet
 _NAMELESS = "__unknown__"
 _LONGEST = 180  # characters of a folder's name
 _FACTS = b"damperfit"
-_TOLD = {b"unit", SYMBOL}  # of a column; what it means stands in the manual
+_KEPT = {b"unit", SYMBOL}  # of a column; what it means stands in the manual
 _BROKEN = (OSError, pa.ArrowInvalid, ValueError)
 
 
@@ -80,7 +80,7 @@ def write_part(
     """
     table = _with_serial(table, path)
     fields = [
-        field.with_metadata({k: text for k, text in (field.metadata or {}).items() if k in _TOLD})
+        field.with_metadata({k: text for k, text in (field.metadata or {}).items() if k in _KEPT})
         for field in table.schema
     ]
     table = table.cast(pa.schema(fields))
@@ -100,7 +100,7 @@ def write_part(
 
 
 def read_facts_of(path: Path) -> dict[str, Any]:
-    """Return what a part tells besides its rows; nothing where it is damaged."""
+    """Return what a part holds besides its rows; nothing where it is damaged."""
     try:
         facts = json.loads((pq.read_metadata(path).metadata or {}).get(_FACTS, b"{}"))
     except _BROKEN:
@@ -131,9 +131,8 @@ def touch(path: Path) -> None:
 def forget_earlier(folder: Path) -> None:
     """Remove parts of logs that a later part is of, whoever they were said to be of.
 
-    A log is the same where it stands at the same place, or of one damper where it has the same
-    bytes. Other tests of a damper stay. The latest part of a log is never removed, also not by
-    another run at once.
+    Two logs are the same with the same path, or with the same bytes and damper. Other tests of a
+    damper stay. The latest part of a log is never removed, also not by another run at once.
     """
 
     def latest_first(path: Path) -> tuple[int, str]:
@@ -141,21 +140,21 @@ def forget_earlier(folder: Path) -> None:
             return -path.stat().st_mtime_ns, str(path)
         return 0, str(path)
 
-    seen: set[tuple[str, str]] = set()
+    later: set[tuple[str, str]] = set()
     for path in sorted(parts_in(folder), key=latest_first):
         facts = read_facts_of(path)
-        logs = {("", one) for one in facts.get("places", ())}
-        logs |= {(serial_in(path.parent), one) for one in facts.get("logs", ())}
-        if logs & seen:
+        logs = {("", place) for place in facts.get("places", ())}
+        logs |= {(serial_in(path.parent), digest) for digest in facts.get("logs", ())}
+        if logs & later:
             with suppress(OSError):
                 path.unlink()
                 path.parent.rmdir()  # but for other tests of the damper
         else:
-            seen |= logs
+            later |= logs
 
 
 def tidy(folder: Path) -> None:
-    """End what killed workers left half done; the files of those that may be at work stay."""
+    """Finish or remove what killed workers left; the files of those that may be at work stay."""
     for name in PART_FOLDERS:
         for damper in folder.glob(name):
             settle(damper)

@@ -48,7 +48,7 @@ from damperfit.problem import Failure, Option, Problem
 from damperfit.queries.compared import compared_record
 from damperfit.recording import natural_order
 from damperfit.results import Run
-from damperfit.run.identify import Identified
+from damperfit.run.identify import identified
 from damperfit.run.logs import Labels
 from damperfit.tables.columns import adjusters_in, table_schema
 from damperfit.tested.identity import identity_in
@@ -103,23 +103,23 @@ def share_of(text: str) -> Callable[[DamperTask], bool]:
 def tasks_by_damper(
     sources: Sequence[FleetLog], configuration: Configuration
 ) -> tuple[DamperTask, ...]:
-    """Part logs by damper: the table of tests, else the log's preamble, else its folder says whose.
+    """Group logs by damper: as the table of tests says, else the log's preamble, else its folder.
 
     A ConfigurationError: a table of tests is wrong, or there is no log.
     """
     adjusters, given = configuration.reading.adjusters, configuration.test.table
-    named = [one for one in sources if one.file.lower() == TABLE_OF_TESTS]
+    named = [source for source in sources if source.file.lower() == TABLE_OF_TESTS]
     rows: dict[tuple[str, str], str] = {}  # whose a log is, by its folder and name
     with brought_here(named) as (here, _):
-        tables = {(one.where, one.folder): one for one in named if is_tests_table(here[one])}
-        logs = [one for one in sources if one not in set(tables.values())]
+        tables = {(file.where, file.folder): file for file in named if is_tests_table(here[file])}
+        logs = [source for source in sources if source not in set(tables.values())]
         if not logs:
             raise ConfigurationError(
                 "no logs among the files given: they are all tables of tests", code="no-log"
             )
-        # One that is given speaks alone, as in `identify`.
-        speaking = [(one.where, here[one]) for one in tables.values()]
-        for where, path in speaking if given is None else [("", given)]:
+        # A table that was given is the only one, as in `identify`.
+        own = [(table.where, here[table]) for table in tables.values()]
+        for where, path in own if given is None else [("", given)]:
             for name, row in read_tests(path, adjusters).rows.items():
                 if row.identity.owner:
                     rows.setdefault((where, name), row.identity.owner)
@@ -128,19 +128,19 @@ def tasks_by_damper(
         keys = ((log.where, log.file), ("", log.file), ("", log.name))
         if owner := next((rows[key] for key in keys if key in rows), ""):
             return owner
-        return _owner_in_preamble(head_of(log)) if log.seen is None else log.seen.owner
+        return _owner_in_preamble(head_of(log)) if log.earlier is None else log.earlier.owner
 
     owners: dict[str, list[FleetLog]] = defaultdict(list)
-    # In a store each log that is not known costs the time of an answer.
-    with executor(AT_ONCE if any(one.is_remote for one in logs) else 1) as pool:
-        for log, owner in zip(logs, pool.map(owner_of, logs), strict=True):
-            known = owner or configuration.test.identity.owner
-            owners[known or _in_unicode(log.folder)].append(log)
+    # In a store each new log costs the time of an answer.
+    with executor(AT_ONCE if any(log.is_remote for log in logs) else 1) as pool:
+        for log, name in zip(logs, pool.map(owner_of, logs), strict=True):
+            owner = name or configuration.test.identity.owner or _in_unicode(log.folder)
+            owners[owner].append(log)
     tasks = []
     for owner in sorted(owners, key=natural_order):
-        beside = (tables.get((log.where, log.folder)) for log in owners[owner])
-        mine = dict.fromkeys(table for table in beside if table is not None)
-        tasks.append(DamperTask(owner, tuple(owners[owner]), tuple(mine)))
+        keys = dict.fromkeys((log.where, log.folder) for log in owners[owner])
+        mine = tuple(tables[key] for key in keys if key in tables)
+        tasks.append(DamperTask(owner, tuple(owners[owner]), mine))
     return tuple(tasks)
 
 
@@ -153,14 +153,14 @@ def _owner_in_preamble(head: bytes) -> str:
     """Return whose a log of text says it is, in the lines before its numbers."""
     text = head.decode("utf-8", "replace")
     entries = (_ENTRY.match(line) for line in text.splitlines()[:60] if "\0" not in text)
-    return identity_in({one[1]: one[2] for one in entries if one}).owner
+    return identity_in({entry[1]: entry[2] for entry in entries if entry}).owner
 
 
 def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configuration) -> str:
     """Return the key of what a task's result depends on, of its logs and tables with their hashes.
 
-    It depends on the files' bytes and names, on which stand in one folder (a table of tests speaks
-    for those), the configuration and the version of damperfit; not on the folders' names.
+    It depends on the files' bytes and names, on which are in one folder (a table of tests holds for
+    those), the configuration and the version of damperfit; not on the folders' names.
     """
     folders: dict[PurePath, list[tuple[str, str]]] = defaultdict(list)
     for path, digest in entries:
@@ -200,7 +200,7 @@ class State(Enum):
 
 
 class Done(NamedTuple):
-    """What became of one task; of a part that was there failures are counted and not said again."""
+    """What became of one task; of an earlier part the failures are counted, not listed."""
 
     owner: str
     state: State
@@ -222,7 +222,7 @@ def _part_of(
     folder: Path,
     hashes: Iterable[tuple[PurePath, str]],
 ) -> tuple[Path, str, Done | None]:
-    """Path and key of the part of a task, and what it says where it is there."""
+    """Path and key of the part of a task, and what became of the task where the part is there."""
     key = content_key(hashes, configuration)
     path = part_path(folder, task.owner, key)
     if not path.exists() or not (facts := read_facts_of(path)):
@@ -233,27 +233,26 @@ def _part_of(
 
 
 def _known_already(configuration: Configuration, folder: Path, task: DamperTask) -> Done | None:
-    """What the part of a task says, where it is there; nothing is fetched for that."""
-    # Nothing is hashed, once here and once by the worker, where there can be no part.
+    """What became of a task whose part is there; nothing is fetched for that."""
+    # Where there can be no part nothing is hashed here: the worker does it.
     is_new = not part_path(folder, task.owner, "").parent.is_dir()
-    if is_new or any(one.is_remote and one.seen is None for one in task.files):
+    if is_new or any(file.is_remote and file.earlier is None for file in task.files):
         return None
-    places = [one.fetched_to if one.is_remote else Path(one.place) for one in task.files]
-    hashes = [one.seen.sha256 if one.seen else hash_of(Path(one.place)) for one in task.files]
-    return _part_of(task, configuration, folder, zip(places, hashes, strict=True))[2]
-
-
-def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[Identified]:
-    from damperfit.run.identify import identified
-
-    return identified(configuration, logs, jobs=1) if logs else iter(())
+    entries = [
+        (file.fetched_to, file.earlier.sha256)
+        if file.earlier
+        else (Path(file.place), hash_of(Path(file.place)))
+        for file in task.files
+    ]
+    return _part_of(task, configuration, folder, entries)[2]
 
 
 def _try_log(configuration: Configuration, task: DamperTask) -> None:
-    """Do the work on one log alone and write nothing: it tells whether the log ends its worker."""
-    # The whole task says what is wrong with it.
+    """Do the work on one log alone and write nothing, to see whether it kills its worker."""
+    # What else is wrong with it is a failure of the whole task.
     with brought_here(task.files) as (here, _), suppress(Exception):
-        deque(_results(configuration, [str(here[one]) for one in task.logs]), maxlen=0)
+        logs = [str(here[log]) for log in task.logs]
+        deque(identified(configuration, logs, jobs=1), maxlen=0)
 
 
 def _do(configuration: Configuration, folder: Path, task: DamperTask) -> Done:
@@ -273,54 +272,54 @@ def _fitted(
     stamps: Mapping[FleetLog, str],
 ) -> Done:
     """Fit one damper and write its part; whatever is wrong with the logs becomes rows of it."""
-    hashes = {one: hash_of(path) for one, path in here.items()}
-    entries = ((here[one], digest) for one, digest in hashes.items())
+    hashes = {file: hash_of(path) for file, path in here.items()}
+    entries = ((here[file], digest) for file, digest in hashes.items())
     path, key, before = _part_of(task, configuration, folder, entries)
-    seen = {
-        one.place: (stamp, hashes[one], _owner_in_preamble(head_of(FleetLog(str(here[one]), ""))))
-        for one, stamp in stamps.items()
-        if stamp
-    }
+    objects = {}
+    for file, stamp in stamps.items():
+        if stamp:
+            owner = _owner_in_preamble(head_of(FleetLog(str(here[file]), "")))
+            objects[file.place] = (stamp, hashes[file], owner)
     if before:
-        if seen:  # another time of change, the same bytes: not to be fetched each time from now on
-            renew_facts(path, seen=seen)
+        if objects:  # changed in date, not in bytes: with the new stamp it is not fetched again
+            renew_facts(path, seen=objects)
         return before
     dead = dict(task.dead)
     failures: list[tuple[str, Failure]] = []
     if dead:
-        labels = Labels([here[one] for one in task.logs], configuration)
-        for one in (one for one in task.logs if one.place in dead):
-            problem, setting = dead[one.place], labels.unread(here[one], configuration)
-            died = Failure(Problem("worker-died", problem), "WorkerDied", one.file, "", setting)
-            failures.append((task.owner, died))
+        labels = Labels([here[log] for log in task.logs], configuration)
+        for log in (log for log in task.logs if log.place in dead):
+            problem = Problem("worker-died", dead[log.place])
+            setting = labels.unread(here[log], configuration)
+            failures.append((task.owner, Failure(problem, "WorkerDied", log.file, "", setting)))
     rows: list[dict[str, Any]] = []
     gates: list[str] = []
     records: list[dict[str, Any]] = []
     try:
-        living = [str(here[one]) for one in task.logs if one.place not in dead]
-        for found in _results(configuration, living):
-            owner = found.owner or task.owner
-            rows += _part_rows(found.run, owner)
-            gates += found.run.record["gates_missed"]
-            records.append(compared_record(found.run.record))
-            failures += [(owner, failure) for failure in found.failures]
+        living = [str(here[log]) for log in task.logs if log.place not in dead]
+        for result in identified(configuration, living, jobs=1) if living else ():
+            owner = result.owner or task.owner
+            rows += _part_rows(result.run, owner)
+            gates += result.run.record["gates_missed"]
+            records.append(compared_record(result.run.record))
+            failures += [(owner, failure) for failure in result.failures]
     except (MemoryError, OSError):
         raise  # of the machine, not of the logs: tried again another time
     except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on
         failures.append((task.owner, failure_of(error, "the work on the logs of one damper")))
     # Wherever a log was read, it is called as in the fleet.
     names = {
-        spelled: _in_unicode(one.name)
-        for one in task.logs
-        for spelled in (str(here[one]), _in_unicode(str(here[one])))
+        spelled: _in_unicode(log.name)
+        for log in task.logs
+        for spelled in (str(here[log]), _in_unicode(str(here[log])))
     }
     failed = [_failed_row(owner, failure, names) for owner, failure in failures]
     facts = {
         "key": key,
         "version": __version__,
-        "logs": sorted({hashes[one] for one in task.logs} - {_UNREADABLE}),
-        "places": sorted(one.place for one in task.logs),
-        **({"seen": seen} if seen else {}),
+        "logs": sorted({hashes[log] for log in task.logs} - {_UNREADABLE}),
+        "places": sorted(log.place for log in task.logs),
+        **({"seen": objects} if objects else {}),
         "settings": len(rows),
         "failures": len(failed),
         "gates": len(gates),
@@ -331,7 +330,7 @@ def _fitted(
     return Done(
         *(task.owner, State.FITTED if rows else State.FAILED, len(task.logs)),
         *(len(rows), len(failed), len(gates)),
-        failures=tuple(one["error"] for one in failed),
+        failures=tuple(row["error"] for row in failed),
         gates=tuple(gates),
     )
 
@@ -375,7 +374,7 @@ def _schema(configuration: Configuration) -> pa.Schema:
     metadata a column's own is collected: with it goes the symbol of a quantity.
     """
     names, damper = configuration.reading.adjusters, configuration.damper
-    symbols = {one.name: {SYMBOL: one.symbol.encode()} for one in damper.quantities}
+    symbols = {quantity.name: {SYMBOL: quantity.symbol.encode()} for quantity in damper.quantities}
     own = [
         field.with_metadata((field.metadata or {}) | symbols.get(field.name, {}))
         for field in table_schema("parameters", {}, settings=(), quantities=damper.quantities)
@@ -411,9 +410,9 @@ def planned(
 ) -> tuple[DamperTask, ...]:
     """Return the tasks of a fleet, of the share that is asked for; in its own folder is no log."""
     own = folder.resolve()
-    sources = tuple(
-        one for one in find_sources(logs) if one.is_remote or own not in Path(one.place).parents
-    )
+    sources = [
+        log for log in find_sources(logs) if log.is_remote or own not in Path(log.place).parents
+    ]
     if not sources:
         raise ConfigurationError(
             f"{', '.join(logs)}: no log there but in {folder} itself", code="no-log"
@@ -472,16 +471,16 @@ def run_fleet(
         alone = [task._replace(logs=(log,)) for log in task.logs]
         for _ in range(2):
             each = engine.each(try_log, alone, cancelled=cancelled)
-            alone = [one for one, result in each if isinstance(result, Died)]
+            alone = [task for task, result in each if isinstance(result, Died)]
         # Where none does it alone something else ended the workers, as too little memory does.
         reason = (
             "reading or fitting this log killed its worker process twice; it is left out: check "
             "the log and the machine's memory"
         )
-        logs = sorted(one.logs[0] for one in alone)
+        logs = sorted(task.logs[0] for task in alone)
         dead = tuple((log.place, f"{log.file}: {reason}") for log in logs)
-        for one in (yield from tried([task._replace(dead=dead)])):
+        for failed in (yield from tried([task._replace(dead=dead)])):
             yield _later(
-                one, "its workers die, though no single log is the cause; nothing was written"
+                failed, "its workers die, though no single log is the cause; nothing was written"
             )
     forget_earlier(folder)

@@ -1,8 +1,8 @@
-"""Where the logs of a fleet are: folders, patterns, object stores; those brought here.
+"""Where the logs of a fleet are: folders, patterns, object stores; those fetched to this machine.
 
-A part says of each object of a store what the store told when it was fetched (ETag, size, time of
-change) and what was found in it. Where the store tells the same today the object is taken for the
-same and not fetched. A store that does not answer costs a damper a sentence and the run nothing.
+A part holds for each object of a store its stamp when it was fetched (ETag, size, time of change)
+and its content's hash and owner. An object whose stamp is the same today is not fetched again. A
+store that does not answer costs a damper a sentence and the run nothing.
 """
 
 import fnmatch
@@ -37,7 +37,7 @@ class UnreachableError(DamperfitError):
 
 
 class KnownObject(NamedTuple):
-    """What an earlier run found in an object of a store."""
+    """What an earlier run read from an object of a store."""
 
     stamp: str  # what changes with its bytes
     sha256: str
@@ -50,7 +50,7 @@ class FleetLog:
 
     place: str  # absolute path, or the address in an object store
     name: str  # path below the folder or pattern that was asked for, with /
-    seen: KnownObject | None = field(default=None, compare=False)  # of one that has not changed
+    earlier: KnownObject | None = field(default=None, compare=False)  # of one that has not changed
 
     @property
     def is_remote(self) -> bool:
@@ -137,21 +137,21 @@ def _listed(address: str) -> list[FleetLog]:
             return [FleetLog(form.format(root), PurePosixPath(root).name)]
         below = store.get_file_info(fs.FileSelector(root, recursive=True, allow_not_found=True))
 
-    def is_wanted(one: Any) -> bool:
-        own = one.path.split("/")
+    def is_wanted(info: Any) -> bool:
+        own = info.path.split("/")
         if first is None:
-            return _is_log(one.base_name)
+            return _is_log(info.base_name)
         return len(own) == len(parts) and all(map(fnmatch.fnmatchcase, own, parts))
 
     return [
-        FleetLog(form.format(one.path), one.path[len(root) :].lstrip("/"))
-        for one in below
-        if one.type == fs.FileType.File and is_wanted(one)
+        FleetLog(form.format(info.path), info.path[len(root) :].lstrip("/"))
+        for info in below
+        if info.type == fs.FileType.File and is_wanted(info)
     ]
 
 
 def _stamp(file: Any) -> str:
-    """Return what changes with the bytes of an object; empty where its store tells no ETag."""
+    """Return what changes with the bytes of an object; empty where its store has no ETag."""
     head = {
         key.lower(): value.decode("latin-1") if isinstance(value, bytes) else str(value)
         for key, value in (file.metadata() or {}).items()
@@ -189,7 +189,7 @@ def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
     logs: dict[str, FleetLog] = {}
     files: list[Path] = []
     wanted = list(wanted)
-    local = (real_path(one) for one in wanted if not _is_address(one))
+    local = (real_path(text) for text in wanted if not _is_address(text))
     common = _common([path for path in local if path.is_dir()])
     for text in wanted:
         if not _is_address(text) and not Path(text).is_dir():
@@ -201,8 +201,8 @@ def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
             raise ConfigurationError(
                 f"no log in it; expected files such as {_SHOWN}", subject=text, code="no-log"
             )
-        for one in sources:
-            logs.setdefault(one.place, one)
+        for log in sources:
+            logs.setdefault(log.place, log)
     if not logs and not files:
         raise ConfigurationError(
             f"{', '.join(wanted)}: no log there, but results of damperfit; give the logs",
@@ -213,7 +213,7 @@ def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
     for path in files:
         inside = path.relative_to(root or path.parent)
         logs.setdefault(str(path), FleetLog(str(path), inside.as_posix()))
-    return tuple(sorted(logs.values(), key=lambda one: (natural_order(one.name), one.place)))
+    return tuple(sorted(logs.values(), key=lambda log: (natural_order(log.name), log.place)))
 
 
 def _common(folders: Sequence[Path]) -> Path | None:
@@ -284,26 +284,26 @@ def brought_here(
 
 
 def recognised(sources: Sequence[FleetLog], folder: Path) -> tuple[FleetLog, ...]:
-    """Return sources with what is known of objects that have not changed since an earlier run.
+    """Return sources with the `earlier` of objects that have not changed since an earlier run.
 
-    What another version found is not trusted: it may have read otherwise whose a log is.
+    One by another version is not used: that may have read the owner otherwise.
     """
-    if not any(one.is_remote for one in sources):
+    if not any(source.is_remote for source in sources):
         return tuple(sources)
-    known: dict[str, KnownObject] = {}
+    objects: dict[str, KnownObject] = {}
     for path in parts_in(folder):
         facts = read_facts_of(path)
-        before: Any = facts.get("seen") if facts.get("version") == __version__ else None
-        for place, seen in before.items() if isinstance(before, dict) else ():
-            known[place] = KnownObject(*map(str, seen))
+        stored: Any = facts.get("seen") if facts.get("version") == __version__ else None
+        for place, earlier in stored.items() if isinstance(stored, dict) else ():
+            objects[place] = KnownObject(*map(str, earlier))
 
-    def one(source: FleetLog) -> FleetLog:
-        seen = known.get(source.place)
+    def renewed(source: FleetLog) -> FleetLog:
+        earlier = objects.get(source.place)
         try:
-            is_same = seen is not None and _stamp_of(source.place) == seen.stamp
+            is_same = earlier is not None and _stamp_of(source.place) == earlier.stamp
         except UnreachableError:  # whoever fetches it says so
             return source
-        return replace(source, seen=seen) if is_same else source
+        return replace(source, earlier=earlier) if is_same else source
 
     with executor(AT_ONCE) as pool:
-        return tuple(pool.map(one, sources))
+        return tuple(pool.map(renewed, sources))

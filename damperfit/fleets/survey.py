@@ -1,7 +1,7 @@
-"""What a table of many dampers tells: medians and bands by setting, who is far off, change by date.
+"""A table of many dampers evaluated: medians and bands by setting, dampers far off, shifts by date.
 
 A series is one parameter, or the force at one named speed and stroke. Distances are from the median
-of a setting in median absolute deviations, so that those who are off do not hide each other.
+of a setting in median absolute deviations, so that dampers far off do not hide each other.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 LEAST_DAMPERS = 8  # in a setting, before one of them is called far off
 FAR_OFF = 8.0  # median absolute deviations: 5.4 standard deviations of a normal distribution
-# No rig repeats better than this share of the median: closer than that, all are alike.
+# No rig repeats better than this share of the median.
 LEAST_SPREAD = 1e-3
 _FORCE = re.compile(r"force_(rebound|bump)_([\d.]+)_mm_per_s_N")
 _SHARES = {"low": 0.05, "quarter": 0.25, "three_quarters": 0.75, "high": 0.95}
@@ -55,7 +55,7 @@ class Series(NamedTuple):
 
 
 class Survey(NamedTuple):
-    """What a fleet's table tells.
+    """What follows from a fleet's table.
 
     `dampers` are rows of damper (its serial; empty: not known), n_settings with a fit, n_failures,
     n_outliers, worst_mse (per cent; NaN: no fit), worst_setting, the worst grade, the date of the
@@ -81,16 +81,16 @@ class Survey(NamedTuple):
 
 
 def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
-    """Return what the collected table of a fleet tells."""
+    """Return the evaluation of a fleet's collected table."""
     names = ("damper", SERIAL, "date", "setting", "grade", "error", "error_kind")
     frame: Any = pd.DataFrame({name: _texts(table, name) for name in names}, dtype=object)
     # A part of logs of several dampers says whose each row is.
     frame["damper"] = frame["damper"].where(frame["damper"] != "", frame[SERIAL])
     frame["mse"] = _numbers(table, "mse_percent")
     fitted = frame[frame["error_kind"] == ""]
-    known = {text: _setting(text) for text in fitted["setting"].unique()}
-    settings = sorted(set(known.values()))
-    places = {text: settings.index(setting) for text, setting in known.items()}
+    named = {text: _setting(text) for text in fitted["setting"].unique()}
+    settings = sorted(set(named.values()))
+    places = {text: settings.index(setting) for text, setting in named.items()}
     rows: Any = pd.DataFrame(
         {
             "damper": fitted["damper"],
@@ -99,13 +99,13 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
         }
     ).sort_values("setting", kind="stable")
     series, columns = [], []
-    of_paper = {one.name: one.symbol for one in PAPER_QUANTITIES}
+    of_paper = {quantity.name: quantity.symbol for quantity in PAPER_QUANTITIES}
     for name in table.column_names:
         match = _FORCE.fullmatch(name)
         error = f"{name.removesuffix('_N')}_se_N" if match else f"{name}_se"
         if not match and error not in table.column_names:
             continue
-        values, errors = (_numbers(table, one)[rows.index] for one in (name, error))
+        values, errors = (_numbers(table, column)[rows.index] for column in (name, error))
         is_known = np.isfinite(values)
         # A parameter that was fitted nowhere and is the same everywhere: nothing to see.
         is_held = is_known.sum() > 1 and not np.ptp(values[is_known])
@@ -119,7 +119,7 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
             series.append(Series(name, label, "N", speed, stroke))
         else:
             metadata = table.schema.field(name).metadata or {}
-            # Older parts, of the paper's model, do not tell what people call a quantity.
+            # Older parts, of the paper's model, have no symbols.
             symbol = metadata.get(SYMBOL, of_paper.get(name, name).encode())
             series.append(Series(name, symbol.decode(), metadata.get(b"unit", b"").decode()))
     nothing = rows.iloc[:0].assign(series="", value=0.0, error=0.0)
@@ -127,13 +127,13 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
     is_far = (values["n_dampers"] >= LEAST_DAMPERS) & (values["distance"].abs() > FAR_OFF)
     outliers = values[is_far].sort_values("distance", key=lambda x: -x.abs(), kind="stable")
     dampers = _dampers(frame, outliers)
-    found = Survey(dampers, tuple(settings), tuple(series), rows, values, outliers)
-    shifts, rules = run_rules(found)
+    fleet = Survey(dampers, tuple(settings), tuple(series), rows, values, outliers)
+    shifts, rules = run_rules(fleet)
+    fleet = fleet._replace(shifts=shifts, rules=rules)
     if tolerance is None:
-        return found._replace(shifts=shifts, rules=rules)
-    held = fleet_against_bands(found, tolerance)
-    more: Any = {"held": held, "capability": capability(found, held)}
-    return found._replace(shifts=shifts, rules=rules, **more)
+        return fleet
+    held = fleet_against_bands(fleet, tolerance)
+    return fleet._replace(held=held, capability=capability(fleet, held))
 
 
 def _with_bands(values: Any) -> Any:
@@ -145,18 +145,18 @@ def _with_bands(values: Any) -> Any:
         median=groups["value"].transform("median"),
         **{name: groups["value"].transform("quantile", share) for name, share in _SHARES.items()},
     )
-    beside = values["value"] - values["median"]
-    deviation = beside.abs().groupby(keys, sort=False).transform("median")
+    difference = values["value"] - values["median"]
+    deviation = difference.abs().groupby(keys, sort=False).transform("median")
     deviation = np.maximum(deviation, LEAST_SPREAD * values["median"].abs())
-    return values.assign(distance=beside.div(deviation).where(deviation > 0.0, 0.0))
+    return values.assign(distance=difference.div(deviation).where(deviation > 0.0, 0.0))
 
 
 def _dampers(frame: Any, outliers: Any) -> tuple[Any, ...]:
     """Every damper in a row; by whole columns, as Python in each of 10 000 groups takes 10 s."""
     is_failed = frame["error_kind"] != ""
     failed, fitted = frame[is_failed], frame[~is_failed]
-    judged = fitted[np.isfinite(fitted["mse"])].sort_values("mse", ascending=False, kind="stable")
-    worst = judged.drop_duplicates("damper").set_index("damper")
+    with_mse = fitted[np.isfinite(fitted["mse"])].sort_values("mse", ascending=False, kind="stable")
+    worst = with_mse.drop_duplicates("damper").set_index("damper")
     grades = fitted["grade"].map({grade: k for k, grade in enumerate(_GRADES)}).astype(float)
     counts = {
         "n_settings": fitted.groupby("damper")["setting"].nunique(),
@@ -181,7 +181,7 @@ def _dampers(frame: Any, outliers: Any) -> tuple[Any, ...]:
 def _texts(table: pa.Table, column: str) -> list[str]:
     if column not in table.column_names:
         return [""] * table.num_rows
-    return [str(one or "") for one in table[column].to_pylist()]
+    return [str(text or "") for text in table[column].to_pylist()]
 
 
 def _numbers(table: pa.Table, column: str) -> FloatArray:
@@ -235,15 +235,15 @@ class HeldFleet(NamedTuple):
                 f"All {self.n_dampers} dampers are within the tolerance, at {self.n_points} points."
             )
         unseen = sum(math.isnan(point.margin) for point in self.missed)
-        beside = f", {unseen} of them not evaluated" if unseen else ""
-        or_not = " or not evaluated" if unseen else ""
+        or_not, of_them = " or not evaluated", f", {unseen} of them not evaluated"
         return (
-            f"{len(self.worst)} of {self.n_dampers} dampers are outside the tolerance{or_not}, at "
-            f"{len(self.missed)} of {self.n_points} points{beside}."
+            f"{len(self.worst)} of {self.n_dampers} dampers are outside the tolerance"
+            f"{or_not * bool(unseen)}, at {len(self.missed)} of {self.n_points} points"
+            f"{of_them * bool(unseen)}."
         )
 
 
-def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
+def fleet_against_bands(fleet: Survey, tolerance: Tolerance) -> HeldFleet:
     """Return the forces of a fleet that do not keep a tolerance.
 
     Per cent and newtons are around the median force of the setting over the fleet, and a damper
@@ -251,9 +251,9 @@ def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
     damper lacks of it is missed. A ConfigurationError: a nominal force is at a speed that a fleet's
     table does not have.
     """
-    forces = {one.name: one for one in found.series if one.stroke}
-    everyone = [one.damper for one in found.dampers]
-    values = found.values[found.values["series"].isin(forces)]
+    forces = {series.name: series for series in fleet.series if series.stroke}
+    everyone = [damper.damper for damper in fleet.dampers]
+    values = fleet.values[fleet.values["series"].isin(forces)]
     parts: list[Any] = [values.iloc[:0].assign(least=0.0, most=0.0)]  # forces with their bands
     lost: list[Point] = []
     if not tolerance.bands:
@@ -263,7 +263,7 @@ def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
         reach = np.maximum(tolerance.share * values["median"].abs(), tolerance.newtons)
         least, most = values["median"] - reach, values["median"] + reach
         parts.append(values.assign(least=least, most=most))
-    speeds = sorted({*NAMED_SPEEDS, *(one.speed for one in forces.values())})
+    speeds = sorted({*NAMED_SPEEDS, *(force.speed for force in forces.values())})
     for band in tolerance.bands:
         if not any(abs(speed - band.speed) <= _NEAR for speed in speeds):
             raise ConfigurationError(
@@ -272,22 +272,24 @@ def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
                 where=Option("tolerance", tolerance.source),
                 code="no-speed",
             )
-        places = [k for k, one in enumerate(found.settings) if band.setting in {"", str(one)}]
+        places = [
+            k for k, setting in enumerate(fleet.settings) if band.setting in {"", str(setting)}
+        ]
         names = [
             name
-            for name, one in forces.items()
-            if one.stroke == band.stroke and abs(one.speed - band.speed) <= _NEAR
+            for name, force in forces.items()
+            if force.stroke == band.stroke and abs(force.speed - band.speed) <= _NEAR
         ]
         own = values[values["series"].isin(names) & values["setting"].isin(places)]
         parts.append(own.assign(least=band.low, most=band.high))
-        fitted = found.rows[found.rows["setting"].isin(places)]
+        fitted = fleet.rows[fleet.rows["setting"].isin(places)]
         tested, reached = (
             set(zip(rows["setting"], rows["damper"], strict=True)) for rows in (fitted, own)
         )
         ends = (band.speed, band.stroke, math.nan, band.low, band.high, math.nan)
         why = "the test does not reach the speed"
         lost += [
-            Point(damper, found.settings[k], *ends, why) for k, damper in sorted(tested - reached)
+            Point(damper, fleet.settings[k], *ends, why) for k, damper in sorted(tested - reached)
         ]
         why = "the setting was not tested" if band.setting else "nothing was fitted"
         having = {damper for _, damper in tested}
@@ -298,14 +300,14 @@ def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
     outside: Any = held[(held["value"] < held["least"]) | (held["value"] > held["most"])]
     missed = []
     for row in outside.itertuples():
-        of = (row.damper, found.settings[row.setting])
+        of = (row.damper, fleet.settings[row.setting])
         force = forces[row.series]
         missed.append(Point(*of, force.speed, force.stroke, row.value, row.least, row.most))
     return HeldFleet(
         tolerance.source,
         len(lost) + len(held),
         len(everyone),
-        (*lost, *sorted(missed, key=lambda one: one.margin)),
+        (*lost, *sorted(missed, key=lambda point: point.margin)),
         held,
     )
 
@@ -328,7 +330,7 @@ _RULES = {"1": (1, 1, 3.0), "2": (2, 3, 2.0), "3": (4, 5, 1.0), "4": (8, 8, 0.0)
 _MOVING_RANGE = math.sqrt(2.0) * 0.67449  # median of |a - b| of two normal values of sigma 1
 
 
-def capability(found: Survey, held: HeldFleet) -> Rows:
+def capability(fleet: Survey, held: HeldFleet) -> Rows:
     """Return Cp and Cpk of each force that a tolerance covers, the smallest Cpk first.
 
     s^2 is the variance S^2 of n dampers less the mean square v of their forces' standard errors.
@@ -337,7 +339,7 @@ def capability(found: Survey, held: HeldFleet) -> Rows:
     capability index?", Applied Statistics 39, 331-340, whose variance 1/(9 n) + Cpk^2/(2 (n - 1))
     takes the factors S^2/s^2 and S^4/s^4 here, as S^2 is what scatters. v counts as known.
     """
-    series = {one.name: one for one in found.series}
+    series = {force.name: force for force in fleet.series}
     rows = []
     groups: Any = held.forces.groupby(["series", "setting", "least", "most"])
     for (name, setting, low, high), own in groups:
@@ -350,15 +352,15 @@ def capability(found: Survey, held: HeldFleet) -> Rows:
         mean, total = float(dampers["value"].mean()), float(dampers["value"].var())
         s, indices, note = math.sqrt(max(total - noise, 0.0)), (None,) * 6, DOMINATES
         if s > 0.0:
-            ends = []
+            limits = []
             for share in (0.025, 0.975):
                 left = total * (n - 1) / chi_squared_quantile(n - 1, share) - noise
-                ends.append((high - low) / (6.0 * math.sqrt(left)) if left > 0.0 else None)
+                limits.append((high - low) / (6.0 * math.sqrt(left)) if left > 0.0 else None)
             cpk, more = min(high - mean, mean - low) / (3.0 * s), total / s**2
             reach = NORMAL_95 * math.sqrt(more / (9 * n) + (cpk * more) ** 2 / (2 * (n - 1)))
-            indices = ((high - low) / (6.0 * s), *ends, cpk, cpk - reach, cpk + reach)
+            indices = ((high - low) / (6.0 * s), *limits, cpk, cpk - reach, cpk + reach)
             note = ""
-        place = (str(found.settings[setting]), series[name].speed, series[name].stroke)
+        place = (str(fleet.settings[setting]), series[name].speed, series[name].stroke)
         cells = (*place, n, mean, low, high, s, math.sqrt(noise), *indices, note)
         rows.append(dict(zip(CAPABILITY_COLUMNS, cells, strict=True)))
     return sorted(rows, key=lambda row: math.inf if row["cpk"] is None else row["cpk"])
@@ -404,25 +406,24 @@ class _Event(NamedTuple):
     size: float  # sigmas, of the farthest
 
 
-def run_rules(found: Survey) -> tuple[list[str], Rows]:
-    """Return shifts over the dates of the tests in a sentence each, and what each force says.
+def run_rules(fleet: Survey) -> tuple[list[str], Rows]:
+    """Return a sentence for each shift over the dates of the tests, and the rules that it breaks.
 
     The four zone rules of the Western Electric Statistical Quality Control Handbook (1956), by date
     and then serial number, around the median; sigma is the median moving range over 0.954, so that
     neither a shift nor one damper widens it. A steady force breaks one of them once in 92 tests
     (Champ and Woodall 1987, Technometrics 29, 393-399), with median and sigma of 20 dampers once in
-    62. What breaks rules at the dampers of the longest event, or beside them, is one shift; that
-    with the most forces stands first.
+    62. Events at the dampers of the longest one, or next to them, are one shift with it; the shift
+    of the most forces comes first.
     """
-    series = {one.name: one for one in found.series}
-    names = [one.damper for one in found.dampers]
+    forces_of = {series.name: series for series in fleet.series if series.stroke}
+    names = [damper.damper for damper in fleet.dampers]
     rank = {name: k for k, name in enumerate(names)}
-    values: Any = found.values.dropna(subset=["day"])
-    values = values[values["series"].isin([one.name for one in found.series if one.stroke])]
-    order = zip(values["day"], values["damper"].map(rank), strict=True)
-    values = values.assign(test=list(order))
+    values: Any = fleet.values.dropna(subset=["day"])
+    values = values[values["series"].isin(forces_of)]
+    values = values.assign(test=list(zip(values["day"], values["damper"].map(rank), strict=True)))
     tests = sorted(set(values["test"]))
-    places = {one: k for k, one in enumerate(tests)}
+    places = {test: k for k, test in enumerate(tests)}
     events, n_forces = [], 0
     by_force: Any = values.groupby(["series", "setting"], sort=False)
     for (name, setting), own in by_force:
@@ -433,44 +434,47 @@ def run_rules(found: Survey) -> tuple[list[str], Rows]:
         middle, moves = median(forces), median(np.abs(np.diff(forces)))
         sigma = max(moves / _MOVING_RANGE, LEAST_SPREAD * abs(middle))
         z = (forces.to_numpy() - middle) / (sigma or math.inf)
-        at = [places[one] for one in forces.index]
+        at = [places[test] for test in forces.index]
         for side, first, last, rules in _broken(z):
             size = float(np.abs(z[first : last + 1]).max())
             events.append(_Event(name, setting, side, at[first], at[last], rules, size))
-    events.sort(key=lambda one: (one.first - one.last, -one.size))
+    events.sort(key=lambda event: (event.first - event.last, -event.size))
     groups = []
     while events:
         low, high = events[0].first - 1, events[0].last + 1
-        groups.append([one for one in events if one.first <= high and one.last >= low])
-        events = [one for one in events if one.first > high or one.last < low]
-    groups.sort(key=lambda group: -len({one[:2] for one in group}))
-    who = [(names[k] or "unknown", str(date(1970, 1, 1) + timedelta(days=day))) for day, k in tests]
+        groups.append([event for event in events if event.first <= high and event.last >= low])
+        events = [event for event in events if event.first > high or event.last < low]
+    groups.sort(key=lambda group: -len({event[:2] for event in group}))
+    labels = [
+        (names[k] or "unknown", str(date(1970, 1, 1) + timedelta(days=day))) for day, k in tests
+    ]
 
-    def told(event: _Event) -> str:
-        until = " to {} ({})".format(*who[event.last]) if event.last > event.first else ""
-        where = "{} ({})".format(*who[event.first]) + until
+    def words(event: _Event) -> str:
+        until = " to {} ({})".format(*labels[event.last]) if event.last > event.first else ""
+        where = "{} ({})".format(*labels[event.first]) + until
         return f"{event.side} its median at {where} by rule {event.rules}"
 
     sentences: list[str] = []
     rows: list[dict[str, Any]] = []
     for number_of, group in enumerate(groups, start=1):
         main = group[0]
-        same = sorted((one for one in group if one[:2] == main[:2]), key=lambda one: one.first)
+        same = [event for event in group if event[:2] == main[:2]]
+        same.sort(key=lambda event: event.first)
         sentences.append(
-            f"The {series[main.series].label} at setting {found.settings[main.setting]} is "
-            f"{', '.join(map(told, same))}; with it {len({one[:2] for one in group})} of "
+            f"The {forces_of[main.series].label} at setting {fleet.settings[main.setting]} is "
+            f"{', '.join(map(words, same))}; with it {len({event[:2] for event in group})} of "
             f"{n_forces} forces are off."
         )
-        for one in group:
-            force = series[one.series]
-            place = (str(found.settings[one.setting]), force.speed, force.stroke, one.side)
-            cells = (number_of, *place, *who[one.first], *who[one.last], one.rules)
+        for event in group:
+            force = forces_of[event.series]
+            place = (str(fleet.settings[event.setting]), force.speed, force.stroke, event.side)
+            cells = (number_of, *place, *labels[event.first], *labels[event.last], event.rules)
             rows.append(dict(zip(RULE_COLUMNS, cells, strict=True)))
     return sentences, rows
 
 
 def _broken(z: NDArray[np.float64]) -> Iterator[tuple[str, int, int, str]]:
-    """Yield side, first and last place, and rules, of each stretch that breaks rules."""
+    """Yield side, first and last place, and rules, of each row of tests that breaks rules."""
     for side, sign in (("above", 1), ("below", -1)):
         spans: list[tuple[int, int, str]] = []
         for rule, (needed, window, zone) in _RULES.items():

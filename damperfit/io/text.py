@@ -30,6 +30,7 @@ from damperfit.io.columns import has_channel, mentions_channel, visible
 from damperfit.io.files import Source, to_utf8
 from damperfit.io.formats import Column, FloatArray, Samples, Table
 from damperfit.io.options import EXTRAS, ReadOptions
+from damperfit.problem import counted
 from damperfit.recording import Finding
 from damperfit.sections import SEPARATORS
 from damperfit.statistics import median
@@ -254,10 +255,6 @@ class _Row(NamedTuple):
         return names if is_row else []
 
 
-def _counted(n: int, what: str) -> str:
-    return f"{n} {what}{'s' * (n != 1)}"
-
-
 def _fields(text: str, separator: str) -> list[str]:
     """Return the fields of one line, without quotes and blanks around them."""
     if separator == " ":
@@ -439,7 +436,7 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
     foreign = sum(not line.lstrip().startswith("#") for line in above)
     notes += (f"separator: {_MARKS[separator]}",) * (separator != ",")
     notes += ("decimal mark: comma",) * (decimal != ".")
-    notes += (f"preamble: {_counted(foreign, 'line')} above the names",) * (foreign > 0)
+    notes += (f"preamble: {counted(foreign, 'line')} above the names",) * (foreign > 0)
     findings = []
     rows = block.data
     if not rows.endswith((b"\n", b"\r")):  # -12 may be what was written of -1234
@@ -556,7 +553,7 @@ def rows_dropped(n_bad: int, first_bad: str) -> tuple[Finding, ...]:
     """Return the finding that rows were dropped; none where there were none."""
     if not n_bad:
         return ()
-    sentence = f"{_counted(n_bad, 'row')} that cannot be read dropped; {first_bad}"
+    sentence = f"{counted(n_bad, 'row')} that cannot be read dropped; {first_bad}"
     return (Finding("rows_dropped", "warning", sentence, float(n_bad)),)
 
 
@@ -686,7 +683,7 @@ class _Rows(NamedTuple):
         fields = _fields(line, self.separator)
         if len(fields) - self.n_fields not in (0, int(self.takes_full)):
             problem = (
-                f"found {_counted(len(fields), 'field')}, expected {self.n_names} fields as in "
+                f"found {counted(len(fields), 'field')}, expected {self.n_names} fields as in "
                 f"line {self.like}{advice}"
             )
         elif self.n_fields > self.n_names and fields[-1]:

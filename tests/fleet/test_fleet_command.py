@@ -130,7 +130,7 @@ def full(*_):
     raise OutputError("out/part: cannot be written: No space left on device")
 
 
-def short(*_):
+def short(*_, **__):
     raise MemoryError
 
 
@@ -138,7 +138,7 @@ def short(*_):
     ("name", "breaks", "engine", "says"),
     [
         ("write_part", full, Here, "out/part: cannot be written: No space left on device"),
-        ("_results", short, Here, ""),
+        ("identified", short, Here, ""),
         ("", None, Together, ""),
     ],
 )

@@ -258,4 +258,4 @@ def test_only_this_version_is_believed_whose_a_log_is(versions, tmp_path, monkey
     monkeypatch.setattr(sources, "_stamp_of", lambda _place: "etag")
     (found,) = sources.recognised([FleetLog(place, "a.csv")], tmp_path)
     own = KnownObject("etag", "abc", f"told by {__version__}")
-    assert found.seen == (own if __version__ in versions else None)
+    assert found.earlier == (own if __version__ in versions else None)

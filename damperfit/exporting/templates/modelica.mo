@@ -1,15 +1,15 @@
-{% macro row(numbers) %}{ {%- for one in numbers %}{{ "%.12g" | format(one) }}{{ "" if loop.last else ", " }}{% endfor -%} }{% endmacro %}
+{% macro row(numbers) %}{ {%- for number in numbers %}{{ "%.12g" | format(number) }}{{ "" if loop.last else ", " }}{% endfor -%} }{% endmacro %}
 model {{ name }} "Damper identified by damperfit"
 {% if physics %}
 {{ comments("  //", header(sign, "in f, of the gas law with P_0, V_g0 and gamma", has_table=False) +
     ["law: D. J. Purdy, Proc. IMechE D, 2000, with its two state equations"]) }}
 {% else %}
 {{ comments("  //", header(sign, "added as gas")) }}
-{% for one in tables if one.has_interval %}
-{{ comments("  //", ["setting " ~ loop.index] + intervals(of=one)) }}
+{% for table in tables if table.has_interval %}
+{{ comments("  //", ["setting " ~ loop.index] + intervals(of=table)) }}
 {% endfor %}
 {% endif %}
-  parameter Integer setting = 1 "{% for one in tables %}{{ loop.index }}: {{ one.setting | string | replace("\\", "/") | replace('"', "'") | one_line }}{{ "" if loop.last else ", " }}{% endfor %}";
+  parameter Integer setting = 1 "{% for table in tables %}{{ loop.index }}: {{ table.setting | string | replace("\\", "/") | replace('"', "'") | one_line }}{{ "" if loop.last else ", " }}{% endfor %}";
 {% if physics %}
 {% for quantity in quantities %}
   parameter Real {{ quantity.name }}[{{ tables | length }}] = {{ row(values[quantity.name]) }} "{{ quantity.meaning }}, {{ quantity.unit }}";
@@ -59,7 +59,7 @@ equation
   parameter Real speed[{{ speeds | length }}](each unit = "m/s") = {{ row(speeds) }};
   parameter Real first[{{ tables | length }}](each unit = "N") = {{ row(firsts) }};
   parameter Real bend[{{ tables | length }}, {{ speeds | length }}](each unit = "N.s/m") =
-    { {%- for one in bends %}{{ row(one) }}{{ "" if loop.last else ",\n     " }}{% endfor -%} };
+    { {%- for bend in bends %}{{ row(bend) }}{{ "" if loop.last else ",\n     " }}{% endfor -%} };
   input Real s_rel(unit = "m") "displacement, positive in rebound";
   input Real v_rel(unit = "m/s") "its derivative";
   output Real f(unit = "N") "force, positive in rebound";
