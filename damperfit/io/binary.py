@@ -3,21 +3,20 @@
 Parquet (https://parquet.apache.org/docs/file-format/): "PAR1", then pages of values, each behind a
 header, then a footer that says where everything is, its length, and "PAR1". Units are in names or
 in the metadata of fields. Page checksums are verified by pyarrow only when asked, and writers write
-them only when asked (pandas does not): without them one flipped bit changes a value and nobody can
-know, which is said in a note. The footer has no checksum, so what it says twice is compared. A
-megabyte may hold 10^8 rows: the rows are counted before one is read. Times may be stamps.
+them only when asked (pandas does not): without them a flipped bit changes a value unnoticed, and a
+note says so. The footer has no checksum, so what it states twice is compared. A megabyte may hold
+10^8 rows: rows are counted before any is read. Times may be stamps.
 
 TDMS (https://www.ni.com/en/support/documentation/supplemental/07/tdms-file-format-internal-structure.html)
-through npTDMS, after a look at the skeleton of the file. Each segment starts with 28 bytes: "TDSm",
-contents, version, bytes to the next segment, bytes to its values. Then it says what its channels
-are, then come their values. There are no checksums: a flipped bit in a value is a value. A damaged
-length moves the values by some bytes, and npTDMS reads on: so what a segment says of its channels
-is walked here, and must end where the values begin, but for zeros that fill up a disk's sector. A
-rig that stops while writing leaves a segment whose length is 2^64 - 1. A file cut between two
-segments is whole and cannot be told from one. npTDMS reads what is left of a cut file without a
-word, so the bytes of the values read are counted against the segments. A kind of number that is
-misread, as 8-byte floats for 8-byte integers, gives integers that no measurement has: beyond 2^53
-they are refused. Lengths may be anything up to 2^64.
+through npTDMS, after a check of the file's segments. Each starts with 28 bytes: "TDSm", contents,
+version, bytes to the next segment, bytes to its values. Then its channels are described, then come
+their values. There are no checksums: a flipped bit in a value is a value. A damaged length moves
+the values by some bytes, and npTDMS reads on: so the description of the channels is walked here,
+and must end where the values begin, but for zeros that fill up a disk's sector. A rig that stops
+while writing leaves a segment whose length is 2^64 - 1. A file cut between two segments looks
+whole. npTDMS reads a cut file without an error, so the bytes of the values read are compared with
+the segments. A kind of number that is misread, as 8-byte floats for 8-byte integers, gives integers
+that no measurement has: beyond 2^53 they are refused. Lengths may be anything up to 2^64.
 """
 
 import io
@@ -46,7 +45,7 @@ _LEAD_IN = 28
 # Bits of the contents.
 _HAS_METADATA, _HAS_VALUES, _IS_BIG_ENDIAN, _IS_DAQMX = 1 << 1, 1 << 3, 1 << 6, 1 << 7
 _OPEN = 0xFFFF_FFFF_FFFF_FFFF  # length of a segment that was never closed
-_NO_VALUES, _AS_BEFORE = 0xFFFF_FFFF, 0  # length of what is said of a channel's values
+_NO_VALUES, _AS_BEFORE = 0xFFFF_FFFF, 0  # length of the description of a channel's values
 _TEXT = 0x20
 # Kind of a property -> bytes: integers, floats (with a unit), bool, time stamp, complex.
 _SIZES = {
@@ -101,7 +100,9 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
                     code="damaged",
                 )
             table.validate(full=True)
-            return Samples({channel: _numbers(table.column(one)) for channel, one in names.items()})
+            return Samples(
+                {channel: _numbers(table.column(name)) for channel, name in names.items()}
+            )
 
     notes = () if _has_checksums(source.data) else (_NO_PAGE_CHECKSUMS,)
     return (Table(tuple(columns), load, metadata, notes),)
@@ -244,7 +245,7 @@ def _extent(data: bytes) -> _Extent:
 
 
 def _end_of_metadata(data: bytes, at: int, order: str, contents: int) -> int:
-    """Return the byte after what a segment says of its channels; -1: the data end before."""
+    """Return the byte after a segment's description of its channels; -1: the data end before."""
 
     def number() -> int:
         nonlocal at
@@ -278,7 +279,9 @@ def _end_of_metadata(data: bytes, at: int, order: str, contents: int) -> int:
 def _lengths(nptdms: Any, data: bytes) -> dict[tuple[str, str], int]:
     """Return how many values each channel has, by names of group and channel."""
     groups = nptdms.TdmsFile.read_metadata(io.BytesIO(data)).groups()
-    return {(str(g.name), str(one.name)): len(one) for g in groups for one in g.channels()}
+    return {
+        (str(g.name), str(channel.name)): len(channel) for g in groups for channel in g.channels()
+    }
 
 
 def _lost(
@@ -292,8 +295,8 @@ def _lost(
         return ""
     where = f"the segment at byte {extent.cut_at} is not whole"
     if extent.n_missing < 0:
-        found = ", ".join(f"{visible(name)} has {n}" for (_, name), n in [*held.items()][:10])
-        return f"{where} and how much is missing is not known; values left: {found or 'none'}"
+        left = ", ".join(f"{visible(name)} has {n}" for (_, name), n in [*held.items()][:10])
+        return f"{where} and how much is missing is not known; values left: {left or 'none'}"
     if len(data) + extent.n_missing > limit:
         return f"{where}; {extent.n_missing} bytes are missing"
     whole = _lengths(nptdms, data + bytes(extent.n_missing))

@@ -5,9 +5,9 @@ workbook may be written out to gigabytes. In a child that costs one log. A child
 its standard input and answers with one line of JSON and bytes. It reads one log after the other,
 as loading a library takes longer than reading a log, within limits of memory and time for each.
 
-Traps. Damaged bytes may spoil memory without ending the process: a child that has refused a log is
-not asked again. What a child refuses for want of memory, or dies of, may come from the logs before:
-then a new one is asked. A child ends when nobody asks for a while, and with its parent.
+Traps. Damaged bytes may corrupt memory without ending the process: a child that has refused a log
+is not used again. If a child dies or lacks memory, earlier logs may be the cause: a new one tries
+again. A child ends when it is idle for a while, and with its parent.
 """
 
 import atexit
@@ -53,7 +53,7 @@ def load_library(module: str, *, extra: str, reads: str) -> Any:
         library = importlib.import_module(module)
     except ImportError as error:
         raise _missing(extra, reads) from error
-    # It may tell its own story on stderr, with bytes of the log in it.
+    # Its own messages on stderr would hold bytes of the log.
     for logger in (module, *logging.root.manager.loggerDict):
         if logger.partition(".")[0] == module:
             logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
@@ -81,7 +81,7 @@ def refusing_damage(reads: str) -> Iterator[None]:
 
 
 def check_size(n_bytes: int, *, limit: int, what: str) -> None:
-    """Refuse what would need more memory than the limit, or a negative number of bytes."""
+    """Refuse more bytes than the limit, or a negative number."""
     if not 0 <= n_bytes <= limit:
         raise LogError(
             f"{what} claims {n_bytes} bytes, more than the limit of {limit} (rig.max_log_bytes)",
@@ -100,9 +100,9 @@ class ChildReader(NamedTuple):
 
 
 class ChildAnswer(NamedTuple):
-    """What a child found in a log: `said`, which JSON can hold, and `parts`, which it cannot."""
+    """What a child read from a log: `content`, which JSON can hold, and `parts`, other bytes."""
 
-    said: Any
+    content: Any
     parts: Sequence[bytes]
 
 
@@ -111,7 +111,7 @@ class _EndedError(Exception):
 
 
 def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> ChildAnswer:
-    """Return what a child finds in a log."""
+    """Return what a child reads from a log."""
     with suppress(ImportError, ValueError):
         if importlib.util.find_spec(reader.library) is None:
             raise _missing(reader.extra, reader.reads)
@@ -157,7 +157,7 @@ class _Child:
         return self._process.poll() is None
 
     def ask(self, reader: ChildReader, data: bytes, limit: int) -> ChildAnswer:
-        """Return the answer; raises what the child says against the log, or _EndedError."""
+        """Return the answer; raises the LogError that the child met, or _EndedError."""
         self.n_asked += 1
         seconds = _TIME_LIMIT + len(data) // 1_000_000
         head = json.dumps({"answer": reader.answer, "limit": limit, "n_bytes": len(data)})
@@ -170,11 +170,11 @@ class _Child:
             to_child.write(head.encode() + b"\n")
             to_child.write(data)
             to_child.flush()
-            said = json.loads(out.readline())
-            parts = [out.read(n) for n in said.get("lengths", ())]
-            is_whole = [len(part) for part in parts] == said.get("lengths", [])
+            reply = json.loads(out.readline())
+            parts = [out.read(n) for n in reply.get("lengths", ())]
+            is_whole = [len(part) for part in parts] == reply.get("lengths", [])
         except (OSError, ValueError):
-            said, parts, is_whole = {}, [], False
+            reply, parts, is_whole = {}, [], False
         finally:
             timer.cancel()
         if not is_whole:  # it is gone
@@ -191,12 +191,12 @@ class _Child:
                     "copy the log again, or raise the limit of memory (rig.max_log_bytes)"
                 )
             raise _EndedError(f"damaged {reader.reads} file: {reason}")
-        if said.get("refused") == _OUT_OF_MEMORY:
+        if reply.get("refused") == _OUT_OF_MEMORY:
             what = f"{reader.reads}: needs more memory than the limit (rig.max_log_bytes) allows"
             raise _EndedError(what)
-        if "refused" in said:
-            raise LogError(said["refused"], code=said.get("code", "damaged"))
-        return ChildAnswer(said["said"], parts)
+        if "refused" in reply:
+            raise LogError(reply["refused"], code=reply.get("code", "damaged"))
+        return ChildAnswer(reply["content"], parts)
 
     def _stop(self) -> None:
         self.is_late.set()
@@ -272,16 +272,16 @@ def serve() -> None:
             _, hard = resource.getrlimit(resource.RLIMIT_DATA)
             resource.setrlimit(resource.RLIMIT_DATA, (min(most, sys.maxsize), hard))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        said: dict[str, Any] = {}
+        reply: dict[str, Any] = {}
         parts: Sequence[bytes] = ()
         try:
             module, _, function = asked["answer"].partition(":")
-            found, parts = getattr(importlib.import_module(module), function)(data, limit)
-            said = {"said": found, "lengths": [len(part) for part in parts]}
+            content, parts = getattr(importlib.import_module(module), function)(data, limit)
+            reply = {"content": content, "lengths": [len(part) for part in parts]}
         except LogError as error:
-            said = {"refused": str(error), "code": error.problem.code}
+            reply = {"refused": str(error), "code": error.problem.code}
         except MemoryError:
-            said = {"refused": _OUT_OF_MEMORY}
-        out.write(json.dumps(said).encode() + b"\n")
+            reply = {"refused": _OUT_OF_MEMORY}
+        out.write(json.dumps(reply).encode() + b"\n")
         out.writelines(parts)
         out.flush()

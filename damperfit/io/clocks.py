@@ -10,9 +10,9 @@ What loggers do to clocks and channels is found from the record alone and put ri
   rate of its own: each value is used once, at its own time, and what was sampled at other times
   than the force is interpolated to these.
 
-Where a converter's last value is repeated, nothing tells when it was taken: that is a warning.
-A logger that pauses while it writes its buffer leaves pieces of equal length, and a current or
-voltage that steps is another setting: both part a record.
+When a converter's repeated value was taken is not known: that is a warning. A logger that pauses
+while it writes its buffer leaves pieces of equal length, and a current or voltage that steps is
+another setting: both divide a record.
 """
 
 import math
@@ -183,8 +183,8 @@ def _unset(samples: Samples, unit: float) -> Samples:
     time = time.copy()
     listed = []
     for i in map(int, jumps):
-        way = "on" if steps[i] > 0.0 else "back"
-        listed.append(f"by {unit * abs(steps[i]):.4g} s {way} after {samples.place(i)}")
+        direction = "on" if steps[i] > 0.0 else "back"
+        listed.append(f"by {unit * abs(steps[i]):.4g} s {direction} after {samples.place(i)}")
         time[i + 1 :] -= steps[i] - usual
     words = (
         f"the clock was set {', '.join(listed)}, where rows and motion run on every "
@@ -196,12 +196,12 @@ def _unset(samples: Samples, unit: float) -> Samples:
 
 
 def _runs_on(x: FloatArray, i: int) -> bool:
-    """Say whether a motion goes on from row i to the next as it did before and does behind."""
-    beside = np.diff(x[max(i - 5, 0) : i + 7])
+    """Say whether the step of a motion from row i to the next is like its neighbours."""
+    nearby = np.diff(x[max(i - 5, 0) : i + 7])
     at = min(i, 5)
-    others = np.delete(beside, at)
+    others = np.delete(nearby, at)
     speed, noise = median(others), 2.0 * float(np.std(others))
-    return abs(speed) > noise and abs(beside[at] - speed) <= _LIKE * abs(speed) + noise
+    return abs(speed) > noise and abs(nearby[at] - speed) <= _LIKE * abs(speed) + noise
 
 
 def _unheld(samples: Samples) -> Samples:
@@ -299,40 +299,41 @@ def _together(samples: Samples) -> Samples:
     """Return each channel at the times of the force: its own rows, interpolated where needed."""
     channels = samples.channels
     time = channels.get("time", np.arange(len(channels["force"]), dtype=np.float64))
-    measured = [one for one in ("force", "displacement", *EXTRAS) if one in channels]
-    times = {one: samples.times.get(one, time) for one in measured}
-    own = {one: _own_rows(channels[one], times[one]) for one in measured}
+    measured = [name for name in ("force", "displacement", *EXTRAS) if name in channels]
+    times = {name: samples.times.get(name, time) for name in measured}
+    own = {name: _own_rows(channels[name], times[name]) for name in measured}
     force = times["force"]
-    apart = [
-        one
-        for one in measured
-        if not own[one].all() or not (times[one] is force or np.array_equal(times[one], force))
+    resampled = [
+        name
+        for name, t in times.items()
+        if not own[name].all() or not (t is force or np.array_equal(t, force))
     ]
-    if not apart:
+    if not resampled:
         return samples
-    stamps = {one: times[one][own[one]] for one in measured}
+    stamps = {name: times[name][own[name]] for name in measured}
     if not all(len(t) > 1 and np.all(np.diff(t) > 0.0) for t in stamps.values()):
         return samples if not samples.times else replace(samples, times={})
-    needed = [stamps[one] for one in measured if one not in EXTRAS]
+    needed = [stamps[name] for name in measured if name not in EXTRAS]
     slack = 1e-6 * float(np.min(np.diff(stamps["force"])))  # starts are differences of stamps
     first, last = max(t[0] for t in needed) - slack, min(t[-1] for t in needed) + slack
     kept = own["force"] & (force >= first) & (force <= last)
     if samples.times and np.count_nonzero(kept) < _COMMON * np.count_nonzero(own["force"]):
-        spans = ", ".join(f"{one} from {t[0]:g} to {t[-1]:g} s" for one, t in stamps.items())
+        spans = ", ".join(f"{name} from {t[0]:g} to {t[-1]:g} s" for name, t in stamps.items())
         text = f"channels of different rate or start: {spans}; log them together"
         raise LogError(text, code="bad-clock")
     at = np.flatnonzero(kept)
-    together = {one: values[at] for one, values in channels.items() if len(values) == len(time)}
-    together |= {one: np.interp(force[at], stamps[one], channels[one][own[one]]) for one in apart}
+    together = {name: values[at] for name, values in channels.items() if len(values) == len(time)}
+    for name in resampled:
+        together[name] = np.interp(force[at], stamps[name], channels[name][own[name]])
     if "time" in channels:
         together["time"] = force[at]
     findings = []
-    for one in apart:
-        t, n = stamps[one], len(own[one])
+    for name in resampled:
+        t, n = stamps[name], len(own[name])
         words = f"a value of its own in {len(t)} of {n} rows"
         if len(t) == n:
             words = f"a clock of its own, every {median(np.diff(t)):.6g} s from {t[0]:.6g} s"
-        words = f"{one}: {words}; each value is used once, at the times of the force"
+        words = f"{name}: {words}; each value is used once, at the times of the force"
         findings.append(Finding("own_rows", "note", words, len(t) / n, is_correction=True))
     return Samples(
         together,

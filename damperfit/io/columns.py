@@ -93,7 +93,7 @@ def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -
     return options.columns.get(channel, "") != "" or bool(_candidates(channel, columns))
 
 
-def choose_channels(  # noqa: PLR0912  # every channel in turn, all that is wrong said at once
+def choose_channels(  # noqa: PLR0912  # every channel in turn, all problems in one error
     columns: Sequence[Column],
     options: ReadOptions,
     *,
@@ -102,8 +102,8 @@ def choose_channels(  # noqa: PLR0912  # every channel in turn, all that is wron
 ) -> tuple[dict[str, ChannelChoice], tuple[str, ...]]:
     """Return the column of each channel that the log has, and notes.
 
-    A clock that a channel has for itself is under `OWN_TIME` and its name; a sample rate tells
-    the time where it is not needed. `hint` says why names may be missing.
+    The clock of a single channel is under `OWN_TIME` and its name; with a sample rate no column of
+    time is needed. `hint` says why names may be missing.
     """
     chosen: dict[str, ChannelChoice] = {}
     notes: list[str] = []
@@ -157,11 +157,11 @@ def _clocks(columns: Sequence[Column], options: ReadOptions) -> dict[str, int]:
     ]
     clocks: dict[str, int] = {}
     for channel in ("force", "displacement", *EXTRAS):
-        found = [i for *_, i in sorted(_candidates(channel, columns)) if i not in stamps]
-        if left := [i for i in stamps if found and i < found[0]]:
+        own = [i for *_, i in sorted(_candidates(channel, columns)) if i not in stamps]
+        if left := [i for i in stamps if own and i < own[0]]:
             clocks[channel] = left[-1]
-    is_apart = {"force", "displacement"} <= clocks.keys()
-    return clocks if is_apart and clocks["force"] != clocks["displacement"] else {}
+    has_two = {"force", "displacement"} <= clocks.keys()
+    return clocks if has_two and clocks["force"] != clocks["displacement"] else {}
 
 
 def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int, int]]:
@@ -246,8 +246,8 @@ def channel_choice(channel: str, index: int, column: Column, options: ReadOption
     if declared := options.units.get(channel):
         unit = find_unit(declared, dimension)
         is_other = _is_unit_of(logged, channel) and find_unit(logged or "", dimension) != unit
-        beside = f" although the log says {logged}" if is_other else ""
-        return ChannelChoice(index, unit, f"{channel}: unit {declared}, as declared{beside}")
+        conflict = f" although the log says {logged}" if is_other else ""
+        return ChannelChoice(index, unit, f"{channel}: unit {declared}, as declared{conflict}")
     if logged is None:
         if channel in EXTRAS:
             return ChannelChoice(index, None, f"{channel}: left out; it has no unit")
@@ -283,9 +283,9 @@ def joined_problems(problems: Sequence[LogError]) -> LogError:
 
 def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> str:
     if not any(column.name for column in columns):
-        found = f"{hint}: correct the names, or" if hint else "the columns have no names;"
+        start = f"{hint}: correct the names, or" if hint else "the columns have no names;"
         return (
-            f"{found} declare the numbers and units of time, displacement and force in "
+            f"{start} declare the numbers and units of time, displacement and force in "
             "rig.columns and rig.units"
         )
     bases = {split_name(column.name)[0].lower(): column.name for column in columns}
@@ -299,5 +299,5 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
     if "force" in channels:
         advice += "; without a force nothing can be fitted"
     which = " and ".join(part for part in (", ".join(channels[:-1]), channels[-1]) if part)
-    beside = f" ({hint})" if hint else ""
-    return f"no column for {which}{beside}; there are {_listed(columns)}.{hints}{advice}"
+    reason = f" ({hint})" if hint else ""
+    return f"no column for {which}{reason}; there are {_listed(columns)}.{hints}{advice}"

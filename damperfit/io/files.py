@@ -3,8 +3,8 @@
 Traps. Opening a pipe waits for ever; a device never ends; a file may grow or be written over while
 it is read; one that says it is empty may not be. The hash of a large file costs a good part of
 parsing it. 1.7 MB of gzip may hold 1.2 GB, and the length that it states is one modulo 2^32. Any
-bytes are valid Latin-1, so it is taken last, and said. UTF-16 is known by its mark only; without it
-every second byte is NUL, and so are bytes that a serial line dropped.
+bytes are valid Latin-1, so it is tried last, with a note. UTF-16 is known by its mark only; without
+it every second byte is NUL, and so are bytes that a serial line dropped.
 """
 
 import codecs

@@ -101,9 +101,9 @@ def _between(speeds: FloatArray, forces: FloatArray, speed: float) -> float:
     """Return the force at a speed, on straight lines between points; equal speeds are averaged."""
     if not len(speeds):
         return np.nan
-    known, place = np.unique(speeds, return_inverse=True)
+    distinct, place = np.unique(speeds, return_inverse=True)
     means = np.bincount(place, forces) / np.bincount(place)
-    return float(np.interp(speed, known, means, left=np.nan, right=np.nan))
+    return float(np.interp(speed, distinct, means, left=np.nan, right=np.nan))
 
 
 class _Heading(NamedTuple):
@@ -159,7 +159,7 @@ def _headings(columns: Sequence[Column], options: ReadOptions) -> list[_Heading]
         label, rest = _parted(column.name)
         base, unit = _split(rest)
         words, unit = set(words_of_name(base)), column.unit or unit
-        stroke = next((one for one, known in _STROKES.items() if words & known), "")
+        stroke = next((name for name, synonyms in _STROKES.items() if words & synonyms), "")
         kind = "force" if words & _FORCE or stroke or is_unit(unit, "force") else ""
         if words & _SPEED or is_unit(unit, "velocity"):
             kind = "speed"
@@ -200,24 +200,23 @@ def _pairs(columns: Sequence[Column], headings: Sequence[_Heading]) -> list[_Pai
             speeds[heading.stroke] = i
         elif heading.kind == "force" and speed is not None:
             pairs.append(_Pair(label, heading.stroke, speed, i))
-    # What has no label is told apart by its names: one force a setting beside one speed, or what
-    # they say beside the stroke, where a stroke is there twice; else "0 clicks R" and "4 clicks R"
-    # were one curve.
+    # Pairs without a label are distinguished by the forces' names: where one speed has several
+    # forces, or where a stroke is there twice, as in "0 clicks R" and "4 clicks R".
     bare = Counter(pair.stroke for pair in pairs if not pair.label)
     is_doubled = any(n > 1 for stroke, n in bare.items() if stroke)
-    known = set.union(*_STROKES.values(), _FORCE)
-    seen: Counter[str] = Counter()
+    words = set.union(*_STROKES.values(), _FORCE)
+    numbers: Counter[str] = Counter()
     labelled = []
     for pair in pairs:
         name, label = columns[pair.force].name, pair.label
         if not pair.label and not pair.stroke and bare[""] > 1:
             label = split_name(name)[0]
         elif not pair.label and pair.stroke and is_doubled:
-            seen[pair.stroke] += 1
+            numbers[pair.stroke] += 1
             base = _split(_parted(name)[1])[0]
-            rest = _WORD.sub(lambda word: "" if word[0].casefold() in known else word[0], base)
-            beside = " ".join(rest.replace("_", " ").split()).strip(" -,;:/()")
-            label = beside or f"curve {seen[pair.stroke]}"
+            rest = _WORD.sub(lambda word: "" if word[0].casefold() in words else word[0], base)
+            remainder = " ".join(rest.replace("_", " ").split()).strip(" -,;:/()")
+            label = remainder or f"curve {numbers[pair.stroke]}"
         labelled.append(pair._replace(label=label))
     return labelled
 
@@ -241,7 +240,7 @@ def _table_curves(
     if setting:
         settings = samples.channels["setting"]
         rows = {f"{value:.15g}": settings == value for value in dict.fromkeys(settings.tolist())}
-    curves: dict[str, list[tuple[FloatArray, FloatArray, str]]] = {}
+    points: dict[str, list[tuple[FloatArray, FloatArray, str]]] = {}
     for part, is_in in rows.items():
         for pair in pairs:
             speed, force = values[pair.speed][is_in], values[pair.force][is_in]
@@ -253,9 +252,9 @@ def _table_curves(
             is_there = ~np.isnan(force)
             label = " ".join(text for text in (pair.label, part) if text)
             signed = _signed(pair.stroke, speed[is_there], force[is_there], options)
-            curves.setdefault(label, []).append(signed)
-    made = []
-    for label, parts in curves.items():
+            points.setdefault(label, []).append(signed)
+    curves = []
+    for label, parts in points.items():
         velocity, force = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
         if not np.isfinite(force).all() or not np.isfinite(velocity).all():
             raise LogError(f"a speed or force {label} is infinite", code="bad-row")
@@ -265,14 +264,14 @@ def _table_curves(
         called = label or table.metadata.get("setting") or source.name
         every = (*notes, *table.notes, *dict.fromkeys(note for *_, note in parts if note))
         whose = (source.name, source.path, source.sha256)
-        made.append(ForceCurve(*whose, called, velocity, force, every))
-    return made
+        curves.append(ForceCurve(*whose, called, velocity, force, every))
+    return curves
 
 
 def _units(
     pairs: Sequence[_Pair], columns: Sequence[Column], options: ReadOptions
 ) -> dict[int, Unit]:
-    """Return the unit of each column; what is wrong with speeds and forces is said at once."""
+    """Return the unit of each column; problems of speeds and forces are in one error."""
     kinds = {pair.speed: "velocity" for pair in pairs} | {pair.force: "force" for pair in pairs}
     units: dict[int, Unit] = {}
     problems: dict[str, LogError] = {}

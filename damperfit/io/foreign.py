@@ -277,11 +277,11 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if source.data.startswith(b"PK"):
         _check_archive(source, options)
     answer = ask_child(_EXCEL, source, options)
-    n_formulas = answer.said["n_formulas"]
+    n_formulas = answer.content["n_formulas"]
     note = f"{n_formulas} cells hold formulas; their last saved values are read"
     tables: list[Table] = []
     refusals: list[str] = []
-    for sheet, text in zip(answer.said["sheets"], answer.parts, strict=True):
+    for sheet, text in zip(answer.content["sheets"], answer.parts, strict=True):
         notes = [f"sheet: {visible(sheet)}"] * (len(answer.parts) > 1) + [note] * (n_formulas > 0)
         try:
             read = read_delimited(source._replace(data=text), options)
@@ -326,8 +326,10 @@ def sheets_in(data: bytes, limit: int) -> ChildAnswer:
         if data.startswith(b"PK"):
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
                 contents = map(archive.read, archive.infolist())
-                sheets = (one for one in contents if b"sheetData" in one)  # whatever their names
-                n_formulas = sum(len(_FORMULA.findall(one)) for one in sheets)
+                sheets = (
+                    sheet for sheet in contents if b"sheetData" in sheet
+                )  # whatever their names
+                n_formulas = sum(len(_FORMULA.findall(sheet)) for sheet in sheets)
         book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
         names = [str(name) for name in book.sheet_names]
         texts: list[bytes] = []

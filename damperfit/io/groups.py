@@ -116,8 +116,8 @@ def _is_test(group: Group, options: ReadOptions) -> bool:
 def _together(groups: Sequence[Group]) -> Group:
     """Return the channels of all groups; where several have stamps, each with its group's."""
     channels = [channel for group in groups for channel in group.channels]
-    stamps = [next((one for one in group.channels if one.is_time), None) for group in groups]
-    if sum(one is not None for one in stamps) > 1:
+    stamps = [next((clock for clock in group.channels if clock.is_time), None) for group in groups]
+    if sum(clock is not None for clock in stamps) > 1:
         channels = [
             channel._replace(stamps=own)
             for group, own in zip(groups, stamps, strict=True)
@@ -149,7 +149,7 @@ def _table(group: Group, options: ReadOptions, notes: tuple[str, ...]) -> Table:
                 text = f"channels of different length: {shown} values; log them together"
                 raise LogError(text, code="several-groups")
             kept = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
-        values = {channel: one.values(channel)[:n_common] for channel, one in chosen.items()}
+        values = {channel: column.values(channel)[:n_common] for channel, column in chosen.items()}
         if makes_time:
             if len(clocks) > 1:
                 text = "channels of different rate or start; log them together"
@@ -167,7 +167,7 @@ def _table(group: Group, options: ReadOptions, notes: tuple[str, ...]) -> Table:
 
 
 def groups_of_child(reader: ChildReader, source: Source, options: ReadOptions) -> list[Group]:
-    """Return the groups of channels that a child finds in a log; as `ask_child`."""
+    """Return the groups of channels that a child reads from a log; as `ask_child`."""
     answer = ask_child(reader, source, options)
     parts = iter(answer.parts)
 
@@ -177,15 +177,19 @@ def groups_of_child(reader: ChildReader, source: Source, options: ReadOptions) -
 
     return [
         Group(name, tuple(held(*channel) for channel in channels), metadata)
-        for name, channels, metadata in answer.said
+        for name, channels, metadata in answer.content
     ]
 
 
 def answer_of_groups(groups: Sequence[Group]) -> ChildAnswer:
     """Return groups of channels as a child sends them."""
-    found = [
+    descriptions = [
         (group.name, [channel[:3] for channel in group.channels], dict(group.metadata))
         for group in groups
     ]
-    values = [channel.load() for group in groups for channel in group.channels]
-    return ChildAnswer(found, [np.asarray(one, dtype=np.float64).tobytes() for one in values])
+    parts = [
+        np.asarray(channel.load(), dtype=np.float64).tobytes()
+        for group in groups
+        for channel in group.channels
+    ]
+    return ChildAnswer(descriptions, parts)

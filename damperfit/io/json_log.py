@@ -134,7 +134,7 @@ def _are(kind: type, values: Sequence[Any]) -> bool:
 def _column(value: Any) -> tuple[str | None, list[Any]] | None:
     """Return the unit and values of a column, or None where it is none."""
     if isinstance(value, list):
-        first = next((one for one in value if one is not None), None)
+        first = next((cell for cell in value if cell is not None), None)
         is_value = isinstance(first, float) or (isinstance(first, str) and is_stamp(first))
         return (None, value) if is_value else None
     if not isinstance(value, dict) or not value:
@@ -150,10 +150,10 @@ def _column(value: Any) -> tuple[str | None, list[Any]] | None:
 def _from_columns(listed: list[Any]) -> _Columns:
     """Return columns that stand in a list, each an object with its name; none where they do not."""
     columns: _Columns = {}
-    for one in listed if _are(dict, listed) else ():
-        name = next((one[key] for key in ("name", "channel", "label") if key in one), "")
+    for entry in listed if _are(dict, listed) else ():
+        name = next((entry[key] for key in ("name", "channel", "label") if key in entry), "")
         name = name.strip() if isinstance(name, str) else ""
-        if name and (column := _column(one)):
+        if name and (column := _column(entry)):
             columns[name] = column
     return columns if len(columns) == len(listed) else {}
 
@@ -213,8 +213,10 @@ def _table(
         for channel, index in wanted.items():
             values, is_clock = raw[index], _is_clock(raw[index])
             bad = np.array([not _is_value(value, is_clock=is_clock) for value in values], bool)
-            known = [None if wrong else one for one, wrong in zip(values, bad, strict=True)]
-            channels[channel] = clock_seconds(known) if is_clock else np.array(known, np.float64)
+            numbers = [None if wrong else value for value, wrong in zip(values, bad, strict=True)]
+            channels[channel] = (
+                clock_seconds(numbers) if is_clock else np.array(numbers, np.float64)
+            )
             if drops and channel not in EXTRAS:
                 bad |= ~np.isfinite(channels[channel])
             if bad.any():

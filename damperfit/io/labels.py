@@ -1,12 +1,11 @@
-"""Which setting a log is of: its preamble, a column or its file's name say it, or names tell it.
+"""Which setting a log is of: by its preamble, a column, its file's name, or what all names show.
 
-A preamble goes before a column, this before the name. Where nobody said where the setting stands in
-names, those that differ in numbers alone, as in ``D7_C02.csv`` and ``D7_C08.csv``, show what was
-turned: the one number that differs and is no speed, serial number or count of runs. Names of
-another kind tell nothing, and cost most of the names nothing. Several such numbers are no guess but
-a question, with what to declare where they are two adjusters. A word or a number with a sign in
-which names differ is not guessed either: a word may be anybody's, and a hyphen parts as often as it
-is a minus. It is shown as an option to copy.
+A preamble goes before a column, this before the name. Without a declared pattern the setting is
+guessed from names that differ in numbers alone, as ``D7_C02.csv`` and ``D7_C08.csv``: it is the
+only number that differs and is no speed, serial number or count of runs. A few names of another
+kind do not matter. Several such numbers are not guessed but asked about, with what to declare if
+they are two adjusters. Nor is a word or a number with a sign in which names differ: a word may mean
+anything, and a hyphen is as often no minus. It is shown as an option to copy.
 """
 
 from __future__ import annotations
@@ -70,13 +69,11 @@ _SERIAL = r"(?<![^\W_])(?:sn|serial)[ _=-]?([a-z]?\d\w*?)(?![^\W_])"
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """What the names of logs tell of their settings."""
+    """What the names of logs show of their settings."""
 
-    settings: Mapping[str, Setting] = field(
-        default_factory=dict
-    )  # by name; empty: a choice is left
-    said: Problem | None = None  # what was guessed, and how to say it for certain
-    way: Problem | None = None  # what to write where nothing was guessed, as an option to copy
+    settings: Mapping[str, Setting] = field(default_factory=dict)  # by name; empty: none guessed
+    finding: Problem | None = None  # what was guessed, and how to declare it
+    advice: Problem | None = None  # what to declare where nothing was guessed
     # Names of several adjusters, where each number that differs has the word of one before it,
     adjusters: tuple[str, ...] = ()
     pattern: str = ""  # and what finds the place of each of these.
@@ -101,34 +98,34 @@ class _Field(NamedTuple):
 
 
 def guess_settings(names: Iterable[str]) -> Guess:  # noqa: PLR0911 - one return a case
-    r"""Return what the names of logs, whose setting nobody said, tell of their settings.
+    r"""Return what the names of logs without a declared setting show of their settings.
 
     Examples
     --------
     >>> guess = guess_settings(["D7_C02.csv", "D7_C08.csv"])
     >>> guess.settings["D7_C08.csv"].cell
     8
-    >>> str(guess.said).endswith("--rig 'setting_pattern=C(?P<setting>\\d+)'")
+    >>> str(guess.finding).endswith("--rig 'setting_pattern=C(?P<setting>\\d+)'")
     True
     """
     kinds = _kinds(names)
     if not kinds:
         return Guess()
-    whole = [name for alike in kinds.values() for name in alike]
+    whole = [name for group in kinds.values() for name in group]
     if pattern := _pattern_of_signs(whole) or (_pattern_of_words(whole) if len(kinds) > 1 else ""):
-        return Guess(way=_declaring(pattern))
-    alike = max(kinds.values(), key=len)
-    fields = _fields(alike)
-    may_be = [one for one in fields if one.may_be]
-    varied = [one for one in may_be if one.is_varied]
-    ranked = [one for one in may_be if one.is_clicks] or varied
-    is_most = len(kinds) == 1 or (len(alike) > 1 and 2 * len(alike) > len(whole))
-    if is_most and len(ranked) == 1:
-        chosen = ranked[0]
+        return Guess(advice=_declaring(pattern))
+    group = max(kinds.values(), key=len)
+    fields = _fields(group)
+    may_be = [number for number in fields if number.may_be]
+    varied = [number for number in may_be if number.is_varied]
+    likely = [number for number in may_be if number.is_clicks] or varied
+    is_most = len(kinds) == 1 or (len(group) > 1 and 2 * len(group) > len(whole))
+    if is_most and len(likely) == 1:
+        chosen = likely[0]
         places = map(parse_place, chosen.values)
-        settings = {name: Setting.of(place) for name, place in zip(alike, places, strict=True)}
-        pattern = _pattern(chosen, alike)
-        said = note(
+        settings = {name: Setting.of(place) for name, place in zip(group, places, strict=True)}
+        pattern = _pattern(chosen, group)
+        finding = note(
             "setting-guessed",
             "the setting is guessed from the file names: {why}, {where}; to confirm it: {option}",
             why="what differs between the names" if chosen.is_varied else "the clicks in the name",
@@ -136,33 +133,33 @@ def guess_settings(names: Iterable[str]) -> Guess:  # noqa: PLR0911 - one return
             option=Option("rig", pattern, "setting_pattern"),
         )
         # R12C08 and R06C08: two adjusters, one of which was turned.
-        named = {one: adjuster_of(one.word) for one in may_be if adjuster_of(one.word)}
+        named = {number: adjuster_of(number.word) for number in may_be if adjuster_of(number.word)}
         if chosen in named and len(named) == len(set(named.values())) > 1 and len(kinds) == 1:
-            every = _pattern_of_all(named, fields, alike)
+            every = _pattern_of_all(named, fields, group)
             turned = tuple(named.values())
-            return Guess(settings, said, _declaring(pattern, turned, every), turned, every)
-        return Guess(settings, said, _declaring(pattern), pattern=pattern)
-    likely = sorted(fields, key=lambda one: (not one.is_clicks, not one.may_be, not one.is_varied))
-    pattern = _pattern(likely[0], alike) if likely else ""
+            return Guess(settings, finding, _declaring(pattern, turned, every), turned, every)
+        return Guess(settings, finding, _declaring(pattern), pattern=pattern)
+    ranked = sorted(fields, key=lambda n: (not n.is_clicks, not n.may_be, not n.is_varied))
+    pattern = _pattern(ranked[0], group) if ranked else ""
     # What to call the numbers that differ, where several may be adjusters.
     if len(varied) > len(_PLACES):
-        varied = [one for one in varied if one.word != "s"]  # a speed, as likely
+        varied = [number for number in varied if number.word != "s"]  # a speed, as likely
     if not 2 <= len(varied) <= len(_PLACES):
-        return Guess(way=_declaring(pattern))
-    called = [adjuster_of(one.word) or one.word for one in varied]
-    if len(set(called)) < len(called) or not all(one.isascii() and one for one in called):
+        return Guess(advice=_declaring(pattern))
+    called = [adjuster_of(number.word) or number.word for number in varied]
+    if len(set(called)) < len(called) or not all(word.isascii() and word for word in called):
         called = list(_PLACES[: len(varied)])
-    every = _pattern_of_all(dict(zip(varied, called, strict=True)), fields, alike)
-    way = _declaring(pattern, called, every)
-    if len(kinds) == 1 and all(adjuster_of(one.word) in called for one in varied):
-        return Guess(way=way, adjusters=tuple(called), pattern=every)
-    return Guess(way=way)
+    every = _pattern_of_all(dict(zip(varied, called, strict=True)), fields, group)
+    advice = _declaring(pattern, called, every)
+    if len(kinds) == 1 and all(adjuster_of(number.word) in called for number in varied):
+        return Guess(advice=advice, adjusters=tuple(called), pattern=every)
+    return Guess(advice=advice)
 
 
 def one_of_several(name: str) -> str:
     """Return the number after a bare "s" where others in the name may count clicks too."""
-    fields = [one for one in _fields([name]) if one.may_be]
-    chosen = [one.values[0] for one in fields if one.word == "s"]
+    fields = [number for number in _fields([name]) if number.may_be]
+    chosen = [number.values[0] for number in fields if number.word == "s"]
     return chosen[-1] if len(fields) > len(chosen) > 0 else ""
 
 
@@ -173,12 +170,12 @@ def unclear_names(names: Iterable[str]) -> frozenset[str]:
     that is another one in each name counts the logs.
     """
     unclear: set[str] = set()
-    for alike in _kinds(names).values():
-        fields = [one for one in _fields(alike) if one.may_be]
-        others = [one for one in fields if one.word != "s" and one.is_varied]
-        is_count = len(others) == 1 and len(set(others[0].values)) == len(alike)
-        if others and not is_count and any(one.word == "s" for one in fields):
-            unclear.update(alike)
+    for group in _kinds(names).values():
+        fields = [number for number in _fields(group) if number.may_be]
+        others = [number for number in fields if number.word != "s" and number.is_varied]
+        is_count = len(others) == 1 and len(set(others[0].values)) == len(group)
+        if others and not is_count and any(number.word == "s" for number in fields):
+            unclear.update(group)
     return frozenset(unclear)
 
 
@@ -271,13 +268,13 @@ def _pattern_of_all(
 ) -> str:
     """Return an expression that finds each of several numbers under its name."""
     varied = list(called)
-    sign = "-?" if any(value.startswith("-") for one in fields for value in one.values) else ""
-    number = {one.place: rf"(?P<{name}>{sign}\d+)" for one, name in called.items()}
-    parts = [_escaped(one.before) + number.get(one.place, rf"{sign}\d+") for one in fields]
+    sign = "-?" if any(value.startswith("-") for n in fields for value in n.values) else ""
+    groups = {number.place: rf"(?P<{name}>{sign}\d+)" for number, name in called.items()}
+    parts = [_escaped(n.before) + groups.get(n.place, rf"{sign}\d+") for n in fields]
     first, last = varied[0].place, varied[-1].place
     if ending := _ENDING.search(varied[0].before):
-        short = "".join([_escaped(ending[0]), number[first], *parts[first + 1 : last + 1]])
-        values = list(zip(*(one.values for one in varied), strict=True))
+        short = "".join([_escaped(ending[0]), groups[first], *parts[first + 1 : last + 1]])
+        values = list(zip(*(number.values for number in varied), strict=True))
         if [_finds(short, name)[:1] for name in names] == [[row] for row in values]:
             return short
     return "^" + "".join(parts[: last + 1])
@@ -361,13 +358,12 @@ def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence
         stated = setting_in_words(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
         return LogLabel(dict(stated.places))
     keys = {re.sub(r"[\W_]+", "_", key.strip()): text for key, text in metadata.items()}
-    return LogLabel(
-        {
-            one: setting_in_words(keys[one.casefold()], f"{name}: metadata '{one}'").places[0][1]
-            for one in adjusters
-            if one.casefold() in keys
-        }
-    )
+    places = {}
+    for adjuster in adjusters:
+        if (text := keys.get(adjuster.casefold())) is not None:
+            stated = setting_in_words(text, f"{name}: metadata '{adjuster}'")
+            places[adjuster] = stated.places[0][1]
+    return LogLabel(places)
 
 
 def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)) -> LogLabel:

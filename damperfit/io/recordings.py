@@ -147,7 +147,7 @@ def _joined(record: Sequence[Recording], note: str) -> Recording:
     if len(record) == 1:
         return replace(record[0], notes=tuple(dict.fromkeys([*record[0].notes, note])))
     notes = [text for text in record[0].notes if text.startswith(_TITLE)]
-    notes += [text for one in record for text in one.notes if not text.startswith(_TITLE)]
+    notes += [text for part in record for text in part.notes if not text.startswith(_TITLE)]
     channels: dict[str, Any] = {}
     for name in ("time", "displacement", "force", *EXTRAS):
         values = [getattr(part, name) for part in record]
@@ -241,7 +241,7 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
             part["time"] = np.arange(stop - start) / rate
         label = _label(samples, start, table.metadata, source, options)
         setting = label.setting(options.adjusters)
-        partly = {} if setting else {one: str(place) for one, place in label.places.items()}
+        partly = {} if setting else {name: str(place) for name, place in label.places.items()}
         preamble = identity_in(table.metadata).describe() if label.others else {}
         named = {key: text for key, text in label.others.items() if key not in preamble}
         parts.append(
@@ -280,14 +280,14 @@ def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> tuple[Samples
             samples = table.load({**wanted, _CURRENT: valves[0]})
     samples = samples or table.load(wanted)
     clock = choices.get("time")
-    own = {one: choice.unit for one, choice in choices.items() if one.startswith(OWN_TIME)}
+    own = {name: choice.unit for name, choice in choices.items() if name.startswith(OWN_TIME)}
     if own and clock is not None and clock.unit is not None:
         times = {
-            one.removeprefix(OWN_TIME): unit.to_si(samples.channels[one]) / clock.unit.factor
-            for one, unit in own.items()
+            name.removeprefix(OWN_TIME): unit.to_si(samples.channels[name]) / clock.unit.factor
+            for name, unit in own.items()
             if unit is not None
         }
-        channels = {one: v for one, v in samples.channels.items() if one not in own}
+        channels = {name: v for name, v in samples.channels.items() if name not in own}
         samples = replace(samples, channels=channels, times=times)
     return samples, current
 

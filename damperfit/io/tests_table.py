@@ -18,7 +18,7 @@ from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
 from damperfit.tested.setting import ADJUSTER, Place, parse_place, parse_setting
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
-# What a log was tested at, where somebody says so, and its dimension.
+# Facts of a test that a user may declare, and their dimensions.
 FACTS = {
     "gas_pressure": "absolute pressure",
     "temperature": "temperature",
@@ -34,7 +34,7 @@ _SHORT = 4  # letters; shorter names lie near too many words
 
 
 def fact_of(key: str, text: str) -> float:
-    """Return what somebody says of a test, a name of `FACTS`, SI or degrees Celsius."""
+    """Return the value of a fact, a name of `FACTS`, SI or degrees Celsius."""
     value = parse_quantity(text, FACTS[key])
     if key == "gas_pressure" and not says_absolute_or_gauge(text):
         raise ValueError("expected a unit that says what it counts from, as in 5.6bara or 80psig")
@@ -48,7 +48,7 @@ def _key(name: str) -> str:
 
 
 def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return the facts that a log's own preamble tells, and which lines say too little."""
+    """Return the facts in a log's own preamble, and notes on lines that are not used."""
     facts, notes = {}, []
     for name, text in preamble.items():
         try:
@@ -61,7 +61,7 @@ def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, 
 
 @dataclass(frozen=True, slots=True)
 class TestRow:
-    """What a table says of one log."""
+    """The facts of one log in a table."""
 
     __test__ = False  # no test of pytest's
 
@@ -146,13 +146,13 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:  # noqa: C90
             text = f"'{file}' is in line {before.line} too, with other values; leave one of the two"
             raise refused(f"{text} out", k)
     # Columns that are nearly those of an adjuster or of the damper are not taken so.
-    known = (*adjusters, *IDENTITY_KEYS, *(name for name in FACTS if len(name) > _SHORT))
+    meanings = (*adjusters, *IDENTITY_KEYS, *(name for name in FACTS if len(name) > _SHORT))
     notes = []
     for name in names:
-        is_known = name.casefold() in known or _file_column([name]) is not None
-        hint = did_you_mean(name.casefold(), known)
-        if hint and not is_known and not identity_in({name: "x"}).describe():
-            notes.append(f"{path}: column '{name}' is kept as a remark.{hint}")
+        has_meaning = name.casefold() in meanings or _file_column([name]) is not None
+        hint = did_you_mean(name.casefold(), meanings)
+        if hint and not has_meaning and not identity_in({name: "x"}).describe():
+            notes.append(f"{path}: column '{name}' is kept as a note.{hint}")
     return TestsTable(path, rows, tuple(notes))
 
 
@@ -173,9 +173,9 @@ def _row(filled: dict[str, str], adjusters: Sequence[str], line: int) -> TestRow
                 others[name] = cell
         except ValueError as error:
             raise ValueError(f"{name}: found '{cell}', {error}") from error
-    known = identity_in(others).describe()
-    more = tuple((name, cell) for name, cell in others.items() if cell not in known.values())
-    return TestRow(line, places, Identity(**known, more=more), facts)
+    identity = identity_in(others).describe()
+    more = tuple((name, cell) for name, cell in others.items() if cell not in identity.values())
+    return TestRow(line, places, Identity(**identity, more=more), facts)
 
 
 def _file_column(names: Sequence[str]) -> int | None:

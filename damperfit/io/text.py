@@ -57,7 +57,7 @@ _LINE_END = re.compile(rb"\r\n|\n|\r")
 _EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
 
 # Wall-clock stamps to seconds from the first one. The date is only compared with the one above, so
-# that day and month need not be told apart; each change of date is one day. In the common subset
+# that day and month need not be distinguished; each change of date is one day. In the common subset
 # of Python's and Arrow's regular expressions.
 _DAY = 86_400.0  # s
 _PATTERN = (
@@ -205,7 +205,7 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
         return tables
     first, rate, rows = tables[0], 0.0, [0]
     is_alike = all((t.columns, t.metadata) == (first.columns, first.metadata) for t in tables)
-    with suppress(LogError):  # said with the place when the channels are read
+    with suppress(LogError):  # raised with its place when the channels are read
         rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
     times = np.array([float(stamp[1].replace(",", ".")) for stamp in stamps])
     # The last buffer may not be full: its step is as long as itself, or as the one before.
@@ -301,7 +301,7 @@ def _parted_head(  # noqa: C901 - each separator is tried on the same lines
                 ahead = rows[i : i + 4]
                 same = [r for r in ahead if r.is_data and len(r.fields) == len(row.fields)]
                 if row.is_data and len(same) >= min(3, len(ahead)):
-                    # Rows of numbers right above with another count are ragged, and said to be.
+                    # Rows of numbers right above with another count are refused later as ragged.
                     start = next((j for j in range(i, 0, -1) if not rows[j - 1].is_data), 0)
                     break
             if start is None:
@@ -317,8 +317,8 @@ def _parted_head(  # noqa: C901 - each separator is tried on the same lines
     for row, below in zip(reversed(lines), [None, *reversed(lines)], strict=False):
         if any(row.names_by(separator) for separator in _MARKS):
             what = f"no {'rows of numbers' if below else 'data rows'} after the names in line"
-            found = f"; line {below.number} is {visible(below.text)}" if below else ""
-            raise LogError(f"{what} {row.number}{found}", code="no-rows")
+            following = f"; line {below.number} is {visible(below.text)}" if below else ""
+            raise LogError(f"{what} {row.number}{following}", code="no-rows")
     first = lines[0]
     text = f"no rows of numbers found; line {first.number} is {visible(first.text)}"
     raise LogError(text, code="no-rows")
@@ -364,13 +364,13 @@ def _is_units_row(fields: Sequence[str]) -> bool:
 
 
 def _odd_names(above: Sequence[_Row], separator: str, first: _Row) -> str:
-    """Say which line above the rows holds names, though not as many as there are fields."""
+    """Return a sentence on a line of names above the rows, fewer or more than their fields."""
     for row in reversed(above):
         for mark in dict.fromkeys((separator, *_MARKS)):
             if names := row.names_by(mark):
                 by, of_rows = (
-                    f" (separator: {_MARKS[one]})" * (mark != separator)
-                    for one in (mark, separator)
+                    f" (separator: {_MARKS[mark_of]})" * (mark != separator)
+                    for mark_of in (mark, separator)
                 )
                 return (
                     f"line {row.number} has {len(names)} names{by}, "
@@ -671,7 +671,9 @@ class _Rows(NamedTuple):
             return None
         read = {channel: columns[names[index]] for channel, index in wanted.items()}
         whole = [columns[name] for name in chosen if int(name) in self.clocks]
-        whole += [values for one, values in read.items() if self.drops and one not in EXTRAS]
+        whole += [
+            values for channel, values in read.items() if self.drops and channel not in EXTRAS
+        ]
         is_known = np.isfinite if self.drops else lambda values: ~np.isnan(values)
         return read if all(is_known(values).all() for values in whole) else None
 

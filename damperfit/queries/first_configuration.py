@@ -75,9 +75,9 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
     if lacks_setting and (guess.settings or guess.adjusters):
         rig["setting_pattern"] = guess.pattern
         places = f"the names differ in the places of {' and '.join(guess.adjusters)}"
-        why.append(str(guess.said).partition(";")[0] if guess.settings else places)
+        why.append(str(guess.finding).partition(";")[0] if guess.settings else places)
     elif lacks_setting:
-        offered = f": {guess.way}" if guess.way else ""
+        offered = f": {guess.advice}" if guess.advice else ""
         unknown.append(
             "the logs do not say their setting: name them setting_10.csv, write '# setting: 10' "
             f"into them, or give a table tests.csv or rig.setting_pattern{offered}"

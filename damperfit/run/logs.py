@@ -279,7 +279,7 @@ class Labels:
             for column, cell in (row.identity.more if row is not None else ())
             if re.fullmatch(r"[+-]?\d{1,3}(\.\d)?", cell)
         ]
-        values: dict[str, Any] = {"setting": Option("setting", "N"), "way": self.guess.way}
+        values: dict[str, Any] = {"setting": Option("setting", "N"), "advice": self.guess.advice}
         if row is not None and not row.places and columns:
             values, declared = {}, ", ".join(f'{column} = ""' for column in columns)
             text = (
@@ -303,7 +303,7 @@ class Labels:
                 "the log does not say its adjuster setting; expected a line '# setting: 10', "
                 "a column 'setting' or a name such as setting_10.csv; or give {setting}"
             )
-            text += "" if self.guess.way is None else ", or {way}"
+            text += "" if self.guess.advice is None else ", or {advice}"
         return LogError(text, subject=recording.name, code="no-setting", **values)
 
     @property
@@ -330,8 +330,8 @@ class Labels:
                 text = f"no such file: {', '.join(lost[:_FEW])}{more}"
                 yield warning("table-of-tests", text, table.path)
         notes = {id(log): log.facts.get("notes", ()) for log in logs}
-        if self.guess.said and any(_GUESSED in said for said in notes.values()):
-            yield self.guess.said
+        if self.guess.finding and any(_GUESSED in said for said in notes.values()):
+            yield self.guess.finding
         if len(self.adjusters) > 1:
             return
         labels = [

@@ -43,8 +43,8 @@ def refusal(data: bytes, limit: int = LIMIT) -> str:
 
 def test_one_child_reads_all_logs_one_after_the_other() -> None:
     answers = [ask(b"log %d" % i) for i in range(5)]
-    assert len({answer.said["pid"] for answer in answers}) == 1
-    assert [answer.said["n_seen"] for answer in answers] == [1, 2, 3, 4, 5]
+    assert len({answer.content["pid"] for answer in answers}) == 1
+    assert [answer.content["n_seen"] for answer in answers] == [1, 2, 3, 4, 5]
     assert answers[3].parts == [b"log 3", b"", bytes(5)]
 
 
@@ -60,31 +60,31 @@ def test_one_child_reads_all_logs_one_after_the_other() -> None:
 )
 @pytest.mark.parametrize("n_before", [1, pytest.param(0, marks=pytest.mark.slow)])
 def test_a_log_that_breaks_its_child_costs_itself_alone(log, says, n_before) -> None:
-    pids = [ask(b"before").said["pid"] for _ in range(n_before)]
+    pids = [ask(b"before").content["pid"] for _ in range(n_before)]
     assert says in refusal(log)
     answer = ask(b"after")
     # Nor is a child asked again that has refused: its memory may be spoilt.
-    assert answer.said["pid"] not in pids
-    assert answer.said["n_seen"] == 1
+    assert answer.content["pid"] not in pids
+    assert answer.content["n_seen"] == 1
 
 
 def test_a_library_that_cannot_spoil_memory_goes_on_after_a_refusal() -> None:
     safe = READER._replace(is_memory_safe=True)
-    pid = ask(b"before", reader=safe).said["pid"]
+    pid = ask(b"before", reader=safe).content["pid"]
     with pytest.raises(LogError, match="this one is refused"):
         ask(b"refuse", reader=safe)
-    assert ask(b"after", reader=safe).said["pid"] == pid
+    assert ask(b"after", reader=safe).content["pid"] == pid
     with pytest.raises(LogError, match=r"rig\.max_log_bytes"):
         ask(b"allocate 2000000000", reader=safe)
-    assert ask(b"after", reader=safe).said["pid"] != pid
+    assert ask(b"after", reader=safe).content["pid"] != pid
 
 
 @pytest.mark.parametrize("log", [b"wears", b"leak 2000000000"])
 def test_what_the_logs_before_did_to_a_child_is_not_blamed_on_the_next(log) -> None:
     first = ask(log)
     second = ask(log)
-    assert second.said["pid"] != first.said["pid"]
-    assert second.said["n_seen"] == 1
+    assert second.content["pid"] != first.content["pid"]
+    assert second.content["n_seen"] == 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited there alone")
@@ -100,13 +100,13 @@ def test_what_the_logs_before_did_to_a_child_is_not_blamed_on_the_next(log) -> N
 def test_memory_is_limited_by_the_size_of_the_log_and_its_limit(n_bytes, limit, asked, is_read):
     log = (b"allocate %d" % asked).ljust(n_bytes)
     if is_read:
-        assert ask(log, limit).said["n_seen"] == 1
+        assert ask(log, limit).content["n_seen"] == 1
     else:
         assert "rig.max_log_bytes" in refusal(log, limit)
 
 
 def test_a_child_that_never_ends_is_ended(monkeypatch) -> None:
-    pid = ask(b"log").said["pid"]
+    pid = ask(b"log").content["pid"]
     monkeypatch.setattr(child_process, "_TIME_LIMIT", 0.1)
     start = time.monotonic()
     assert "damaged Fault file: not read in 0.1 s" in refusal(b"sleep")
@@ -135,17 +135,17 @@ def test_a_child_that_nobody_asks_ends_and_the_next_log_gets_another(monkeypatch
         "serve()", "import damperfit.io.child_process as c; c._IDLE = 0.3; serve()"
     )
     monkeypatch.setattr(child_process, "_CHILD", brief)
-    pid = ask(b"log").said["pid"]
+    pid = ask(b"log").content["pid"]
     assert is_gone(pid)
-    assert ask(b"log").said["pid"] != pid
+    assert ask(b"log").content["pid"] != pid
 
 
 def test_a_child_that_ended_unseen_is_replaced(monkeypatch) -> None:
-    pid = ask(b"log").said["pid"]
+    pid = ask(b"log").content["pid"]
     os.kill(pid, signal.SIGKILL)
     # As if it had ended after it was looked at.
     monkeypatch.setattr(child_process._Child, "is_alive", True)
-    assert ask(b"log" + bytes(1_000_000)).said["pid"] != pid
+    assert ask(b"log" + bytes(1_000_000)).content["pid"] != pid
 
 
 def test_threads_have_children_of_their_own(children) -> None:
@@ -165,7 +165,7 @@ from damperfit.io.child_process import ChildReader, ask_child
 from damperfit.io.files import Source
 def pid():
     source = Source("a", "a", b"log", "")
-    return ask_child({READER!r}, source, ReadOptions()).said["pid"]
+    return ask_child({READER!r}, source, ReadOptions()).content["pid"]
 """
 
 

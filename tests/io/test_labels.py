@@ -150,8 +150,8 @@ def test_what_differs_is_the_setting(row) -> None:
     pattern = pattern.removesuffix(".csv")
     guess = guess_settings(names)
     assert [guess.settings[name].places[0][1] for name in names] == cells
-    assert "guessed from the file names" in str(guess.said)
-    assert str(guess.said).endswith(f"--rig 'setting_pattern={pattern}'")
+    assert "guessed from the file names" in str(guess.finding)
+    assert str(guess.finding).endswith(f"--rig 'setting_pattern={pattern}'")
     # What is to be copied finds the same.
     assert [float(list(re.finditer(pattern, name))[-1]["setting"]) for name in names] == cells
 
@@ -177,7 +177,7 @@ def test_a_choice_is_no_guess(given) -> None:
     """Two adjusters, one log alone, a speed, halves, counts, serials, degrees, two kinds."""
     guess = guess_settings(named(given))
     assert guess.settings == {}
-    assert str(guess.said or "") == ""
+    assert str(guess.finding or "") == ""
 
 
 # File names -> the adjusters to declare, and the pattern to copy where the names tell it.
@@ -201,9 +201,9 @@ def test_several_adjusters_are_offered_a_pattern_for_all(row) -> None:
     names = named(given)
     guess = guess_settings(names)
     assert guess.settings == {}
-    assert f"[adjusters] {declared}" in str(guess.way)
+    assert f"[adjusters] {declared}" in str(guess.advice)
     if pattern:
-        assert str(guess.way).endswith(f"--rig 'setting_pattern={pattern}'")
+        assert str(guess.advice).endswith(f"--rig 'setting_pattern={pattern}'")
         found = [re.search(pattern, name, re.IGNORECASE).groups() for name in names]
         numbers = [re.findall(r"\d+", name)[-2 - ("Hz" in name) :][:2] for name in names]
         assert found == [tuple(two) for two in numbers]
@@ -230,7 +230,7 @@ def test_s_is_no_setting_for_certain_where_other_numbers_differ(given, is_unclea
 def test_clicks_and_a_speed_are_asked_about_with_a_pattern_for_the_clicks() -> None:
     clicks = ("2_2_8_4", "2_9_8_5", "4_9_3_4")
     names = [f"t1_{one}_s{s}_100psi.csv" for one in clicks for s in (1, 5)]
-    advice = str(guess_settings(names).way)
+    advice = str(guess_settings(names).advice)
     assert '[adjusters] a = "", b = "", c = "", d = ""' in advice
     pattern = r"^t\d+_(?P<a>\d+)_(?P<b>\d+)_(?P<c>\d+)_(?P<d>\d+)"
     assert advice.endswith(f"--rig 'setting_pattern={pattern}'")
@@ -261,7 +261,7 @@ def test_a_word_or_a_sign_is_asked_about_with_an_option_to_copy(row) -> None:
     given, finds, pattern = parted(row)
     guess = guess_settings(named(given))
     assert not guess.settings
-    told = re.search("setting_pattern=(.*)'", str(guess.way or ""))
+    told = re.search("setting_pattern=(.*)'", str(guess.advice or ""))
     assert bool(told) is bool(finds)
     if told:
         assert told[1] == (pattern or told[1])
@@ -324,7 +324,7 @@ def test_a_misspelt_column_is_kept_and_said(tmp_path) -> None:
     found = read_tests(table(tmp_path, "file,rebond\na.csv,12\n"), TWO)
     row = found.rows["a.csv"]
     assert (dict(row.places), row.identity.describe()) == ({}, {"rebond": "12"})
-    assert "column 'rebond' is kept as a remark" in found.notes[0]
+    assert "column 'rebond' is kept as a note" in found.notes[0]
     assert "'rebound'" in found.notes[0]
 
 
