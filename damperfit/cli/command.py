@@ -33,7 +33,7 @@ _CONFIGURED = {
 
 
 class Shown(NamedTuple):
-    """How a command talks: one JSON document, without remarks, with tracebacks, to whom."""
+    """How a command talks: one JSON document, without notes, with tracebacks, to whom."""
 
     json: bool = False
     quiet: bool = False
@@ -51,28 +51,25 @@ def command(
     takes_context: bool = False,
     example: str,
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return a decorator that makes a command of what prints the results of a function.
+    """Return a decorator that makes a command of a function that prints the results of another.
 
-    Without one its own arguments are those of the command.
+    Without that other one, the arguments are those of the decorated function.
     """
 
     def decorated(run: Callable[..., int]) -> Callable[..., int]:
         source = unwrap(run if function is None else function)
         called = name or source.__name__
-        keywords = [
-            one
-            for one in signature(source).parameters.values()
-            if one.name not in {"how", "context"}
-        ]
+        named = signature(source).parameters.values()
+        keywords = [keyword for keyword in named if keyword.name not in {"how", "context"}]
 
         def typed(*arguments: Any, **given: Any) -> int:
-            given.update(zip((one.name for one in keywords), arguments, strict=False))
+            given.update(zip((keyword.name for keyword in keywords), arguments, strict=False))
             given.pop("version", None)
             given.pop("log_file", None)  # opened by `main`, so that wrong usage stands in it
             set_colour(given.pop("color", None))
             if given.pop("verbose", False):
                 show_steps()
-            how = Shown(**{one: given.pop(one) for one in Shown._fields if one in given})
+            how = Shown(**{field: given.pop(field) for field in Shown._fields if field in given})
             if called in _CONFIGURED and given["config"] is None:
                 given["config"] = _own_configuration(is_quiet=how.quiet)
             try:
@@ -84,11 +81,11 @@ def command(
         typed.__doc__ = f"{cleandoc(about or '')}\n\nExample: damperfit {example}"
         typed.__name__ = called
         parameters = [
-            parameter(called, one.name, one.default)
-            for one in keywords
-            if keyword_of(called, one.name) is not None
+            parameter(called, keyword.name, keyword.default)
+            for keyword in keywords
+            if keyword_of(called, keyword.name) is not None
         ]
-        parameters += [parameter("", one) for one in (*shown, *_OF_ALL)]
+        parameters += [parameter("", shared) for shared in (*shown, *_OF_ALL)]
         if takes_context:
             of_typer = Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context)
             parameters.insert(0, of_typer)
@@ -99,34 +96,32 @@ def command(
 
 def _own_configuration(*, is_quiet: bool) -> str | None:
     """Return the configuration of $DAMPERFIT_CONFIG, else damperfit.toml here or above."""
-    found = os.environ.get("DAMPERFIT_CONFIG") or None
-    if found is None:
+    name = os.environ.get("DAMPERFIT_CONFIG") or None
+    if name is None:
         with suppress(OSError):  # the working folder is gone
             here = Path.cwd()
             places = (folder / "damperfit.toml" for folder in (here, *here.parents))
-            path = next((one for one in places if one.is_file()), None)
-            found = None if path is None else path.name if path.parent == here else str(path)
-    if found is None:
-        return None
-    if not is_quiet:
-        say(f"note: configuration of {found}")
-    return found
+            path = next((place for place in places if place.is_file()), None)
+            name = None if path is None else path.name if path.parent == here else str(path)
+    if name is not None and not is_quiet:
+        say(f"note: configuration of {name}")
+    return name
 
 
 def parameter(called: str, name: str, default: Any = None) -> Parameter:
     """Return the option, or argument, of a keyword; its default is the keyword's."""
-    known = keyword_of(called, name)
-    assert known is not None, name
-    kind: Any = bool if known.kind == "flag" else list[str] if known.kind in _SEVERAL else str
-    how: Any = {"help": known.help, "autocompletion": _completion_of(name, known)}
-    if known.kind in {"argument", "arguments"}:
-        info: Any = typer.Argument(metavar=known.metavar, **how)
-        is_list = known.kind == "arguments" and default is not Parameter.empty
+    keyword = keyword_of(called, name)
+    assert keyword is not None, name
+    kind: Any = bool if keyword.kind == "flag" else list[str] if keyword.kind in _SEVERAL else str
+    how: Any = {"help": keyword.help, "autocompletion": _completion_of(name, keyword)}
+    if keyword.kind in {"argument", "arguments"}:
+        info: Any = typer.Argument(metavar=keyword.metavar, **how)
+        is_list = keyword.kind == "arguments" and default is not Parameter.empty
         default = None if is_list else default
     else:
         how |= {"callback": _print_version, "is_eager": True} if name == "version" else {}
-        how |= {"metavar": known.metavar or None, "rich_help_panel": known.panel}
-        info = typer.Option(option_of(name), *known.names, **how)
+        how |= {"metavar": keyword.metavar or None, "rich_help_panel": keyword.panel}
+        info = typer.Option(option_of(name), *keyword.names, **how)
         default = bool(default) if kind is bool else default and str(default)
     kind = kind | None if default is None else kind
     return Parameter(
@@ -143,7 +138,7 @@ def _print_version(is_wanted: bool) -> None:
 def with_options(run: Callable[..., Any], parameters: Sequence[Parameter]) -> Callable[..., Any]:
     """Return a function that typer sees with these options and arguments."""
     run.__signature__ = Signature(parameters, return_annotation=int)  # type: ignore[attr-defined]
-    run.__annotations__ = {one.name: one.annotation for one in parameters}
+    run.__annotations__ = {item.name: item.annotation for item in parameters}
     return run
 
 
@@ -207,18 +202,18 @@ def _completion_of(name: str, keyword: Keyword) -> Callable[..., list[str]] | No
     """What completes the values of a keyword; None where they are anything."""
     section, _, own = keyword.key.partition(".")
     entry = SECTIONS[section].entries().get(own) if section in SECTIONS else None
-    known = (entry.words if entry is not None else ()) or _WORDS.get(name)
+    offered = (entry.words if entry is not None else ()) or _WORDS.get(name)
     if "|" in keyword.kind:
-        known = tuple(keyword.kind.split("|"))
-    if known is None:
+        offered = tuple(keyword.kind.split("|"))
+    if offered is None:
         return None
 
     def complete(ctx: typer.Context, incomplete: str) -> list[str]:
-        """Return what may be typed on; after a comma, what follows it."""
+        """Return the words that complete what was typed, after a comma the last item."""
         first, comma, last = incomplete.rpartition(",")
         words: Iterable[str] = ()
         with suppress(Exception):  # results that cannot be read complete nothing
-            words = known if isinstance(known, tuple) else known(ctx)
+            words = offered if isinstance(offered, tuple) else offered(ctx)
         return [f"{first}{comma}{word}" for word in words if word.startswith(last)]
 
     return complete
@@ -235,7 +230,7 @@ class Commands(TyperGroup):
         commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
         with formatter.section("Commands"):
             formatter.write_dl(
-                [(name, one.get_short_help_str(1000)) for name, one in commands if one]
+                [(name, made.get_short_help_str(1000)) for name, made in commands if made]
             )
 
 
@@ -248,11 +243,11 @@ class PanelledCommand(TyperCommand):
         rest: list[str] = super().parse_args(ctx, args)
         if rest and not ctx.resilient_parsing:
             words = " ".join(rest)
-            known = {name for param in self.params for name in param.opts}
+            options = {name for param in self.params for name in param.opts}
             hint = ""
-            if "--setting" in known and words.isdecimal():
+            if "--setting" in options and words.isdecimal():
                 hint += f"; for setting {words} give --setting {words}"
-            if "--parameters" in known and Path(words).exists():
+            if "--parameters" in options and Path(words).exists():
                 hint += f"; for the results there give --parameters {words}"
             text = f"unexpected argument{'s' * (len(rest) > 1)} {words}{hint}; see damperfit "
             raise ConfigurationError(

@@ -64,7 +64,7 @@ def _tell(
     notes: Iterable[object] = (),
     warnings: Iterable[object] = (),
 ) -> None:
-    """Say what was done and what people should know, unless they asked for quiet."""
+    """Report what was done, with notes and warnings, unless quiet was asked for."""
     for before, lines in (("damperfit", done), ("note", notes), ("warning", warnings)):
         for line in () if how.quiet else lines:
             say(f"{before}: {line}")
@@ -83,15 +83,15 @@ def _show(
         print_blocks(blocks, colours)
 
 
-def _warn(place: object, remarks: Sequence[object]) -> int:
-    """Say what was missing or damaged in results; return the exit code that this gives."""
-    for remark in remarks:
-        say(f"damperfit: {place}: {remark}")
-    return int(bool(remarks))
+def _warn(place: object, problems: Sequence[object]) -> int:
+    """Report problems of a results folder; return the exit code that they give."""
+    for problem in problems:
+        say(f"damperfit: {place}: {problem}")
+    return int(bool(problems))
 
 
 def _counting(how: Shown) -> Callable[[str], None]:
-    """Return what notes each structure that is tried, and says now and then how many."""
+    """Return a function that records each structure tried, and now and then reports how many."""
     count = itertools.count(1)
 
     def note(title: str) -> None:
@@ -115,12 +115,12 @@ def identify(how: Shown, **given: Any) -> int:
     summary = summary_file() if how.github_summary else None
 
     def tell_choice(choice: LawChoice, asked: Configuration, made: Configuration) -> None:
-        alike = [f"not determined by these logs: {one[0].lower()}{one[1:]}" for one in choice.alike]
+        notes = [f"not determined by these logs: {s[0].lower()}{s[1:]}" for s in choice.alike]
         named, taken = asked.identification.procedure, made.identification.procedure
         if "identification.procedure" in asked.declared and named != taken:
             only = f"procedure {named} fits the paper's model alone"
-            alike.append(f"{only}; the law that the logs support is fitted by {taken}")
-        _tell(how, f"the logs support {choice.supported}.", notes=alike)
+            notes.append(f"{only}; the law that the logs support is fitted by {taken}")
+        _tell(how, f"the logs support {choice.supported}.", notes=notes)
 
     is_quiet = how.quiet or how.no_progress
     watch = looking_on(is_quiet=is_quiet, on_law=_counting(how), on_choice=tell_choice)
@@ -143,7 +143,7 @@ def identify(how: Shown, **given: Any) -> int:
 
 
 def _worst(codes: set[int]) -> int:
-    """Return the exit code of all: that of one, where all ended alike, else the gravest."""
+    """Return the exit code of all: the common one, else the gravest."""
     if len(codes) == 1:
         return int(codes.pop())
     # Where one damper failed altogether others did not: that is a failure in part.
@@ -165,11 +165,11 @@ def _tell_of_run(damper: Identified, how: Shown) -> None:
     grades = (f"grade withheld: {sentence}" for sentence in short_listing(withheld(damper.run)))
     warned = (*listing(damper.run.warned), *grades)
     _tell(how, notes=chain(configuration.notes, *corrected), warnings=warned)
-    alike: dict[tuple[str, str], list[str]] = {}  # but for their numbers
+    groups: dict[tuple[str, str], list[str]] = {}  # but for their numbers
     for sentence in sentences_in(record, "undetermined"):
         quantity, _, rest = sentence.partition(" at ")  # r_m1 and r_m2 are two
-        alike.setdefault((quantity, _NUMBERS.sub("", rest)), []).append(sentence)
-    for first, *others in alike.values():
+        groups.setdefault((quantity, _NUMBERS.sub("", rest)), []).append(sentence)
+    for first, *others in groups.values():
         more = f" (and {len(others)} alike at other settings: report.md)" if others else ""
         say(f"note: {first}{more}")
     if damper.error is not None and not damper.is_written:
@@ -335,10 +335,10 @@ def compare(how: Shown, runs: list[str], **given: Any) -> int:
         _tell(how, f"{given['save']} written: give it as A or B of a later comparison")
         if len(runs) == 1 and not done.points:
             return 0
-    for remark in (*done.remarks, *done.alone):
-        say(f"damperfit: {remark}")
-    for trace in chain(*(one.traces for one in done.comparisons)) if how.debug else ():
-        say_lines(trace)
+    for problem in (*done.remarks, *done.alone):
+        say(f"damperfit: {problem}")
+    if how.debug:
+        say_lines("\n".join(trace for pair in done.comparisons for trace in pair.traces))
     if how.json:
         print_json(done.document())
     else:
@@ -347,8 +347,8 @@ def compare(how: Shown, runs: list[str], **given: Any) -> int:
             if pair.repeats:
                 names = ", ".join(str(run.place) for run in pair.repeats)
                 lines.append(f"yardstick: the scatter of A and its repeats {names}")
-            lines += [*(f"differs: {one}" for one in pair.differing), *pair.sentences]
-            lines += [f"note: {one}" for one in pair.to_know]
+            lines += [*(f"differs: {difference}" for difference in pair.differing), *pair.sentences]
+            lines += [f"note: {note}" for note in pair.to_know]
             sheets: Any = [] if how.quiet else comparison_sheets(pair, is_short=True)
             print_blocks([wrapped(*lines, indent="  "), *chain(*sheets)])
             print_lines([""])
@@ -364,12 +364,12 @@ def compare(how: Shown, runs: list[str], **given: Any) -> int:
 
 
 def _answer(function: Any, how: Shown, **given: Any) -> int:
-    """Print the sentence, the tables and the remarks of an answer."""
+    """Print the sentence, the tables and the notes of an answer."""
     answer = function(**given)
     tables = [] if how.quiet and answer.sentence else answer.sheets()
     _show(how, answer.document, [answer.sentence, *tables])
-    for remark in () if how.json else answer.remarks:
-        say(f"note: {remark}")
+    for note in () if how.json else answer.remarks:
+        say(f"note: {note}")
     return 0
 
 
@@ -452,8 +452,8 @@ def export(how: Shown, **given: Any) -> int:
         }
         document |= {"lost_in_a_table": made.lost} if made.lost else {}
         document["determined"] = [
-            {"setting": one.setting.cell, "speed_m_per_s": json_values(one.determined)}
-            for one in made.tables
+            {"setting": table.setting.cell, "speed_m_per_s": json_values(table.determined)}
+            for table in made.tables
         ]
         if given["check"]:
             document["check"] = [{**asdict(c), "setting": c.setting.cell} for c in files.checked]
@@ -464,11 +464,11 @@ def export(how: Shown, **given: Any) -> int:
     used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
     notes = [made.lost] if made.lost else []
     if given["extend"] is not None:
-        tested = max(one.tested for one in made.tables)
+        tested = max(table.tested for table in made.tables)
         notes.append(f"beyond {tested:.4g} m/s the tables are untested")
     notes += [*files.notes, made.determined]
     _tell(how, f"{files[0]} written{more}; {used}; {target.sign}", notes=notes)
-    print_blocks([[f"check, {one}" for one in files.checked]])
+    print_blocks([[f"check, {check}" for check in files.checked]])
     return code
 
 
@@ -476,12 +476,12 @@ def _show_targets(how: Shown) -> None:
     from damperfit.exporting import TARGETS
 
     rows, lines = [], []
-    for one in TARGETS.values():
-        file = one.file.format(stem="damper", setting="N")
-        facts = {"file": file, "units": one.units, "sign": one.sign}
-        rows.append({"target": one.name, "title": one.title, **facts, "place": one.place})
-        lines += wrapped(f"{one.name}: {one.title}", indent="  ")
-        for word, text in (*facts.items(), ("goes", f"to {one.place}")):
+    for target in TARGETS.values():
+        file = target.file.format(stem="damper", setting="N")
+        facts = {"file": file, "units": target.units, "sign": target.sign}
+        rows.append({"target": target.name, "title": target.title, **facts, "place": target.place})
+        lines += wrapped(f"{target.name}: {target.title}", indent="  ")
+        for word, text in (*facts.items(), ("goes", f"to {target.place}")):
             lines += wrapped(f"  {word:<7}{text}", indent=" " * 9)
     _show(how, lambda: {"targets": rows}, [lines])
 
@@ -643,7 +643,7 @@ def show_help(how: Shown, context: typer.Context, topic: str | None = None) -> i
 
     commands = {} if context.parent is None else getattr(context.parent.command, "commands", {})
     if topic is None:
-        titles = {one: read_page(one).title for one in TOPICS}
+        titles = {name: read_page(name).title for name in TOPICS}
         lines = [f"{name:{max(map(len, titles))}}  {title}" for name, title in titles.items()]
         last = "damperfit help TOPIC shows one of them, or what a command takes."
         _show(how, lambda: {"topics": titles}, [[*lines, "", last]])
@@ -693,15 +693,13 @@ def doctor(how: Shown) -> int:
     facts = {"damperfit": __version__, "python": python, "executable": sys.executable}
     lines = list(facts.items())
     lines += [
-        (n, f"{'works' if one['works'] else 'FAILS'}: {one['said']}") for n, one in checks.items()
+        (n, f"{'works' if check['works'] else 'FAILS'}: {check['said']}")
+        for n, check in checks.items()
     ]
     for extra, name, purpose in _EXTRAS:
-        there = (
-            f"{name} {extras[extra]}"
-            if extras[extra]
-            else f"not there: pip install 'damperfit[{extra}]'"
-        )
-        lines.append((extra, f"{purpose}: {there}"))
+        version = extras[extra]
+        state = f"{name} {version}" if version else f"not there: pip install 'damperfit[{extra}]'"
+        lines.append((extra, f"{purpose}: {state}"))
     document = {**facts, "checks": checks, "extras": extras}
     _show(how, lambda: document, [[f"{name:<10} {text}" for name, text in lines]])
     return 0 if all(ended["works"] for ended in checks.values()) else 1
@@ -731,5 +729,5 @@ def _fit() -> str:
     if off > 1e-3:
         text = f"R_m1 of a synthetic log is {100.0 * off:.2g} % off"
         raise SimulationError(text, code="wrong-fit")
-    taken = time.perf_counter() - begun
-    return f"R_m1 of a synthetic log within {100.0 * off:.1g} %, {taken:.1f} s"
+    seconds = time.perf_counter() - begun
+    return f"R_m1 of a synthetic log within {100.0 * off:.1g} %, {seconds:.1f} s"

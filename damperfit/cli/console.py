@@ -1,4 +1,4 @@
-"""Talking to people and programs: results on stdout, remarks on stderr and into the log file.
+"""Talking to people and programs: results on stdout, notes on stderr and into the log file.
 
 Nothing reaches a terminal unescaped. The log file (``--log-file``) has what a command says and
 does, a line each with its time, appended.
@@ -185,7 +185,7 @@ def shield_streams() -> None:
 def unprinted(error: OSError | None = None) -> str:
     """Return why stdout did not take what was printed; empty where it did.
 
-    A reader that has gone (``| head``) has seen enough; that is no fault.
+    A reader that has gone (``| head``) has had enough; that is no fault.
     """
     if error is None:
         try:
@@ -197,7 +197,7 @@ def unprinted(error: OSError | None = None) -> str:
         _to_nowhere(sys.stdout)
     with suppress(OSError):
         _write(sys.stderr, "")
-    reasons = [one.strerror or str(one) for one in _refused if not isinstance(one, BrokenPipeError)]
+    reasons = [e.strerror or str(e) for e in _refused if not isinstance(e, BrokenPipeError)]
     _refused.clear()
     return reasons[0] if reasons else ""
 
@@ -279,8 +279,8 @@ class LogFile:
 
     def close(self, exit_code: int) -> None:
         """Keep how the command ended, and close the file."""
-        spent = time.perf_counter() - self._begin
-        record(logging.INFO, f"ended with code {exit_code} after {spent:.2f} s")
+        seconds = time.perf_counter() - self._begin
+        record(logging.INFO, f"ended with code {exit_code} after {seconds:.2f} s")
         while _kept:
             handler = _kept.pop()
             _LOGGER.removeHandler(handler)
@@ -339,16 +339,16 @@ def _refuse_others(name: str, place: Option) -> None:
     if _STREAM.fullmatch(name):
         return
     try:
-        found = Path(name).stat() if name else None
+        status = Path(name).stat() if name else None
     except FileNotFoundError:
         return  # it is made, or making it says what is wrong
-    if found is None or stat.S_ISDIR(found.st_mode):
+    if status is None or stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(None, "expected the name of a file")
-    if stat.S_ISCHR(found.st_mode):
+    if stat.S_ISCHR(status.st_mode):
         return
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise OSError(None, "expected a regular file, found a pipe, a socket or a disk")
-    if found.st_size:
+    if status.st_size:
         from damperfit.run.log_files import is_own_log_file
 
         if not is_own_log_file(Path(name)):
@@ -379,8 +379,8 @@ def append_summary(path: Path, report: str, *, instead: str) -> None:
         with path.open("ab") as file:
             file.write(text if len(text) < _MOST_BYTES else f"{instead}\n".encode())
     except OSError as error:
-        said, place = f"cannot write {path}: {error.strerror}", Option("github_summary")
-        raise OutputError(said, where=place, code="cannot-write") from error
+        reason, place = f"cannot write {path}: {error.strerror}", Option("github_summary")
+        raise OutputError(reason, where=place, code="cannot-write") from error
 
 
 # Looking on while a command works: a progress bar on a terminal, and signals that end it. Ctrl-C,
@@ -393,7 +393,7 @@ _APART = 0.1  # s; a fit of a fast model takes less than to draw a line
 def stop_on_signal(
     promise: str = "finished settings will be written", stop: threading.Event | None = None
 ) -> Iterator[Callable[[], bool]]:
-    """Yield what says whether the user wants the run to stop; the first signal sets the event.
+    """Yield a function: does the user want the run to stop? The first signal sets the event.
 
     The promise says what becomes of the work done so far.
     """
@@ -421,7 +421,7 @@ def stop_on_signal(
 
 
 def looking_on(*, is_quiet: bool, of_fleet: bool = False, **more: Any) -> Watch:
-    """Return who looks on while a command works; of a fleet dampers are counted, not settings.
+    """Return a `Watch` that draws progress and stops on signals; for a fleet it counts dampers.
 
     Further fields of `Watch` may be given.
     """

@@ -1,4 +1,4 @@
-"""The door of the command line: registers the commands, turns errors into lines and exit codes."""
+"""The entry of the command line: registers commands, turns errors into lines and exit codes."""
 
 import errno
 import gc
@@ -60,7 +60,7 @@ for _command in (
     *(commands.init, commands.doctor, commands.show_help),
 ):
     app.command(cls=PanelledCommand)(_command)
-_names = {one.callback.__name__: one for one in app.registered_commands if one.callback}
+_names = {c.callback.__name__: c for c in app.registered_commands if c.callback}
 
 
 def _root(**_: Any) -> None:
@@ -84,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's backend is not for us
     try:
-        kept = LogFile(argv)
+        log_file = LogFile(argv)
     except ConfigurationError as error:
         say(f"damperfit: {error}")
         return error.exit_code
@@ -96,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if arguments is None:  # it ends, and Python would look through all that there is twice
             gc.freeze()
         gc.set_threshold(*usual)
-    kept.close(code)
+    log_file.close(code)
     return code
 
 

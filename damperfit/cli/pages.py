@@ -75,12 +75,12 @@ def _section(name: str) -> str:
     page = _PAGES.get(name, name if name in TOPICS else "")
     paragraphs = (_commands_by_name()[name].help or "").strip().split("\n\n")
     lines = [" ".join(paragraph.split()) for paragraph in paragraphs]
-    told = [re.sub(r"^Example: (.+)", r"Example: `\1`", line) for line in lines]
+    parts = [re.sub(r"^Example: (.+)", r"Example: `\1`", line) for line in lines]
     if page:
-        told.append(f"Page: [{page}]({page}.md).")
+        parts.append(f"Page: [{page}]({page}.md).")
     if rows := list(_option_rows(name, is_common=False)):
-        told.append(_grid(("option", "meaning"), rows))
-    return "\n\n".join([f"### {name}", *told])
+        parts.append(_grid(("option", "meaning"), rows))
+    return "\n\n".join([f"### {name}", *parts])
 
 
 def _columns(name: str) -> str:
