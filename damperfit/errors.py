@@ -156,7 +156,7 @@ class InternalError(DamperfitError):
 
 
 def failure_of(error: Exception, task: str) -> Failure:
-    """Return what to tell of an error, met in a task, that must not cost the others their results.
+    """Return the failure of a task by an error that must not cost the others their results.
 
     >>> failure_of(LogError("empty file", code="empty"), "reading the log").code
     'empty'
@@ -178,15 +178,15 @@ def failure_of(error: Exception, task: str) -> Failure:
         "internal error while {task}, {error}: {reason}{where}; this is a bug in damperfit: please "
         "report this line, with the log if it may be shown"
     )
-    known = {"task": task, "error": type(error).__name__, "where": where}
-    problem = Problem("bug", text, values=known | {"reason": reason or "no message"})
+    facts = {"task": task, "error": type(error).__name__, "where": where}
+    problem = Problem("bug", text, values=facts | {"reason": reason or "no message"})
     trace = "".join(traceback.format_exception(error))
     return Failure(problem, "InternalError", trace=trace)
 
 
 @contextmanager
 def sparing(setting: Setting, on_error: OnError | None) -> Iterator[None]:
-    """Tell an error that one setting meets to whoever takes it; without a taker it is raised."""
+    """Pass an error of one setting to ``on_error``; without that it is raised."""
     try:
         yield
     except Exception as error:
@@ -197,7 +197,7 @@ def sparing(setting: Setting, on_error: OnError | None) -> Iterator[None]:
 
 @contextmanager
 def blamed_on(where: Where) -> Iterator[None]:
-    """Let an error of configuration that is raised inside say where the value was asked for."""
+    """Add to an error of configuration that is raised inside where the value was asked for."""
     try:
         yield
     except ConfigurationError as error:

@@ -1,8 +1,8 @@
 """What a process of ours needs before it imports anything else.
 
-The folder that it is started in, and with it the logs' folder, is no place to look for modules: a
-``struct.py`` beside the logs would be executed. Standard streams that were closed are opened on
-nothing: else the first file that is written would get what is printed.
+The working folder, often that of the logs, is taken off the import path: a ``struct.py`` there
+would be executed. Standard streams that were closed are opened on the null device: else the first
+file that is written would get what is printed.
 """
 
 import os
@@ -18,14 +18,14 @@ def begin() -> None:
     _, dropped = _import_path()
     is_moved = _ROOT in sys.path[:1] + dropped
     sys.path[:] = [
-        one
-        for k, one in enumerate(sys.path)
-        if os.path.isabs(one)  # noqa: PTH117
-        and one not in dropped
-        and not (k == 0 and not sys.flags.safe_path and _is_here(one))
+        folder
+        for k, folder in enumerate(sys.path)
+        if os.path.isabs(folder)  # noqa: PTH117
+        and folder not in dropped
+        and not (k == 0 and not sys.flags.safe_path and _is_here(folder))
     ]
     if is_moved:  # started in a checkout: what is there hides nothing of Python's
-        sys.path[:] = [*(one for one in sys.path if one != _ROOT), _ROOT]
+        sys.path[:] = [*(folder for folder in sys.path if folder != _ROOT), _ROOT]
     environment = child_environment()
     os.environ.update(environment)
     if "PYTHONPATH" not in environment:
@@ -42,8 +42,8 @@ def child_environment() -> dict[str, str]:
 def _import_path() -> tuple[str, list[str]]:
     """Return what may stay of PYTHONPATH, and the folders that may not."""
     entries = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    kept = [one for one in entries if os.path.isabs(one) and not _is_here(one)]  # noqa: PTH117
-    return os.pathsep.join(kept), [_absolute(one) for one in entries if one not in kept]
+    kept = [folder for folder in entries if os.path.isabs(folder) and not _is_here(folder)]  # noqa: PTH117
+    return os.pathsep.join(kept), [_absolute(folder) for folder in entries if folder not in kept]
 
 
 def _is_here(folder: str) -> bool:

@@ -1,9 +1,9 @@
-"""What is wrong, as a record: its words are made at the end, by whoever tells it.
+"""What is wrong, as a record: its sentence is made at the end, where it is shown.
 
-Errors, warnings, findings and failures are `Problem`: raised or yielded with what they are about
-and with their values; nobody reads a sentence to learn something. The command line, run.json and
-the pages name an option (``--hold-out``), a call in Python the keyword (``hold_out=``), a
-configuration file the line of a key. Lists group them by code (`listing`).
+Errors, warnings, findings and failures are `Problem`: raised or yielded with their subject and
+values; no code reads a sentence. The command line, run.json and the pages name an option
+(``--hold-out``), a call in Python the keyword (``hold_out=``), a configuration file the line of a
+key. Lists group them by code (`listing`).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ FEW = 20  # sentences in all that are shown one by one; a damper has some twenty
 _SHOWN = 3  # sentences of one code that are shown one by one where there are many
 _LONG = 200  # characters; a page of one paragraph again and again is not read
 _NAMES = 5  # names that are listed
-_MANY = 5  # tests of one file that fail alike and are listed one by one
+_MANY = 5  # tests of one file with the same failure that are listed one by one
 SEVERITIES = ("error", "refusal", "warning", "note")
-# Codes that only name the class of an error: problems of such a code are alike in their text too.
+# Codes that only name the class of an error: their problems are grouped by their text too.
 _GENERAL = frozenset({
     *("failed", "usage", "installation", "log", "contradiction", "no-time", "unusable", "strict"),
     *("simulation", "cancelled", "output", "said"),
@@ -29,10 +29,10 @@ _GENERAL = frozenset({
 
 
 class Option(NamedTuple):
-    """What a user gave or may give, by the keyword of a call, as in "hold_out"."""
+    """An option that a user gave or may give, by the keyword of a call, as in "hold_out"."""
 
     name: str
-    value: object = ""  # empty: it is named alone
+    value: object = ""  # empty: the option is named alone
     key: str = ""  # of NAME=VALUE: the name
     is_aside: bool = False  # within a sentence it stands in brackets, behind what it does
 
@@ -72,7 +72,7 @@ class Words(NamedTuple):
         name, key, value = option.name, option.key, str(option.value)
         if not self.call:
             given = f"{key}={value}" if key and value else key or value
-            if {*"()<>`\\"} & {*given}:  # what is advised is to be pasted
+            if {*"()<>`\\"} & {*given}:  # a user may paste it
                 given = shlex.quote(given)
             return f"--{name.rstrip('_').replace('_', '-')} {given}".rstrip()
         section, _, inner = key.rpartition(".") if name == "rig" else ("", "", key)
@@ -169,11 +169,11 @@ class Problem:
     @property
     def offered(self) -> tuple[Option, ...]:
         """The options that the sentence offers, also those of the problems that it joins."""
-        found = [_option(offered) for offered in _OFFERED.finditer(self.text)]
+        options = [_option(offered) for offered in _OFFERED.finditer(self.text)]
         for value in self.values.values():
             inner = getattr(value, "problem", None)
-            found += [value] if isinstance(value, Option) else getattr(inner, "offered", ())
-        return tuple(found)
+            options += [value] if isinstance(value, Option) else getattr(inner, "offered", ())
+        return tuple(options)
 
     def record(self) -> dict[str, Any]:
         """Return the problem as JSON values; `of_record` reads them back."""
@@ -188,7 +188,7 @@ class Problem:
             "code": self.code,
             "severity": self.severity,
             "subject": self.subject,
-            "where": where and {name: str(one) for name, one in where._asdict().items()},
+            "where": where and {name: str(text) for name, text in where._asdict().items()},
             "message": self.message(),
             "text": self.text,
             "values": values,
@@ -196,11 +196,11 @@ class Problem:
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> Problem:
-        """Return the problem that a record tells; of a damaged one what is there."""
-        known = record.get("values")
+        """Return the problem of a record; of a damaged one what is there."""
+        stored = record.get("values")
         values = {
             name: Option(*value) if isinstance(value, list) else value
-            for name, value in (known if isinstance(known, dict) else {}).items()
+            for name, value in (stored if isinstance(stored, dict) else {}).items()
         }
         text = str(record.get("text", record.get("message", "")))
         code, subject = str(record.get("code", "said")), str(record.get("subject") or "")
@@ -216,12 +216,12 @@ def _worded(value: object, words: Words) -> str:
 
 
 def warning(code: str, text: str, subject: object = "", **values: Any) -> Problem:
-    """Return what a reader should know before believing the figures."""
+    """Return a warning: a reader should know it before believing the figures."""
     return Problem(code, text, "warning", str(subject), values=values)
 
 
 def note(code: str, text: str, subject: object = "", **values: Any) -> Problem:
-    """Return what is good to know, and nothing to mend."""
+    """Return a note: good to know, with nothing to correct."""
     return Problem(code, text, "note", str(subject), values=values)
 
 
@@ -234,7 +234,7 @@ class Failure:
     log: str = ""  # name and path; empty when it is a whole setting that failed
     path: str = ""
     setting: Any = None  # a Setting, when known
-    trace: str = ""  # of an internal error, where it happened, for whoever mends it
+    trace: str = ""  # of an internal error, where it happened
 
     @property
     def code(self) -> str:
@@ -271,8 +271,8 @@ class Failure:
 
     def describe(self) -> dict[str, Any]:
         """Return the failure for run.json."""
-        known = {"log": self.log, "path": self.path, "setting": self.setting, "kind": self.kind}
-        return {**self.problem.record(), **known, "message": self.message}
+        facts = {"log": self.log, "path": self.path, "setting": self.setting, "kind": self.kind}
+        return {**self.problem.record(), **facts, "message": self.message}
 
 
 def counted(number: int, noun: str) -> str:
@@ -292,13 +292,13 @@ def listed_names(names: Sequence[str], *, few: int = _NAMES + 1, mark: str = ", 
 
 
 def failure_lines(failures: Iterable[Failure]) -> list[str]:
-    """Return a line for each failure; of many alike in one file the first, and how many more."""
-    alike: dict[tuple[str, str], list[Problem]] = {}
+    """Return a line for each failure; of many of one kind in a file the first, and a count."""
+    groups: dict[tuple[str, str], list[Problem]] = {}
     for failure in failures:
         key = (failure.path or failure.place, failure.problem.likeness)
-        alike.setdefault(key, []).append(failure.placed)
+        groups.setdefault(key, []).append(failure.placed)
     problems: list[Problem] = []
-    for group in alike.values():
+    for group in groups.values():
         if len(group) > _MANY:
             text = f"{group[0].text} (and {len(group) - 1} other tests of this file alike)"
             group[:] = [replace(group[0], text=text)]
@@ -307,10 +307,10 @@ def failure_lines(failures: Iterable[Failure]) -> list[str]:
 
 
 def short_listing(sentences: Iterable[object]) -> list[str]:
-    """Return sentences that say themselves what they are about, each once; of many the first."""
-    known = list(dict.fromkeys(map(str, sentences)))
-    more = len(known) - FEW
-    return known[:FEW] + ([f"and {more} more; run.json and --json list them all"] * (more > 0))
+    """Return sentences, each once; of many the first, and how many more."""
+    distinct = list(dict.fromkeys(map(str, sentences)))
+    more = len(distinct) - FEW
+    return distinct[:FEW] + ([f"and {more} more; run.json and --json list them all"] * (more > 0))
 
 
 def listing(
@@ -318,8 +318,8 @@ def listing(
 ) -> list[str]:
     """Return sentences, the gravest first; of many of one code the first, and how many more.
 
-    A few are all shown, but for long ones of one code. Within a severity the order stays: what is
-    wrong with a log is found before what it does to a setting.
+    A few are all shown, but for long ones of one code. Within a severity the order stays: problems
+    of a log come before those of a setting.
     """
     everything = sorted(problems, key=lambda problem: SEVERITIES.index(problem.severity))
     groups: dict[str, list[Problem]] = {}

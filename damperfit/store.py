@@ -2,12 +2,12 @@
 
 A set of files is written into a staging folder inside its target folder and flushed to disk. One
 rename of the staging folder to `_COMMITTED` commits the set; then its files are moved over their
-targets. Whoever finds a committed set that was not moved to the end moves the rest: each step may
-be repeated, and `settle` does it before results are read. The folder itself is never exchanged,
-for it may be a working folder or a mount, and it may hold other people's files.
+targets. The next process that meets a committed set moves the rest of it: each step may be
+repeated, and `settle` does it before results are read. The folder itself is never exchanged, for it
+may be a working folder or a mount, and it may hold other people's files.
 
-Writers are kept apart by locks of the operating system, which end with their process; where a file
-system has none nothing does.
+Locks of the operating system, which end with their process, exclude other writers; on a file system
+without locks nothing does.
 """
 
 import json
@@ -63,7 +63,7 @@ class FileSet:
     def spare(self) -> None:
         """Refuse to write over files of another origin, where these are spared.
 
-        It is done at the end too; who writes two sets asks both before either is exchanged.
+        `_commit` does it too; a writer of two sets asks both before either is exchanged.
         """
         for name in self.names if self._spares_others else ():
             target = self.folder / name
@@ -126,10 +126,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 def path_of(value: object, where: Option | str, expected: str) -> Path:
-    """Return a path that was given as text or as a path; else refuse it by what it is of."""
+    """Return a path that was given as text or as a path; anything else is refused."""
     is_empty = isinstance(value, str) and not value
-    found = "''" if is_empty else type(value).__name__
-    text = f"found {found}; expected {expected}"
+    kind = "''" if is_empty else type(value).__name__
+    text = f"found {kind}; expected {expected}"
     if "\0" in str(value):
         text = f"found {value!r}; a NUL cannot stand in a path"
     elif isinstance(value, str | os.PathLike) and not is_empty:
@@ -198,25 +198,25 @@ def _remove_empty(folders: Iterable[Path]) -> None:
 
 
 def settle(folder: Path) -> None:
-    """End what a killed run left half done in a results folder; call it before reading there.
+    """Finish what a killed run left in a results folder; call it before reading there.
 
     The folder may be missing or read-only, as long as nothing is left to do.
     """
     try:
         names = {path.name for path in folder.iterdir() if path.name.startswith(_OURS)}
-        # Who holds the lock of a set that is not committed is at work, and leaves nothing behind.
+        # The holder of the lock of a set that is not committed is at work and cleans up itself.
         if _COMMITTED in names or (names - {_RUN} and not _is_held(folder / _WRITER)):
             with _writing(folder):
                 pass
         if _RUN in names:
             _is_held(folder / _RUN)
-    except OSError as error:  # of a folder that cannot be listed, whoever reads there says it
+    except OSError as error:  # a folder that cannot be listed is refused when it is read
         if os.path.lexists(folder / _COMMITTED):
             raise _interrupted(folder, error) from error
 
 
 def _move_committed(folder: Path) -> None:
-    """Move the files of a committed set over their targets, from wherever that was left off."""
+    """Move the files of a committed set over their targets, or those that are left of it."""
     committed = folder / _COMMITTED
     list_of_removed = committed / _REMOVED
     for path in sorted(committed.iterdir()):
@@ -232,7 +232,7 @@ def _move_committed(folder: Path) -> None:
 
 @contextmanager
 def _writing(folder: Path) -> Iterator[None]:
-    """Keep other writers out of a folder in which nothing is left of those that were killed."""
+    """Keep other writers out of a folder, cleared of what killed ones left."""
     busy = (
         f"{folder}: another run has been writing there for {_PATIENCE:g} s; wait for it to end, or "
         "give another folder"
@@ -240,9 +240,9 @@ def _writing(folder: Path) -> Iterator[None]:
     with _locked(folder / _WRITER, patience=_PATIENCE, refusal=busy) as has_locks:
         if os.path.lexists(folder / _COMMITTED):
             _move_committed(folder)
-        # Without locks nobody knows whether its writer is still at work.
-        for left in folder.glob(f"{_STAGING}*") if has_locks else ():
-            shutil.rmtree(left, ignore_errors=True)
+        # Without locks its writer may still be at work.
+        for stale in folder.glob(f"{_STAGING}*") if has_locks else ():
+            shutil.rmtree(stale, ignore_errors=True)
         yield
 
 
@@ -252,7 +252,7 @@ def _locked(path: Path, *, patience: float, refusal: str) -> Iterator[bool]:
     until = time.monotonic() + patience
     while True:
         with suppress(BlockingIOError), _lock_held(path) as (number, has_locks):
-            # Whoever held it may have removed the file that was just opened.
+            # Its last holder may have removed the file that was just opened.
             if path.exists() and os.path.samestat(os.fstat(number), path.stat()):
                 try:
                     yield has_locks
@@ -290,7 +290,7 @@ def _lock_held(path: Path) -> Iterator[tuple[int, bool]]:
             with suppress(OSError):
                 _lock(number, is_held=False)
     finally:
-        with suppress(OSError):  # what was written stands, whatever becomes of the lock
+        with suppress(OSError):  # the files are written, whatever happens to the lock
             os.close(number)
 
 
@@ -360,13 +360,13 @@ def _is_own_file(target: Path, draft: Path) -> bool:
     with target.open("rb") as file, draft.open("rb") as other:
         old, new = file.read(_HEAD), other.read(_HEAD)
         file.seek(max(0, file.seek(0, 2) - _TAIL))
-        ends = file.read()
+        tail = file.read()
     columns = _columns(new)
     if (columns or new.startswith(b"PAR1")) and (target.parent / "run.json").exists():
         return False
     if columns:
         return columns == _columns(old)
-    return old[:4] == new[:4] and (b"damperfit" in old or b"damperfit" in ends)
+    return old[:4] == new[:4] and (b"damperfit" in old or b"damperfit" in tail)
 
 
 def _columns(head: bytes) -> list[bytes]:

@@ -3,12 +3,12 @@
     with executor(jobs) as pool:        threads, or this thread where there is one job
         results = pool.map(act, items)  in the order of the items
 
-    results = apart(act, items, jobs=2)     the same, of many items in copies of this process
+    results = in_copies(act, items, jobs=2) the same, of many items in copies of this process
 
     for item, result in Processes(2).each(act, items):      as they are done; a death costs its item
     for item, result in Cluster(address).each(act, items):  the same on a Dask cluster
 
-A copy is a fork: it knows the items and what is to be done with them, and sends results alone. On
+A copy is a fork: it has the items and the work already, and sends results alone. On
 two cores of its own `identify` takes 5.6 s for 200 logs by copies, 7.5 s by threads, which wait for
 the interpreter's lock, and 9.1 s by one (medians of three). New interpreters take 0.6 s of
 processor each to begin, and what is done with an item cannot be pickled.
@@ -37,7 +37,7 @@ from damperfit.own_process import child_environment
 from damperfit.problem import Option
 
 _LOGGER = logging.getLogger(__name__)
-_LOOK = 0.2  # s; how often who waits asks whether the user wants to stop
+_LOOK = 0.2  # s; how often a waiting process asks whether the user wants to stop
 
 
 # Threads
@@ -73,8 +73,8 @@ def available_cores() -> int:
 
 # Copies of this process
 #
-# Nothing hangs on a copy: what it does not answer, for an error, a death or a result that cannot be
-# sent, is done here, where an error is raised with its own traceback.
+# Nothing depends on a copy: an item without an answer, be it for an error, a death or a result that
+# cannot be sent, is done here, where an error is raised with its own traceback.
 
 # Items from which on copies gain more than they cost: two of them 20 to 30 ms of processor, as much
 # as one log from reading to judged result.
@@ -85,7 +85,7 @@ _TURN = struct.Struct("<I")
 _is_copy = False
 
 
-def apart(  # noqa: PLR0913 - one more than usual, for what is done beside it
+def in_copies(  # noqa: PLR0913 - one more than usual, for what is done meanwhile
     act: Callable[[Any], Any],
     items: Iterable[Any],
     *,
@@ -93,37 +93,37 @@ def apart(  # noqa: PLR0913 - one more than usual, for what is done beside it
     known: Sequence[object] = (),
     cancelled: Callable[[], bool] = lambda: False,
     threads: int | None = None,
-    beside: Callable[[], object] = lambda: None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> Iterator[Any]:
     """Yield the results in the order of the items, of many items from copies of this process.
 
-    Whatever ``act`` does beside returning its result is lost in a copy; it need not be of a module.
+    What ``act`` does besides returning its result is lost in a copy; it need not be of a module.
     """
     items = list(items)
     if jobs > 1 and len(items) >= _FEWEST_APART and _may_be_copied():
         copies = _Copies(act, items, known)
         try:
             copies.begin(jobs)
-            beside()
+            meanwhile()
             yield from copies.results(cancelled)
         finally:
             copies.end()
         return
     with executor(jobs if threads is None else threads) as pool:
         results = pool.map(act, items)
-        beside()
+        meanwhile()
         yield from results
 
 
-def told_here(take: Callable[..., None]) -> Callable[..., None]:
-    """Return what is told of whose error; in a copy it raises it, so that its parent is told."""
+def raised_in_copy(take: Callable[..., None]) -> Callable[..., None]:
+    """Return a taker of errors that raises them in a copy, whose parent then does the item."""
 
-    def told(whose: object, error: Exception) -> None:
+    def taken(whose: object, error: Exception) -> None:
         if _is_copy:
             raise error
         take(whose, error)
 
-    return told
+    return taken
 
 
 def _may_be_copied() -> bool:
@@ -189,16 +189,16 @@ class _Copies:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def _live(self, turns: int, others: tuple[int, ...], sink: Any, mask: set[Any]) -> None:
-        """Do what a copy does; it ends in here, and nothing of its parent ends with it."""
-        global _is_copy  # noqa: PLW0603 - what a process is it is altogether
+        """Work as a copy and end here, without the parent's clean-up."""
+        global _is_copy  # noqa: PLW0603 - a fact of the whole process
         try:
             _is_copy = True
             gc.freeze()  # a collection would write to every page that is shared
-            for of_all in (signal.SIGINT, signal.SIGHUP):  # its parent's business
-                signal.signal(of_all, signal.SIG_IGN)
+            for number in (signal.SIGINT, signal.SIGHUP):  # its parent's business
+                signal.signal(number, signal.SIG_IGN)
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-            # Once its parent is gone nobody may be left that seems to listen.
+            # Once its parent is gone no open end may look like a reader.
             for other in (*others, *(pipe.fileno() for pipe in self._processes)):
                 os.close(other)
             while turn := os.read(turns, _TURN.size):
@@ -214,7 +214,7 @@ class _Copies:
             os._exit(0)
 
     def results(self, cancelled: Callable[[], bool]) -> Iterator[Any]:
-        """Yield the results in the order of the items; what no copy has done is done here."""
+        """Yield the results in the order of the items; an item that no copy did is done here."""
         answers: dict[int, Any] = {}
         for place, item in enumerate(self._items):
             while place not in answers and self._processes:
@@ -241,7 +241,7 @@ class _Copies:
     def _forget(self, pipe: Any) -> None:
         pipe.close()
         process = self._processes.pop(pipe)
-        with suppress(ChildProcessError):  # who ignores SIGCHLD has no children to wait for
+        with suppress(ChildProcessError):  # with SIGCHLD ignored there are no children to wait for
             os.waitpid(process, 0)
 
     def end(self) -> None:
@@ -254,18 +254,18 @@ class _Copies:
 
 
 class _Pickler(pickle.Pickler):
-    """Pickles a result; what the parent has too goes by its place among the known objects."""
+    """Pickles a result; objects that the parent has too go by their place in `known`."""
 
     def __init__(self, file: io.BytesIO, known: Sequence[object]) -> None:
         super().__init__(file, protocol=5)
-        self._places = {id(one): place for place, one in enumerate(known)}
+        self._places = {id(item): place for place, item in enumerate(known)}
 
-    def persistent_id(self, one: object) -> int | None:
-        return self._places.get(id(one))
+    def persistent_id(self, result: object) -> int | None:
+        return self._places.get(id(result))
 
 
 class _Unpickler(pickle.Unpickler):
-    """Reads a result in the process that has what it names."""
+    """Reads a result in the process that has the known objects."""
 
     def __init__(self, answer: bytes, known: Sequence[object]) -> None:
         super().__init__(io.BytesIO(answer))

@@ -21,7 +21,7 @@ from damperfit.cli import main
 from damperfit.identification import blas_threads
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.synthetic import SampleOptions, make_samples
-from damperfit.workers import Died, Processes, apart, executor, told_here
+from damperfit.workers import Died, Processes, executor, in_copies, raised_in_copy
 from tests.fleet.deadly import die_at_three, double, refuse, refuse_with_a_lock, say_pid_and_wait
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
@@ -89,7 +89,7 @@ def many_at_once(monkeypatch):
 class TestInCopies:
     def test_what_the_parent_has_comes_back_as_itself(self):
         log, other = np.arange(3.0), np.arange(3.0)
-        ((first, inner, second),) = apart(
+        ((first, inner, second),) = in_copies(
             lambda _: (log, {"log": [log]}, other), [0], jobs=2, known=(log,)
         )
         assert first is log
@@ -97,7 +97,7 @@ class TestInCopies:
         assert second is not other
 
     def test_an_error_is_raised_by_the_parent_where_its_result_would_stand(self):
-        results = apart(lambda k: 6 // k, [3, 2, 0, 1], jobs=2)
+        results = in_copies(lambda k: 6 // k, [3, 2, 0, 1], jobs=2)
         assert [next(results), next(results)] == [2, 3]
         with pytest.raises(ZeroDivisionError) as caught:
             next(results)
@@ -107,7 +107,7 @@ class TestInCopies:
         def answer(k):
             return (threading.Lock(), k, PickyError(k, 1))[k % 3]
 
-        found = list(apart(answer, range(6), jobs=2))
+        found = list(in_copies(answer, range(6), jobs=2))
         assert [found[1], found[4]] == [1, 4]
         assert [found[2].sum, found[5].sum] == [3, 6]
         assert found[0].acquire(blocking=False)
@@ -130,7 +130,7 @@ class TestInCopies:
 
         if is_answering:
             monkeypatch.setattr(os, "write", half)
-        found = list(apart(deadly, range(items), jobs=2))
+        found = list(in_copies(deadly, range(items), jobs=2))
         assert found[0][-1] == 0.0
         assert found[1:] == list(range(1, items))
 
@@ -146,7 +146,7 @@ class TestInCopies:
             return real()
 
         monkeypatch.setattr(os, call, scarce)
-        assert list(apart(lambda k: k * k, range(9), jobs=3)) == [k * k for k in range(9)]
+        assert list(in_copies(lambda k: k * k, range(9), jobs=3)) == [k * k for k in range(9)]
         assert len(calls) == n_given + 1
         assert open_files() == before
 
@@ -158,11 +158,13 @@ class TestInCopies:
                 time.sleep(60.0)
             return k
 
-        assert list(apart(endless, range(4), jobs=2, cancelled=lambda: True)) == [0, 1, 2, 3]
+        assert list(in_copies(endless, range(4), jobs=2, cancelled=lambda: True)) == [0, 1, 2, 3]
         assert time.monotonic() - begun < 20.0
 
     def test_no_copy_is_left_when_the_caller_takes_no_more(self):
-        results = apart(lambda k: time.sleep(60.0 if k else 0.0) or os.getpid(), [0, 1, 2], jobs=2)
+        results = in_copies(
+            lambda k: time.sleep(60.0 if k else 0.0) or os.getpid(), [0, 1, 2], jobs=2
+        )
         process = next(results)
         results.close()
         with pytest.raises(ProcessLookupError):
@@ -171,14 +173,14 @@ class TestInCopies:
     def test_a_copy_makes_no_copies_and_ctrl_c_is_the_parents_business(self):
         def inside(_):
             os.kill(os.getpid(), signal.SIGINT)
-            return os.getpid(), set(apart(own_process, range(4), jobs=1))
+            return os.getpid(), set(in_copies(own_process, range(4), jobs=1))
 
-        ((process, inner),) = apart(inside, [0], jobs=2)
+        ((process, inner),) = in_copies(inside, [0], jobs=2)
         assert inner == {process} != {os.getpid()}
 
     def test_whoever_is_told_of_an_error_is_told_in_the_parent(self):
         told = []
-        take = told_here(lambda whose, error: told.append((whose, str(error))))
+        take = raised_in_copy(lambda whose, error: told.append((whose, str(error))))
 
         def act(k):
             try:
@@ -187,7 +189,7 @@ class TestInCopies:
                 take(k, error)
                 return None
 
-        assert list(apart(act, [1, 0, 2], jobs=2)) == [6, None, 3]
+        assert list(in_copies(act, [1, 0, 2], jobs=2)) == [6, None, 3]
         assert told == [(0, "integer division or modulo by zero")]
 
 
@@ -196,12 +198,12 @@ def test_copies_end_when_their_parent_is_killed(tmp_path):
     script = tmp_path / "parent.py"
     script.write_text(
         "import os, time\n"
-        "from damperfit.workers import apart\n"
+        "from damperfit.workers import in_copies\n"
         "def say(k):\n"
         "    os.write(1, b'%d\\n' % os.getpid())\n"
         "    time.sleep(0.3)\n"
         "    return bytes(3_000_000)\n"
-        "list(apart(say, range(100), jobs=2, beside=lambda: time.sleep(60.0)))\n"
+        "list(in_copies(say, range(100), jobs=2, meanwhile=lambda: time.sleep(60.0)))\n"
     )
     with subprocess.Popen(
         [sys.executable, script], cwd=ROOT, stdout=subprocess.PIPE, text=True
@@ -221,7 +223,7 @@ def test_beside_another_thread_no_copy_is_made_and_threads_may_be_fewer(threads)
     other = threading.Thread(target=ends.wait)
     other.start()
     try:
-        found = set(apart(who, range(50), jobs=2, threads=threads))
+        found = set(in_copies(who, range(50), jobs=2, threads=threads))
     finally:
         ends.set()
         other.join()

@@ -104,15 +104,15 @@ def _objects(path: str, node: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield the path of each object of a schema, and its keys in words."""
     while "items" in node:
         path, node = f"{path}[]", node["items"]
-    known = node.get("properties", {})
-    if known:
-        told = [
-            f"`{key}`: {what['description']}" if "description" in what else f"`{key}`"
-            for key, what in known.items()
-        ]
-        yield path or "run.json", "; ".join(told)
-    for key, what in known.items():
-        yield from _objects(f"{path}.{key}" if path else key, what)
+    keys = node.get("properties", {})
+    if keys:
+        meanings = (
+            f"`{key}`: {entry['description']}" if "description" in entry else f"`{key}`"
+            for key, entry in keys.items()
+        )
+        yield path or "run.json", "; ".join(meanings)
+    for key, entry in keys.items():
+        yield from _objects(f"{path}.{key}" if path else key, entry)
     if isinstance(others := node.get("additionalProperties"), dict):
         yield from _objects(f"{path}.NAME", others)
 
@@ -134,7 +134,7 @@ TABLES: dict[str, Callable[..., str]] = {
     ),
     "commands": lambda: _grid(
         ("command", "job"),
-        [[f"`damperfit {n}`", _first_line(one.help)] for n, one in _commands_by_name().items()],
+        [[f"`damperfit {n}`", _first_line(c.help)] for n, c in _commands_by_name().items()],
     ),
     "common options": lambda: _grid(
         ("option", "meaning"), list(_option_rows("identify", is_common=True))
@@ -151,7 +151,7 @@ TABLES: dict[str, Callable[..., str]] = {
     ),
     "paper quantities": lambda: _grid(
         ("column", "symbol", "meaning", "unit"),
-        [[f"`{one.name}`", one.symbol, one.meaning, one.unit] for one in PURDY_DAMPER.quantities],
+        [[f"`{q.name}`", q.symbol, q.meaning, q.unit] for q in PURDY_DAMPER.quantities],
     ),
     "geometry": lambda: _grid(
         ("key of `[damper]`", "what it is, and how it is measured"),

@@ -58,7 +58,7 @@ from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Trace, natural_order
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
 from damperfit.tested.setting import Setting
-from damperfit.workers import apart, executor
+from damperfit.workers import executor, in_copies
 
 # The settings of a campaign fitted side by side; one that cannot be fitted costs itself alone.
 
@@ -156,7 +156,7 @@ def fit_every_setting(
             return None
 
     settings, done, failures, is_complete = sorted(given.settings), [], [], True
-    for result in apart(
+    for result in in_copies(
         of, settings, jobs=given.jobs, known=given.known, cancelled=given.cancelled
     ):
         if isinstance(result, tuple):
@@ -309,7 +309,7 @@ class _Stages:
             return attempted(setting, partial(other, setting))
 
         others = sorted(set(given.settings) - {lowest, *self.broken})
-        results = apart(
+        results = in_copies(
             tried, others, jobs=given.jobs, known=given.known, cancelled=given.cancelled
         )
         for setting, result in zip(others, results, strict=True):
@@ -517,7 +517,7 @@ def identify(
 
     cycles: dict[Setting, SettledLogs | None] = {}
     if not damper.kinks:  # these need every sample
-        cycles = dict(zip(settings, apart(mean_cycles, settings, jobs=jobs), strict=True))
+        cycles = dict(zip(settings, in_copies(mean_cycles, settings, jobs=jobs), strict=True))
     watched = on_fit or (lambda _fit: None), cancelled or (lambda: False)
     given = ProcedureInput(settings, damper, options, jobs, *watched, cycles)
     # BLAS threads spin between the small products of a fit and take the core that the next

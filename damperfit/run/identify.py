@@ -60,7 +60,7 @@ from damperfit.run.logs import LogBatch, add_traces, read_batch
 from damperfit.store import check_writable, reserved
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.grades import Prediction, SegmentRange, split_cycles
-from damperfit.workers import apart, available_cores, told_here
+from damperfit.workers import available_cores, in_copies, raised_in_copy
 
 if TYPE_CHECKING:
     from damperfit.results import Run
@@ -225,7 +225,7 @@ def identified(  # noqa: PLR0913 - what is asked of it
             jobs=workers,
             setting=setting,
             cancelled=watch.cancelled,
-            beside=lambda: import_module("damperfit.run.record"),
+            meanwhile=lambda: import_module("damperfit.run.record"),
         )
     add_traces(batch, traces, setting)
     if not batch.logs and not watch.cancelled():
@@ -290,8 +290,8 @@ def _fitted(
     if not (is_interrupted := watch.cancelled()):
         note_unpredicted(batch, campaign, judgement.predictions, failure_log.failures)
     logs = [(fit, log) for fit in campaign.fits for log in fit.logs]
-    unseen = told_here(failure_log.at("simulating the response of"))
-    unread = told_here(failure_log.at("reading the characteristics of"))
+    unseen = raised_in_copy(failure_log.at("simulating the response of"))
+    unread = raised_in_copy(failure_log.at("reading the characteristics of"))
 
     def rows_of(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]] | None:
         fit, log = pair
@@ -308,7 +308,7 @@ def _fitted(
             return []
 
     with clock.lap("characteristics"):
-        rows = list(apart(rows_of, logs, jobs=jobs))
+        rows = list(in_copies(rows_of, logs, jobs=jobs))
     readable = [log for log, of_log in zip(logs, rows, strict=True) if of_log is not None]
 
     def signals() -> Iterator[LogSignals]:

@@ -54,7 +54,7 @@ from damperfit.sections import SETTING_PATTERN
 from damperfit.tables.files import json_values
 from damperfit.tested.identity import Identity, identity_in
 from damperfit.tested.setting import Place, Setting, letters_of, parse_place
-from damperfit.workers import apart
+from damperfit.workers import in_copies
 
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
@@ -418,7 +418,7 @@ def conditioned_as_tested(
 # Reading
 
 
-def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside it
+def read_batch(  # noqa: PLR0913 - one more than usual, for what is done meanwhile
     paths: Sequence[Path],
     configuration: Configuration,
     *,
@@ -426,12 +426,12 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside 
     setting: Setting | None = None,
     purpose: Purpose = Purpose.FIT,
     cancelled: Callable[[], bool] = lambda: False,
-    beside: Callable[[], object] = lambda: None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> LogBatch:
     """Read and condition logs, several at a time.
 
     ``setting`` is that of logs that do not give one. To be inspected, curves without time are facts
-    too, not failures. Once ``cancelled`` says True, the remaining logs are left out. ``beside`` is
+    too, not failures. Once ``cancelled`` says True, the remaining logs are left out. `meanwhile` is
     what this process does while others read.
     """
     is_table = {path: is_own_table(path) for path in paths}
@@ -480,7 +480,9 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside 
 
     threads = jobs if any(map(gains_by_threads, logs)) else 1
     with one_blas_thread():  # more would spin between small products, on the next log's core
-        found = apart(logs_of, logs, jobs=jobs, cancelled=cancelled, threads=threads, beside=beside)
+        found = in_copies(
+            logs_of, logs, jobs=jobs, cancelled=cancelled, threads=threads, meanwhile=meanwhile
+        )
         known = [one for several in found for one in several]
         known = _with_common_signs(known, names, configuration, labels)
     traces = [one.trace for one in known if one.trace is not None and not is_inspected]

@@ -62,7 +62,7 @@ from damperfit.uncertainty.speed_forces import (
     beside_the_rig,
     speed_forces,
 )
-from damperfit.workers import apart, executor, told_here
+from damperfit.workers import executor, in_copies, raised_in_copy
 
 if TYPE_CHECKING:
     from damperfit.errors import OnError
@@ -638,7 +638,7 @@ def assess(
     frictions = tuple(one.name for one in damper.quantities if one.is_friction)
     sharing = campaign.sharing
     doubted = frictions if sharing.friction_varies else ()
-    take = None if on_error is None else told_here(on_error)
+    take = None if on_error is None else raised_in_copy(on_error)
 
     def alone(fit: Fit) -> _Alone | None:
         own = replace(campaign, fits=(fit,))
@@ -651,7 +651,7 @@ def assess(
                 return _Alone(seen, diagnosis, over_speed, friction_by_speed(one))
         return None
 
-    each = apart(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
+    each = in_copies(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
     found = [one for one in each if one is not None]
     everywhere, told_together = _with_hidden_friction(found)
     errors = uncertainties(everywhere, sharing, on_error=on_error)
@@ -714,7 +714,7 @@ def profile_campaign(
         found = linearise_settings(own, bench.damper, solver=bench.solver)
         return [one.summed(is_structured=fit.setting in structured) for one in found]
 
-    each = apart(seen, judged, jobs=bench.jobs, known=(*judged, bench.damper))
+    each = in_copies(seen, judged, jobs=bench.jobs, known=(*judged, bench.damper))
     linearised = {one.fit.setting: one for few in each for one in few}
     found: list[MisfitProfile] = []
 

@@ -148,8 +148,8 @@ def find_unit(name: str, dimension: str) -> Unit:
     units, name = _UNITS[dimension], name.strip()
     if name not in units:
         hint = _hint(name, units)
-        known = ", ".join(units_of(dimension)) + ("." if hint else "")
-        raise QuantityError(f"no unit of {dimension} {name!r}; expected {known}{hint}")
+        expected = ", ".join(units_of(dimension)) + ("." if hint else "")
+        raise QuantityError(f"no unit of {dimension} {name!r}; expected {expected}{hint}")
     return units[name]
 
 

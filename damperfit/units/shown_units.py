@@ -36,13 +36,13 @@ class ShownUnits:
 
     def of(self, unit: str) -> str:
         """Return the unit in which what is in an SI unit is shown."""
-        found = self._named(unit)
-        return unit if found is None else found.symbol
+        shown = self._named(unit)
+        return unit if shown is None else shown.symbol
 
     def show(self, value: Number, unit: str) -> Number:
         """Return a number, or an array of numbers, in the unit that is shown for an SI unit."""
-        found = self._named(unit)
-        return value if found is None else value / found.factor
+        shown = self._named(unit)
+        return value if shown is None else value / shown.factor
 
     def write(self, value: float, unit: str, form: str) -> str:
         """Return a number with its unit in words, by a format specification."""
@@ -69,11 +69,11 @@ class ShownUnits:
         if self._named("m") is None:
             return text
 
-        def converted(found: re.Match[str]) -> str:
-            numbers = re.sub(
-                r"\d[\d.]*", lambda one: f"{self.show(1e-3 * float(one[0]), 'm'):.4g}", found[1]
-            )
-            return f"{numbers} {self.length.symbol}"
+        def number(millimetres: re.Match[str]) -> str:
+            return f"{self.show(1e-3 * float(millimetres[0]), 'm'):.4g}"
+
+        def converted(match: re.Match[str]) -> str:
+            return f"{re.sub(r'[0-9][0-9.]*', number, match[1])} {self.length.symbol}"
 
         return re.sub(r"(\d[\d.]*(?: to \d[\d.]*)?) mm(?![\w/])", converted, text)
 
@@ -98,8 +98,8 @@ def parse_units(text: str, where: Where | None = None) -> ShownUnits:
     for name in (part.strip() for part in text.split(",")):
         kind = next((kind for kind in _DIMENSIONS if is_unit(name, kind)), None)
         if kind is None:
-            known = "; ".join(f"{kind} {', '.join(units_of(kind))}" for kind in _DIMENSIONS)
-            raise QuantityError(f"no unit {name!r}; there are {known}", where=where)
+            listed = "; ".join(f"{kind} {', '.join(units_of(kind))}" for kind in _DIMENSIONS)
+            raise QuantityError(f"no unit {name!r}; there are {listed}", where=where)
         unit = find_unit(name, kind)
         if kind in chosen:
             raise QuantityError(
