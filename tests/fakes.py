@@ -143,3 +143,10 @@ def failed(log, path, setting, kind, message, code="log"):
     text = message.removeprefix(f"{log}: ") if log else message.removeprefix(f"setting {setting}: ")
     subject = message[: len(message) - len(text)].removesuffix(": ")
     return Failure(Problem(code, text, subject=subject), kind, log, path, setting)
+
+
+def log_text(time, displacement, force, *facts: str) -> str:
+    """Return what a rig writes of these signals, s, m, N, below facts such as "setting: 3"."""
+    rows = zip(time, 1e3 * displacement, force, strict=True)
+    lines = [*(f"# {fact}" for fact in facts), "time_s,displacement_mm,force_N"]
+    return "\n".join([*lines, *(f"{t:.4f},{x:.5f},{f:.3f}" for t, x, f in rows)]) + "\n"

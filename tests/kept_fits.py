@@ -69,6 +69,13 @@ def kept_fits() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _fits_are_kept():
+    """Imported by the `conftest.py` of folders whose tests ask what a run says."""
+    with kept_fits():
+        yield
+
+
 @contextmanager
 def fits_anew() -> Iterator[None]:
     """Take that back."""

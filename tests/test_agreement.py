@@ -19,6 +19,7 @@ from damperfit.cli.main import main
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import Motion, simulate
+from tests.fakes import log_text
 
 SETTING = 4
 # Sample rate, Hz; motions as amplitude, m, frequency, Hz, and cycles; compliance, m/N; lag, s.
@@ -45,9 +46,7 @@ def log(rate: float, motions: list, compliance: float, lag: float) -> str:
     time = np.arange(len(force)) / rate
     rig = motion.displacement + compliance * force
     measured = np.interp(time - lag, time, force) + noise
-    rows = zip(time, 1e3 * rig, measured, strict=True)
-    head = f"# setting: {SETTING}\ntime_s,displacement_mm,force_N\n"
-    return head + "".join(f"{t:.4f},{s:.5f},{f:.3f}\n" for t, s, f in rows)
+    return log_text(time, rig, measured, f"setting: {SETTING}")
 
 
 class Outlets:

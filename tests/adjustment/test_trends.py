@@ -1,20 +1,15 @@
-"""Trends over the settings: the paper's outlier is found, and nothing that is none."""
+"""Trends over the settings: the paper's outlier, bands, mixed-up settings.
+
+Courses of every shape, sound and with settings that are off, are in `test_numbers.py`.
+"""
 
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
 
 from damperfit.adjustment.clicks import Adjustment
-from damperfit.adjustment.trends import (
-    LEAST_SCATTER,
-    Points,
-    _worst,
-    fit_curve,
-    least_squares,
-    scatter_of,
-)
+from damperfit.adjustment.trends import Points, fit_curve, least_squares
 from damperfit.checks import Subject, run_checks
 from damperfit.identification import Status
 from damperfit.uncertainty import Assessment
@@ -46,29 +41,6 @@ def test_setting_20_of_the_reference_set_is_off_and_no_other(seed) -> None:
     assert "setting 20 is off the trend by +12." in trends["r_m1"].sentence
     for trend in trends.values():
         assert (trend.direction, trend.monotone) == ("rising", True)
-
-
-@pytest.mark.one_in(2)
-@pytest.mark.parametrize("shape", SMOOTH)
-def test_smooth_shapes_have_no_outlier(shape) -> None:
-    for seed, scatter in enumerate((0.0, 0.05)):
-        up = trend_of(SMOOTH[shape], ALL, scatter=scatter, seed=seed)
-        down = trend_of(SMOOTH[shape][::-1], ALL, scatter=scatter, seed=seed)
-        assert off(up) == off(down) == []
-
-
-@pytest.mark.one_in(5)
-@pytest.mark.parametrize("places", [(0,), (9,), (19,), (5, 6), (9, 15), (18, 19), (0, 19)])
-@pytest.mark.parametrize("shape", ["quadratic", "exponential", "port", "constant"])
-def test_one_and_two_outliers_are_found_wherever_they_are(shape, places) -> None:
-    values = SMOOTH[shape].copy()
-    values[list(places)] *= 1.25
-    found = trend_of(values, ALL, scatter=3e-3, seed=5)
-    mirrored = trend_of(values[::-1], ALL, scatter=3e-3, seed=6)
-    assert off(found) == [place + 1 for place in places]
-    assert sorted(off(mirrored)) == sorted(20 - place for place in places)
-    for one in found.outliers:
-        assert one.deviation == pytest.approx(0.25, abs=0.05)
 
 
 def test_settings_that_tell_nearly_nothing_bend_no_curve_and_end_no_fit() -> None:
@@ -114,56 +86,6 @@ def test_weights_far_apart_are_solved_for_as_well_as_near_ones() -> None:
         assert found == pytest.approx(truth, rel=1e-6, abs=1e-6)
         exact = np.linalg.inv(np.linalg.qr(powers * weights[:, None])[1])
         assert np.diag(covariance) == pytest.approx(np.diag(exact @ exact.T), rel=1e-6)
-
-
-# Limits, a case just inside and one just outside, and the numerics of curves
-
-TWENTY = np.arange(1.0, 21.0)
-
-
-def points(logs, errors=1e-3, settings=TWENTY) -> Points:
-    spread = np.full(len(settings), errors)
-    return Points(settings, np.asarray(logs), spread, (settings[0], settings[-1]))
-
-
-@pytest.mark.parametrize("n", [1, 2])
-def test_the_worst_are_those_without_which_least_squares_are_least(n) -> None:
-    """Against trying every choice."""
-    rng = np.random.default_rng(7)
-    for _ in range(20):
-        settings = np.sort(rng.choice(20, 9, False)).astype(float)
-        some = points(0.1 * rng.standard_normal(9), settings=settings)
-        found = _worst(some, "log", 1, tau=0.01, n=n)
-        rest = {}
-        for left in combinations(range(9), n):
-            kept = np.setdiff1d(np.arange(9), left)
-            fit = np.polyfit(some.settings[kept], some.logs[kept], 1)
-            rest[left] = np.sum((some.logs[kept] - np.polyval(fit, some.settings[kept])) ** 2)
-        assert found == min(rest, key=rest.get)
-
-
-@pytest.mark.parametrize("scale", ["linear", "log", "reciprocal", "from_first", "from_last"])
-def test_slopes_of_a_curve_are_those_by_differences(scale) -> None:
-    curve = fit_curve(points(0.1 * np.sqrt(TWENTY)), scale, 2)
-    slopes = curve.slopes(TWENTY)
-    for k in range(3):
-        step = 1e-6 * np.eye(3)[k]
-        up, down = (
-            curve._replace(coefficients=curve.coefficients + sign * step).logs(TWENTY)
-            for sign in (1.0, -1.0)
-        )
-        assert slopes[:, k] == pytest.approx((up - down) / 2e-6, abs=1e-7)
-    variances = [row @ curve.covariance @ row for row in slopes]
-    assert curve.errors_of(curve.slopes(TWENTY)) == pytest.approx(np.sqrt(variances))
-
-
-def test_the_scatter_makes_the_mean_square_one() -> None:
-    rng = np.random.default_rng(1)
-    residuals, errors = 0.05 * rng.standard_normal(30), np.full(30, 0.02)
-    tau = scatter_of(residuals, errors, 27)
-    assert np.sum(residuals**2 / (errors**2 + tau**2)) == pytest.approx(27.0, rel=2e-3)
-    assert scatter_of(1e-4 * residuals, errors, 27) == LEAST_SCATTER
-    assert scatter_of(residuals, errors, 0) == LEAST_SCATTER
 
 
 # Settings in the wrong order: neither the trend nor the outliers may be passed.

@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.synthetic import SampleOptions, make_samples
-from tests.kept_fits import fits_anew, kept_fits
+from tests.kept_fits import _fits_are_kept, fits_anew, kept_fits  # noqa: F401
 
 
 class Ended(NamedTuple):
@@ -19,12 +19,6 @@ class Ended(NamedTuple):
     code: int
     out: str
     err: str
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _fits_are_kept():
-    with kept_fits():
-        yield
 
 
 @pytest.fixture

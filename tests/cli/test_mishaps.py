@@ -9,6 +9,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.errors import SimulationError
+from tests.fakes import log_text
 
 QUICK = (
     *("--procedure", "plain", "--free", "r_m1,r_m2,k_e"),
@@ -213,7 +214,6 @@ def test_a_dwell_in_the_only_cycle_is_no_bug(run, tmp_path) -> None:
     dwell = 32.0 * np.cos(0.1 * np.pi) + 0.02 * np.sin(16.0 * np.pi * phase)
     x = np.where(np.abs(phase) < 0.05, dwell, 32.0 * np.sin(2.0 * np.pi * time))
     v = np.gradient(x, time)
-    rows = np.column_stack((time, x, 3.0 * v - 130.0 + 50.0 * np.tanh(v)))
-    head = "# setting: 4\ntime_s,displacement_mm,force_N"
-    np.savetxt(tmp_path / "setting_04.csv", rows, "%.5f", ",", header=head, comments="")
+    text = log_text(time, 1e-3 * x, 3.0 * v - 130.0 + 50.0 * np.tanh(v))
+    (tmp_path / "setting_04.csv").write_text(text)
     assert run("inspect", tmp_path / "setting_04.csv")[0] == 0

@@ -14,20 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from damperfit.adjustment.force_at import fastest_sine, stage_of
 from damperfit.comparison.comparing import DIFFERENT, ComparisonOptions, compare_runs
-from damperfit.comparison.measured import measured_tests
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.identification import identify
 from damperfit.recording import Trace
 from damperfit.results import Run
-from damperfit.simulation import SolverOptions
-from damperfit.tables.files import LogSignals
-from damperfit.uncertainty import assess
-from tests.fakes import fitted_run as fitted_run_of
-from tests.fakes import make_tables
+from damperfit.run.identify import identified
 from tests.identification.rig import recording
 from tests.uncertainty.coverage import MadeUpCampaign, noisy
 
@@ -61,34 +54,10 @@ def rig(*, factor: float = 1.0, duration: float = 10.0, displacement_noise: floa
 
 
 def fitted_run(traces: list[Trace], *, name: str) -> Run:
-    """Return what `compare` would read from the results folder of these logs."""
-    campaign = identify(traces, PURDY_DAMPER)
-    assessment = assess(campaign, PURDY_DAMPER)
-    tables = make_tables(campaign, assessment=assessment)
-    rows = tables["parameters"].to_pylist()
-    fitted = fitted_run_of(
-        PURDY_DAMPER,
-        tuple(stage_of(fit, assessment) for fit in campaign.fits),
-        fastest_sine(
-            [(s.amplitude, s.frequency, s.peak_speed) for trace in traces for s in trace.stretches]
-        ),
-        assessment.forces,
-        {fit.setting: row for fit, row in zip(campaign.fits, rows, strict=True)},
-        campaign.quantities,
-        SolverOptions(),
-    )
-    fitted.tests = tuple(test for trace in traces for test in _tests(trace))
-    fitted.name = name
-    return fitted
-
-
-def _tests(trace: Trace) -> tuple:
-    n = len(trace.force)
-    nothing = np.full(n, np.nan)
-    time = trace.start_time + trace.interval * np.arange(n)
-    channels = (time, trace.displacement, trace.velocity, trace.force, nothing)
-    signals = LogSignals(trace.setting, trace.name, *channels, np.stack([nothing] * 3))
-    return measured_tests(signals, [one.describe(trace) for one in trace.stretches])
+    """Return the run of these logs."""
+    (found,) = identified(load_configuration(), [], traces=traces, jobs=1)
+    found.run.name = name
+    return found.run
 
 
 def compared_pairs(first: Rig, second: Rig, n: int, *, measured: bool = False) -> list:

@@ -6,15 +6,9 @@ import pandas as pd
 import pytest
 
 from damperfit.cli.main import main
-from tests.kept_fits import kept_fits
+from tests.kept_fits import _fits_are_kept  # noqa: F401
 
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _fits_are_kept():
-    with kept_fits():
-        yield
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.fleets.run import planned, run_fleet
 from damperfit.results import Run
+from tests.fakes import log_text
 from tests.fleet.conftest import Here, put, run, table_of
 from tests.run.test_temperature import BETA, COLD, WARM, known_at, recording
 
@@ -90,11 +91,9 @@ DAMPERS = {"D1": (COLD, WARM), "D2": (COLD + 4.0, WARM), "D3": (COLD, COLD + 0.2
 def test_each_damper_tells_beta_and_all_are_told_at_one_temperature(tmp_path, here):
     for name, temperatures in DAMPERS.items():
         for temperature in temperatures:
-            log = recording(1, temperature)
-            rows = zip(log.time, 1e3 * log.displacement, log.force, strict=True)
-            text = "".join(f"{t:.4f},{x:.5f},{f:.3f}\n" for t, x, f in rows)
-            head = f"# setting: 1\n# temperature: {temperature}\ntime_s,displacement_mm,force_N\n"
-            put(tmp_path / "logs" / name, {log.name: (head, text)})
+            log, facts = recording(1, temperature), ("setting: 1", f"temperature: {temperature}")
+            text = log_text(log.time, log.displacement, log.force, *facts)
+            put(tmp_path / "logs" / name, {log.name: ("", text)})
     out = tmp_path / "fleet"
     options = ("--covariate", "temperature", "--collect", "--quiet")
     assert run(tmp_path / "logs", "--out", out, *options) == 1  # D3 has no two temperatures

@@ -5,13 +5,7 @@ import json
 import pytest
 
 from damperfit.cli import main
-from tests.kept_fits import kept_fits
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _fits_are_kept():
-    with kept_fits():
-        yield
+from tests.kept_fits import _fits_are_kept  # noqa: F401
 
 
 @pytest.fixture(scope="session")

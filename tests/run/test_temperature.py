@@ -33,6 +33,7 @@ from damperfit.run.identify import (
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, reconsider
+from tests.fakes import log_text
 from tests.run.test_same_setting import batch
 
 BETA, COLD, WARM = 0.012, 26.0, 60.0
@@ -161,11 +162,9 @@ def results(tmp_path_factory):
     for setting in (1, 10):
         for temperature in (COLD, WARM):
             one = recording(setting, temperature)
-            rows = zip(one.time, 1e3 * one.displacement, one.force, strict=True)
-            head = f"# setting: {setting}\n# temperature: {temperature}\n"
-            lines = ["time_s,displacement_mm,force_N"]
-            lines += [f"{t:.4f},{x:.5f},{f:.3f}" for t, x, f in rows]
-            (folder / one.name).write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
+            facts = f"setting: {setting}", f"temperature: {temperature}"
+            text = log_text(one.time, one.displacement, one.force, *facts)
+            (folder / one.name).write_text(text, encoding="utf-8")
     out = folder / "results"
     configuration = configured("identify", {"out": out}, COVARIATE)
     (found,) = written(configuration, [str(folder / "*.csv")], jobs=1)

@@ -20,6 +20,7 @@ from damperfit.io.tests_table import TestRow, read_tests
 from damperfit.run.identify import prepare
 from damperfit.run.logs import conditioned_as_tested, facts_of, read_batch
 from damperfit.simulation import motion_of, simulate
+from tests.fakes import log_text
 from tests.identification import adjusted, rig
 from tests.run.test_same_setting import batch
 
@@ -85,9 +86,8 @@ def test_what_is_no_fact_of_a_test_is_refused(tmp_path, facts, says, where) -> N
 
 def test_the_batch_holds_what_its_profile_tells(tmp_path) -> None:
     log = rig.recording(5, duration=5.0)
-    rows = np.column_stack((log.time, 1e3 * log.displacement, log.force))
-    path, head = tmp_path / "bench_1.csv", "# setting: 5\ntime_s,displacement_mm,force_N"
-    np.savetxt(path, rows, "%.6f", ",", header=head, comments="")
+    path = tmp_path / "bench_1.csv"
+    path.write_text(log_text(log.time, log.displacement, log.force, "setting: 5"))
     found = configuration(tmp_path, profile={"gas_pressure": "4.2bara", "temperature": 31})
     read = read_batch([path], found, jobs=1)
     assert read.logs[0].facts["tested_at"] == {"gas_pressure": 4.2e5, "temperature": 31.0}
