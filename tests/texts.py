@@ -4,6 +4,7 @@ They stand in `tests/snapshots/texts.txt`, whose difference is read before a cha
 """
 
 import html
+import math
 import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,7 +13,24 @@ from typing import Any
 from matplotlib.text import Text
 
 from damperfit.checks import Check
+from damperfit.comparison.comparing import (
+    ComparisonOptions,
+    compare_runs,
+    difference_of,
+    surely_different,
+    verdict_of,
+)
+from damperfit.comparison.comparing import compared as line_of
+from damperfit.comparison.measured import Reading, Topic
+from damperfit.comparison.tolerance import Point, parse_tolerance, tolerated
 from damperfit.identification import Outcome
+from damperfit.problem import Failure, Problem, failure_lines, short_listing
+from damperfit.reporting.compared import (
+    comparison_markdown,
+    junit_report,
+    tolerance_outcome,
+    tolerance_sheet,
+)
 from damperfit.reporting.drawing import compose, fixed_style
 from damperfit.reporting.figures import report_plots
 from damperfit.reporting.inspection import finding_lines, inspection_sheet
@@ -30,8 +48,11 @@ from damperfit.results import Run
 from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tables.files import typed_rows
 from damperfit.tables.rows import campaign_rows
-from tests.fakes import campaign, fit
-from tests.report_folder import make_results
+from damperfit.tested.setting import Setting
+from tests.comparison.runs import measured
+from tests.comparison.runs import run as run_of_tests
+from tests.fakes import campaign, failed, fit
+from tests.report_folder import EVIL, make_results
 
 SNAPSHOT = Path(__file__).parent / "snapshots" / "texts.txt"
 RECORD: dict[str, Any] = {"version": "1.2.3", "procedure": ["Procedure: paper."]}
@@ -138,6 +159,78 @@ LOGS = [
 ]
 
 
+# Hundreds of logs or parts are told by the code of their problem, each kind, all of few.
+CAUSES = {
+    "empty-file": "empty file (0 bytes)",
+    "no-number": "line {n}: force is 'OVR{n}', expected a number",
+    "no-column": "no column for force; there are 't{n}', 'x'",
+}
+
+
+def _failures(per_code: int) -> list[Failure]:
+    problems = [
+        Problem(code, CAUSES[code], subject=f"run_{n}.csv", values={"n": n})
+        for i in range(per_code)
+        for n, code in enumerate(CAUSES, start=i)
+    ]
+    return [Failure(one, "LogError", one.subject, f"runs/{one.subject}") for one in problems]
+
+
+def _refused(n: int, code: str, severity: str = "refusal") -> dict[str, Any]:
+    sentence = CAUSES[code].format(n=n)
+    finding = {"name": "unreadable", "severity": severity, "sentence": sentence, "value": n}
+    verdict = "refused" if severity == "refusal" else "good"
+    return {"name": f"run_{n}.csv", "verdict": verdict, "code": code, "findings": [finding]}
+
+
+def many() -> dict[str, Any]:
+    """Return the lines on many logs, by what is told."""
+    parts = (
+        failed(f"a.dat part {k}", "a.dat", 3, "LogError", f"a.dat part {k}: {k} samples", "short")
+        for k in range(1, 301)
+    )
+    refused = [_refused(100 * k + i, code) for i in range(50) for k, code in enumerate(CAUSES)]
+    return {
+        "failures": failure_lines(_failures(3)),
+        "many failures": failure_lines(_failures(100)),
+        "parts of a file": failure_lines(parts),
+        "many warnings": short_listing([*map(str, range(21)), "0"]),
+        "refused logs": finding_lines(refused),
+        "refused logs of a damper": finding_lines([_refused(k, "no-number") for k in range(1, 22)]),
+        "a note of many": finding_lines([_refused(k, "no-number", "note") for k in range(300)]),
+    }
+
+
+def compared() -> dict[str, Any]:
+    """Return what is told of measured runs side by side, and of each kind of line and point."""
+    first = run_of_tests(measured(1, noise=1.0), measured(2, noise=1.0), name="before")
+    second = run_of_tests(measured(1, factor=1.1, noise=1.0, seed=9), name=EVIL)
+    comparison = compare_runs(first, second, ComparisonOptions(is_measured=True))
+    tolerated_by = "5%"
+    met = tolerated(comparison, parse_tolerance(tolerated_by))
+    hysteresis = Topic("figure", "hysteresis_rebound", "hysteresis, rebound", "N", Setting.of(3))
+    force = Topic("force", "force", "force", "N", Setting.of(3), 0.26, "bump")
+    figure = hysteresis._replace(name="hysteresis", label="hysteresis")
+    told = [
+        *((force, -800.0, -1000.0, second) for second in (-1080.0, -960.0, -997.0, -1003.0)),
+        *((hysteresis, 600.0, -57.0, -54.0), (hysteresis, 600.0, 40.0, 48.0)),
+        (figure, math.nan, 0.0, -9.0),
+    ]
+    lines = [line_of(one, *(Reading(n, 1.0, scale=s) for n in pair)) for one, s, *pair in told]
+    lines = surely_different(lines)
+    place = ("b\x1b", "3", 0.26, "rebound")
+    points = [Point(*place, one, 90.0, 110.0, 1.0) for one in (100.0, 112.0, 109.5, 110.0)]
+    points.append(Point(*place, math.nan, 90.0, 110.0, 1.0, reason="not tested"))
+    return {
+        "comparison.md": comparison_markdown([comparison], met, source=tolerated_by, alone=[EVIL]),
+        "differences": [f"{one.subject.place()}: {verdict_of(one)}" for one in lines],
+        "by how much": [difference_of(one) for one in lines],
+        "tolerance": [*(one.words for one in points), tolerance_outcome(points)],
+        "tolerance table": text_table(tolerance_sheet(points)),
+        "JUnit": junit_report(points, source="<5%>").decode(),
+    }
+
+
 def page_words(page: str) -> str:
     """Return what a page says, a line a row, item or heading."""
     body = page[page.index("</style>") : page.index('<script type="application/json"')]
@@ -178,6 +271,10 @@ def texts() -> dict[str, str]:
     told["terminal, inspect"] = "\n".join(
         [text_table(inspection_sheet(LOGS)), *finding_lines(LOGS, has_notes=True)]
     )
+    told |= {f"of many: {name}": "\n".join(lines).rstrip("\n") for name, lines in many().items()}
+    for name, lines in compared().items():
+        text = lines if isinstance(lines, str) else "\n".join(lines)
+        told[f"compared: {name}"] = text.rstrip("\n")
     with TemporaryDirectory() as folder:
         shown = report_plots(Run.load(make_results(Path(folder))))
         told["report.html"] = page_words(html_report(shown, title="results"))

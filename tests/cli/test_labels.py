@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from itertools import pairwise
 
 import pyarrow.parquet as pq
 import pytest
@@ -45,39 +44,6 @@ def results(bodies, tmp_path_factory):
     arguments = [str(folder / "*.csv"), "--config", str(folder / "two.toml"), "--out", str(out)]
     assert main(["identify", *arguments, "--quiet", "--report"]) == 0
     return out
-
-
-def test_measured_forces_are_known_again_when_a_run_is_read(results, capsys):
-    names = ("setting", "speed_m_per_s", "stroke", "measured_N")
-    rows = pq.read_table(results / "adjustment.parquet").select(names).to_pylist()
-    assert main(["settings", str(results), "--json", "--quiet"]) == 0
-    forces = json.loads(capsys.readouterr().out)["forces"]
-    assert [{name: one[name] for name in names} for one in forces] == rows
-    assert any(row["measured_N"] is not None for row in rows)
-
-
-def test_tables_trends_and_clicks_are_by_adjuster(results):
-    for name in ("parameters", "mse", "adjustment", "responses"):
-        table = pq.read_table(results / f"{name}.parquet")
-        assert table.column_names[:3] == ["setting", "rebound", "compression"]
-        assert [str(kind) for kind in table.schema.types[:3]] == ["string", "int64", "int64"]
-    for row in pq.read_table(results / "parameters.parquet").to_pylist():
-        true = reference_parameters(row["rebound"])
-        assert row["r_m1"] == pytest.approx(true.r_m1, rel=0.01)
-        assert row["r_m2"] == pytest.approx(reference_parameters(row["compression"]).r_m2, rel=0.02)
-    record = json.loads((results / "run.json").read_text(encoding="utf-8"))
-    assert record["adjusters"] == ["rebound", "compression"]
-    lines = {(one["adjuster"], one["held"]) for one in record["trends"]}
-    assert lines == {("rebound", "compression 8"), ("compression", "rebound 8")}
-    told = {(one["parameter"], one["adjuster"]): one for one in record["trends"]}
-    assert told["r_m1", "rebound"]["direction"] == "rising"
-    steps = {(one["from"], one["to"], one["adjuster"]) for one in record["clicks"]}
-    along = ["R4 C8", "R6 C8", "R8 C8", "R10 C8"]
-    across = ["R8 C4", "R8 C8", "R8 C12"]
-    assert steps == {
-        *((a, b, "rebound") for a, b in pairwise(along)),
-        *((a, b, "compression") for a, b in pairwise(across)),
-    }
 
 
 def test_settings_answers_for_all_adjusters(results, run):

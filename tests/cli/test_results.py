@@ -97,22 +97,6 @@ def test_a_speed_beyond_the_tests_is_answered_with_a_note(run, results) -> None:
         assert {row["tested"] for row in json.loads(ended.out)["forces"]} == {tested}
 
 
-@pytest.mark.parametrize("content", [None, '{"version": "0.1", "inp', "[1]"])
-def test_a_damaged_run_json_is_said(run, folder, content) -> None:
-    path = folder / "run.json"
-    path.unlink()
-    if content is not None:
-        path.write_text(content)
-    ended = run("settings", folder, "--velocity", "0.2")
-    assert ended.code == 1
-    assert "the damper of the run is not known" not in ended.err  # parameters.parquet tells it
-    (folder / "parameters.parquet").unlink()
-    ended = run("settings", folder, "--velocity", "0.2")
-    assert ended.code == 1
-    for what in ("damper of the run", "motion of the test"):
-        assert f"the {what} is not known" in ended.err
-
-
 @pytest.mark.parametrize(
     ("checks", "code"),
     [("no_cavitation,mse_below_1_percent", 0), ("purdy2000", 4), ("trend_monotone", 4)],
@@ -190,22 +174,6 @@ def test_whose_parameters_are_taken_is_told(run, logs, folder) -> None:
     assert "replaced: f_f" in ended.err
     parameters = json.loads(ended.out)["parameters"]
     assert (parameters["f_f"], parameters["r_m2"]) == (0.0, reference_parameters(3).r_m2)
-
-
-@pytest.mark.parametrize(
-    ("kind", "start"),
-    [
-        ("svg", b"<?xml"),
-        pytest.param("png", b"\x89PNG", marks=pytest.mark.slow),
-        pytest.param("pdf", b"%PDF", marks=pytest.mark.slow),
-    ],
-)
-def test_table_and_loops_are_one_set_in_each_format(run, tmp_path, kind, start) -> None:
-    picture = tmp_path / f"loops.{kind}"
-    ended = run("simulate", "--setting", "5", "--out", "signals.csv", "--plot", picture)
-    assert ended.code == 0
-    assert picture.read_bytes().startswith(start)
-    assert Path("signals.csv").exists()
 
 
 def test_a_family_is_table_figure_and_sentence(run) -> None:

@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
@@ -12,20 +11,16 @@ from damperfit.comparison.comparing import (
     ComparisonOptions,
     compare_runs,
     compared,
-    difference_of,
     surely_different,
-    verdict_of,
 )
 from damperfit.comparison.measured import Reading, Topic
 from damperfit.comparison.tolerance import (
-    Point,
     bands_met,
     parse_bands,
     parse_tolerance,
     tolerated,
 )
 from damperfit.errors import ConfigurationError
-from damperfit.reporting.compared import junit_report, tolerance_outcome, tolerance_sheet
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import DAMPING, GAS, measured, run
 
@@ -133,30 +128,6 @@ def test_holm_remembers_how_many_lines_there_are_and_chance_is_told_as_often_as_
     assert np.mean(verdicts) == pytest.approx(0.05, abs=0.01)
 
 
-def _lines(*steps: float) -> tuple:
-    first = Reading(-1000.0, 1.0, scale=-800.0)
-    topics = (Topic("force", "force", "force", "N", Setting.of(k), 0.26, "bump") for k in range(99))
-    seconds = (Reading(-1000.0 + step, 1.0, scale=-800.0) for step in steps)
-    return surely_different([compared(t, first, b) for t, b in zip(topics, seconds, strict=False)])
-
-
-def test_a_line_says_harder_or_softer_and_whether_it_may_be_chance() -> None:
-    harder, softer, maybe = (*_lines(-80.0, 40.0), _lines(*[0.0] * 39, 3.0)[-1])
-    assert verdict_of(harder) == "different: 10 % harder"
-    assert verdict_of(softer) == "different: 5 % softer"
-    assert verdict_of(maybe).startswith("different, perhaps by chance: 0.38 % softer")
-    topic = Topic("figure", "hysteresis", "hysteresis", "N", Setting.of(3))
-    nothing = compared(topic, Reading(0.0, 1.0), Reading(-9.0, 1.0))
-    assert verdict_of(nothing) == "different, perhaps by chance: 9 N less"
-    assert topic.place() == "setting 3, hysteresis"
-    # In rebound it is negative: -54 N was "more" than -57 N, by a share of half the force's range.
-    for first, second, said in ((-57.0, -54.0, "3 N narrower"), (40.0, 48.0, "8 N wider")):
-        topic = Topic("figure", "hysteresis_rebound", "hysteresis, rebound", "N", Setting.of(3))
-        line = compared(topic, Reading(first, 0.1, scale=600.0), Reading(second, 0.1, scale=600.0))
-        assert verdict_of(line).endswith(f"the loop is {said}")
-    assert difference_of(nothing).startswith("-9 N (-11.8 to -6.23)")
-
-
 # Forces held against bands: at the edge, just inside and just outside.
 
 MEASURED = ComparisonOptions(speeds=(0.13,), is_measured=True)
@@ -253,29 +224,3 @@ def test_a_table_that_is_none_is_refused_in_one_sentence(bands, text, said) -> N
         bands(text)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def _point(force: float, **more: str) -> Point:
-    return Point("b\x1b", "3", 0.26, "rebound", force, 90.0, 110.0, 1.0, **more)
-
-
-def test_the_words_say_how_far_and_whether_that_is_sure() -> None:
-    words = ["passes, 10 N inside", "FAILS, 2 N outside", "not evaluated: not tested"]
-    points = [_point(100.0), _point(112.0), _point(math.nan, reason="not tested")]
-    assert [one.words for one in points] == words
-    assert _point(109.5).words == "passes, 0.5 N inside, no further than its error"
-    assert _point(110.0).is_met
-    assert tolerance_outcome(points) == (
-        "1 of 3 points within the tolerance, 1 outside, by up to 2 N, 1 not evaluated"
-    )
-    nearest = "1 of 1 points within the tolerance; the nearest limit is 10 N away"
-    assert tolerance_outcome(points[:1]) == nearest
-    assert [row[-1] for row in tolerance_sheet(points).rows] == words[::-1]
-    # Of JUnit every point is a case, and every miss a failure.
-    root = fromstring(junit_report(points, source="<5%>"))  # noqa: S314 - ours
-    assert (root.get("tests"), root.get("failures")) == ("3", "2")
-    cases = root.findall("./testsuite/testcase")
-    kinds = [one.get("type") for case in cases for one in case.findall("failure")]
-    assert kinds == ["out of tolerance", "not evaluated"]
-    assert cases[0].get("name") == "setting 3, rebound, 0.26 m/s"
-    assert "\x1b" not in (cases[0].get("classname") or "")
