@@ -6,8 +6,10 @@ They stand in `tests/snapshots/texts.txt`, whose difference is read before a cha
 import html
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 from typing import Any
 
 from matplotlib.text import Text
@@ -15,6 +17,7 @@ from matplotlib.text import Text
 from damperfit.checks import Check
 from damperfit.comparison.comparing import (
     ComparisonOptions,
+    circumstances,
     compare_runs,
     difference_of,
     surely_different,
@@ -23,6 +26,8 @@ from damperfit.comparison.comparing import (
 from damperfit.comparison.comparing import compared as line_of
 from damperfit.comparison.measured import Reading, Topic
 from damperfit.comparison.tolerance import Point, parse_tolerance, tolerated
+from damperfit.damper.model import model_named
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Outcome
 from damperfit.problem import Failure, Problem, failure_lines, short_listing
 from damperfit.reporting.compared import (
@@ -49,7 +54,7 @@ from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tables.files import typed_rows
 from damperfit.tables.rows import campaign_rows
 from damperfit.tested.setting import Setting
-from tests.comparison.runs import measured
+from tests.comparison.runs import fitted, measured
 from tests.comparison.runs import run as run_of_tests
 from tests.fakes import campaign, failed, fit
 from tests.report_folder import EVIL, make_results
@@ -201,6 +206,38 @@ def many() -> dict[str, Any]:
     }
 
 
+_X = {"log": "x.csv", "sha256": "ab", "setting": 1}
+_LEFT = {"inputs": [_X | {"reversed": ["force"]}]}
+
+
+def _configured(section: str, **keys: Any) -> dict[str, Any]:
+    return {"configuration": {section: keys}}
+
+
+_OWN, *_REST = PURDY_DAMPER.quantities
+# What two runs have that is told where it differs; of none of these anything else is told.
+DIFFERING: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "serials": ({"test": {"serial": "7"}}, {"test": {"serial": "8"}}),
+    "filters": tuple(_configured("conditioning", filter_corner=f) for f in ("30Hz", "60Hz")),
+    "held": tuple(_configured("identification", fix=fix) for fix in ({}, {"f_f": "50N"})),
+    "held as text": tuple(_configured("identification", fix={"f_f": f}) for f in (50, 50.0)),
+    "held elsewhere": tuple(_configured("identification", fix={"f_f": f}) for f in (50, 51)),
+    "versions": ({"version": "1.0"}, {"version": "1.1"}),
+    "same logs": ({"inputs": [_X]}, {"inputs": [_X | {"log": "y.csv"}]}),
+    "both reversed": (
+        {"inputs": [_X | {"reversed": []}]},
+        {"inputs": [_X | {"reversed": ["displacement", "force"]}]},
+    ),
+    "force reversed": (_LEFT, {"inputs": [_X | {"reversed": []}]}),
+    "other logs reversed": (_LEFT, {"inputs": [_X | {"sha256": "cd", "reversed": []}]}),
+    "an older run": (_LEFT, {"inputs": [_X]}),
+    "gas": ({}, {"damper": replace(PURDY_DAMPER, gas_pressure=5.6e5)}),
+    "models": ({}, {"damper": model_named("twin_tube")}),
+    "units": ({}, {"quantities": (replace(_OWN, unit="furlong"), *_REST)}),
+}
+NONE = [SimpleNamespace(sentence="nothing")]
+
+
 def compared() -> dict[str, Any]:
     """Return what is told of measured runs side by side, and of each kind of line and point."""
     first = run_of_tests(measured(1, noise=1.0), measured(2, noise=1.0), name="before")
@@ -218,11 +255,16 @@ def compared() -> dict[str, Any]:
     ]
     lines = [line_of(one, *(Reading(n, 1.0, scale=s) for n in pair)) for one, s, *pair in told]
     lines = surely_different(lines)
+    pairs = ((name, fitted(1, **a), fitted(1, name="b", **b)) for name, (a, b) in DIFFERING.items())
+    differing = [
+        f"{name}: {one.sentence}" for name, *both in pairs for one in circumstances(*both) or NONE
+    ]
     place = ("b\x1b", "3", 0.26, "rebound")
     points = [Point(*place, one, 90.0, 110.0, 1.0) for one in (100.0, 112.0, 109.5, 110.0)]
     points.append(Point(*place, math.nan, 90.0, 110.0, 1.0, reason="not tested"))
     return {
         "comparison.md": comparison_markdown([comparison], met, source=tolerated_by, alone=[EVIL]),
+        "circumstances": differing,
         "differences": [f"{one.subject.place()}: {verdict_of(one)}" for one in lines],
         "by how much": [difference_of(one) for one in lines],
         "tolerance": [*(one.words for one in points), tolerance_outcome(points)],

@@ -37,10 +37,10 @@ def once(*traces, **how):
     return found
 
 
-def checked(*traces, overlay=None):
+def checked(*traces):
     """What contradicts among logs of one motion is left out."""
     found = batch(*traces)
-    without_contradictions(found, load_configuration(overlay=overlay), is_law_open=True)
+    without_contradictions(found, load_configuration(), is_law_open=True)
     return found
 
 
@@ -72,7 +72,6 @@ def test_one_test_under_two_settings_is_a_failure_of_both():
     found = once(first, replace(first, name="b.csv", setting=Setting.of(4)), log("c.csv", 5))
     assert names(found) == ["c.csv"]
     (failure,) = found.failures
-    assert failure.kind == "ContradictionError"
     assert "a.csv setting 3, b.csv setting 4" in failure.message
 
 
@@ -104,8 +103,9 @@ def test_the_first_samples_tell_nothing_that_all_do_not(share, counts, part):
     ],
 )
 def test_what_contradicts(change, is_contradiction):
-    found = checked(log("a.csv"), log("b.csv", **change))
-    assert (found.traces == []) is bool(found.failures) is is_contradiction
+    found = checked(log("a.csv"), log("b.csv", **change), log("c.csv", 2))
+    assert names(found) == (["c.csv"] if is_contradiction else ["a.csv", "b.csv", "c.csv"])
+    assert [one.setting for one in found.failures] == [1] * is_contradiction
 
 
 @pytest.mark.parametrize(
@@ -118,20 +118,3 @@ def test_what_differs_beyond_the_scatter_is_told_and_fitted(rebound, noise, is_t
     assert (names(found), found.failures) == (["a.csv", "b.csv"], [])
     begin = "setting 1: a.csv and b.csv differ by more than their cycles scatter: peak"
     assert [str(one).startswith(begin) for one in found.remarks] == [True] * is_told
-
-
-def test_a_contradiction_is_told_by_name_and_costs_its_setting_alone():
-    other = log("b.csv", rebound=1300.0, temperature=60.0)
-    found = checked(log("a.csv"), other, log("c.csv", 2))
-    assert names(found) == ["c.csv"]
-    (failure,) = found.failures
-    assert failure.setting == 1
-    assert failure.message.startswith(
-        "setting 1: a.csv and b.csv contradict each other: peak force in rebound 1000 N and 1300 N "
-        "at 0.3 m/s, 26.1 % apart, at 26 and 60 degC (covariate temperature fits both), more "
-        "than their scatter; "
-    )
-    assert "--rig contradictions=average" in failure.message
-    averaged = checked(log("a.csv"), other, overlay={"rig": {"contradictions": "average"}})
-    assert (names(averaged), averaged.failures) == (["a.csv", "b.csv"], [])
-    assert "a.csv and b.csv contradict" in str(averaged.remarks[0])
