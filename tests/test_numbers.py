@@ -845,7 +845,7 @@ def valve_kinds() -> Any:
 @case
 def batches() -> Any:
     """Copies, contradictions and temperatures of one setting; signs of a batch."""
-    one, warm = SINE(), log(sine(), temperature=41.0, name="warm.csv")
+    one, warm = SINE(), log(sine(7.3), temperature=41.0, name="warm.csv")
     other = replace(log(sine(7.3), reference_parameters(11)), name="other.csv")
     rounded = replace(FORCE(lambda y, _: np.round(y, 1))(one), name="copy.csv")
     elsewhere = replace(rounded, setting=Setting.of(11))

@@ -43,11 +43,12 @@ def copies_in(traces: Sequence[Trace], files: Mapping[str, str]) -> dict[str, li
     by_length: dict[int, list[tuple[Trace, float]]] = defaultdict(list)
     for trace in traces:
         norm, alike = float(np.linalg.norm(trace.force)), by_length[len(trace.force)]
+        file = files.get(trace.name)  # none of what is given in memory, each of which is its own
         reach = (1.0 + _ROUNDING) * math.sqrt(len(trace.force)) * _SAME
         for other, its_norm in alike:
             # No further than forces of the same test may lie from each other, as vectors.
             is_near = abs(norm - its_norm) <= reach * float(np.ptp(other.force) or 1.0)
-            is_other_file = files.get(other.name) != files.get(trace.name)
+            is_other_file = not file or files.get(other.name) != file
             if is_near and is_other_file and is_same_test(other, trace):
                 copies[other.name].append(trace)
                 break

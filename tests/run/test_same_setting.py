@@ -67,14 +67,6 @@ def test_the_same_test_counts_once_and_is_not_held_out():
     assert list(map(str, found.remarks)) == [told]
 
 
-def test_one_test_under_two_settings_is_a_failure_of_both():
-    first = log("a.csv", 3)
-    found = once(first, replace(first, name="b.csv", setting=Setting.of(4)), log("c.csv", 5))
-    assert names(found) == ["c.csv"]
-    (failure,) = found.failures
-    assert "a.csv setting 3, b.csv setting 4" in failure.message
-
-
 @pytest.mark.parametrize(("share", "counts"), [(0.999, 1), (1.001, 2)])
 @pytest.mark.parametrize("part", [slice(0, 111), slice(-111, None), slice(None)])
 def test_the_first_samples_tell_nothing_that_all_do_not(share, counts, part):
