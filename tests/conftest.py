@@ -78,7 +78,6 @@ def pytest_configure(config):
     if config.option.dist == "no" or config.getoption("--hypothesis-profile"):
         _have_profiles()  # the controller of workers needs none
     if hasattr(config, "workerinput"):
-        _say_less(config)
         return
     # Some hundred processes of this run load the package: a tenth of each of them.
     work = [(_compiled, path) for path in PACKAGE.rglob("*.py")]
@@ -96,29 +95,6 @@ def _have_profiles():
     settings.register_profile("damperfit", max_examples=30, **quiet)
     settings.register_profile("thorough", max_examples=300, **quiet)
     settings.load_profile("damperfit")
-
-
-def _say_less(config):
-    """Send the controller no word of what it does not count: three of six messages of each test."""
-    asked = config.option
-    if asked.verbose > 0 or asked.durations is not None or asked.xmlpath:
-        return
-
-    def is_idle(name, report=None):
-        return name == "logstart" or (
-            name == "testreport"
-            and (report["when"], report["outcome"]) in {("setup", "passed"), ("teardown", "passed")}
-            and not report["sections"]
-        )
-
-    for plugin in config.pluginmanager.get_plugins():
-        if type(plugin).__name__ == "WorkerInteractor":
-
-            def send(name, send=plugin.sendevent, **what):
-                if not is_idle(name, what.get("data")):
-                    send(name, **what)
-
-            plugin.sendevent = send
 
 
 def _compiled(path):

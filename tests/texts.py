@@ -14,6 +14,7 @@ from typing import Any
 
 from matplotlib.text import Text
 
+from damperfit.adjustment.force_at import Stage
 from damperfit.checks import Check
 from damperfit.comparison.comparing import (
     ComparisonOptions,
@@ -27,9 +28,13 @@ from damperfit.comparison.comparing import compared as line_of
 from damperfit.comparison.measured import Reading, Topic
 from damperfit.comparison.tolerance import Point, parse_tolerance, tolerated
 from damperfit.damper.model import model_named
+from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.rivals import Linear
+from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.identification import Outcome
 from damperfit.problem import Failure, Problem, failure_lines, short_listing
+from damperfit.queries.settings import notes_on_settings, notes_on_simulation
 from damperfit.reporting.compared import (
     comparison_markdown,
     junit_report,
@@ -238,6 +243,21 @@ DIFFERING: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 NONE = [SimpleNamespace(sentence="nothing")]
 
 
+def of_the_rig() -> list[str]:
+    """Return what is said of forces that the rig is in: what `export` writes has the damper's."""
+    told, late, soft = [], {"lag": FIT}, {"series_stiffness": FIT}
+    parts = ({}, late, {"lag": 0.008}, soft | {"play": FIT}, soft | late)
+    for mounting, offset in ((parts[0], 0.0), (parts[0], 12.0), *((one, -3.4) for one in parts)):
+        damper = ThroughFlow(mounting=Mounting(**({"series_stiffness": "none"} | mounting)))
+        numbers = {one.name: one.plausible[0] for one in damper.quantities}
+        values = damper.values(numbers | {"f_0": offset})
+        told += [f"{mounting}, {offset:g} N", *notes_on_simulation(damper, values)]
+        told += notes_on_settings(damper, [Stage(Setting.of(1), values)])
+    linear = Linear()  # its offset holds the gas force: it is not the rig's alone
+    values = linear.values({"c": 1e3, "f_0": -130.0})
+    return [*told, "no gas", *notes_on_simulation(linear, values)]
+
+
 def compared() -> dict[str, Any]:
     """Return what is told of measured runs side by side, and of each kind of line and point."""
     first = run_of_tests(measured(1, noise=1.0), measured(2, noise=1.0), name="before")
@@ -314,6 +334,7 @@ def texts() -> dict[str, str]:
         [text_table(inspection_sheet(LOGS)), *finding_lines(LOGS, has_notes=True)]
     )
     told |= {f"of many: {name}": "\n".join(lines).rstrip("\n") for name, lines in many().items()}
+    told["what the rig adds"] = "\n".join(of_the_rig())
     for name, lines in compared().items():
         text = lines if isinstance(lines, str) else "\n".join(lines)
         told[f"compared: {name}"] = text.rstrip("\n")

@@ -163,6 +163,9 @@ damper = 3 -> write \[damper\]
 [rig] | reverse_force = 1 -> expected true, false or 'detect', found 1
 [rig] | skew = '2mm' -> :2: rig\.skew: no unit of time 'mm'
 [rig] | skew = '3s' -> skew: expected 'auto' or at most 0\.1 s
+[rig] | tested_at.tear = '3N' -> tested_at: no 'tear'; there are .*Did you mean 'tare'
+[rig] | tested_at.gas_pressure = '8bar' -> tested_at.gas_pressure: found '8bar', expected a unit
+[rig.profiles.lab] | tested_at.tare = '8mm' -> tested_at.tare: found '8mm'
 [rig] | setting_pattern = '(' -> setting_pattern.*regular expression
 [rig] | profile = 'lab' -> no profile 'lab'
 [rig.profiles.lab] | file = 'x' -> unknown key 'file' in \[rig\.profiles\.lab\].*'files'
@@ -209,20 +212,6 @@ def test_a_mistake_is_told_with_its_place(write, row: str) -> None:
     ) as caught:
         load_configuration(write(text))
     assert "\n" not in str(caught.value)
-
-
-def test_files_that_are_no_configuration_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
-    (tmp_path / "big").write_text("# " + "x" * 1_100_000)
-    told = {
-        "none.toml": "No such file",
-        "": "cannot be read",
-        "binary": "UTF-8",
-        "big": "than 1 MB",
-    }
-    for name, says in told.items():
-        with pytest.raises(ConfigurationError, match=says):
-            load_configuration(tmp_path / name)
 
 
 SECTIONS = default_document()

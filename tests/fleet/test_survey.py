@@ -340,14 +340,8 @@ def test_a_page_and_a_tolerance_of_parts(tmp_path, capsys):
     assert "D3, setting 2, 0.26 m/s rebound: FAILS" in told
     assert not (there / "fleet.html").exists()
     assert main(["fleet", "--tolerance", "5%", "--report", "--json", *out]) == 4
-    document = json.loads(capsys.readouterr().out)
-    assert document["dampers_out_of_tolerance"] == ["D3"]
-    assert [point["run"] for point in document["points"]] == ["D3"]
-    assert len(pd.read_csv(there / "fleet_tolerance.csv")) == 1
+    assert json.loads(capsys.readouterr().out)["dampers_out_of_tolerance"] == ["D3"]
     assert "1 of 10 dampers are outside" in (there / "fleet.html").read_text()
     assert (there / "fleet.html").stat().st_size < 1e6  # its script stands beside it
     assert (there / "plotly.min.js").exists()
-    assert len(pd.read_csv(there / "fleet_dampers.csv")) == 10
-    outliers = pd.read_csv(there / "fleet_outliers.csv")
-    assert outliers[["damper", "series", "value"]].to_numpy().tolist() == [["D3", REBOUND, 5000.0]]
     assert main(["fleet", "--tolerance", "400%", *out]) == 0

@@ -12,7 +12,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.errors import LogError
-from damperfit.io.files import MAX_TEXT, IrregularFileError, read_bytes, read_source, read_text
+from damperfit.io.files import MAX_TEXT, read_source
 from tests.report_folder import make_results
 
 SAMPLE = Path(__file__).parents[2] / "sample_runs" / "setting_10.csv"
@@ -75,17 +75,6 @@ def test_a_results_folder_with_no_files_in_it_is_never_waited_for(ended, tmp_pat
     os.mkfifo(folder / file)
     for command in ("report", "settings"):
         assert ended(command, folder)[0] in {0, 1, 2}
-
-
-def test_bytes_up_to_a_limit_and_text_with_its_mark(tmp_path) -> None:
-    path = tmp_path / "a"
-    path.write_bytes(b"\xef\xbb\xbfabc")
-    assert read_bytes(path, max_bytes=6) == b"\xef\xbb\xbfabc"
-    assert read_text(path) == "abc"
-    with pytest.raises(IrregularFileError, match="larger than"):
-        read_bytes(path, max_bytes=5)
-    with pytest.raises(IsADirectoryError):
-        read_bytes(tmp_path)
 
 
 def test_of_a_log_above_the_limit_nothing_is_read(tmp_path, monkeypatch) -> None:

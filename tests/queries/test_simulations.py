@@ -7,15 +7,10 @@ from pathlib import Path
 import pytest
 
 import damperfit
-from damperfit.adjustment.force_at import Stage
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.mounting import FIT, Mounting
-from damperfit.damper.rivals import Linear
-from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Status
-from damperfit.queries.settings import notes_on_settings, notes_on_simulation
 from damperfit.queries.simulations import (
     ChosenParameters,
     choose_parameters,
@@ -24,7 +19,6 @@ from damperfit.queries.simulations import (
 )
 from damperfit.results import Tested
 from damperfit.tables.files import write_table
-from damperfit.tested.setting import Setting
 from tests import fakes
 from tests.fakes import make_tables
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
@@ -101,48 +95,6 @@ def test_the_run_tells_at_which_temperatures_it_was(tmp_path: Path) -> None:
     record = {"configuration": {"damper": {}}, "inputs": logs}
     (tmp_path / "run.json").write_text(json.dumps(record))
     assert choose_parameters(setting=1, table=path, replaced={}).tested.temperatures == (21.5, 48.0)
-
-
-# Forces that the rig is in say so: what `export` writes is of the damper alone.
-
-ALONE = (
-    "in these forces; what damperfit settings shows and damperfit export writes is of the damper "
-    "alone"
-)
-
-
-def mounted(offset=0.0, **parts):
-    damper = ThroughFlow(mounting=Mounting(**({"series_stiffness": "none"} | parts)))
-    numbers = {one.name: one.plausible[0] for one in damper.quantities}
-    return damper, damper.values(numbers | {"f_0": offset})
-
-
-@pytest.mark.parametrize(
-    ("parts", "offset", "said"),
-    [
-        ({}, 0.0, None),
-        *(({"lag": lag}, 0.0, "lag of the force is") for lag in (FIT, 0.008)),
-        ({"series_stiffness": FIT, "play": FIT}, 0.0, "series stiffness and play are"),
-        ({}, 12.0, "force offset of 12 N is"),
-        (
-            {"series_stiffness": FIT, "lag": FIT},
-            -3.4,
-            "series stiffness, lag of the force and force offset of -3.4 N are",
-        ),
-    ],
-)
-def test_a_simulated_force_names_what_the_rig_adds(parts, offset, said) -> None:
-    found = list(notes_on_simulation(*mounted(offset, **parts)))
-    assert found == ([] if said is None else [f"the rig's {said} {ALONE}"])
-
-
-def test_forces_by_setting_name_the_mounting_and_that_the_tare_is_left_out() -> None:
-    damper, values = mounted(12.0, series_stiffness=FIT)
-    tare, rig = notes_on_settings(damper, [Stage(Setting.of(1), values)])
-    assert tare.startswith("the force offset (12 N) is the rig's tare")
-    assert rig == "the rig's series stiffness is in measured forces, not in the model's"
-    model = Linear()  # its offset holds the gas force: it is not the rig's alone
-    assert list(notes_on_simulation(model, model.values({"c": 1e3, "f_0": -130.0}))) == []
 
 
 # One parameter varied: the paper's sensitivities at setting 10 (Figs 4 to 9).

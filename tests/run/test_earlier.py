@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from damperfit.results import forget_figures, forget_others
+from damperfit.results import forget_others
 
 BESIDE = ["A1", "B_2"]
 
@@ -33,17 +33,3 @@ def test_folders_of_several_dampers_go_and_what_another_command_put_there_stays(
     assert [path.name for path in (tmp_path / "A1").iterdir()] == ["notes.txt"]
     for name in ("mine", "renamed", *left):
         assert json.loads((tmp_path / name / "run.json").read_text()) is not None
-
-
-@pytest.mark.parametrize(
-    ("name", "goes"),
-    [
-        *(("parameter_rebound_seat.png", True), ("setting_R12_C8_log_2_force_time.svg", True)),
-        *(("setting_02_valves.pdf", True), ("my_force_time.png", False), ("mse.csv", False)),
-    ],
-)
-def test_figures_go_by_the_names_that_they_are_drawn_under(tmp_path, name, goes) -> None:
-    (tmp_path / "figures").mkdir()
-    (tmp_path / "figures" / name).write_bytes(b"drawn")
-    forget_figures(tmp_path)
-    assert (tmp_path / "figures" / name).exists() is not goes

@@ -70,20 +70,6 @@ def test_a_log_with_a_thermometer_needs_no_word_of_its_own(tmp_path) -> None:
     assert found == [{"temperature": 40.0}, {}]
 
 
-@pytest.mark.parametrize(
-    ("facts", "says"),
-    [
-        ({"tear": "3N"}, r"tested_at: no 'tear'; there are gas_pressure.*Did you mean 'tare'"),
-        ({"gas_pressure": "8bar"}, r"tested_at.gas_pressure: found '8bar', expected a unit that"),
-        ({"tare": "8mm"}, r"tested_at.tare: found '8mm'"),
-    ],
-)
-@pytest.mark.parametrize("where", ["rig", "profile"])
-def test_what_is_no_fact_of_a_test_is_refused(tmp_path, facts, says, where) -> None:
-    with pytest.raises(ConfigurationError, match=says):
-        configuration(tmp_path, **{where: facts})
-
-
 def test_the_batch_holds_what_its_profile_tells(tmp_path) -> None:
     log = rig.recording(5, duration=5.0)
     path = tmp_path / "bench_1.csv"
