@@ -9,7 +9,7 @@ import os
 import sys
 
 _ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH120 - no pathlib yet
-CLOSED_STREAMS: set[str] = set()  # names of those that nobody reads: "stdout", "stderr"
+CLOSED_STREAMS: set[str] = set()  # names of those that are closed: "stdout", "stderr"
 
 
 def begin() -> None:
@@ -40,7 +40,7 @@ def child_environment() -> dict[str, str]:
 
 
 def _import_path() -> tuple[str, list[str]]:
-    """Return what may stay of PYTHONPATH, and the folders that may not."""
+    """Return the part of PYTHONPATH that may stay, and the folders that may not."""
     entries = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     kept = [folder for folder in entries if os.path.isabs(folder) and not _is_here(folder)]  # noqa: PTH117
     return os.pathsep.join(kept), [_absolute(folder) for folder in entries if folder not in kept]

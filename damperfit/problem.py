@@ -68,7 +68,7 @@ class Words(NamedTuple):
     call: str = ""
 
     def named(self, option: Option) -> str:
-        """Return what is called an option within a sentence."""
+        """Return the name of an option within a sentence."""
         name, key, value = option.name, option.key, str(option.value)
         if not self.call:
             given = f"{key}={value}" if key and value else key or value
@@ -91,7 +91,7 @@ class Words(NamedTuple):
         return f"{name}={{{section!r}: {inside}}}" if section else f"{name}={inside}"
 
     def asked(self, option: Option) -> str:
-        """Return how a sentence begins that is about an option."""
+        """Return the beginning of a sentence about an option."""
         if not self.call:
             return self.named(option)
         return f"{self.call}({self.named(option._replace(value=option.value or '...'))})"
@@ -276,7 +276,7 @@ class Failure:
 
 
 def counted(number: int, noun: str) -> str:
-    """Return how many of something there are, such as "1 log" or "2 logs"."""
+    """Return a count in words, such as "1 log" or "2 logs"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 

@@ -99,7 +99,7 @@ def file_set(folder: Path, *, spares_others: bool = False) -> Iterator[FileSet]:
     The folder is made when it does not exist. When the block raises, no target has changed and no
     temporary file is left. Sets of one folder are written one after the other, so that no block
     opens a second one there. With ``spares_others`` a ConfigurationError refuses to write over a
-    file of another origin; an OutputError tells that the folder cannot be written.
+    file of another origin; an OutputError says that the folder cannot be written.
     """
     files = None
     try:
@@ -266,7 +266,7 @@ def _locked(path: Path, *, patience: float, refusal: str) -> Iterator[bool]:
 
 
 def _is_held(path: Path) -> bool:
-    """Whether somebody holds a lock; that of a killed process goes."""
+    """Whether a lock is held; that of a killed process goes."""
     try:
         with _locked(path, patience=0.0, refusal=""):
             return False
@@ -280,7 +280,7 @@ def _lock_held(path: Path) -> Iterator[tuple[int, bool]]:
     no_link = getattr(os, "O_NOFOLLOW", 0)
     try:
         number = os.open(path, os.O_RDWR | os.O_CREAT | no_link, 0o666)
-    except PermissionError:  # what a killed run of somebody else left
+    except PermissionError:  # left by a killed run of another user
         number = os.open(path, os.O_RDONLY | no_link)
     try:
         has_locks = _lock(number, is_held=True)
@@ -295,7 +295,7 @@ def _lock_held(path: Path) -> Iterator[tuple[int, bool]]:
 
 
 def _lock(number: int, *, is_held: bool) -> bool:
-    """Lock or unlock an open file, False without locks; a BlockingIOError: somebody holds it."""
+    """Lock or unlock an open file, False without locks; a BlockingIOError: it is held."""
     if os.name == "nt":
         import msvcrt
 

@@ -56,7 +56,7 @@ Threads = ThreadPoolExecutor
 
 @contextmanager
 def executor(jobs: int) -> Iterator[InTurn | Threads]:
-    """Yield who does ``jobs`` things at a time in this process; for one no thread is made."""
+    """Yield an executor of ``jobs`` things at a time in this process; for one without a thread."""
     if jobs <= 1:
         yield InTurn()
         return
@@ -127,11 +127,9 @@ def raised_in_copy(take: Callable[..., None]) -> Callable[..., None]:
 
 
 def _may_be_copied() -> bool:
-    """Whether a copy can do what this process does; a copy itself makes none.
-
-    A lock that another thread of Python holds stays locked in a copy for ever; the threads of Arrow
-    and of OpenBLAS are made anew there. Libraries of macOS abort in one, Windows has none.
-    """
+    """Whether a copy can do what this process does; a copy itself makes none."""
+    # A lock that another thread of Python holds stays locked in a copy for ever; the threads of
+    # Arrow and OpenBLAS are made anew there. Libraries of macOS abort in one, Windows has none.
     is_main = threading.current_thread() is threading.main_thread()
     is_alone = is_main and threading.active_count() == 1
     return sys.platform == "linux" and is_alone and not _is_copy

@@ -146,7 +146,7 @@ def with_options(run: Callable[..., Any], parameters: Sequence[Parameter]) -> Ca
 
 
 def _listed(*places: str) -> Callable[[Any], Iterable[str]]:
-    """Return what gives the names of tables in modules."""
+    """Return a function of the names of tables in modules."""
     parts = [place.rpartition(".") for place in places]
     return lambda _: [n for module, _, own in parts for n in getattr(import_module(module), own)]
 
@@ -256,7 +256,7 @@ class PanelledCommand(TyperCommand):
         return rest
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Return what follows the command's name in its usage."""
+        """Return the words after the command's name in its usage."""
         params = self.get_params(ctx)
         return ["[OPTIONS]", *(_word(p) for p in params if p.param_type_name == "argument")]
 

@@ -52,7 +52,7 @@ def one_line(text: str) -> str:
 def say(text: str, level: int = logging.INFO) -> None:
     """Write one line for people to stderr, and into the log file if there is one."""
     record(logging.WARNING if text.startswith("warning: ") else level, one_line(text))
-    with suppress(OSError):  # nobody listens; the work goes on
+    with suppress(OSError):  # without a reader the work goes on
         _write(sys.stderr, one_line(text) + "\n")
 
 
@@ -159,7 +159,7 @@ def screen_columns() -> int:
 
 
 def spark_levels() -> str:
-    """Return the characters of a sparkline that whoever reads stdout can show."""
+    """Return the characters of a sparkline that the reader of stdout can show."""
     from damperfit.reporting.tables import ASCII_LEVELS, BLOCK_LEVELS
 
     # A pipe is given UTF-8 by `shield_streams`, so what was asked for is looked at first.
@@ -473,6 +473,6 @@ def _bar(*, of_fleet: bool) -> Any:
     columns: list[Any] = [progress.TextColumn("{task.description}"), progress.BarColumn()]
     columns += [progress.MofNCompleteColumn()]
     columns += [Rate(), progress.TimeRemainingColumn()] if of_fleet else []
-    # Drawn by whoever counts: beside a thread that draws no copy of this process can be made.
+    # Drawn by the counting thread: with a second thread no copy of this process can be made.
     console = Console(stderr=True)
     return progress.Progress(*columns, console=console, transient=True, auto_refresh=of_fleet)

@@ -33,7 +33,7 @@ class _App(typer.Typer):
 
     def __call__(self, argv: Sequence[str], **how: Any) -> Any:
         typed = argv[0] if argv else ""
-        is_alone = typed in _names and typed != "help"  # which tells of all
+        is_alone = typed in _names and typed != "help"  # which lists all
         return typer.Typer.__call__(_alone(self, typed) if is_alone else self, argv, **how)
 
 
@@ -117,7 +117,7 @@ def _ended_with(argv: list[str]) -> int:
         message, exit_code = _explain(error)
         if "--debug" in argv:
             say_lines(traceback.format_exc())
-        elif not hasattr(error, "format_message"):  # where an option was mistyped tells nobody
+        elif not hasattr(error, "format_message"):  # a mistyped option needs no traceback
             record(logging.DEBUG, traceback.format_exc())
         say(f"damperfit: {message}", logging.ERROR)
         unprinted()
@@ -133,7 +133,7 @@ def _ended_with(argv: list[str]) -> int:
 
 
 def _explain(error: Exception) -> tuple[str, int]:  # noqa: PLR0911 - one a kind of error
-    """Return what to tell the user, and the exit code."""
+    """Return the message for the user, and the exit code."""
     if isinstance(error, DamperfitError):
         return error.problem.sentence(), error.exit_code
     if hasattr(error, "format_message"):  # every usage error of typer, with the misused command

@@ -2,7 +2,7 @@
 
 The force by speed is the characteristic of the damper alone: the valves at constant speed through
 the middle of the stroke, without what the rig adds (mounting, play, moving mass, lag, tare) and
-what only moves with the stroke, the elasticity of the oil and the gas, which is handed over apart.
+what only moves with the stroke, the elasticity of the oil and the gas, which is exported apart.
 Friction is in; it jumps at rest, so the table goes straight through 0 0 below its first speed.
 Points lie close where cars are tuned, and where the straight line between two of them misses the
 force, as at the opening of a valve. A table ends at the tested speed unless someone asks for more;
@@ -56,7 +56,7 @@ from damperfit.units.shown_units import SI, ShownUnits
 # m/s: low-speed adjusters of cars work at 5 to 50 mm/s; beyond, each point is a fifth farther.
 _TUNED = (5e-3, 7.5e-3, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.035, 0.04, 0.045, 0.05)
 _FARTHER = 1.2
-_HALVED = 6  # times, between two points whose line misses
+_HALVED = 6  # times, between two points
 _MISS, _LEAST_MISS = 3e-3, 0.1  # of the force, and N
 _FARTHEST = 5.0  # times the tested speed; the model says little of the damper beyond
 _GAS_POINTS = 13
@@ -90,7 +90,7 @@ def exported_run(
 ) -> ExportedRun:
     """Read a results folder, or a fleet's part, for a target.
 
-    The damper of ``config`` is taken where the run does not tell its own; ``temperature`` is the
+    The damper of ``config`` is taken where the run does not hold its own; ``temperature`` is the
     oil's, where the damper follows it: the reference temperature by default.
     """
     run = Run.load(folder, parts=("parameters",), config=config, temperature=temperature)
@@ -227,10 +227,7 @@ def force_tables(
 def _characteristics(
     damper: Model, fits: Sequence[SettingResult], tops: set[float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return speeds of both strokes, with those of ``tops``, and forces (n settings, m speeds).
-
-    Speeds are added between two where the straight line misses the force of a setting.
-    """
+    """Return speeds of both strokes, with those of ``tops``, and forces (n settings, m speeds)."""
     top = max(tops)
     side = [min(1.0, top / (2.0 * _TUNED[-1])) * speed for speed in _TUNED]
     while side[-1] * _FARTHER < top:
@@ -248,7 +245,7 @@ def _characteristics(
     forces = at(grid)
     forces[:, grid == 0.0] = 0.0
     is_new = (grid[1:] != 0.0) & (grid[:-1] != 0.0)  # friction jumps at rest
-    for _ in range(_HALVED):
+    for _ in range(_HALVED):  # where the straight line between two points misses
         place = np.flatnonzero(is_new)
         middle = 0.5 * (grid[place] + grid[place + 1])
         line, there = 0.5 * (forces[:, place] + forces[:, place + 1]), at(middle)
@@ -347,7 +344,7 @@ def standard_road() -> Motion:
 
 
 def road_misses(run: ExportedRun, table: ForceTable) -> tuple[RoadMiss, ...]:
-    """Return how far a table is from the damper's dynamics on the road, at three speeds."""
+    """Return the errors of a table against the damper's dynamics on the road, at three speeds."""
     fitted = next(fit.values for fit in run.settings if fit.setting == table.setting)
     damper, values = run.damper, without_rig(fitted)
     if damper.rest_force(0.0) is None:  # the offset holds the gas force, and stays
@@ -386,7 +383,7 @@ def one_line(text: str) -> str:
 def header_lines(
     run: ExportedRun, tables: Sequence[ForceTable], *, sign: str, gas: str, has_table: bool = True
 ) -> list[str]:
-    """Return whose damper it is, the tested range, the MSE; what is in the file and what is not.
+    """Return the identity, the tested range and the MSE; what is in the file and what is not.
 
     ``sign`` says what is positive, ``gas`` where the gas force is. Without a table the file holds
     the equations.
@@ -428,7 +425,7 @@ def header_lines(
 
 
 def taken_out(run: ExportedRun) -> str:
-    """Return what was fitted and is not in the file: mounting, play, mass, lag, tare."""
+    """Return the fitted values that are not in the file: mounting, play, mass, lag, tare."""
     parts = []
     for quantity in run.damper.quantities:
         name = quantity.name
@@ -480,7 +477,7 @@ def determined_line(tables: Sequence[ForceTable]) -> str:
 
 
 def road_line(run: ExportedRun, tables: Sequence[ForceTable]) -> str:
-    """Return how far tables are from the damper's dynamics on a road, at three speeds."""
+    """Return the errors of tables against the damper's dynamics on a road, as a sentence."""
 
     def shares(misses: Sequence[RoadMiss]) -> str:
         words = (f"{m.percent:.2g} % MSE ({m.rms:.3g} N rms) at {m.speed:.2g} m/s" for m in misses)
@@ -498,13 +495,13 @@ def road_line(run: ExportedRun, tables: Sequence[ForceTable]) -> str:
     return sentence
 
 
-def interval_lines(table: ForceTable, speed: float = 1.0, sign: float = 1.0) -> list[str]:
+def interval_lines(table: ForceTable, speed: float) -> list[str]:
     """Return the 95 % interval of each force, in a file's units and signs, as lines."""
     if not table.has_interval:
         return ["95 % interval of the forces: not known"]
     rows = [f"95 % interval of the forces: {'mm/s' if abs(speed) > 1.0 else 'm/s'}, low N, high N"]
     for v, *limits in zip(table.speeds, table.low, table.high, strict=True):
-        low, high = sorted(sign * end for end in limits)
+        low, high = sorted(math.copysign(1.0, speed) * limit for limit in limits)
         rows.append(f"  {speed * v + 0.0:.6g} {low:.3f} {high:.3f}")
     return rows
 
@@ -569,7 +566,7 @@ class Target:
         return out.parent, out.stem
 
     def export(self, run: ExportedRun, options: ExportOptions = ExportOptions()) -> Export:
-        """Return what this target's files hold of a run."""
+        """Return the files of this target for a run."""
         from damperfit.exporting.fmu import missing_platforms, write_fmu
 
         has_table = self.has_table and run.damper.name not in self.physics_of
@@ -652,7 +649,7 @@ def _context(
         "table": first,
         "options": options,
         "header": header,
-        "intervals": lambda speed=1.0, of=first: interval_lines(of, speed, np.sign(speed)),
+        "intervals": lambda speed=1.0, of=first: interval_lines(of, speed),
         "comments": lambda mark, lines: "\n".join(f"{mark} {line}".rstrip() for line in lines),
         "rebound": _REBOUND,
         "ranges": [(range_, list(rows)) for range_, rows in ranges],
@@ -826,11 +823,7 @@ def _workbook(
 def _csv_files(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
 ) -> dict[str, bytes]:
-    """Return a row for each setting and speed, every table of the results, and what it is about.
-
-    With a decimal comma the cells stand between semicolons, as spreadsheets of those countries read
-    and write them. What other targets say in a comment stands in a text file: CSV has no comments.
-    """
+    """Return a row a setting and speed, all tables of the results, and their header as text."""
     shown, mark, stem = options.units, options.decimal, options.stem
 
     def text_of(cell: Any) -> str:
@@ -843,6 +836,7 @@ def _csv_files(
 
     def content(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
         file = io.StringIO()
+        # With a decimal comma spreadsheets expect semicolons between cells.
         writer = csv.writer(file, delimiter=";" if mark == "," else ",", lineterminator="\n")
         writer.writerow(head)
         writer.writerows(["" if cell is None else text_of(cell) for cell in row] for row in rows)

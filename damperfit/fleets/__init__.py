@@ -1,4 +1,4 @@
-"""Many dampers: one Parquet part each, written by whoever fits it, and never done twice.
+"""Many dampers: one Parquet part each, written by the worker that fits it, never done twice.
 
 LOGS --sources--> files --tasks--> DamperTask (one damper) --workers--> part
      parts --collect--> one table --survey--> medians, bands, who is far off --> page

@@ -28,7 +28,7 @@ from damperfit.tables.files import PART_FOLDERS, RECORD, packed, serial_in, unpa
 SERIAL = "serial"
 SYMBOL = b"symbol"  # in the metadata of a quantity's column
 COLLECTED = "fleet"  # name of the one table
-SUMMARY = "_fleet"  # of the folder of all that tells of the whole fleet
+SUMMARY = "_fleet"  # the folder of what is of the whole fleet
 _NAMELESS = "__unknown__"
 _LONGEST = 180  # characters of a folder's name
 _FACTS = b"damperfit"
@@ -100,7 +100,7 @@ def write_part(
 
 
 def read_facts_of(path: Path) -> dict[str, Any]:
-    """Return what a part holds besides its rows; nothing where it is damaged."""
+    """Return the facts in the footer of a part; none where it is damaged."""
     try:
         facts = json.loads((pq.read_metadata(path).metadata or {}).get(_FACTS, b"{}"))
     except _BROKEN:
@@ -114,7 +114,7 @@ def renew_facts(path: Path, **changed: Any) -> None:
         table = _read(path)
         record = unpacked((pq.read_metadata(path).metadata or {}).get(RECORD, b""))
     except _BROKEN:
-        return  # whoever collects it says that it is damaged
+        return  # `collect` refuses a damaged one
     write_part(path, table, read_facts_of(path) | changed, record)
 
 
@@ -129,7 +129,7 @@ def touch(path: Path) -> None:
 
 
 def forget_earlier(folder: Path) -> None:
-    """Remove parts of logs that a later part is of, whoever they were said to be of.
+    """Remove parts whose logs have a later part, also one of another damper.
 
     Two logs are the same with the same path, or with the same bytes and damper. Other tests of a
     damper stay. The latest part of a log is never removed, also not by another run at once.

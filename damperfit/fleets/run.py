@@ -150,7 +150,7 @@ def _in_unicode(name: str) -> str:
 
 
 def _owner_in_preamble(head: bytes) -> str:
-    """Return whose a log of text says it is, in the lines before its numbers."""
+    """Return the owner in the lines before the numbers of a text log; empty if none."""
     text = head.decode("utf-8", "replace")
     entries = (_ENTRY.match(line) for line in text.splitlines()[:60] if "\0" not in text)
     return identity_in({entry[1]: entry[2] for entry in entries if entry}).owner
@@ -368,11 +368,8 @@ def _part_rows(run: Run, damper: str) -> Iterator[dict[str, Any]]:
 
 
 def _schema(configuration: Configuration) -> pa.Schema:
-    """Return the columns of a part: the same for every damper of one configuration.
-
-    A setting is text here, as labels of some dampers are numbers and of others words. Of all
-    metadata a column's own is collected: with it goes the symbol of a quantity.
-    """
+    """Return the columns of a part: the same for every damper of one configuration."""
+    # Only metadata of columns is collected: with it goes the symbol of a quantity.
     names, damper = configuration.reading.adjusters, configuration.damper
     symbols = {quantity.name: {SYMBOL: quantity.symbol.encode()} for quantity in damper.quantities}
     own = [
@@ -388,6 +385,7 @@ def _schema(configuration: Configuration) -> pa.Schema:
     numbers = [named[k] for k in (0, 1) for named in columns]
     if isinstance(damper, WithTemperature):  # where its resistances and forces hold
         numbers.insert(0, _REFERENCE)
+    # A setting is text: labels of some dampers are numbers, of others words.
     first = ["damper", "date", "setting", *(() if names == (ADJUSTER,) else names)]
     return pa.schema(
         [
@@ -438,7 +436,7 @@ def run_fleet(
     do, try_log = partial(_do, configuration, folder), partial(_try_log, configuration)
 
     def tried(tasks: Iterable[DamperTask]) -> Generator[Done, None, list[DamperTask]]:
-        """Yield what became of tasks, and return those that ended their worker."""
+        """Yield the outcome of tasks, and return those that ended their worker."""
         died = []
         for task, result in engine.each(do, tasks, cancelled=cancelled):
             if isinstance(result, Died):

@@ -123,10 +123,7 @@ def _reached(address: str) -> Iterator[tuple[Any, str, str]]:
 
 
 def _listed(address: str) -> list[FleetLog]:
-    """Return the logs that an address names: one, a folder's, a pattern's.
-
-    A question mark begins its query, so that patterns know ``*`` and ``[]`` only.
-    """
+    """Return the logs that an address names: one, a folder's, a pattern's (``*`` and ``[]``)."""
     from pyarrow import fs
 
     with _reached(address) as (store, path, form):
@@ -151,7 +148,7 @@ def _listed(address: str) -> list[FleetLog]:
 
 
 def _stamp(file: Any) -> str:
-    """Return what changes with the bytes of an object; empty where its store has no ETag."""
+    """Return a text that changes with an object's bytes; empty where its store has no ETag."""
     head = {
         key.lower(): value.decode("latin-1") if isinstance(value, bytes) else str(value)
         for key, value in (file.metadata() or {}).items()
@@ -252,7 +249,7 @@ def head_of(source: FleetLog) -> bytes:
         if source.is_remote:
             with _reached(source.place) as (store, path, _), store.open_input_file(path) as file:
                 return bytes(file.read(_HEAD))
-        if not Path(source.place).is_file():  # whoever opens a pipe waits for somebody to write
+        if not Path(source.place).is_file():  # opening a pipe waits for its writer
             return b""
         with Path(source.place).open("rb") as file:
             return file.read(_HEAD)
@@ -301,7 +298,7 @@ def recognised(sources: Sequence[FleetLog], folder: Path) -> tuple[FleetLog, ...
         earlier = objects.get(source.place)
         try:
             is_same = earlier is not None and _stamp_of(source.place) == earlier.stamp
-        except UnreachableError:  # whoever fetches it says so
+        except UnreachableError:  # fetching it raises again
             return source
         return replace(source, earlier=earlier) if is_same else source
 

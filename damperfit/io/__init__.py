@@ -82,11 +82,7 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> 
 def _opened(
     path: str | os.PathLike[str], options: ReadOptions
 ) -> Iterator[tuple[Source, tuple[Table, ...], ReadOptions, tuple[str, ...]]]:
-    """Yield a file, its tables, and the options and notes of its profile.
-
-    What is wrong inside gets the file's name here: a reader tells the place in it, as in
-    ``subject=", row 5"``, or nothing.
-    """
+    """Yield a file, its tables, and the options and notes of its profile."""
     from damperfit.io.files import read_source, unpack
     from damperfit.io.formats import find_format
 
@@ -97,7 +93,7 @@ def _opened(
         source, format_notes = unpack(source, max_bytes=options.max_bytes)
         yield source, find_format(source).read(source, options), options, (*notes, *format_notes)
     except LogError as error:
-        place = error.problem.subject
+        place = error.problem.subject  # a reader's is the place in the file, as in ", row 5"
         if place and not place.startswith(","):
             raise
         raise error.at(subject=f"{name}{place}") from error.__cause__

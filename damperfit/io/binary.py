@@ -109,11 +109,9 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
 
 def _has_checksums(data: bytes) -> bool:
-    """Say whether the first page has a checksum; all pages come from one writer.
-
-    A page header is in Thrift's compact form: each 32-bit number is 0x15 and the number in groups
-    of seven bits. The first three are kind and two sizes, the fourth is the checksum.
-    """
+    """Say whether the first page has a checksum; all pages come from one writer."""
+    # A page header is in Thrift's compact form: each 32-bit number is 0x15 and the number in groups
+    # of seven bits. The first three are kind and two sizes, the fourth is the checksum.
     at = len(b"PAR1")
     for _ in range(3):
         if data[at : at + 1] != _NEXT_NUMBER:
@@ -132,7 +130,7 @@ def _is_clock(kind: Any) -> bool:
 
 
 def _texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
-    """Return what is short readable text, keys in lower case."""
+    """Return the short readable texts, keys in lower case."""
     return {
         key.decode("utf-8", "replace").lower(): value.decode("utf-8", "replace")
         for key, value in (metadata or {}).items()
@@ -141,12 +139,10 @@ def _texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
 
 
 def _numbers(column: Any) -> FloatArray:
-    """Return numbers, durations in seconds, stamps and times of day in seconds from the first.
-
-    The difference is taken in whole ticks: as floats, stamps are good to 0.2 us only.
-    """
+    """Return numbers, durations in seconds, stamps and times of day in seconds from the first."""
     import pyarrow as pa
 
+    # Differences are taken in whole ticks: as floats, stamps are good to 0.2 us only.
     kind = column.type
     if not (_is_clock(kind) or pa.types.is_duration(kind)):
         values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
@@ -170,7 +166,7 @@ class _Extent(NamedTuple):
 
     n_stored: int  # of values in the file
     cut_at: int = -1  # where the segment starts that is not whole; -1: all are
-    n_missing: int = 0  # of that segment; -1: nothing tells how many
+    n_missing: int = 0  # of that segment; -1: not known
 
 
 def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
@@ -211,7 +207,7 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
 
 def _extent(data: bytes) -> _Extent:
-    """Return how many bytes of values the segments hold, and whether the last one is whole."""
+    """Return the bytes of values in the segments, and whether the last one is whole."""
     at = total = 0
     while at < len(data):
         if at and at + _LEAD_IN > len(data) and b"TDSm".startswith(data[at : at + 4]):
@@ -277,7 +273,7 @@ def _end_of_metadata(data: bytes, at: int, order: str, contents: int) -> int:
 
 
 def _lengths(nptdms: Any, data: bytes) -> dict[tuple[str, str], int]:
-    """Return how many values each channel has, by names of group and channel."""
+    """Return the number of values of each channel, by names of group and channel."""
     groups = nptdms.TdmsFile.read_metadata(io.BytesIO(data)).groups()
     return {
         (str(g.name), str(channel.name)): len(channel) for g in groups for channel in g.channels()
@@ -287,10 +283,7 @@ def _lengths(nptdms: Any, data: bytes) -> dict[tuple[str, str], int]:
 def _lost(
     nptdms: Any, data: bytes, extent: _Extent, held: Mapping[tuple[str, str], int], *, limit: int
 ) -> str:
-    """Return what a cut file has lost, in words; empty when it is whole.
-
-    npTDMS says how long channels were meant to be when the missing bytes are put back as zeros.
-    """
+    """Return in words the values that a cut file lacks; empty when it is whole."""
     if extent.cut_at < 0:
         return ""
     where = f"the segment at byte {extent.cut_at} is not whole"
@@ -299,6 +292,7 @@ def _lost(
         return f"{where} and how much is missing is not known; values left: {left or 'none'}"
     if len(data) + extent.n_missing > limit:
         return f"{where}; {extent.n_missing} bytes are missing"
+    # With the missing bytes put back as zeros npTDMS gives the lengths that were meant.
     whole = _lengths(nptdms, data + bytes(extent.n_missing))
     counts = {name: (n - held.get(name, 0), n) for name, n in whole.items()}
     shown = [f"{visible(name)} lost {k} of {n}" for (_, name), (k, n) in counts.items() if k]
@@ -306,7 +300,7 @@ def _lost(
 
 
 def _n_bytes(channel: Any) -> int:
-    """Return how many bytes the values of a channel take in the file."""
+    """Return the bytes that the values of a channel take in the file."""
     values = channel[:]
     if (size := getattr(channel.data_type, "size", None)) is not None:
         return int(size) * len(values)

@@ -32,7 +32,7 @@ from damperfit.io.options import ReadOptions
 from damperfit.own_process import child_environment
 
 _TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; libraries take seconds to load
-_IDLE = 10.0  # s after which a child ends that nobody asks
+_IDLE = 10.0  # s after which an idle child ends
 _OWN_MEMORY = 320_000_000  # bytes that Python and the library take before they see a log
 _LEAST, _UNPACKED = 100_000_000, 400  # bytes that any log may take, and each of its bytes
 _OUT_OF_MEMORY = "memory"
@@ -111,7 +111,7 @@ class _EndedError(Exception):
 
 
 def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> ChildAnswer:
-    """Return what a child reads from a log."""
+    """Return the answer of a child to a log."""
     with suppress(ImportError, ValueError):
         if importlib.util.find_spec(reader.library) is None:
             raise _missing(reader.extra, reader.reads)

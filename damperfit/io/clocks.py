@@ -39,13 +39,13 @@ _BLANK = 0.25  # of a channel's rows; fewer blanks are damage
 _LONGEST = 20  # rows between two values; a longer blank is a hole
 _REPEATED = 0.95  # of runs of one value that have one length
 _STEADY = 0.05  # of the usual step, by which all others may differ where a clock was set
-_MOST_SET = 3  # times that somebody sets a clock
+_MOST_SET = 3  # times that a clock is set in a log
 _LIKE = 0.25  # of the motion of a row: what the row over such a jump may differ by
 _HELD, _ONE_STEP = 0.02, 0.95  # of steps longer than a tick; of these with a change of two quanta
 _DENSE = 20  # ticks a row; more is no logger that writes changes
 _GAP = 4.5  # usual steps; conditioning bridges shorter ones
 _FEWEST_PIECES = 3
-_BLOCKS, _SHORTEST = 400, 10  # of a record, whose medians tell a level; rows of one
+_BLOCKS, _SHORTEST = 400, 10  # of a record, whose medians are its levels; rows of one
 _STEP, _FLAT = 0.2, 0.1  # of the range: a level's least step, and what it may move by itself
 _MOST_LEVELS = 20  # more is a controlled damper
 _COMMON = 0.5  # of the force that the other channels must have too
@@ -54,8 +54,8 @@ _COMMON = 0.5  # of the force that the other channels must have too
 def on_one_clock(samples: Samples, *, wall_clock: float = 0.0) -> Samples:
     """Return samples with counters unrolled, clocks put right and all channels at the same times.
 
-    Time, and every clock of a channel, is in one unit; `wall_clock` is that unit in seconds where
-    somebody may set the clock, else 0.
+    Time, and every clock of a channel, is in one unit; `wall_clock` is that unit in seconds of a
+    clock that can be set, else 0.
     """
     if len(samples.channels["force"]) < _FEWEST:
         return _together(samples) if samples.times else samples
@@ -151,7 +151,7 @@ def _quantum(steps: FloatArray) -> float:
 
 
 def _repeats(values: FloatArray) -> float:
-    """Return how many rows each value stands in where a converter is slower than the rows; or 0."""
+    """Return the rows that share a value of a converter slower than the rows; or 0."""
     is_new = values[1:] != values[:-1]
     if 2 * np.count_nonzero(is_new) > len(values):
         return 0.0

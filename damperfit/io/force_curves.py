@@ -118,7 +118,7 @@ class _Pair(NamedTuple):
     """Columns of speed and force that belong together."""
 
     label: str
-    stroke: str  # empty: the signs tell
+    stroke: str  # empty: by the signs
     speed: int
     force: int
 
@@ -153,7 +153,7 @@ def make_curves(
 
 
 def _headings(columns: Sequence[Column], options: ReadOptions) -> list[_Heading]:
-    """Return what the names say, and before them what is declared."""
+    """Return label, stroke and kind of each column, by name; what is declared goes before."""
     headings = []
     for i, column in enumerate(columns):
         label, rest = _parted(column.name)

@@ -148,7 +148,7 @@ def hdf5_vectors(data: bytes, limit: int) -> ChildAnswer:
     channels: list[GroupChannel] = []
     with refusing_damage(_MAT73.reads), h5py.File(io.BytesIO(data), "r") as file:
         for key in islice(file, _MAX_ITEMS):
-            # A link into another file would read what nobody gave; it must not even be followed.
+            # A link into another file must not even be followed: the user did not give that file.
             is_own = isinstance(file.get(key, getlink=True), h5py.HardLink)
             if not is_own or file.get(key, getclass=True) is not h5py.Dataset:
                 continue

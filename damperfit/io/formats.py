@@ -64,7 +64,7 @@ class Format(NamedTuple):
     name: str  # for people
     reader: str  # ``module:function`` in this package: (source, options) -> tables, one a test
     suffixes: tuple[str, ...]  # in lower case, with the point
-    magic: tuple[bytes, ...] = ()  # what its files start with; empty when nothing tells
+    magic: tuple[bytes, ...] = ()  # what its files start with; empty where that varies
     in_child: bool = False  # read in a process of its own; other logs can be read meanwhile
 
     def read(self, source: Source, options: ReadOptions) -> tuple[Table, ...]:

@@ -40,7 +40,7 @@ class GroupChannel(NamedTuple):
 
     @property
     def clock(self) -> tuple[object, ...] | None:
-        """What tells the times of its values; channels of equal clocks go together."""
+        """The source of its times, compared: channels of equal clocks go together."""
         if self.stamps is not None:
             return (self.stamps.name, self.stamps.load)
         return None if self.interval is None else (self.start, self.interval)

@@ -62,7 +62,7 @@ _NUMBERS = re.compile(r"((?:(?<=[\s_=])-)?\d+(?:\.\d+)?)")
 # More than three digits are a serial number or a date; half clicks have the word before them.
 _NUMBER = r"-?\d{1,3}"
 _CLICK = r"-?\d{1,3}(\.\d)?"
-# A word that can mean nothing else, where nobody declared a pattern: it goes before a bare "s".
+# A word that can mean nothing else: without a declared pattern it goes before a bare "s".
 _CLICKS_SETTING_NUMBER = r"(?<![^\W_])clicks?(?:[ _=](?=-\d)|[ _=-]?)(-?\d+)(?![.]?\d)"
 _SERIAL = r"(?<![^\W_])(?:sn|serial)[ _=-]?([a-z]?\d\w*?)(?![^\W_])"
 
@@ -98,7 +98,7 @@ class _Field(NamedTuple):
 
 
 def guess_settings(names: Iterable[str]) -> Guess:  # noqa: PLR0911 - one return a case
-    r"""Return what the names of logs without a declared setting show of their settings.
+    r"""Return the settings, or an advice, that the names of logs without a setting show.
 
     Examples
     --------
@@ -227,7 +227,7 @@ def _fields(names: Sequence[str]) -> list[_Field]:
 
 
 def _declaring(pattern: str, called: Sequence[str] = (), every: str = "") -> Problem | None:
-    """Return what to declare; also where several of the numbers that differ are adjusters."""
+    """Return an advice: the pattern to declare, and one for several adjusters."""
     texts, values = [], {}
     if pattern:
         texts, values = ["{option}"], {"option": Option("rig", pattern, "setting_pattern")}
@@ -353,7 +353,7 @@ def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER
 
 
 def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence[str]) -> LogLabel:
-    """Return what a preamble says: a label under ``setting``, or each adjuster by its name."""
+    """Return the label of a preamble: under ``setting``, or each adjuster by its name."""
     if ADJUSTER in metadata:
         stated = setting_in_words(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
         return LogLabel(dict(stated.places))
@@ -367,7 +367,7 @@ def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence
 
 
 def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)) -> LogLabel:
-    """Return what a file's name says by a pattern.
+    """Return the label that a pattern finds in a file's name.
 
     Named groups are adjusters, damper or serial number; a group without a name is the label.
     """

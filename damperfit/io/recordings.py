@@ -1,7 +1,7 @@
 """Table to recordings: channels in SI with the project's signs, checked, cut into tests.
 
-A servo-hydraulic controller heads each buffer that it writes like a test of its own. What tells a
-record from tests is the step in time from the last row of a block to the first of the next.
+A servo-hydraulic controller heads each buffer that it writes like a test of its own. Buffers of one
+record are known by the step in time from the last row of a block to the first of the next.
 """
 
 from collections.abc import Mapping, Sequence
@@ -144,8 +144,6 @@ def _runs_on(before: Recording, after: Recording) -> bool:
 
 
 def _joined(record: Sequence[Recording], note: str) -> Recording:
-    if len(record) == 1:
-        return replace(record[0], notes=tuple(dict.fromkeys([*record[0].notes, note])))
     notes = [text for text in record[0].notes if text.startswith(_TITLE)]
     notes += [text for part in record for text in part.notes if not text.startswith(_TITLE)]
     channels: dict[str, Any] = {}
@@ -261,11 +259,7 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
 
 
 def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> tuple[Samples, str]:
-    """Return the channels as logged, clocks of their own in the log's unit of time.
-
-    The only column, none of a channel, that holds the current or voltage of a valve comes with
-    them where it can be read; its name, else empty text.
-    """
+    """Return the channels as logged with the current of a valve, where one is, and its name."""
     wanted = {channel: choice.column for channel, choice in choices.items()}
     valves = [
         i
@@ -396,7 +390,7 @@ def _cut_at_levels(
 
 
 def _backwards(channels: Mapping[str, FloatArray], late: NDArray[np.intp]) -> str:
-    """Return how time does not increase, in rows `late`, and what to do about it."""
+    """Return a sentence on rows `late`, in which time does not increase, with an advice."""
     time, i = channels["time"], int(late[0])
     what = "repeats" if time[i] == time[i - 1] else "runs backwards"
     advice = "several tests in one file: declare rig.restarts"

@@ -12,7 +12,7 @@ Traps. A rig that is still writing leaves a last line without an end, and -12 of
 too. Every row may end in a separator, which shifts the columns of a careless reader by one. A
 column of events may be there in the rows with an event only. Whole numbers of a machine at rest say
 nothing of the decimal mark. One dropped byte joins two rows. A controller may write one record in
-buffers whose titles alone tell time.
+buffers whose titles alone give the time.
 """
 
 import csv
@@ -172,7 +172,7 @@ def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             mark, width = separator.encode(), len(columns)
             fields = (row.rstrip(b"\r").split(mark)[:width] for row in rows.split(b"\n"))
             rows = b"\n".join(map(mark.join, fields))
-        if facts.get("X_Columns") == "No":  # the header tells the step
+        if facts.get("X_Columns") == "No":  # the header gives the step
             if columns[0] == "time":  # a column that is blank
                 columns[0], units[0] = "blank", ""
             else:
@@ -193,12 +193,9 @@ def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
 
 def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tuple[Table, ...]:
-    """Return blocks without a column for time as one table, where their titles tell its rate.
-
-    Where whole buffers follow each other at a steady rate they are one record, and its sample rate
-    is their rows by the time between their titles. One title says neither whether it stands for the
-    first row or the last, nor how long the block took.
-    """
+    """Return blocks without a column for time as one table, where their titles give its rate."""
+    # Whole buffers that follow each other at a steady rate are one record, and its sample rate is
+    # their rows by the time between their titles.
     stamps = [match for table in tables if (match := _TITLE_TIME.search(table.part))]
     has_time = any(has_channel("time", table.columns, options) for table in tables)
     if has_time or options.sample_rate > 0.0 or len(stamps) < len(tables):
@@ -334,10 +331,8 @@ def _parted(line: _Row, separator: str, thousands: str) -> _Row:
 
 
 def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | None]:
-    """Return the first row of data, the names row and the units row.
-
-    Text rows right above the numbers are names, units, or rows of data with text in them.
-    """
+    """Return the first row of data, the names row and the units row."""
+    # Text rows right above the numbers are names, units, or rows of data with text in them.
     above, n_fields = start, len(rows[start].fields)
     while above > 0 and start - above < 3:
         row = rows[above - 1]
@@ -380,15 +375,9 @@ def _odd_names(above: Sequence[_Row], separator: str, first: _Row) -> str:
 
 
 def _decimal(rows: Sequence[_Row], separator: str, thousands: str, below: bytes) -> str:
-    """Return the decimal mark that the first rows show, or without commas those below them.
-
-    Between commas, "1,234" in quotes has thousands or decimals. It has decimals where no number
-    has a point and others, such as "0,5" or "-12,25", cannot have thousands; more than one in ten
-    of them, so that a damaged field does not decide.
-    """
-    if separator != "," and below.find(b".", rows[0].offset) < 0 <= below.find(
-        b",", rows[0].offset
-    ):
+    """Return the decimal mark that the first rows show, or without commas those below them."""
+    first = rows[0].offset
+    if separator != "," and below.find(b".", first) < 0 <= below.find(b",", first):
         return ","  # the first rows may hold whole numbers only, as of a machine at rest
     if thousands:
         return "," if thousands == "." else "."
@@ -397,6 +386,8 @@ def _decimal(rows: Sequence[_Row], separator: str, thousands: str, below: bytes)
     points = sum("." in field and bool(_NUMBER.fullmatch(field)) for field in fields)
     if separator != ",":
         return "," if commas > points else "."
+    # Between commas "1,234" in quotes has thousands or decimals, "0,5" and "-12,25" have decimals:
+    # more than one in ten of these, so that a damaged field does not decide.
     grouped = sum(bool(_THOUSANDS.fullmatch(field)) for field in fields)
     return "," if not points and commas - grouped > commas / 10 else "."
 
@@ -405,10 +396,8 @@ def _decimal(rows: Sequence[_Row], separator: str, thousands: str, below: bytes)
 
 
 def _metadata(preamble: Sequence[str]) -> dict[str, str]:
-    """Return the ``key: value`` lines of a preamble, keys in lower case.
-
-    Whose test it is may stand in two cells, as in ``Operator;J. Smith``.
-    """
+    """Return the ``key: value`` lines of a preamble, keys in lower case."""
+    # Whose test it is may stand in two cells, as in ``Operator;J. Smith``.
     cells = [match for line in preamble if (match := _CELLS.fullmatch(line))]
     pairs = [match for match in cells if names_identity(match["key"])]
     pairs += [match for line in preamble if (match := _ENTRY.fullmatch(line))]
@@ -560,9 +549,8 @@ def rows_dropped(n_bad: int, first_bad: str) -> tuple[Finding, ...]:
 class _Rows(NamedTuple):
     """Rows of data as UTF-8 bytes, of which every row ends, and how to read them.
 
-    pyarrow reads them fast, but refuses ragged rows and text in number columns without always
-    saying where. What it refuses is read again field by field, which ends in the exact line and
-    channel, or drops the rows.
+    pyarrow reads them fast, but does not always say where it met a ragged row or text. What it
+    refuses is read again field by field, which names the line and channel, or drops the rows.
     """
 
     name: str  # of the log, for messages

@@ -232,7 +232,7 @@ def _converted(text: str | float, dimension: str) -> float:
 
 
 def says_absolute_or_gauge(text: str) -> bool:
-    """Say whether the unit of a pressure tells what it counts from."""
+    """Say whether the unit of a pressure says absolute or gauge."""
     parts = _QUANTITY.fullmatch(text)
     units = _UNITS["absolute pressure"].keys() - _UNITS["pressure"].keys()
     return parts is not None and parts["unit"] in units

@@ -78,7 +78,7 @@ class ShownUnits:
         return re.sub(r"(\d[\d.]*(?: to \d[\d.]*)?) mm(?![\w/])", converted, text)
 
     def _named(self, unit: str) -> Unit | None:
-        """Return what is shown for an SI unit; None where that is itself."""
+        """Return the unit shown for an SI unit; None where that is itself."""
         chosen: Unit | None = getattr(self, _OF_SI.get(unit, ""), None)
         return None if chosen is None or chosen.factor == 1.0 else chosen
 
