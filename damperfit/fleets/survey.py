@@ -18,7 +18,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from damperfit.adjustment.force_at import STROKE_WORDS
-from damperfit.arrays import FloatArray
 from damperfit.comparison.tolerance import Point, Tolerance
 from damperfit.errors import ConfigurationError
 from damperfit.fleets.parts import SERIAL, SYMBOL
@@ -83,10 +82,11 @@ class Survey(NamedTuple):
 def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
     """Return the evaluation of a fleet's collected table."""
     names = ("damper", SERIAL, "date", "setting", "grade", "error", "error_kind")
-    frame: Any = pd.DataFrame({name: _texts(table, name) for name in names}, dtype=object)
+    columns: Any = table.to_pandas()
+    frame = columns.reindex(columns=names).astype(object).fillna("").astype(str)
     # A part of logs of several dampers says whose each row is.
     frame["damper"] = frame["damper"].where(frame["damper"] != "", frame[SERIAL])
-    frame["mse"] = _numbers(table, "mse_percent")
+    frame["mse"] = columns.reindex(columns=["mse_percent"]).astype(float)
     fitted = frame[frame["error_kind"] == ""]
     named = {text: _setting(text) for text in fitted["setting"].unique()}
     settings = sorted(set(named.values()))
@@ -98,21 +98,22 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
             "day": fitted["date"].map(_day).astype(float),
         }
     ).sort_values("setting", kind="stable")
-    series, columns = [], []
+    series, parts = [], []
     of_paper = {quantity.name: quantity.symbol for quantity in PAPER_QUANTITIES}
     for name in table.column_names:
         match = _FORCE.fullmatch(name)
         error = f"{name.removesuffix('_N')}_se_N" if match else f"{name}_se"
         if not match and error not in table.column_names:
             continue
-        values, errors = (_numbers(table, column)[rows.index] for column in (name, error))
+        own = columns.reindex(columns=[name, error]).loc[rows.index]
+        values, errors = own.to_numpy(dtype=float, na_value=np.nan).T
         is_known = np.isfinite(values)
         # A parameter that was fitted nowhere and is the same everywhere: nothing to see.
         is_held = is_known.sum() > 1 and not np.ptp(values[is_known])
         is_held = is_held and not np.isfinite(errors).any() and not match
         if is_held or not is_known.any():
             continue
-        columns.append(rows.assign(series=name, value=values, error=errors)[is_known])
+        parts.append(rows.assign(series=name, value=values, error=errors)[is_known])
         if match:
             speed, stroke = float(match[2]) / 1000.0, match[1]
             label = f"force in {STROKE_WORDS[stroke]} at {speed:g} m/s"
@@ -123,7 +124,7 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
             symbol = metadata.get(SYMBOL, of_paper.get(name, name).encode())
             series.append(Series(name, symbol.decode(), metadata.get(b"unit", b"").decode()))
     nothing = rows.iloc[:0].assign(series="", value=0.0, error=0.0)
-    values = _with_bands(pd.concat(columns or [nothing], ignore_index=True))
+    values = _with_bands(pd.concat(parts or [nothing], ignore_index=True))
     is_far = (values["n_dampers"] >= LEAST_DAMPERS) & (values["distance"].abs() > FAR_OFF)
     outliers = values[is_far].sort_values("distance", key=lambda x: -x.abs(), kind="stable")
     dampers = _dampers(frame, outliers)
@@ -176,18 +177,6 @@ def _dampers(frame: Any, outliers: Any) -> tuple[Any, ...]:
     columns |= {name: own.reindex(names).fillna("") for name, own in texts.items()}
     rows: Any = pd.DataFrame(columns, index=names)
     return tuple(rows.itertuples(index=False, name="DamperLine"))
-
-
-def _texts(table: pa.Table, column: str) -> list[str]:
-    if column not in table.column_names:
-        return [""] * table.num_rows
-    return [str(text or "") for text in table[column].to_pylist()]
-
-
-def _numbers(table: pa.Table, column: str) -> FloatArray:
-    if column not in table.column_names:
-        return np.full(table.num_rows, np.nan)
-    return np.asarray(table[column].to_numpy(), dtype=np.float64)
 
 
 def _setting(text: str) -> Setting:
