@@ -153,8 +153,8 @@ def _stamp(file: Any) -> str:
         key.lower(): value.decode("latin-1") if isinstance(value, bytes) else str(value)
         for key, value in (file.metadata() or {}).items()
     }
-    known = [head.get(key, "") for key in ("etag", "content-length", "last-modified")]
-    return " ".join(known) if known[0] else ""
+    values = [head.get(key, "") for key in ("etag", "content-length", "last-modified")]
+    return " ".join(values) if values[0] else ""
 
 
 def _stamp_of(address: str) -> str:

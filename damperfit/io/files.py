@@ -107,19 +107,17 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
             # A file that says it is empty may not be (/proc); one byte more shows one that grows.
             data = b"" if is_too_large else _read_up_to(file, before.st_size + 1)
             after = os.fstat(file.fileno())
-    except FileNotFoundError as error:
-        text = "no such file"
-        if Path(path).is_symlink():
-            there = _one_line(str(Path(path).readlink()))
-            text = f"a link to {there}, which is not there; link it again, or remove it"
-        raise LogError(text, subject=shown, code=code) from error
-    except IsADirectoryError as error:
-        raise LogError("is a folder; name the logs in it", subject=shown, code=code) from error
-    except IrregularFileError as error:
-        text = f"{error.strerror}; give a file on disk"
-        raise LogError(text, subject=shown, code=code) from error
     except (OSError, ValueError) as error:
         text = f"file unreadable: {getattr(error, 'strerror', None) or error}"
+        if isinstance(error, IrregularFileError):
+            text = f"{error.strerror}; give a file on disk"
+        elif isinstance(error, IsADirectoryError):
+            text = "is a folder; name the logs in it"
+        elif isinstance(error, FileNotFoundError):
+            text = "no such file"
+            if Path(path).is_symlink():
+                target = _one_line(str(Path(path).readlink()))
+                text = f"a link to {target}, which is not there; link it again, or remove it"
         raise LogError(text, subject=shown, code=code) from error
     is_same = (before.st_size, before.st_mtime_ns) == (after.st_size, after.st_mtime_ns)
     text = ""
@@ -144,8 +142,7 @@ def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
     """Return the source as it is, or what gzip packed in one member or several, and a note."""
     if not source.data.startswith(_GZIP):
         return source, ()
-    problem = ""
-    data = b""
+    problem, data = "", b""
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(source.data)) as file:
             # In pieces: a read of many bytes takes the memory for all of them first.
@@ -196,7 +193,7 @@ def to_utf8(
             raise LogError(f"is not valid {name.upper()}", code="not-text") from error
     data = data.removeprefix(codecs.BOM_UTF8)
     start = data[:200].lstrip().lower()
-    text, code = "", "unknown-format"
+    text = ""
     if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
         text = "this is HTML, a web page, not a log; download the log again"
     elif start.startswith(b"<?xml"):
@@ -208,7 +205,7 @@ def to_utf8(
     if not text and _CONTROL.search(data, 0, _HEAD):
         text = "binary data in no known format"
     if text:
-        raise LogError(text, code=code)
+        raise LogError(text, code="unknown-format")
     if not data.isascii():
         try:
             data.decode("utf-8")

@@ -91,7 +91,7 @@ FORMATS = (
 _JSON, _, _TEXT = FORMATS[-3:]  # any suffix may stand for text
 
 # What a file in a folder is called that is taken for a log.
-_PLAIN = tuple(suffix for known in FORMATS for suffix in known.suffixes)
+_PLAIN = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 LOG_SUFFIXES = (*_PLAIN, *(f"{suffix}.gz" for suffix in _PLAIN))
 
 # What is known by its first bytes and not read, and why.
@@ -111,16 +111,16 @@ _TAR = 257  # where a tar archive says "ustar"
 def find_format(source: Source) -> Format:
     """Return the format of a file: what its first bytes say, else what its suffix says."""
     data = source.data
-    for known in FORMATS:
-        if known.magic and data.startswith(known.magic):
-            return known
+    for kind in FORMATS:
+        if kind.magic and data.startswith(kind.magic):
+            return kind
     refused = next((why for magic, why in _REFUSED.items() if data.startswith(magic)), "")
     if refused or data.startswith(b"ustar", _TAR):
         raise LogError(refused or _ARCHIVE, code="unknown-format")
     if is_json(data):
         return _JSON
     suffix = PurePath(source.name).suffix.lower()
-    named = next((known for known in FORMATS if suffix in known.suffixes), _TEXT)
+    named = next((kind for kind in FORMATS if suffix in kind.suffixes), _TEXT)
     if named is not _TEXT and is_binary(data):
         raise LogError(
             f"is named like {named.name} and does not begin like it; it is damaged "

@@ -58,12 +58,12 @@ class ReadOptions(Declarations):
         if pattern.groups < 1:
             text = f"{self.setting_pattern!r} has no group (...) around the number"
             raise _wrong("setting_pattern", text)
-        known = (*self.adjusters, *IDENTITY_KEYS)
+        groups = (*self.adjusters, *IDENTITY_KEYS)
         for name in pattern.groupindex:
-            if name not in known:
+            if name not in groups:
                 text = f"{self.setting_pattern!r} has a group {name!r}; there are "
-                text += f"{', '.join(known)}, and adjusters that [adjusters] names."
-                raise _wrong("setting_pattern", text + did_you_mean(name, known))
+                text += f"{', '.join(groups)}, and adjusters that [adjusters] names."
+                raise _wrong("setting_pattern", text + did_you_mean(name, groups))
         try:
             "".encode(self.encoding or "utf-8")
         except LookupError as error:
@@ -86,12 +86,12 @@ class ReadOptions(Declarations):
     def _check_channels(self) -> None:
         for name in ("columns", "units", "scales", "offsets", "tested_at"):
             is_fact = name == "tested_at"
-            known = (*(FACTS if is_fact else CHANNELS), *["setting"] * (name == "columns"))
+            names = (*(FACTS if is_fact else CHANNELS), *["setting"] * (name == "columns"))
             for key in getattr(self, name):
-                if key not in known:
+                if key not in names:
                     text = f"no {'' if is_fact else 'channel '}{key!r}; there are "
-                    hint = did_you_mean(key, known)
-                    raise _wrong(name, f"{text}{', '.join(known)}.{hint}")
+                    hint = did_you_mean(key, names)
+                    raise _wrong(name, f"{text}{', '.join(names)}.{hint}")
         for channel, unit in self.units.items():
             if unit:
                 with blamed_on(Key(("rig", "units"))):

@@ -201,13 +201,13 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
     if has_time or options.sample_rate > 0.0 or len(stamps) < len(tables):
         return tables
     first, rate, rows = tables[0], 0.0, [0]
-    is_alike = all((t.columns, t.metadata) == (first.columns, first.metadata) for t in tables)
+    is_same = all((t.columns, t.metadata) == (first.columns, first.metadata) for t in tables)
     with suppress(LogError):  # raised with its place when the channels are read
         rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
     times = np.array([float(stamp[1].replace(",", ".")) for stamp in stamps])
     # The last buffer may not be full: its step is as long as itself, or as the one before.
     steps = np.diff(times if rows[-1] == rows[0] else times[:-1])
-    if is_alike and len(rows) >= _FEWEST and len(set(rows[:-1])) == 1 and rows[-1] <= rows[0]:
+    if is_same and len(rows) >= _FEWEST and len(set(rows[:-1])) == 1 and rows[-1] <= rows[0]:
         usual = median(steps)
         if usual > 0.0 and np.abs(steps / usual - 1.0).max() <= _STEADY:
             rate = rows[0] * len(steps) / float(steps.sum())
