@@ -4,7 +4,6 @@ import math
 import os
 import re
 import shlex
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +22,6 @@ README = ROOT / "README.md"
 PAGES = ROOT / "damperfit" / "manual" / "pages"
 START = PAGES / "start.md"
 TEXT = README.read_text(encoding="utf-8")
-COMMANDS = re.findall(r"^    (\S.*)$", TEXT, flags=re.MULTILINE)
-FIRST, SECOND = COMMANDS[:2]
-TESTS = "pip install -e '.[test]' && pytest"
-
 
 _FREETYPE = "2.14.3"  # that the pictures were made with; matplotlib's wheels bring it
 
@@ -34,15 +29,6 @@ _FREETYPE = "2.14.3"  # that the pictures were made with; matplotlib's wheels br
 def _shown() -> str:
     """What the first command prints, as the manual has it."""
     return re.findall(r"```text\n(.*?)```", START.read_text(encoding="utf-8"), re.DOTALL)[0]
-
-
-def test_the_first_screen_is_the_two_commands() -> None:
-    environment = "python3 -m venv .venv && . .venv/bin/activate && "  # Debian refuses without
-    assert f"{environment}pip install . && damperfit identify sample_runs/*.csv" == FIRST
-    assert f"{environment}{TESTS}" == SECOND  # quoted: zsh takes brackets for a pattern
-    assert TEXT.index(SECOND) < TEXT.index("## ")
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert "test" in project["optional-dependencies"]
 
 
 def test_the_five_steps_do_what_they_say(tmp_path, monkeypatch, capsys) -> None:

@@ -22,7 +22,14 @@ from damperfit.identification import blas_threads
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.workers import Died, Processes, executor, in_copies, raised_in_copy
-from tests.fleet.deadly import die_at_three, double, refuse, refuse_with_a_lock, say_pid_and_wait
+from tests.fleet.deadly import (
+    die_at_three,
+    double,
+    is_gone,
+    refuse,
+    refuse_with_a_lock,
+    say_pid_and_wait,
+)
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
@@ -319,15 +326,6 @@ def test_items_are_taken_as_workers_become_free():
     found.close()
 
 
-def alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    state = Path(f"/proc/{pid}/stat")
-    return not state.exists() or state.read_text().rpartition(")")[2].split()[0] != "Z"
-
-
 def waited_for(condition, seconds: float = 60.0) -> bool:
     until = time.monotonic() + seconds
     while not condition() and time.monotonic() < until:
@@ -344,7 +342,7 @@ def test_the_wish_to_stop_ends_the_work_and_its_process(tmp_path):
     where = tmp_path / "pid"
     found = Processes(1).each(say_pid_and_wait, [str(where)], cancelled=lambda: has_text(where))
     assert list(found) == []
-    assert waited_for(lambda: not alive(int(where.read_text())))
+    assert is_gone(int(where.read_text()))
 
 
 @posix
@@ -368,7 +366,7 @@ def test_workers_end_with_their_parent(tmp_path):
         parent.send_signal(signal.SIGKILL)
         _, said = parent.communicate()  # until the last process that may say something has ended
     assert said == b""
-    assert waited_for(lambda: not alive(int(where.read_text())))
+    assert is_gone(int(where.read_text()))
 
 
 # BLAS has its threads back when the last of several runs in one process has ended.

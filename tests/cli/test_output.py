@@ -97,13 +97,13 @@ def test_what_a_killed_run_half_wrote_goes_or_is_ended_by_whoever_comes_next(
 
 
 def test_two_runs_into_one_folder_at_once_are_refused_before_they_work(
-    run, spawn, logs, first, folder, monkeypatch
+    run, logs, first, folder, monkeypatch
 ) -> None:
     told = []
     fitted = identify._fits
 
     def meanwhile(*arguments, **how):
-        told.append(spawn("identify", logs / "setting_02.csv", *QUICK))
+        told.append(run("identify", logs / "setting_02.csv", *QUICK))
         told.append(Run.load(folder))  # reading goes on
         return fitted(*arguments, **how)
 

@@ -36,6 +36,21 @@ def say_pid_and_wait(path: str) -> int:
     return 0
 
 
+def is_gone(pid: int, seconds: float = 20.0) -> bool:
+    """Wait for the end of a process."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return True
+        stat = Path(f"/proc/{pid}/stat")
+        if stat.exists() and stat.read_text().split()[2] == "Z":  # ended, and nobody waits for it
+            return True
+        time.sleep(0.02)
+    return False
+
+
 def die_of_poison(pair):
     """Do the work, unless a log that is not left out is called poison."""
     act, task = pair

@@ -14,6 +14,7 @@ from damperfit.errors import LogError
 from damperfit.io import ReadOptions, child_process
 from damperfit.io.child_process import ChildAnswer, ChildReader, ask_child
 from damperfit.io.files import Source
+from tests.fleet.deadly import is_gone
 
 READER = ChildReader("Fault", "none", "json", "tests.io.child_faults:answer")
 LIMIT = 50_000_000
@@ -114,20 +115,6 @@ def test_a_child_that_never_ends_is_ended(monkeypatch) -> None:
     assert is_gone(pid)
     # A large log gets a second for each megabyte.
     assert "not read in 1.1 s" in refusal(b"sleep " + bytes(1_000_000))
-
-
-def is_gone(pid: int, seconds: float = 20.0) -> bool:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        try:
-            os.kill(pid, 0)
-        except ProcessLookupError:
-            return True
-        stat = Path(f"/proc/{pid}/stat")
-        if stat.exists() and stat.read_text().split()[2] == "Z":  # ended, and nobody waits for it
-            return True
-        time.sleep(0.02)
-    return False
 
 
 def test_a_child_that_nobody_asks_ends_and_the_next_log_gets_another(monkeypatch) -> None:
