@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import logging
 import os
@@ -15,7 +14,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from glob import glob
-from itertools import chain
+from itertools import chain, count
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
@@ -92,11 +91,11 @@ def _warn(place: object, problems: Sequence[object]) -> int:
 
 def _counting(how: Shown) -> Callable[[str], None]:
     """Return a function that records each structure tried, and now and then reports how many."""
-    count = itertools.count(1)
+    numbers = count(1)
 
     def note(title: str) -> None:
         record(logging.DEBUG, f"tried {title}")
-        if (n := next(count)) % _EVERY == 0:
+        if (n := next(numbers)) % _EVERY == 0:
             _tell(how, f"{n} structures tried")
 
     return note
@@ -684,11 +683,6 @@ def doctor(how: Shown) -> int:
         except Exception as error:  # noqa: BLE001 - whatever it is, it is what the user wants to know
             advice = "to mend it: pip install --force-reinstall damperfit"
             checks[name] = {"works": False, "said": f"{type(error).__name__}: {error}; {advice}"}
-    extras = {}
-    for extra, distribution, _ in _EXTRAS:
-        extras[extra] = ""
-        with suppress(metadata.PackageNotFoundError):
-            extras[extra] = metadata.version(distribution)
     python = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
     facts = {"damperfit": __version__, "python": python, "executable": sys.executable}
     lines = list(facts.items())
@@ -696,9 +690,12 @@ def doctor(how: Shown) -> int:
         (n, f"{'works' if check['works'] else 'FAILS'}: {check['said']}")
         for n, check in checks.items()
     ]
+    extras = {}
     for extra, name, purpose in _EXTRAS:
-        version = extras[extra]
-        state = f"{name} {version}" if version else f"not there: pip install 'damperfit[{extra}]'"
+        extras[extra], state = "", f"not there: pip install 'damperfit[{extra}]'"
+        with suppress(metadata.PackageNotFoundError):
+            extras[extra] = metadata.version(name)
+            state = f"{name} {extras[extra]}"
         lines.append((extra, f"{purpose}: {state}"))
     document = {**facts, "checks": checks, "extras": extras}
     _show(how, lambda: document, [[f"{name:<10} {text}" for name, text in lines]])

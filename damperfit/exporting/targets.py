@@ -586,7 +586,7 @@ class Target:
         elif self.name in _WRITERS:
             files = _WRITERS[self.name](run, tables, options)
         else:
-            for group in [(one,) for one in tables] if is_one_each else [tables]:
+            for group in [(table,) for table in tables] if is_one_each else [tables]:
                 text = rendered(self.template, **_context(run, group, options)).rstrip("\n") + "\n"
                 name = self.file.format(stem=options.stem, setting=group[0].slug)
                 lost = "xmlcharrefreplace" if text.startswith("<?xml") else "replace"

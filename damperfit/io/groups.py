@@ -100,7 +100,7 @@ def group_tables(
     if not tests:
         tests = [_together(filled)]
     elif left_out := [group.name for group in filled if group not in tests]:
-        names = ", ".join(visible(group) for group in left_out[:10])
+        names = ", ".join(visible(name) for name in left_out[:10])
         notes = (*notes, f"groups left out, as they are not tests: {names}")
     return tuple(_table(group, options, notes) for group in tests)
 
@@ -116,8 +116,8 @@ def _is_test(group: Group, options: ReadOptions) -> bool:
 def _together(groups: Sequence[Group]) -> Group:
     """Return the channels of all groups; where several have stamps, each with its group's."""
     channels = [channel for group in groups for channel in group.channels]
-    stamps = [next((clock for clock in group.channels if clock.is_time), None) for group in groups]
-    if sum(clock is not None for clock in stamps) > 1:
+    stamps = [next((c for c in group.channels if c.is_time), None) for group in groups]
+    if sum(own is not None for own in stamps) > 1:
         channels = [
             channel._replace(stamps=own)
             for group, own in zip(groups, stamps, strict=True)
