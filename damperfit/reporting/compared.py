@@ -58,7 +58,7 @@ def comparison_sheets(
     parameters, units = comparison.of("parameter"), comparison.units
     # Some units are longer than the numbers: they are told once.
     known = {
-        one.subject.label: units.of(one.subject.unit) for one in parameters if one.subject.unit
+        line.subject.label: units.of(line.subject.unit) for line in parameters if line.subject.unit
     }
     notes = [", ".join(f"{name} in {unit}" for name, unit in known.items())] if known else []
 
@@ -140,7 +140,7 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
 _SETTING = Column(
     "set", "", lambda line: "all" if line.subject.setting is None else str(line.subject.setting)
 )
-_STROKE = Column("stroke", "", lambda one: STROKE_WORDS.get(one.stroke, ""), is_number=False)
+_STROKE = Column("stroke", "", lambda point: STROKE_WORDS.get(point.stroke, ""), is_number=False)
 
 
 def _pair(units: ShownUnits, unit: str, digits: int = 4) -> list[Column]:
@@ -156,7 +156,7 @@ def _pair(units: ShownUnits, unit: str, digits: int = 4) -> list[Column]:
 def _difference(units: ShownUnits, unit: str) -> Column:
     def cell(line: Difference) -> str:
         numbers = (line.difference, line.low, line.high)
-        return with_interval(*(units.show(one, line.subject.unit) for one in numbers), plus="+")
+        return with_interval(*(units.show(x, line.subject.unit) for x in numbers), plus="+")
 
     return Column("B - A", unit, cell)
 
@@ -171,23 +171,23 @@ def _speed(speed: float | None, units: ShownUnits) -> str:
 
 def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet:
     """Return forces held against bands, those outside first; ``is_short``: and the nearest."""
-    order = sorted(points, key=lambda one: (not math.isnan(one.margin), one.margin))
-    failed = sum(not one.is_met for one in points)
+    order = sorted(points, key=lambda point: (not math.isnan(point.margin), point.margin))
+    failed = sum(not point.is_met for point in points)
     shown = order[: max(failed, _MANY)] if is_short else order
     more = len(order) - len(shown)
     units = points[0].units if points else SI
 
-    def force(name: str, one: Point) -> str:
-        return number(units.show(getattr(one, name), "N"), digits=4)
+    def force(name: str, point: Point) -> str:
+        return number(units.show(getattr(point, name), "N"), digits=4)
 
     forces = (("force", "force"), ("from", "low"), ("to", "high"))
     columns = [
-        Column("run", "", lambda one: one.run, is_number=False),
-        Column("set", "", lambda one: str(one.setting)),
-        Column("speed", units.of("m/s"), lambda one: _speed(finite(one.speed), units)),
+        Column("run", "", lambda point: point.run, is_number=False),
+        Column("set", "", lambda point: str(point.setting)),
+        Column("speed", units.of("m/s"), lambda point: _speed(finite(point.speed), units)),
         _STROKE,
         *(Column(heading, units.of("N"), partial(force, name)) for heading, name in forces),
-        Column("result", "", lambda one: one.words, is_number=False),
+        Column("result", "", lambda point: point.words, is_number=False),
     ]
     return laid_out(shown, columns, *([f"{more} more points pass"] if more else []))
 
@@ -195,10 +195,10 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
 def tolerance_outcome(points: Sequence[Point]) -> str:
     """Say how many points keep their bands."""
     units = points[0].units
-    met = sum(one.is_met for one in points)
-    unseen = sum(math.isnan(one.margin) for one in points)
-    outside = [-one.margin for one in points if one.margin < 0.0]
-    measured = sum(one.is_measured for one in points)
+    met = sum(point.is_met for point in points)
+    unseen = sum(math.isnan(point.margin) for point in points)
+    outside = [-point.margin for point in points if point.margin < 0.0]
+    measured = sum(point.is_measured for point in points)
     sentence = f"{met} of {len(points)} points within the tolerance"
     if outside:
         sentence += f", {len(outside)} outside, by up to {units.write(max(outside), 'N', '.3g')}"
@@ -207,7 +207,7 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
     if measured:
         sentence += f"; {measured} compared as measured, without a model"
     if met == len(points):
-        nearest = min(one.margin for one in points)
+        nearest = min(point.margin for point in points)
         sentence += f"; the nearest limit is {units.write(nearest, 'N', '.3g')} away"
     return sentence
 
@@ -224,12 +224,12 @@ def comparison_markdown(
     if points:
         outcome = [tolerance_outcome(points)]
         sections.append(Section(f"Tolerance {source}", "", outcome, [tolerance_sheet(points)]))
-    for one in comparisons:
-        besides = (f"differs: {sentence}" for sentence in one.differing)
-        sentences = [*besides, *one.sentences, *one.to_know, *one.remarks]
-        sections.append(Section(f"{one.second.name} beside {one.first.name}", "", sentences))
+    for pair in comparisons:
+        besides = (f"differs: {sentence}" for sentence in pair.differing)
+        sentences = [*besides, *pair.sentences, *pair.to_know, *pair.remarks]
+        sections.append(Section(f"{pair.second.name} beside {pair.first.name}", "", sentences))
         sections += [
-            Section(title, "below", (), [sheet]) for title, sheet in comparison_sheets(one)
+            Section(title, "below", (), [sheet]) for title, sheet in comparison_sheets(pair)
         ]
     return markdown("Comparison", (), sections)
 
@@ -240,8 +240,8 @@ _TEXT, _FLOAT, _TRUTH = pa.string(), pa.float64(), pa.bool_()
 _Columns = tuple[tuple[str, pa.DataType, str, Callable[[Any], Any]], ...]
 
 
-def _source(one: Difference | Point) -> str:
-    return "measured" if one.is_measured else "model"
+def _source(line: Difference | Point) -> str:
+    return "measured" if line.is_measured else "model"
 
 
 # Name, kind, meaning and value of each column; what is compared tells its unit.
@@ -300,18 +300,18 @@ def tolerance_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
     return _rows(points, _POINT_COLUMNS)
 
 
-def _rows(things: Sequence[Any], columns: _Columns) -> list[dict[str, Any]]:
+def _rows(lines: Sequence[Any], columns: _Columns) -> list[dict[str, Any]]:
     def cell(kind: pa.DataType, value: Any) -> Any:
         if value is None or kind is _TRUTH:
             return value
         return str(value) if kind is _TEXT else finite(float(value))
 
-    return [{name: cell(kind, get(one)) for name, kind, _, get in columns} for one in things]
+    return [{name: cell(kind, get(line)) for name, kind, _, get in columns} for line in lines]
 
 
 def comparison_table(comparisons: Sequence[RunComparison]) -> pa.Table:
     """Return the rows of comparisons as a table."""
-    rows = [row for one in comparisons for row in comparison_rows(one)]
+    rows = [row for pair in comparisons for row in comparison_rows(pair)]
     return _table(rows, (*_NAMES, *_COLUMNS))
 
 
@@ -330,17 +330,17 @@ def _table(rows: list[dict[str, Any]], columns: _Columns) -> pa.Table:
 def comparison_record(comparison: RunComparison) -> dict[str, Any]:
     """Return a comparison as JSON values."""
 
-    def run(one: Run) -> dict[str, str]:
-        return {"name": one.name, "place": one.shown_as}
+    def named(run: Run) -> dict[str, str]:
+        return {"name": run.name, "place": run.shown_as}
 
     return {
-        "first": run(comparison.first),
-        "second": run(comparison.second),
-        "repeats": [run(one) for one in comparison.repeats],
+        "first": named(comparison.first),
+        "second": named(comparison.second),
+        "repeats": [named(run) for run in comparison.repeats],
         "motion": comparison.motion,
         "settings": [setting.cell for setting in comparison.settings],
         "sentences": list(comparison.sentences),
-        "circumstances": [one._asdict() for one in comparison.circumstances],
+        "circumstances": [fact._asdict() for fact in comparison.circumstances],
         "notes": list(comparison.notes),
         "remarks": list(comparison.remarks),
         "lines": comparison_rows(comparison),
@@ -445,27 +445,27 @@ def _aligned(test: MeasuredTest) -> FloatArray:
 def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
     """Return the difference of force from one reference over the settings, at the fastest speed."""
     plots = []
-    places = setting_places({s for one in comparisons for s in one.settings})
-    is_bare = any(one.is_without_model for one in comparisons)
+    places = setting_places({s for pair in comparisons for s in pair.settings})
+    is_bare = any(pair.is_without_model for pair in comparisons)
     for stroke, word in STROKE_WORDS.items():
         lines, speeds = [], []
-        for k, one in enumerate(comparisons, start=1):
+        for k, pair in enumerate(comparisons, start=1):
             known = [
                 line
-                for line in one.of("force")
+                for line in pair.of("force")
                 if line.subject.stroke == stroke and math.isfinite(line.percent)
             ]
             top = max((line.subject.speed or 0.0 for line in known), default=0.0)
             known = [line for line in known if line.subject.speed == top]
             if not known:
                 continue
-            speeds.append(one.units.write_speed(top))
+            speeds.append(pair.units.write_speed(top))
             x = np.array([places[line.subject.setting] for line in known if line.subject.setting])
             y, low, high = np.array(
                 [(line.percent, line.percent_low, line.percent_high) for line in known]
             ).T
             errors = {"low": low, "high": high} if np.isfinite(low).all() else {}
-            label, colour = f"{one.second.name}, {speeds[-1]}", RUN_COLOURS[k % len(RUN_COLOURS)]
+            label, colour = f"{pair.second.name}, {speeds[-1]}", RUN_COLOURS[k % len(RUN_COLOURS)]
             lines.append(Line(x, y, label, colour, style="points", **errors))
         if lines:
             unit = f"% of {'measured force' if is_bare else 'damping'}"

@@ -62,7 +62,7 @@ def matplotlib_of_files() -> Any:
     try:
         import matplotlib as mpl
     except ValueError:
-        for name in [one for one in sys.modules if one.partition(".")[0] == "matplotlib"]:
+        for name in [module for module in sys.modules if module.partition(".")[0] == "matplotlib"]:
             del sys.modules[name]  # half of it is there
         named = os.environ.pop("MPLBACKEND", "")
         try:

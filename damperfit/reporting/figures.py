@@ -177,15 +177,15 @@ def setting_colours(settings: Iterable[Setting | Place]) -> Mapping[Setting, str
 def setting_places(settings: Iterable[Setting | Place]) -> dict[Setting, float]:
     """Return where each setting stands on an axis: at its number, or one after the other."""
     known = sorted(set(map(Setting.of, settings)))
-    places = {one: number for one in known if (number := one.number()) is not None}
-    return places if len(places) == len(known) else {one: 1.0 + k for k, one in enumerate(known)}
+    places = {s: number for s in known if (number := s.number()) is not None}
+    return places if len(places) == len(known) else {s: 1.0 + k for k, s in enumerate(known)}
 
 
 def setting_names(settings: Iterable[Setting | Place]) -> tuple[str, ...]:
     """Return what stands at 1, 2, ... of an axis whose settings are no numbers; else nothing."""
     places = setting_places(settings)
-    is_numbered = all(one.number() is not None for one in places)
-    return () if is_numbered else tuple(one.label for one in places)
+    is_numbered = all(setting.number() is not None for setting in places)
+    return () if is_numbered else tuple(setting.label for setting in places)
 
 
 def setting_axis(settings: Iterable[Setting | Place]) -> tuple[tuple[float, ...], Range | None]:
@@ -260,8 +260,8 @@ def pressure_panel(
     kept = thin(_BUCKETS, *pressures)
     looks = zip(PRESSURES, pressures, CHAMBER_COLOURS, CHAMBER_STYLES, strict=True)
     lines = tuple(
-        Line(time[kept], 1e-5 * pressure[kept], one.label, colour, setting, style)
-        for one, pressure, colour, style in looks
+        Line(time[kept], 1e-5 * pressure[kept], chamber.label, colour, setting, style)
+        for chamber, pressure, colour, style in looks
     )
     is_dry = np.concatenate(([False], np.any(pressures <= 0.0, axis=0), [False]))
     begins, ends = np.flatnonzero(np.diff(is_dry)).reshape(-1, 2).T
@@ -345,18 +345,18 @@ class ReportPlots:
     @cached_property
     def logs(self) -> tuple[LogView, ...]:
         """The logs that have signals."""
-        facts = {str(one.get("log")): one for one in entries_in(self.run.record, "inputs")}
+        facts = {str(entry.get("log")): entry for entry in entries_in(self.run.record, "inputs")}
         rows: dict[tuple[Setting, str], list[Row]] = {}
         for row in self.run.rows("characteristics"):
             rows.setdefault((row["setting"], str(row["log"])), []).append(row)
         counts: Counter[Setting] = Counter()
         views = []
-        for one in self.run.signals:
-            counts[one.setting] += 1
-            n = counts[one.setting]
-            name = f"setting_{one.setting.slug}" + (f"_log_{n}" if n > 1 else "")
-            own = facts.get(one.log, {}), rows.get((one.setting, one.log), ())
-            views.append(LogView(one, *own, name, self.colours[one.setting]))
+        for signals in self.run.signals:
+            counts[signals.setting] += 1
+            n = counts[signals.setting]
+            name = f"setting_{signals.setting.slug}" + (f"_log_{n}" if n > 1 else "")
+            own = facts.get(signals.log, {}), rows.get((signals.setting, signals.log), ())
+            views.append(LogView(signals, *own, name, self.colours[signals.setting]))
         return tuple(views)
 
     @cached_property
@@ -364,7 +364,7 @@ class ReportPlots:
         """Colour of each setting."""
         rows = (*self.run.rows("parameters"), *self.run.rows("mse"))
         settings = (row["setting"] for row in rows)
-        return setting_colours([*settings, *(one.setting for one in self.run.signals)])
+        return setting_colours([*settings, *(log.setting for log in self.run.signals)])
 
     @cached_property
     def overall(self) -> tuple[Plot, ...]:
@@ -375,12 +375,12 @@ class ReportPlots:
     @cached_property
     def by_log(self) -> tuple[tuple[LogView, tuple[Plot, ...]], ...]:
         """Each log; the valves of a setting stand with its first."""
-        plots_of, seen = [], set()
+        plots_of, with_valves = [], set()
         for log in self.logs:
             plots = [plot for figure in LOG_FIGURES for plot in figure(log)]
-            if log.setting not in seen:
+            if log.setting not in with_valves:
                 plots += _valves(self.run.rows("valves"), log)
-            seen.add(log.setting)
+            with_valves.add(log.setting)
             plots_of.append((log, tuple(plot_in_units(plot, self.units) for plot in plots)))
         return tuple(plots_of)
 
@@ -409,12 +409,12 @@ def _means(
     place = np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)
     count = np.bincount(place[part], minlength=_BINS)
     total = np.bincount(place[part], weights=values[part], minlength=_BINS)
-    seen = np.flatnonzero(count >= few)
+    filled = np.flatnonzero(count >= few)
     band = {}
     if has_range:
-        ends = [np.percentile(values[part & (place == k)], _RANGE) for k in seen]
-        band = dict(zip(("low", "high"), np.reshape(ends, (-1, 2)).T, strict=True))
-    return (0.5 * (edges[1:] + edges[:-1]))[seen], total[seen] / count[seen], band
+        limits = [np.percentile(values[part & (place == k)], _RANGE) for k in filled]
+        band = dict(zip(("low", "high"), np.reshape(limits, (-1, 2)).T, strict=True))
+    return (0.5 * (edges[1:] + edges[:-1]))[filled], total[filled] / count[filled], band
 
 
 def _branches(velocity: FloatArray, values: FloatArray) -> Iterator[Mean]:
@@ -461,7 +461,7 @@ def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
     for row in rows:
         if row["speed_rebound_m_per_s"]:
             speeds.setdefault(row["setting"], []).append(row["speed_rebound_m_per_s"])
-    if not any(max(one) > (1.0 + _ONE_SPEED) * min(one) for one in speeds.values()):
+    if not any(max(values) > (1.0 + _ONE_SPEED) * min(values) for values in speeds.values()):
         return
     settings = {row["setting"] for row in rows}
     bold, lines = _emphasis(settings), []
@@ -595,8 +595,8 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
     """Each parameter that is known at some setting, and not one for all of them."""
     rows, trends = shown.run.rows("parameters"), trends_in(shown.run.record)
     places = setting_places(row["setting"] for row in rows)
-    for one in shown.run.quantities:
-        name, scale = one.name, Shown(one)
+    for quantity in shown.run.quantities:
+        name, scale = quantity.name, Shown(quantity)
         status_of = {row["setting"]: row[f"{name}_status"] for row in rows}
         known = [
             row
@@ -605,7 +605,9 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
             and math.isfinite(row[name])
             and status_of[row["setting"]] not in {"absent", "not_identifiable"}
         ]
-        is_default = one.default is not None and {row[name] for row in known} == {one.default}
+        is_default = quantity.default is not None and {row[name] for row in known} == {
+            quantity.default
+        }
         if not known or is_default or (len(rows) > 1 and is_one_for_all(rows, name)):
             continue  # a sentence tells it: twenty equal bars say no more
         far = _far(known, name)
@@ -622,7 +624,7 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
             ends_of: Any = {"low": low, "high": high, "in_legend": False}
             label, colour = f"setting {setting}", shown.colours[setting]
             lines.append(Line(x, y, label, colour, setting, style, **ends_of))
-        panel = setting_panel(places, one.symbol, scale.axis, lines)
+        panel = setting_panel(places, quantity.symbol, scale.axis, lines)
         statuses = {str(status_of[row["setting"]]) for row in near} - {"fitted", "None"}
         held = ", ".join(sorted(status.replace("_", " ") for status in statuses))
         off = (f"setting {row['setting']} ({scale.factor * row[name]:.3g})" for row in far)
@@ -638,7 +640,7 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
             ),
         )
         caption = " ".join(text.format(words) for text, words in captions if words)
-        named = dict.fromkeys((one.symbol, one.label))  # play is called play
+        named = dict.fromkeys((quantity.symbol, quantity.label))  # play is called play
         yield Plot(f"parameter_{name}", f"{', '.join(named)}, against setting", (panel,), caption)
 
 
@@ -660,7 +662,7 @@ def _trends(
 ) -> Iterator[Line]:
     """Yield each trend with its band and what is off it; along its adjuster without a band."""
     is_numbered = not setting_names(places)
-    adjusters = list(dict.fromkeys(one.adjuster for one in trends))
+    adjusters = list(dict.fromkeys(trend.adjuster for trend in trends))
     standing = {(line.adjuster, line.held): line.numbers for line in lines_of(places)}
     for trend in trends:
         at = {float(point.setting): float(point.setting) for point in trend.points}
@@ -683,30 +685,34 @@ def _trends(
         if known:
             is_named = is_numbered or len(trends) <= _NAMED
             yield Line(x, y, label, "muted", style=style, in_legend=is_named, **band)
-        for one in trend.outliers:
-            if (place := at.get(float(one.setting))) is not None:
-                ring = np.array([place]), np.array([factor * one.value])
+        for outlier in trend.outliers:
+            if (place := at.get(float(outlier.setting))) is not None:
+                ring = np.array([place]), np.array([factor * outlier.value])
                 yield Line(*ring, "off the trend", "ink", style="rings", in_legend=False)
 
 
 def _profiles(shown: ReportPlots) -> Iterator[Plot]:
     """Each profile that was asked for: the rise of the misfit as the parameter is moved."""
-    rows = [r for r in shown.run.rows("profiles") if None not in (r["value"], r["misfit_rise"])]
-    for one in shown.run.quantities:
-        scale, lines = Shown(one), []
-        for setting in dict.fromkeys(r["setting"] for r in rows if r["parameter"] == one.name):
-            mine = [r for r in rows if (r["parameter"], r["setting"]) == (one.name, setting)]
-            points = sorted((scale.factor * row["value"], row["misfit_rise"]) for row in mine)
-            x, y = np.reshape(points, (-1, 2)).T
+    points: dict[tuple[str, Setting], list[tuple[float, float]]] = {}
+    for row in shown.run.rows("profiles"):
+        if None not in (point := (row["value"], row["misfit_rise"])):
+            points.setdefault((row["parameter"], row["setting"]), []).append(point)
+    for quantity in shown.run.quantities:
+        scale, lines = Shown(quantity), []
+        for (name, setting), own in points.items():
+            if name != quantity.name:
+                continue
+            x, y = np.array(sorted(own)).T * [[scale.factor], [1.0]]
             label, colour = f"setting {setting}", shown.colours[setting]
             lines.append(Line(x, y, label, colour, setting, "dot_line", tag=str(setting)))
         if lines:
             rules = ((CHI_SQUARED_95, "95 % limit"),)
-            panel = Panel(one.symbol, scale.axis, "rise of the misfit", "", (*lines,), rules=rules)
+            axes = (quantity.symbol, scale.axis, "rise of the misfit", "")
+            panel = Panel(*axes, tuple(lines), rules=rules)
             caption = (
                 "Each point is a fit with the parameter held there; below the line it is inside."
             )
-            yield Plot(f"profile_{one.name}", f"{one.symbol}, profile", (panel,), caption)
+            yield Plot(f"profile_{quantity.name}", f"{quantity.symbol}, profile", (panel,), caption)
 
 
 # What the page and `damperfit report --figures` draw of all settings, the first one on top.

@@ -129,9 +129,10 @@ def stretch_sheet(logs: Iterable[Facts]) -> Sheet:
     rows = []
     for log in logs:
         segments = log.get("stretches", [])
-        if [one["kind"] for one in segments] != ["steady"]:
+        if [segment["kind"] for segment in segments] != ["steady"]:
             names = [str(log["name"]), *("" for _ in segments[1:])]
-            rows += [{**one, "name": name} for name, one in zip(names, segments, strict=False)]
+            pairs = zip(names, segments, strict=False)
+            rows += [{**segment, "name": name} for name, segment in pairs]
     columns = [
         Column.text("segments", "name"),
         Column.of("from", "s", "start_s"),
@@ -197,18 +198,18 @@ def finding_lines(
     range of their numbers, as each sentence differs; ``has_notes`` False leaves notes out.
     """
     verdicts = Counter(log.get("verdict", "good") for log in logs)
-    counts = (f"{verdicts[one]} {words}" for one, words in _VERDICTS.items() if verdicts[one])
+    counts = (f"{verdicts[key]} {words}" for key, words in _VERDICTS.items() if verdicts[key])
     yield f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(counts)}"
     parts = {heading: _grouped(logs, severity) for severity, heading in _HEADINGS.items()}
     if has_notes:
         notes: dict[str, list[Facts]] = {}
-        for one in chain.from_iterable(log.get("findings", ()) for log in logs):
-            if one["severity"] == "note":
-                notes.setdefault(one["name"], []).append(one)
+        for finding in chain.from_iterable(log.get("findings", ()) for log in logs):
+            if finding["severity"] == "note":
+                notes.setdefault(finding["name"], []).append(finding)
         parts["Notes"] = [_note(alike, len(logs)) for alike in notes.values()]
         read_as: Counter[str] = Counter()  # what was assumed in reading, each assumption once
         for log in logs:
-            known = {one["sentence"] for one in log.get("findings", ())}
+            known = {finding["sentence"] for finding in log.get("findings", ())}
             read_as.update(note for note in log.get("notes", ()) if note not in known)
         parts["Read as"] = [
             f"{note} ({n} of {len(logs)} logs)" if len(logs) > 1 else note
@@ -231,13 +232,13 @@ def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
     names: dict[tuple[str, str], list[str]] = {}
     kinds: dict[tuple[str, str], str] = {}
     for log in logs:
-        for one in log.get("findings", ()):
-            if one["severity"] == severity:
-                name, sentence = str(log["name"]), f"{one['name']}: {one['sentence']}"
+        for finding in log.get("findings", ()):
+            if finding["severity"] == severity:
+                name, sentence = str(log["name"]), f"{finding['name']}: {finding['sentence']}"
                 # Refusals share a few names: the problem tells their causes apart.
-                code = str((severity == "refusal" and log.get("code")) or one["name"])
+                code = str((severity == "refusal" and log.get("code")) or finding["name"])
                 names.setdefault((code, sentence), []).append(name)
-                alike = _NUMBER.sub("", one["sentence"].replace(name, ""))
+                alike = _NUMBER.sub("", finding["sentence"].replace(name, ""))
                 kinds.setdefault((code, sentence), f"{code} {alike}")
     problems = []
     for (code, sentence), (first, *others) in names.items():
@@ -249,7 +250,7 @@ def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
 
 def _note(findings: Sequence[Facts], n_logs: int) -> str:
     """Return a note of several logs once, with the range of its number."""
-    first, values = findings[0], [one.get("value") for one in findings]
+    first, values = findings[0], [finding.get("value") for finding in findings]
     note = f"{first['name']}: {first['sentence']}"
     if n_logs == 1:
         return note

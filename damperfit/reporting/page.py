@@ -103,7 +103,7 @@ def _verbatim(text: str) -> Markup:
 
 @cache
 def _environment() -> Environment:
-    made = Environment(
+    environment = Environment(
         loader=PackageLoader("damperfit.reporting", "assets"),
         autoescape=True,
         finalize=page_text,
@@ -112,8 +112,8 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.globals["html_table"] = lambda sheet: _verbatim(html_table(sheet, looks=_LOOKS))
-    return made
+    environment.globals["html_table"] = lambda sheet: _verbatim(html_table(sheet, looks=_LOOKS))
+    return environment
 
 
 class PlotData:
@@ -140,8 +140,8 @@ class PlotData:
             for panel in plot.panels
         ]
         title = page_text(plot.title)
-        one = {"name": plot.name, "title": title, "panels": panels, "keyed": bool(plot.key)}
-        self.plots.append(one)
+        entry = {"name": plot.name, "title": title, "panels": panels, "keyed": bool(plot.key)}
+        self.plots.append(entry)
         words = {"name": plot.name, "title": plot.title, "caption": plot.caption}
         return {"place": len(self.plots) - 1, "is_tall": len(plot.panels) > 1, **words}
 
@@ -224,25 +224,25 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
     """
     run, units = shown.run, shown.units
     rows = {row["setting"]: row for row in run.rows("parameters")}
-    seen: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for log, plots in shown.by_log:
         name = str(log.setting.cell) if isinstance(log.setting.cell, int) else log.setting.slug
-        seen[name] += 1
+        counts[name] += 1
         row, fastest = rows.get(log.setting), log.fastest
         own = rows_in_units(log.rows, units)
-        at_best = [one for one in own if fastest and one["stretch"] == fastest["stretch"]]
+        at_best = [point for point in own if fastest and point["stretch"] == fastest["stretch"]]
         forces = [log_force_sheet(at_best)] if at_best else []
         segments = [segment_sheet(own, has_setting=False)] if log.has_segments else []
         notes, findings = [], []
-        for one in findings_in(log.facts):
-            if one.severity == "note":
-                notes.append(one.sentence)
+        for finding in findings_in(log.facts):
+            if finding.severity == "note":
+                notes.append(finding.sentence)
             else:
-                findings.append(f"{one.severity}: {one.sentence}")
-        how_read = [one for one in map(str, listed_in(log.facts, "notes")) if one not in notes]
+                findings.append(f"{finding.severity}: {finding.sentence}")
+        how_read = [note for note in map(str, listed_in(log.facts, "notes")) if note not in notes]
         yield {
             "setting": log.setting,
-            "anchor": f"setting-{name}" + (f"-log-{seen[name]}" if seen[name] > 1 else ""),
+            "anchor": f"setting-{name}" + (f"-log-{counts[name]}" if counts[name] > 1 else ""),
             "log": log.signals.log,
             "verdict": verdict(row, run) if row else "",
             "parameters": parameter_line(row, run.quantities) if row else "",
@@ -250,8 +250,8 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
             "findings": findings,
             "details": {"Notes on the log": notes, "How the log was read": how_read},
             "figures": [data.add(plot) for plot in plots],
-            "forces": [sheet_in_units(one, units) for one in forces],
-            "segments": [sheet_in_units(one, units) for one in segments],
+            "forces": [sheet_in_units(sheet, units) for sheet in forces],
+            "segments": [sheet_in_units(sheet, units) for sheet in segments],
         }
 
 
@@ -262,8 +262,8 @@ def _log_facts(log: LogView, units: ShownUnits) -> str:
         fastest = max(row["speed_rebound_m_per_s"] or 0.0 for row in log.peaks)
         n = len(log.peaks)
         motion = f"{n} segment{'s' * (n > 1)}, to {units.write(fastest, 'm/s', '.3g')}"
-    known = (number_in(one, "amplitude_m") for one in (*log.peaks, log.facts))
-    largest = max((one for one in known if one is not None), default=math.nan)
+    amplitudes = (number_in(entry, "amplitude_m") for entry in (*log.peaks, log.facts))
+    largest = max((size for size in amplitudes if size is not None), default=math.nan)
     amplitude = units.say_lengths(f"amplitude {1e3 * largest:.3g} mm")
     heat = number_in(log.facts, "temperature_degC")
     temperature = "temperature not logged" if heat is None else f"{heat:.1f} degC"
@@ -283,8 +283,8 @@ def comparison_page(
     """Return comparisons, and forces held against bands, as one self-contained HTML page."""
     data = PlotData()
     groups: dict[str, list[RunComparison]] = defaultdict(list)
-    for one in comparisons:
-        groups[one.first.shown_as].append(one)
+    for pair in comparisons:
+        groups[pair.first.shown_as].append(pair)
     overall: list[dict[str, Any]] = []
     settings_of: list[dict[str, Any]] = []
     for k, group in enumerate(groups.values()):
@@ -294,18 +294,18 @@ def comparison_page(
             data.add(replace(plot, name=plot.name + more, title=plot.title + whose))
             for plot in difference_plots(group)
         ]
-        runs = [group[0].first, *(one.second for one in group)]
-        for setting in sorted({setting for one in group for setting in one.settings}):
+        runs = [group[0].first, *(pair.second for pair in group)]
+        for setting in sorted({setting for pair in group for setting in pair.settings}):
             having = [run for run in runs if setting in {test.setting for test in run.tests}]
             plots = loop_plots(having, setting, name=f"setting_{setting.slug}{more}")
             figures = [data.add(plot_in_units(plot, group[0].units)) for plot in plots]
             title = f"Setting {setting}{whose}"
             settings_of.append({"setting": setting, "title": title, "figures": figures})
-    titles = [f"{one.second.name} beside {one.first.name}" for one in comparisons]
+    titles = [f"{pair.second.name} beside {pair.first.name}" for pair in comparisons]
     return _page(
         "comparison.html",
         data,
-        setting_colours(sorted({s for one in comparisons for s in one.settings})),
+        setting_colours(sorted({s for pair in comparisons for s in pair.settings})),
         title=" | ".join(titles[:3]) or "tolerance",
         pairs=list(zip(titles, comparisons, map(comparison_sheets, comparisons), strict=True)),
         tolerance=(tolerance_outcome(points), tolerance_sheet(points)) if points else None,

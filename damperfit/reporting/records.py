@@ -42,27 +42,27 @@ _KEYS: dict[type, dict[str, str]] = {
 _PLAIN = frozenset({float, int, str, bool, type(None)})
 
 
-def to_record(one: Any) -> Any:
+def to_record(value: Any) -> Any:
     """Return a check, trend, click, finding or failure as what run.json holds."""
-    if type(one) in _PLAIN:  # nearly all there is: asked for first
-        return one
-    if isinstance(one, Setting):
-        return one.cell
-    if is_dataclass(one):
-        kind: Any = type(one)
-        return {key: to_record(getattr(one, name)) for name, key in _keys_of(kind)}
-    if isinstance(one, tuple):
-        return [to_record(item) for item in one]
-    return (
-        {str(key): to_record(item) for key, item in one.items()} if isinstance(one, dict) else one
-    )
+    if type(value) in _PLAIN:  # nearly all there is: asked for first
+        return value
+    if isinstance(value, Setting):
+        return value.cell
+    if is_dataclass(value):
+        kind: Any = type(value)
+        return {key: to_record(getattr(value, name)) for name, key in _keys_of(kind)}
+    if isinstance(value, tuple):
+        return [to_record(item) for item in value]
+    if isinstance(value, dict):
+        return {str(key): to_record(item) for key, item in value.items()}
+    return value
 
 
 @cache
 def _keys_of(kind: Any) -> tuple[tuple[str, str], ...]:
     """Return the name of each field, and the key that stands for it in run.json."""
     keys = _KEYS.get(kind, {})
-    return tuple((one.name, keys.get(one.name, one.name)) for one in fields(kind))
+    return tuple((field.name, keys.get(field.name, field.name)) for field in fields(kind))
 
 
 @cache
@@ -99,9 +99,9 @@ def _read(hint: Any, value: Any) -> Any:
         entry, kind = dict(value), cast("Any", hint)
         keyed = [(name, key, _hints(kind)[name]) for name, key in _keys_of(kind)]
         values = {
-            name: _read(one, entry.get(key))
-            for name, key, one in keyed
-            if get_origin(one) is not dict
+            name: _read(inner, entry.get(key))
+            for name, key, inner in keyed
+            if get_origin(inner) is not dict
         }
         if next(iter(values.values())) == "":  # what the entry is about
             raise ValueError
@@ -155,8 +155,9 @@ def listed_in(record: Record, key: str) -> list[Any]:
 
 def entries_in(record: Record, key: str) -> list[dict[str, Any]]:
     """Return the objects in a list of the record; none where somebody put something else there."""
-    known = [one for one in listed_in(record, key) if isinstance(one, dict)]
-    return [one for one in known if isinstance(one.get("setting"), str | int | float | None)]
+    kinds = str | int | float | None  # of a setting
+    entries = [entry for entry in listed_in(record, key) if isinstance(entry, dict)]
+    return [entry for entry in entries if isinstance(entry.get("setting"), kinds)]
 
 
 def number_in(record: Record, key: str) -> float | None:
@@ -168,7 +169,7 @@ def number_in(record: Record, key: str) -> float | None:
 def all_in(record: Record, key: str, kind: type[_T]) -> list[_T]:
     """Return what a list of the record holds, as it was given to `to_record`."""
     read = (read_back(kind, entry) for entry in listed_in(record, key))
-    return [one for one in read if one is not None]
+    return [item for item in read if item is not None]
 
 
 def checks_in(record: Record) -> list[Check]:
@@ -228,18 +229,18 @@ def problems_in(record: Record) -> list[Problem]:
     for entry in listed_in(record, "problems"):
         with suppress(TypeError, KeyError, AttributeError):
             problems.append(Problem.of_record(entry))
-    sentences = [Problem(str(one), str(one), "warning") for one in listed_in(record, "warnings")]
-    return [one for one in problems if one.severity in SEVERITIES] or sentences
+    sentences = [Problem(str(text), str(text), "warning") for text in listed_in(record, "warnings")]
+    return [problem for problem in problems if problem.severity in SEVERITIES] or sentences
 
 
 def gaps_in(record: Record) -> tuple[tuple[int, int], ...]:
     """Return the runs of settings without a result, first and last of each."""
     gaps = listed_in(record, "gaps")
-    ends = [(one.get("first"), one.get("last")) for one in gaps if isinstance(one, dict)]
-    ends += [(one, one) for one in gaps]  # before 0.2 every setting was listed
+    pairs = [(gap.get("first"), gap.get("last")) for gap in gaps if isinstance(gap, dict)]
+    pairs += [(setting, setting) for setting in gaps]  # before 0.2 every setting was listed
     return tuple(
         (first, last)
-        for first, last in ends
+        for first, last in pairs
         if type(first) is int and type(last) is int and first <= last
     )
 

@@ -63,12 +63,12 @@ def lead(run: Run) -> str:
 
 def report_sections(run: Run, units: ShownUnits = SI) -> list[Section]:
     """Return the parts of a report in their order; those without content are left out."""
-    seen: set[str] = set()
+    written: set[str] = set()
     sections = []
     for title, place, sentences, sheets in _sections(run, units):
-        new = [one for one in dict.fromkeys(sentences) if one not in seen]
-        seen.update(new)
-        filled = [one for one in sheets if one.rows]
+        new = [sentence for sentence in dict.fromkeys(sentences) if sentence not in written]
+        written.update(new)
+        filled = [sheet for sheet in sheets if sheet.rows]
         if new or filled:
             sections.append(Section(title, place, new, filled))
     return sections
@@ -79,16 +79,16 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     checks, law, gaps = records.checks_in(record), records.law_in(record), records.gaps_in(record)
     forces = rows_in_units(run.rows("adjustment"), units)
     segments = rows_in_units(run.rows("characteristics"), units)
-    advice = {one.value: one.advice for one in Outcome if one is not Outcome.CONVERGED}
-    outcomes = {row.get("outcome") for row in parameters} & set(advice)
+    outcomes = {row.get("outcome") for row in parameters} - {Outcome.CONVERGED.value}
+    advice = (f"{o.value}: {o.advice}" for o in Outcome if o.value in outcomes)
     errors = {
-        (str(one.get("setting")), one["log"], records.number_in(one, "start_s")): one
-        for one in records.entries_in(record, "stretches")
-        if isinstance(one.get("log"), str)
+        (str(part.get("setting")), part["log"], records.number_in(part, "start_s")): part
+        for part in records.entries_in(record, "stretches")
+        if isinstance(part.get("log"), str)
     }
 
     def table(title: str, place: str, *sheets: Sheet, scaled: bool = False) -> Section:
-        shown = [sheet_in_units(one, units) if scaled else one for one in sheets]
+        shown = [sheet_in_units(sheet, units) if scaled else sheet for sheet in sheets]
         return Section(title, place, sheets=shown)
 
     def words(title: str, about: str) -> Section:
@@ -101,14 +101,14 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield Section("Gates not met", "alarm", list(gates))
     yield table("Force by setting", "top", *tables.force_sheets(forces), scaled=True)
     yield Section("Model structure that the logs support", "words", tables.law_sentences(law))
-    found = tables.parameter_sheet(parameters, run.quantities, units=units)
-    yield table("Parameters", "parameters", found)
+    fitted = tables.parameter_sheet(parameters, run.quantities, units=units)
+    yield table("Parameters", "parameters", fitted)
     errors_by_log = tables.mse_sheet(run.rows("mse"), parameters, run.quantities)
     yield table("MSE by setting and log", "tables", errors_by_log)
     summary = [tables.check_summary(checks)] if checks else []
     yield Section("Checks", "checks", summary, [tables.check_sheet(checks)])
     yield Section("Warnings", "words", listing(records.problems_in(record)))
-    yield Section("What to do", "words", sorted(f"{one}: {advice[one]}" for one in outcomes))
+    yield Section("What to do", "words", sorted(advice))
     yield Section("Verdicts", "words", verdicts(run))
     held_out = tables.held_out_sheet(records.entries_in(record, "held_out"))
     yield table("Held out: predicted, not fitted", "words", held_out)
@@ -128,8 +128,8 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield Section("Warnings of each log", "folded", listing(findings))
     peaks = tables.segment_sheet(segments, has_setting=True, errors=errors)
     yield table("Peak force against peak speed (PVP)", "tables", peaks, scaled=True)
-    beside = tables.measured_force_sheet(forces)
-    yield table("Measured beside the model", "tables", beside, scaled=True)
+    measured = tables.measured_force_sheet(forces)
+    yield table("Measured beside the model", "tables", measured, scaled=True)
     if run.declared_damper is not None:  # the paper's would be assumed, and remarked on
         with suppress(ConfigurationError):  # a model without such valves
             valves = run.valves()
@@ -189,17 +189,17 @@ def _procedure(run: Run, units: ShownUnits) -> Iterator[str]:
 
 def tested_range(tested: Tested) -> str:
     """Return the range of the tests in words, as far as it is known."""
-    known = [f"{tested.n_logs} log{'s' * (tested.n_logs != 1)}"] if tested.n_logs else []
+    parts = [f"{tested.n_logs} log{'s' * (tested.n_logs != 1)}"] if tested.n_logs else []
     if tested.stroke is not None:
-        known.append(f"stroke to +-{1e3 * tested.stroke:.4g} mm")
+        parts.append(f"stroke to +-{1e3 * tested.stroke:.4g} mm")
     if tested.speed is not None:
-        known.append(f"speed to {tested.speed:.4g} m/s")
-    for ends, unit in ((tested.frequencies, "Hz"), (tested.temperatures, "degC")):
-        if ends is not None:
-            known.append(f"{' to '.join(dict.fromkeys(f'{end:.4g}' for end in ends))} {unit}")
+        parts.append(f"speed to {tested.speed:.4g} m/s")
+    for limits, unit in ((tested.frequencies, "Hz"), (tested.temperatures, "degC")):
+        if limits is not None:
+            parts.append(f"{' to '.join(dict.fromkeys(f'{limit:.4g}' for limit in limits))} {unit}")
     if tested.temperatures is None:
-        known.append("temperature not logged")
-    return ", ".join(known)
+        parts.append("temperature not logged")
+    return ", ".join(parts)
 
 
 # As Markdown
@@ -224,7 +224,7 @@ def markdown(title: str, paragraphs: Iterable[str], sections: Iterable[Section])
         level = "###" if section.place == "below" else "##"
         lines += ["", f"{level} {escape(section.title)}"]
         if section.sentences:
-            lines += ["", *(f"- {escape(one)}" for one in section.sentences)]
+            lines += ["", *(f"- {escape(sentence)}" for sentence in section.sentences)]
         for sheet in section.sheets:
             lines += ["", *markdown_table(sheet)]
     return "\n".join(lines) + "\n"

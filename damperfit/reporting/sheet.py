@@ -118,13 +118,12 @@ def text_table(
     ``colours`` are ANSI colours of cells by the word in them, besides those of grades; None: plain.
     """
     n_heads = len(sheet.heads)
-    columns = [list(map(printable, one)) for one in zip(*sheet.heads, *sheet.rows, strict=True)]
+    columns = [list(map(printable, cells)) for cells in zip(*sheet.heads, *sheet.rows, strict=True)]
     whole = sum(max(map(_places, column)) + 2 for column in columns) - 2
     if whole > width:
+        longest = max(width // 3, _NAME)
         kinds = zip(columns, sheet.is_number, strict=True)
-        columns = [
-            one if is_number else _cut(one, max(width // 3, _NAME)) for one, is_number in kinds
-        ]
+        columns = [column if is_number else _cut(column, longest) for column, is_number in kinds]
     gap = 2 if whole <= min(_COLUMNS, width) else 1
     least = []  # widths that cut no word and no number, as far as the first column leaves room
     for column, is_number in zip(columns, sheet.is_number, strict=True):
@@ -133,7 +132,7 @@ def text_table(
         least.append(max(map(_places, words), default=0))
     room = width - gap - max(least[1:], default=0)
     least[0] = min(least[0], max(width // 3, room))
-    least[1:] = [min(one, width - gap - least[0]) for one in least[1:]]
+    least[1:] = [min(wide, width - gap - least[0]) for wide in least[1:]]
     parts, used = [[0]], least[0]
     for k, wide in enumerate(least[1:], start=1):
         if used + gap + wide > width and len(parts[-1]) > 1:
@@ -306,7 +305,7 @@ def with_interval(
     """
     if value is None or not math.isfinite(value):
         return NOTHING
-    low, high = (math.nan if end is None else end for end in (low, high))
+    low, high = (math.nan if limit is None else limit for limit in (low, high))
     half = 0.5 * (high - low)
     if not (math.isfinite(half) and low <= value <= high and half):
         return number(value, digits=digits) if not plus else f"{value:+.{digits - 1}g}"
@@ -316,9 +315,9 @@ def with_interval(
     place = math.floor(math.log10(error)) - 1  # of the last digit that the error tells
     place += round(error / 10.0**place) > _TWO_DIGITS
 
-    def rounded(one: float, plus: str = "") -> str:
+    def rounded(x: float, plus: str = "") -> str:
         step = 10.0**place
-        return f"{round(one / step) * step + 0.0:{plus}.{max(0, -place)}f}"
+        return f"{round(x / step) * step + 0.0:{plus}.{max(0, -place)}f}"
 
     if is_even:
         return f"{rounded(value, plus)} ± {rounded(half)}"

@@ -33,7 +33,7 @@ Place = tuple[Any, str | None]  # a setting, and the adjuster that was turned
 
 _SHORT = 5  # letters of a unit that fits over a column
 _SAME = 1e-9  # of a value that went through a file
-# Within this factor of a bound a value at its bound is the bound, not a number that was found.
+# Within this factor of a bound a value at its bound is shown as the bound.
 _AT_BOUND = 2.0
 _MARKS = {
     "absent": ("none", "does nothing here, the model is fitted without it"),
@@ -82,15 +82,15 @@ class Shown:
         return f"{f'({text})' if ' ' in text else text}e{self.power} {self.unit}"
 
     def status(self, row: Row) -> str | None:
-        """Return how the value was found."""
+        """Return the status of the value."""
         status: str | None = row[f"{self.name}_status"]
         return status
 
     def value(self, row: Row) -> str:
         """Return the value with its 95 % interval."""
         numbers = (row[self.name], row.get(f"{self.name}_ci_low"), row.get(f"{self.name}_ci_high"))
-        known = (None if one is None else self.factor * one for one in numbers)
-        return with_interval(*known, digits=4)
+        shown = (None if value is None else self.factor * value for value in numbers)
+        return with_interval(*shown, digits=4)
 
     def bound(self, row: Row) -> str:
         """Return a value at a bound as the limit it ran into; empty where it is far from it."""
@@ -102,7 +102,7 @@ class Shown:
         return f">{min(value, high) * self.factor:.2g}" if value > high / _AT_BOUND else ""
 
     def cell(self, row: Row) -> str:
-        """Return the value with the mark of how it was found."""
+        """Return the value with the mark of its status."""
         mark, _ = _MARKS.get(self.status(row) or "", ("", ""))
         if self.status(row) in {"absent", "not_identifiable"}:
             return mark  # no number that pretends to be known
@@ -110,9 +110,9 @@ class Shown:
 
     def is_idle(self, row: Row) -> bool:
         """Whether it is held at its default, or does nothing."""
-        value, one = row[self.name], self.quantity
-        is_default = one.default is not None and value in (None, one.default)
-        is_nothing = one.may_vanish and value is not None and value <= one.plausible[0]
+        value, quantity = row[self.name], self.quantity
+        is_default = quantity.default is not None and value in (None, quantity.default)
+        is_nothing = quantity.may_vanish and value is not None and value <= quantity.plausible[0]
         return (is_default or is_nothing) and self.status(row) in ("fixed", None)
 
 
@@ -129,35 +129,35 @@ def parameter_sheet(
     """Return one row per setting: parameters with their 95 % intervals, MSE, grade, remarks.
 
     What all settings have in common is a note below, what is held at its default everywhere is left
-    out. ``levels`` are the characters, from low to high, of a course over the settings.
+    out. ``levels`` are the characters, from low to high, of a sparkline over the settings.
     """
     own, notes = [], []
-    for one in (Shown(quantity, units) for quantity in quantities):
-        if rows and all(map(one.is_idle, rows)):
+    for shown in (Shown(quantity, units) for quantity in quantities):
+        if rows and all(map(shown.is_idle, rows)):
             continue
         # What is each setting's own keeps its column, unless it is one fitted value for all.
-        is_shared = all(one.status(row) == "shared" for row in rows)
-        is_own = one.quantity.scope == SETTING and one.quantity.default is None
-        if (is_shared or not is_own) and is_one_for_all(rows, one.name):
-            row = next(row for row in rows if row[one.name] is not None)
-            how = "shared by all settings" if one.status(row) == "shared" else "fixed"
-            notes.append(f"{one.symbol} = {one.say(one.value(row))}, {how}")
+        is_shared = all(shown.status(row) == "shared" for row in rows)
+        is_own = shown.quantity.scope == SETTING and shown.quantity.default is None
+        if (is_shared or not is_own) and is_one_for_all(rows, shown.name):
+            row = next(row for row in rows if row[shown.name] is not None)
+            how = "shared by all settings" if shown.status(row) == "shared" else "fixed"
+            notes.append(f"{shown.symbol} = {shown.say(shown.value(row))}, {how}")
         else:
-            own.append(one)
+            own.append(shown)
 
-    def unit(one: Shown) -> str:
-        return one.short_unit + " ±95 %" * any(" " in one.value(row) for row in rows)
+    def unit(shown: Shown) -> str:
+        return shown.short_unit + " ±95 %" * any(" " in shown.value(row) for row in rows)
 
     columns = [
         Column.text("set", "setting", is_number=True),
-        *(Column(one.symbol, unit(one), one.cell) for one in own),
+        *(Column(shown.symbol, unit(shown), shown.cell) for shown in own),
         Column("MSE", "%", lambda row: percent(row["mse_percent"])),
         Column.text("grade", "grade", missing=NOTHING),
     ]
     if any(map(remarks_on, rows)):
         columns.append(Column("remarks", "", remarks_on, is_number=False))
-    courses = _courses(rows, own, levels) if levels else ()
-    return laid_out(rows, columns, *notes, *courses, *_legend(rows, own))
+    sparklines = _sparklines(rows, own, levels) if levels else ()
+    return laid_out(rows, columns, *notes, *sparklines, *_legend(rows, own))
 
 
 def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
@@ -171,40 +171,40 @@ def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
 def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> str:
     """Return the parameters of one setting in a sentence, those not known left out."""
     parts = []
-    for one in map(Shown, quantities):
-        status = one.status(row)
-        if row[one.name] is None or one.is_idle(row):
+    for shown in map(Shown, quantities):
+        status = shown.status(row)
+        if row[shown.name] is None or shown.is_idle(row):
             continue
         if status == "absent":
-            parts.append(f"no {one.quantity.label}")
+            parts.append(f"no {shown.quantity.label}")
         elif status == "not_identifiable":
-            parts.append(f"{one.symbol} cannot be determined")
-        elif bound := one.bound(row):
+            parts.append(f"{shown.symbol} cannot be determined")
+        elif bound := shown.bound(row):
             words = "below" if bound.startswith("<") else "above"
-            parts.append(f"{one.symbol} {words} {one.say(bound[1:])} (at bound)")
+            parts.append(f"{shown.symbol} {words} {shown.say(bound[1:])} (at bound)")
         else:
             words = "" if status in {"fitted", None} else f" ({status.replace('_', ' ')})"
-            parts.append(f"{one.symbol} = {one.say(one.value(row))}{words}")
+            parts.append(f"{shown.symbol} = {shown.say(shown.value(row))}{words}")
     return f"{', '.join(parts)}." if parts else ""
 
 
-def _legend(rows: Sequence[Row], shown: Sequence[Shown]) -> Iterator[str]:
+def _legend(rows: Sequence[Row], quantities: Sequence[Shown]) -> Iterator[str]:
     """Yield what units and marks of a table of parameters mean."""
     groups: dict[str, list[str]] = {}
-    for one in shown:
-        if one.short_unit != one.unit:
-            power = f"1e{one.power} " if one.power else ""
-            groups.setdefault(f"{power}{one.unit}", []).append(one.symbol)
+    for quantity in quantities:
+        if quantity.short_unit != quantity.unit:
+            power = f"1e{quantity.power} " if quantity.power else ""
+            groups.setdefault(f"{power}{quantity.unit}", []).append(quantity.symbol)
     if groups:
         yield ", ".join(f"{in_a_row(symbols)} in {unit}" for unit, symbols in groups.items())
-    used = {one.status(row) for row in rows for one in shown}
+    used = {quantity.status(row) for row in rows for quantity in quantities}
     marks = {how: f"{mark} {words}" for how, (mark, words) in _MARKS.items() if how in used}
-    for one in shown:
-        if len({row[one.name] for row in rows if one.status(row) == "shared"}) > 1:
+    for quantity in quantities:
+        if len({row[quantity.name] for row in rows if quantity.status(row) == "shared"}) > 1:
             marks["shared"] = f"s {_BY_CLICK}"
     if marks:
         yield ", ".join(marks.values())
-    if any(row.get(f"{one.name}_misfit_se") for row in rows for one in shown):
+    if any(row.get(f"{quantity.name}_misfit_se") for row in rows for quantity in quantities):
         yield _OF_MISFIT
 
 
@@ -224,42 +224,42 @@ def sparkline(values: Iterable[float | None], *, levels: str = BLOCK_LEVELS) -> 
     >>> sparkline([1.0, 2.0, None, 3.0, 8.0]), sparkline([5.0, 5.0], levels=ASCII_LEVELS)
     ('▁▂ ▃█', '++')
     """
-    known = [math.nan if value is None else float(value) for value in values]
-    finite = [value for value in known if math.isfinite(value)] or [0.0]
+    numbers = [math.nan if value is None else float(value) for value in values]
+    finite = [value for value in numbers if math.isfinite(value)] or [0.0]
     low, span, n = min(finite), max(finite) - min(finite), len(levels)
 
     def level(value: float) -> int:
         return min(n - 1, int((value - low) / span * n)) if span else n // 2
 
-    return "".join(levels[level(one)] if math.isfinite(one) else " " for one in known)
+    return "".join(levels[level(value)] if math.isfinite(value) else " " for value in numbers)
 
 
-def _courses(rows: Sequence[Row], shown: Sequence[Shown], levels: str) -> Iterator[str]:
+def _sparklines(rows: Sequence[Row], quantities: Sequence[Shown], levels: str) -> Iterator[str]:
     """Yield each parameter over the settings as one line, and the MSE, which spans decades."""
     errors = [row["mse_percent"] for row in rows]
-    seen = [error for error in errors if error is not None]
-    if len(seen) < _FEWEST or len(rows) > _MOST:
+    finite = [error for error in errors if error is not None]
+    if len(finite) < _FEWEST or len(rows) > _MOST:
         return
-    for one in shown:
+    for quantity in quantities:
         known = {
-            k: (row[one.name], row[f"{one.name}_se"] or 0.0)
+            k: (row[quantity.name], row[f"{quantity.name}_se"] or 0.0)
             for k, row in enumerate(rows)
-            if one.status(row) not in _WITHOUT_VALUE and row[one.name] is not None
+            if quantity.status(row) not in _WITHOUT_VALUE and row[quantity.name] is not None
         }
         if len(known) < _FEWEST:
             continue
-        # Scaled to the height of a line, values that errors cannot tell apart would have a course.
+        # Scaled to the height of a line, noise would look like a trend.
         pairs = itertools.combinations(known.values(), 2)
         is_flat = not any(abs(a - b) > math.hypot(e, f) for (a, e), (b, f) in pairs)
-        course = [0.0 if is_flat else known.get(k, (None,))[0] for k in range(len(rows))]
-        values = [one.factor * value for value, _ in known.values()]
-        ends = f"{number(min(values), digits=4)} to {number(max(values), digits=4)}"
+        heights = [0.0 if is_flat else known.get(k, (None,))[0] for k in range(len(rows))]
+        values = [quantity.factor * value for value, _ in known.values()]
+        span = f"{number(min(values), digits=4)} to {number(max(values), digits=4)}"
         flat = ", drawn flat: within their standard errors" if is_flat else ""
-        line = sparkline(course, levels=levels)
-        yield f"{one.symbol:<4} {line}  {ends} {one.short_unit}{flat}"
+        line = sparkline(heights, levels=levels)
+        yield f"{quantity.symbol:<4} {line}  {span} {quantity.short_unit}{flat}"
     line = sparkline([math.log10(error) if error else None for error in errors], levels=levels)
-    ends = f"{percent(min(seen))} to {percent(max(seen))} %, logarithmic"
-    yield f"{'MSE':<4} {line}  {ends}"
+    span = f"{percent(min(finite))} to {percent(max(finite))} %, logarithmic"
+    yield f"{'MSE':<4} {line}  {span}"
 
 
 def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
@@ -269,9 +269,9 @@ def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
     remarks = [] if outcome == "converged" or (outcome == "cavitating" and share) else [outcome]
     for word in ("at bound", "not identifiable"):
         status = word.replace(" ", "_")
-        own = [one.symbol for one in quantities if row.get(f"{one.name}_status") == status]
+        own = [q.symbol for q in quantities if row.get(f"{q.name}_status") == status]
         if own:
-            remarks = [one for one in remarks if one != word] + [f"{in_a_row(own)} {word}"]
+            remarks = [text for text in remarks if text != word] + [f"{in_a_row(own)} {word}"]
     cavitates = [f"cavitates {100.0 * share:.0f} % of the time"] if share else []
     return "; ".join([*remarks, *cavitates])
 
@@ -416,7 +416,7 @@ def force_sheets(rows: Sequence[Row], strokes: Iterable[str] = STROKE_WORDS) -> 
     """Return a table a stroke: force at each speed, and what a click changes at the fastest."""
     sheets = [_by_setting(rows, stroke) for stroke in strokes if rows]
     # A note stands once, below the last table.
-    return [*(replace(one, notes=()) for one in sheets[:-1]), *sheets[-1:]]
+    return [*(replace(sheet, notes=()) for sheet in sheets[:-1]), *sheets[-1:]]
 
 
 def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
@@ -429,7 +429,7 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
     # With several adjusters a setting has a row for each that was turned.
     places = sorted(
         {(row["setting"], row.get("changed")) for row in rows},
-        key=lambda one: (Setting.of(one[0]), one[1] or ""),
+        key=lambda place: (Setting.of(place[0]), place[1] or ""),
     )
     has_click = any(row.get("change_N") is not None for row in rows)
     lines = lines_of([setting for setting, _ in places])
@@ -474,7 +474,7 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
         named = ", ".join(f"{a} to {b} ({n:g} clicks)" for a, b, n in wide[:_MOST_STEPS])
         more = f" and {len(wide) - _MOST_STEPS} more" if len(wide) > _MOST_STEPS else ""
         notes.append(f"change: over all clicks from one tested setting to the next: {named}{more}")
-    marked = next((one for one in places if words(one) != str(one[0])), None)
+    marked = next((place for place in places if words(place) != str(place[0])), None)
     if has_click and marked is not None:
         notes.append(
             f'"{words(marked)}": the change when {marked[1]} alone is turned; a setting that '
@@ -571,14 +571,14 @@ def segment_sheet(
     if has_setting:
         logs = {(row["setting"], row.get("log")) for row in peaks}
         first = [Column.text("setting", "setting", is_number=True)]
-        first += [Column.text("log", "log")] * (len(logs) > len({one for one, _ in logs}))
+        first += [Column.text("log", "log")] * (len(logs) > len({setting for setting, _ in logs}))
         peaks.sort(
             key=lambda row: (Setting.of(row["setting"]), row["speed_rebound_m_per_s"] or 0.0)
         )
 
     def fastest(row: Row) -> str:
         speeds = [row[f"speed_{stroke}_m_per_s"] for stroke in STROKE_WORDS]
-        return number(max((one for one in speeds if one is not None), default=None), digits=3)
+        return number(max((v for v in speeds if v is not None), default=None), digits=3)
 
     def error(row: Row) -> str:
         segment = (errors or {}).get((str(row["setting"]), row["log"], row["start_s"]), {})
@@ -609,10 +609,10 @@ def segment_sheet(
 # Which model structure the logs support, of what run.json tells: a row a candidate
 
 
-_FREE = Column("free", "", lambda one: str(len(listed_in(one, "free")) or ""))
+_FREE = Column("free", "", lambda row: str(len(listed_in(row, "free")) or ""))
 _ERRORS = (
-    Column("MSE", "%", lambda one: percent(number_in(one, "mse_percent"))),
-    Column("held out", "%", lambda one: percent(number_in(one, "held_out_mse_percent"))),
+    Column("MSE", "%", lambda row: percent(number_in(row, "mse_percent"))),
+    Column("held out", "%", lambda row: percent(number_in(row, "held_out_mse_percent"))),
 )
 
 
@@ -625,11 +625,11 @@ def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
             "compared with: positive where it is for the larger of both"
             + ("; factor: MSE of the smaller of both over that of the larger" * (not is_narrow))
         )
-    chosen = Column("", "", lambda one: "*" if one.get("is_chosen") is True else "", False)
+    chosen = Column("", "", lambda row: "*" if row.get("is_chosen") is True else "", False)
 
     def figure(heading: str, key: str, pattern: str) -> Column:
-        def cell(one: Row) -> str:
-            value = number_in(one, key)
+        def cell(row: Row) -> str:
+            value = number_in(row, key)
             return "" if value is None else pattern.format(value)
 
         return Column(heading, "", cell)
@@ -646,9 +646,9 @@ def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
 def rival_sheet(choice: Row) -> Sheet:
     """Return one row a model of the literature, as in run.json, the best prediction first."""
     caveats: dict[str, list[str]] = {}
-    for one in entries_in(choice, "rivals"):
-        if one.get("caveat"):
-            caveats.setdefault(str(one["caveat"]), []).append(str(one.get("title")))
+    for rival in entries_in(choice, "rivals"):
+        if rival.get("caveat"):
+            caveats.setdefault(str(rival["caveat"]), []).append(str(rival.get("title")))
     notes = (f"{', '.join(titles)}: {why}" for why, titles in caveats.items())
     title = Column.text("model of the literature", "title")
     columns = [title, Column.text("source", "source"), _FREE, *_ERRORS]
@@ -660,5 +660,5 @@ def law_sentences(choice: Row, *, with_undecided: bool = True) -> list[str]:
     if not isinstance(choice.get("chosen"), str):
         return []
     keys = ("sentences", "undecided") if with_undecided else ("sentences",)
-    sentences = (str(one) for key in keys for one in listed_in(choice, key))
+    sentences = (str(sentence) for key in keys for sentence in listed_in(choice, key))
     return [f"The logs support {choice['chosen']}.", *sentences]
