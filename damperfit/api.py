@@ -434,9 +434,9 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
             stack.enter_context(watch.during_work())
             watch.on_start(done.n_tasks)
             how: dict[str, Any] = {"cancelled": watch.cancelled}
-            for one in run_fleet(configuration, tasks, folder.resolve(), engine, **how):
-                done.done.append(one)
-                watch.on_fit(one)
+            for damper in run_fleet(configuration, tasks, folder.resolve(), engine, **how):
+                done.done.append(damper)
+                watch.on_fit(damper)
             done.is_stopped = watch.cancelled()
     if asked and not done.is_stopped:
         try:
@@ -631,7 +631,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     shown = SI if units is None else parse_units(units)
     question = parse_question(**{name: given[name] for name in ("force", "velocity", "stroke")})
     places = results if isinstance(results, list | tuple) else [results]
-    paths = [folder_of(one, "damperfit.settings") for one in places] or [_RESULTS]
+    paths = [folder_of(place, "damperfit.settings") for place in places] or [_RESULTS]
     if all(path.is_file() for path in paths):
         from damperfit.queries.settings import measured_forces
 
@@ -641,8 +641,8 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         options = configured("settings", reading, is_law_open=True).reading
         return measured_forces(paths, question, reading=options)
     if len(paths) > 1:
-        found = ", ".join(map(str, paths[:3]))
-        text = f"found {found}; expected one results folder, or files of measured curves alone"
+        listed = ", ".join(map(str, paths[:3]))
+        text = f"found {listed}; expected one results folder, or files of measured curves alone"
         raise usage(text, "several-results")
     refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
     how = {name: given[name] for name in ("config", "temperature")}
@@ -675,12 +675,12 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.queries.compared import compare_all, comparison_options
     from damperfit.results import Run
 
-    places = [folder_of(one, "damperfit.compare") for one in runs]
+    places = [folder_of(run, "damperfit.compare") for run in runs]
     is_alone = len(runs) == 1 and not (tolerance or save)
     if not places or (is_alone and isinstance(runs[0], Run)):
-        found = "one result" if places else "no result"
+        number = "one result" if places else "no result"
         text = (
-            f"damperfit.compare: found {found}; expected two or more, or tolerance=FILE with "
+            f"damperfit.compare: found {number}; expected two or more, or tolerance=FILE with "
             "nominal forces"
         )
         raise usage(text, "too-few-results")
@@ -706,13 +706,13 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         units=units,
     )
     names: dict[Path, str] = {}  # of results that are in no folder of the user's
-    for k, one in enumerate(runs, 1):
-        if isinstance(one, Run) and one.is_temporary:
-            names.setdefault(one.folder, f"result {k}")
+    for k, run in enumerate(runs, 1):
+        if isinstance(run, Run) and run.is_temporary:
+            names.setdefault(run.folder, f"result {k}")
     options = replace(options, names=names)
     file: Any = config
     how: dict[str, Any] = {"config": file, "reading": reading, "save": paths["save"]}
-    how["repeats"] = [Path(one) for one in repeats or ()]
+    how["repeats"] = [Path(place) for place in repeats or ()]
     done = compare_all(places, options, tolerance=bands, **how)
     done.write(paths["out"], paths["junit"])
     return done

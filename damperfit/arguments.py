@@ -281,7 +281,7 @@ def option_of(name: str) -> str:
 def with_keywords(function: Callable[..., Any]) -> str:
     """Return the docstring of a function with the keywords that it does not tell itself."""
     text, command = function.__doc__ or "", function.__name__
-    told = {
+    documented = {
         name.strip().lstrip("*")
         for line in text.splitlines()
         if line[:4].isspace() and line[4:5].strip()
@@ -299,7 +299,7 @@ def with_keywords(function: Callable[..., Any]) -> str:
         about = _OF_PYTHON.get(name) or _OF_PYTHON.get(f"{command}.{name}")
         if keyword is not None:
             about = _OPTION.sub(spelled, keyword.help)
-        if about is not None and name not in told:
+        if about is not None and name not in documented:
             kind = str(parameter.annotation).removesuffix(" | None")
             kind = kind if kind != "object" else "path, pattern, list of such, or labelled frames"
             lines += [f"    {name} : {kind}", f"        {about}"]
@@ -370,13 +370,13 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 if keyword.kind in {"path", "paths", "results", "table"}:
                     shown = given if isinstance(given, str | list) else value
                     shown = shown if isinstance(shown, list) else [shown]
-                    paths.extend((name, one) for one in shown if not isinstance(one, Mapping))
+                    paths.extend((name, path) for path in shown if not isinstance(path, Mapping))
                 return value
 
             for name, given in list(bound.arguments.items()):
                 kind = own.parameters[name].kind
                 if kind is Parameter.VAR_KEYWORD:
-                    bound.arguments[name] = {key: read(key, one) for key, one in given.items()}
+                    bound.arguments[name] = {key: read(key, value) for key, value in given.items()}
                 elif kind is not Parameter.VAR_POSITIONAL:
                     bound.arguments[name] = read(name, given)
             try:
@@ -421,7 +421,7 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
         case "path" | "table":
             return path_of(value, option, place)
         case "paths":
-            return [path_of(one, option, place) for one in _listed(value, option)]
+            return [path_of(path, option, place) for path in _listed(value, option)]
         case "results":
             return folder_of(value, option, _TABLE)
         case "arguments" if isinstance(value, list) and any(
@@ -432,12 +432,12 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
         case "texts":
             return value if isinstance(value, Mapping) else _listed(value, option)
         case "names" | "quantities":
-            names = [n.strip() for one in _listed(value, option) for n in str(one).split(",")]
+            names = [n.strip() for text in _listed(value, option) for n in str(text).split(",")]
             return names if keyword.kind == "names" else [name.lower() for name in names]
         case "values" | "pairs" if option.name == "rig":
             return _rig_keys(value)
         case "values" | "pairs" if not isinstance(value, list):
-            return {name: str(one) for name, one in _mapping(value, option).items()}
+            return {name: str(entry) for name, entry in _mapping(value, option).items()}
         case "values":
             return _values(value, option)
         case "pairs":
@@ -515,8 +515,8 @@ def _listed(values: object, option: Option) -> list[Any]:
 def _mapping(value: object, option: Option) -> Mapping[Any, Any]:
     expected = "expected a mapping of names to values"
     if not isinstance(value, Mapping):
-        found = repr(value) if isinstance(value, str | float | list) else type(value).__name__
-        raise usage(f"found {found}; {expected}", "not-a-mapping", option)
+        given = repr(value) if isinstance(value, str | float | list) else type(value).__name__
+        raise usage(f"found {given}; {expected}", "not-a-mapping", option)
     if others := [name for name in value if not isinstance(name, str)]:
         text = f"found {others[0]!r} in place of a name; {expected}"
         raise usage(text, "not-a-mapping", option)
@@ -525,8 +525,8 @@ def _mapping(value: object, option: Option) -> Mapping[Any, Any]:
 
 def _values(texts: Sequence[str], option: Option) -> dict[str, str]:
     """Return values by quantity, of NAME=VALUE texts and lists of them; K_e is k_e."""
-    parts = (one.partition("=") for text in texts for one in _NEXT_ASSIGNMENT.split(str(text)))
-    return assignments([f"{name.lower()}{mark}{one}" for name, mark, one in parts], option)
+    parts = (part.partition("=") for text in texts for part in _NEXT_ASSIGNMENT.split(str(text)))
+    return assignments([f"{name.lower()}{mark}{value}" for name, mark, value in parts], option)
 
 
 def assignments(
@@ -561,11 +561,11 @@ def _rig_keys(given: Any) -> dict[str, Any]:
     for key, value in texts.items():
         for text in (value, json.dumps(value)):
             with suppress(tomllib.TOMLDecodeError):
-                found = tomllib.loads(f"{key} = {text}")
+                parsed = tomllib.loads(f"{key} = {text}")
                 break
         else:
             raise usage(f"{key!r} is not a key", "not-a-key", Option("rig", value, key))
-        for name, entry in found.items():
+        for name, entry in parsed.items():
             is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | entry if is_table else entry
     return keys
@@ -579,7 +579,7 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
     """
     if isinstance(given, Mapping):
         return None, {str(name): str(value) for name, value in given.items()}
-    texts = [str(given)] if isinstance(given, str | Path) else [str(one) for one in given or []]
+    texts = [str(given)] if isinstance(given, str | Path) else [str(text) for text in given or []]
     files: list[str] = []
     values: list[str] = []
     for text in texts:
@@ -626,11 +626,11 @@ def configured(
 
     if given.get("damper") is not None:
         sections["damper"] = _declared(given["damper"])
-    apart = {"start", "units", *(keyword for keyword, _, _ in more)}
+    handled = {"start", "units", *(keyword for keyword, _, _ in more)}
     for keyword, value in given.items():
         known = keyword_of(command, keyword)
         is_nothing = value is None or value is False or value == {}
-        if known is not None and known.key and keyword not in apart and not is_nothing:
+        if known is not None and known.key and keyword not in handled and not is_nothing:
             put(known.key, str(value) if isinstance(value, Path) else value, Option(keyword))
     for keyword, place, value in more:
         if value is not None:
@@ -659,9 +659,9 @@ def _declared(damper: Any) -> dict[str, Any]:
         return {"model": model.name, **asdict(model)}
     if isinstance(damper, Mapping):
         return dict(_mapping(damper, Option("damper")))
-    found = f"the class {damper.__name__}" if isinstance(damper, type) else type(damper).__name__
+    given = f"the class {damper.__name__}" if isinstance(damper, type) else type(damper).__name__
     text = (
-        f"found {found}; expected a damper such as damperfit.Damper(rod_diameter=0.012), or keys "
+        f"found {given}; expected a damper such as damperfit.Damper(rod_diameter=0.012), or keys "
         "of [damper]"
     )
     raise usage(text, "not-a-damper", Option("damper"))
@@ -731,7 +731,7 @@ def refuse_idle(
 def _worded(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(
-            f"{key}.{_worded(one)}" if isinstance(one, Mapping) else f"{key}={one}"
-            for key, one in value.items()
+            f"{key}.{_worded(entry)}" if isinstance(entry, Mapping) else f"{key}={entry}"
+            for key, entry in value.items()
         )
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

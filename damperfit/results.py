@@ -156,11 +156,11 @@ class SettingResult(Stage):
         """
         status, intervals = self.status, self.intervals
         return tuple(
-            one.name
-            for one in self.parameters.quantities
-            if not one.is_open
-            and status[one.name] == Status.NOT_IDENTIFIABLE
-            and intervals[one.name][1] is None
+            quantity.name
+            for quantity in self.parameters.quantities
+            if not quantity.is_open
+            and status[quantity.name] == Status.NOT_IDENTIFIABLE
+            and intervals[quantity.name][1] is None
         )
 
     @property
@@ -211,9 +211,9 @@ class SettingResult(Stage):
 
         assert self.run is not None
         how: dict[str, Any] = {"sensitivities": self.names, "options": self.run.solver}
-        seen = self.run.damper.simulate(self.parameters, motion, **how)
-        slopes = {name: seen.sensitivities[name] for name in self.names}
-        return pd.DataFrame({"time_s": seen.time, "force_N": seen.force, **slopes})
+        response = self.run.damper.simulate(self.parameters, motion, **how)
+        slopes = {name: response.sensitivities[name] for name in self.names}
+        return pd.DataFrame({"time_s": response.time, "force_N": response.force, **slopes})
 
     def __repr__(self) -> str:
         return f"<setting {self.label}: MSE {self.mse_percent:.3g} %, {self.grade}>"
@@ -264,7 +264,7 @@ class LogResult:
     def signals(self) -> LogSignals | None:
         """Measured and simulated signals; None of a log that was held out."""
         known = (self.setting, self.name)
-        return next((one for one in self.run.signals if (one.setting, one.log) == known), None)
+        return next((log for log in self.run.signals if (log.setting, log.log) == known), None)
 
     def __repr__(self) -> str:
         n = len(self.segments)
@@ -407,13 +407,13 @@ class Run:
         from damperfit.comparison.measured import measured_tests
 
         facts = {str(log.get("log")): log for log in self._inputs}
-        found: list[MeasuredTest] = []
+        tests: list[MeasuredTest] = []
         for signals in self.signals:
             log = facts.get(signals.log, {})
             logged = number_in(log, "temperature_degC")
             temperature = math.nan if logged is None else logged
-            found += measured_tests(signals, _segments_in(log), temperature=temperature)
-        return tuple(found)
+            tests += measured_tests(signals, _segments_in(log), temperature=temperature)
+        return tuple(tests)
 
     def rows(self, name: str) -> tuple[dict[str, Any], ...]:
         """Return the rows of a table, by column; None where a cell or a column is missing."""
@@ -470,7 +470,7 @@ class Run:
                 made = self._signals() if callable(self._signals) else self._signals
             elif self._is_folder:
                 made = table_files.read_signals(self.folder, self._remarks, self.quantities)
-            known = sorted(made, key=lambda one: (one.setting, natural_order(one.log)))
+            known = sorted(made, key=lambda log: (log.setting, natural_order(log.log)))
             self._signals = tuple(known)
             if self._is_folder and not known:
                 self._lost.add("responses")
@@ -522,10 +522,10 @@ class Run:
         for log in self._inputs:
             for _, _, speed in _motions(log):
                 tops[log.get("setting")] = max(speed, tops.get(log.get("setting"), 0.0))
-        entries = {one.get("setting"): one for one in entries_in(self.record, "uncertainty")}
+        entries = {entry.get("setting"): entry for entry in entries_in(self.record, "uncertainty")}
         settings = []
         for row in sorted(self.rows("parameters"), key=lambda row: Setting.of(row["setting"])):
-            cells = [(one.default, row.get(one.name)) for one in self.quantities]
+            cells = [(quantity.default, row.get(quantity.name)) for quantity in self.quantities]
             numbers = [default if cell is None else cell for default, cell in cells]
             if None in numbers:
                 continue
@@ -533,12 +533,12 @@ class Run:
             setting = Setting.of(row["setting"])
             own, shared, covariance = _errors(values, row, entries.get(setting.cell, {}))
             lost = [n for n in values.names if row.get(f"{n}_status") == Status.NOT_IDENTIFIABLE]
-            ends = {name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high")) for name in lost}
+            limits = {n: (row.get(f"{n}_ci_low"), row.get(f"{n}_ci_high")) for n in lost}
             misfits = {n: float(row.get(f"{n}_misfit_se") or 0.0) for n in values.names}
-            known: dict[str, Any] = {"open_limits": open_limits(values, ends), "misfits": misfits}
-            known["top_speed"] = tops.get(setting.cell, math.inf)
-            told = (setting, values, own, shared, covariance)
-            settings.append(SettingResult(*told, row=row, run=self, **known))
+            more: dict[str, Any] = {"open_limits": open_limits(values, limits), "misfits": misfits}
+            more["top_speed"] = tops.get(setting.cell, math.inf)
+            fields = (setting, values, own, shared, covariance)
+            settings.append(SettingResult(*fields, row=row, run=self, **more))
         return tuple(settings)
 
     @property
@@ -551,27 +551,27 @@ class Run:
         """Return one setting, by its label or number; a ConfigurationError where there is none."""
         wanted = (label_of(setting) or "").strip()
         if not wanted:
-            found = "''" if isinstance(setting, str) else type(setting).__name__
-            text = f"found {found}; expected a setting such as 10 or 'R12 C8'"
+            given = "''" if isinstance(setting, str) else type(setting).__name__
+            text = f"found {given}; expected a setting such as 10 or 'R12 C8'"
             raise ConfigurationError(text, subject="run.setting", code="not-a-setting")
-        for one in self.settings:
-            if one.label.casefold() == wanted.casefold():
-                return one
-        labels = [one.label for one in self.settings]
+        for result in self.settings:
+            if result.label.casefold() == wanted.casefold():
+                return result
+        labels = [result.label for result in self.settings]
         text = f"no setting {wanted}; there are {', '.join(labels)}.{did_you_mean(wanted, labels)}"
         raise ConfigurationError(text, code="no-setting")
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader must know of the errors: where the fit gave none."""
-        lost = [setting for setting, is_told in self._without_errors.items() if is_told]
+        lost = [setting for setting, is_recorded in self._without_errors.items() if is_recorded]
         why = "no minimum was met, or it could not be judged; the forces have no interval"
         return (f"no errors are known of {of_settings(lost)}: {why}",) if lost else ()
 
     @property
     def remarks_on_errors(self) -> tuple[str, ...]:
         """Settings whose errors the run should tell, and does not."""
-        lost = [setting for setting, is_told in self._without_errors.items() if not is_told]
+        lost = [setting for setting, is_recorded in self._without_errors.items() if not is_recorded]
         which = "all settings" if len(lost) == len(self.rows("parameters")) else of_settings(lost)
         why = "are missing in run.json: forces without intervals"
         return (f"errors and correlations of {which} {why}",) if lost else ()
@@ -580,16 +580,18 @@ class Run:
     def _without_errors(self) -> dict[Setting, bool]:
         """Settings without errors, and whether the record tells that there are none."""
         failed = {failure.setting for failure in failures_in(self.record)}
-        told = {
-            one.get("setting"): names
-            for one in entries_in(self.record, "uncertainty")
-            if isinstance(names := one.get("parameters"), list)
+        recorded = {
+            entry.get("setting"): names
+            for entry in entries_in(self.record, "uncertainty")
+            if isinstance(names := entry.get("parameters"), list)
         }
         return {
-            one.setting: one.setting in failed
-            or (one.setting.cell in told and has_lost_errors(told[one.setting.cell], one.status))
-            for one in self.settings
-            if one.covariance is None
+            result.setting: result.setting in failed
+            or has_lost_errors(
+                recorded.get(result.setting.cell, result.values.names), result.status
+            )
+            for result in self.settings
+            if result.covariance is None
         }
 
     @cached_property
@@ -600,15 +602,15 @@ class Run:
         for row in self.rows("characteristics"):
             if row["point"] == "peak":
                 segments.setdefault((row["setting"], row["log"]), []).append(row)
-        found = []
+        logs = []
         for row in self.rows("mse"):
             if not (name := row["log"]):
                 continue
             parts = tuple(segments.get((row["setting"], name), ()))
             numbers = (row["mse_percent"], row["noise_floor_percent"])
             role, of_log = row["role"] or "fitted", facts.get(name, {})
-            found.append(LogResult(row["setting"], name, role, *numbers, of_log, parts, self))
-        return tuple(sorted(found, key=lambda one: (one.setting, natural_order(one.name))))
+            logs.append(LogResult(row["setting"], name, role, *numbers, of_log, parts, self))
+        return tuple(sorted(logs, key=lambda log: (log.setting, natural_order(log.name))))
 
     # The damper and its tests
 
@@ -650,7 +652,7 @@ class Run:
         """The speeds at which forces are shown, m/s: ``output.speeds`` of the run."""
         speeds = inside(self.record, "configuration", "output", "speeds")
         with suppress(QuantityError, TypeError):
-            return tuple(sorted(parse_quantity(one, "velocity") for one in speeds or ()))
+            return tuple(sorted(parse_quantity(speed, "velocity") for speed in speeds or ()))
         return ()
 
     @property
@@ -666,8 +668,8 @@ class Run:
     @cached_property
     def declared_damper(self) -> Mapping[str, Any] | None:
         """Its [damper], as it was written; None: it is not told."""
-        known = (inside(one, "configuration", "damper") for one in (self.record, self.facts))
-        return next((one for one in known if isinstance(one, dict)), None)
+        known = (inside(source, "configuration", "damper") for source in (self.record, self.facts))
+        return next((damper for damper in known if isinstance(damper, dict)), None)
 
     @property
     def source(self) -> str:
@@ -700,8 +702,8 @@ class Run:
                 code="damaged",
             ) from error
         self._refuse_other_damper(given, own, config)
-        told = {f"damper.{key}" for key in self.declared_damper}
-        meant = replace(given.with_damper(own), declared=given.declared | told)
+        keys = {f"damper.{key}" for key in self.declared_damper}
+        meant = replace(given.with_damper(own), declared=given.declared | keys)
         if not takes_motion:
             return meant
         motion = self.motion_of_tests
@@ -728,10 +730,10 @@ class Run:
             where, code = Option(option, config or ""), "other-model"
             raise ConfigurationError(text, option=Option(option), where=where, code=code)
         for name, (_, _, unit) in own.ranges.items():
-            found, fitted = getattr(given.damper, name), getattr(own, name)
+            asked, fitted = getattr(given.damper, name), getattr(own, name)
             is_declared = f"damper.{name}" in given.declared
-            if is_declared and not math.isclose(found, fitted, rel_tol=_SAME):
-                declared, known = (f"{value:g} {unit}".rstrip() for value in (found, fitted))
+            if is_declared and not math.isclose(asked, fitted, rel_tol=_SAME):
+                declared, known = (f"{value:g} {unit}".rstrip() for value in (asked, fitted))
                 text = (
                     f"damper.{name} is {declared}, but the parameters of {self.source} were "
                     f"fitted with {known} and hold for that damper alone; leave {{config}} out, or "
@@ -744,13 +746,13 @@ class Run:
     @property
     def _fitted_inputs(self) -> list[dict[str, Any]]:
         """Entries of the logs of the settings that have parameters."""
-        cells = {one.setting.cell for one in self.settings}
+        cells = {result.setting.cell for result in self.settings}
         return [log for log in self._inputs if "setting" not in log or log["setting"] in cells]
 
     @property
     def motion_of_tests(self) -> Sine | None:
         """The fastest motion of the logs that were fitted, as far as it is told."""
-        known = [one for log in self._fitted_inputs for one in _motions(log)]
+        known = [motion for log in self._fitted_inputs for motion in _motions(log)]
         return fastest_sine(known) if known else None
 
     @cached_property
@@ -765,7 +767,7 @@ class Run:
     def tested(self) -> Tested:
         """The range of the tests that were fitted."""
         logs = self._fitted_inputs
-        segments = [one for log in logs for one in _segments_in(log)]
+        segments = [segment for log in logs for segment in _segments_in(log)]
         rates = _numbers(segments, "frequency_Hz")
         speeds = _numbers(segments, "peak_speed_m_per_s")
         speeds = speeds or [speed for log in logs for _, _, speed in _motions(log)]
@@ -791,15 +793,15 @@ class Run:
         read = all_in(self.record, "speed_forces", SpeedForces)
         names = ("measured", "measured_se", "difference", "misfit")
 
-        def is_whole(one: SpeedForces) -> bool:
-            return {len(one.speeds)} >= {len(getattr(one, name)) for name in names}
+        def is_whole(forces: SpeedForces) -> bool:
+            return {len(forces.speeds)} >= {len(getattr(forces, name)) for name in names}
 
         # The record says settings by their labels; that of several adjusters is more than its own.
-        known = {one.setting.cell: one.setting for one in self.settings}
+        known = {forces.setting.cell: forces.setting for forces in self.settings}
         return tuple(
-            replace(one, setting=known.get(one.setting.cell, one.setting))
-            for one in read
-            if is_whole(one)
+            replace(forces, setting=known.get(forces.setting.cell, forces.setting))
+            for forces in read
+            if is_whole(forces)
         )
 
     @property
@@ -847,7 +849,7 @@ class Run:
         columns = ("setting", "log", "stretch", "frequency_Hz", "amplitude_m")
         figures = ("measured_energy_J", "measured_energy_se_J", "simulated_energy_J")
         rows = table[table["point"] == "peak"].reset_index(drop=True)
-        return rows[[one for one in (*columns, *figures) if one in rows]]
+        return rows[[name for name in (*columns, *figures) if name in rows]]
 
     @property
     def traces(self) -> pd.DataFrame:
@@ -898,24 +900,25 @@ class Run:
         from damperfit.recording import Recording
 
         own = self.own_configuration
-        known = log if isinstance(log, Recording) else read_log(Path(log), own.reading)
-        if setting is None and known.setting is None:
+        recording = log if isinstance(log, Recording) else read_log(Path(log), own.reading)
+        if setting is None and recording.setting is None:
             raise ConfigurationError(
                 "run.predict: the log says no setting; give setting=N", code="no-setting"
             )
-        one = self.setting(known.setting if setting is None else setting)  # type: ignore[arg-type]
-        trace = condition(known, own.conditioning)
-        seen = compare(one.values, trace, self.damper, solver=self.solver)
+        setting = recording.setting if setting is None else setting
+        values = self.setting(setting).values  # type: ignore[arg-type]
+        trace = condition(recording, own.conditioning)
+        compared = compare(values, trace, self.damper, solver=self.solver)
         part = trace.compared
         columns = {
-            "time_s": seen.response.time[part],
+            "time_s": compared.response.time[part],
             "displacement_m": trace.displacement[part],
             "velocity_m_per_s": trace.velocity[part],
             "force_measured_N": trace.force[part],
-            "force_N": seen.force[part],
+            "force_N": compared.force[part],
         }
         table = pd.DataFrame(columns)
-        table.attrs["mse_percent"] = normalised_mse(trace.force[part], seen.force[part])
+        table.attrs["mse_percent"] = normalised_mse(trace.force[part], compared.force[part])
         return table
 
     @property
@@ -932,48 +935,49 @@ class Run:
         import pandas as pd
 
         blocks = {}
-        for one in self.settings:
-            if one.covariance is None or not len(one.covariance):
+        for result in self.settings:
+            if result.covariance is None or not len(result.covariance):
                 continue
-            scales = np.sqrt(np.diag(one.covariance))
+            scales = np.sqrt(np.diag(result.covariance))
             if not is_correlation:
-                known = [(one.values.quantity(name), one.values[name]) for name in one.names]
-                scales = np.array([1.0 / y if of.is_logarithmic else 1.0 for of, y in known])
+                values = result.values
+                pairs = [(values.quantity(name), values[name]) for name in result.names]
+                scales = np.array([1.0 / y if of.is_logarithmic else 1.0 for of, y in pairs])
             with np.errstate(divide="ignore", invalid="ignore"):
-                matrix = one.covariance / np.outer(scales, scales)
-            blocks[one.label] = pd.DataFrame(matrix, one.names, one.names)
+                matrix = result.covariance / np.outer(scales, scales)
+            blocks[result.label] = pd.DataFrame(matrix, result.names, result.names)
         table = pd.concat(blocks, names=["setting", "parameter"]) if blocks else pd.DataFrame()
         if blocks:
-            table.attrs["units"] = {one.name: one.unit for one in self.quantities}
+            table.attrs["units"] = {quantity.name: quantity.unit for quantity in self.quantities}
         return table
 
     @property
     def failed(self) -> tuple[Problem, ...]:
         """Logs and settings without a result."""
-        return tuple(one.placed for one in failures_in(self.record))
+        return tuple(failure.placed for failure in failures_in(self.record))
 
     @property
     def warned(self) -> tuple[Problem, ...]:
         """What to know before believing the numbers; of older runs their sentences."""
-        remarks = (warning("incomplete-results", one) for one in self.remarks)
+        remarks = (warning("incomplete-results", remark) for remark in self.remarks)
         return (*remarks, *problems_in(self.record))
 
     @property
     def problems(self) -> tuple[Problem, ...]:
         """What failed, what to know before believing the numbers, and checks that did not pass."""
-        unmet = (one for one in checks_in(self.record) if one.passed is False)
-        checks = (Problem("failed-check", one.reason, subject=one.name) for one in unmet)
+        unmet = (check for check in checks_in(self.record) if check.passed is False)
+        checks = (Problem("failed-check", check.reason, subject=check.name) for check in unmet)
         return (*self.failed, *self.warned, *checks)
 
     @property
     def failures(self) -> tuple[str, ...]:
         """Logs and settings without a result, a sentence each."""
-        return tuple(one.sentence(_WORDS) for one in self.failed)
+        return tuple(problem.sentence(_WORDS) for problem in self.failed)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to know before believing the numbers, a sentence each."""
-        return tuple(one.sentence(_WORDS) for one in self.warned)
+        return tuple(problem.sentence(_WORDS) for problem in self.warned)
 
     @property
     def checks(self) -> pd.DataFrame:
@@ -989,7 +993,7 @@ class Run:
         name = str(name)
         if name in TABLES:  # it is there, or lost
             _ = self.signals if name == "responses" else self.rows(name)
-        there = [one for one in TABLES if self._has(one)]
+        there = [table for table in TABLES if self._has(table)]
         if name in there and self.place is not None and not self._is_folder:
             return pd.DataFrame(
                 [{**row, "setting": row["setting"].cell} for row in self.rows(name)]
@@ -997,8 +1001,8 @@ class Run:
         if name in there and (name != "responses" or self.signals):
             table = self.table(name)
             frame: pd.DataFrame = table.to_pandas()
-            told = ((one.name, one.metadata.get(b"unit", b"")) for one in table.schema)
-            frame.attrs["units"] = {column: unit.decode() for column, unit in told if unit}
+            units = ((field.name, field.metadata.get(b"unit", b"")) for field in table.schema)
+            frame.attrs["units"] = {column: unit.decode() for column, unit in units if unit}
             return frame
         known = f"there {'are ' if there else 'is none'}{', '.join(there)}"
         text = f"no table {name!r} in these results; {known}.{did_you_mean(name, there)}"
@@ -1039,14 +1043,14 @@ class Run:
         from damperfit.reporting.drawing import compose, fixed_style
         from damperfit.reporting.figures import report_plots
 
-        plots = {one.name: one for one in report_plots(self).plots}
-        meant = _FAN if name is None else str(name)
-        if meant not in plots:
-            hint = did_you_mean(meant, plots)
-            text = f"no figure {meant!r}; there are {', '.join(plots)}.{hint}"
+        plots = {plot.name: plot for plot in report_plots(self).plots}
+        chosen = _FAN if name is None else str(name)
+        if chosen not in plots:
+            hint = did_you_mean(chosen, plots)
+            text = f"no figure {chosen!r}; there are {', '.join(plots)}.{hint}"
             raise ConfigurationError(text, code="no-figure")
         with fixed_style():
-            axes = compose(plots[meant]).axes
+            axes = compose(plots[chosen]).axes
         return axes[0] if len(axes) == 1 else list(axes)
 
     def report(self, path: str | Path = PAGE) -> Path:
@@ -1273,9 +1277,9 @@ def _segments_in(log: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:
     """Yield amplitude, frequency and peak speed of each segment of a log."""
-    for one in _segments_in(log):
+    for segment in _segments_in(log):
         keys = ("amplitude_m", "frequency_Hz", "peak_speed_m_per_s")
-        size, rate, speed = (number_in(one, key) or 0.0 for key in keys)
+        size, rate, speed = (number_in(segment, key) or 0.0 for key in keys)
         if size > 0.0 and rate > 0.0:
             yield size, rate, speed if speed > 0.0 else 2.0 * math.pi * size * rate
 
@@ -1293,7 +1297,7 @@ def _errors(
         if has_lost_errors(names, status):
             return (), (), None
         # Older runs left it to the status, and told the errors of the values alone.
-        told = entry.get("shared", [name for name in names if status[name] == Status.SHARED])
+        tied = entry.get("shared", [name for name in names if status[name] == Status.SHARED])
         scales = {n: values[n] if values.quantity(n).is_logarithmic else 1.0 for n in names}
         errors = entry.get("errors") or [float(row[f"{n}_se"]) / scales[n] for n in names]
         correlation = np.array(entry["correlation"], dtype=np.float64)
@@ -1302,8 +1306,8 @@ def _errors(
         return (), (), None
     if not np.all(np.isfinite(covariance)):
         return (), (), None
-    own = tuple(name for name in names if name not in told)
-    shared = tuple(name for name in names if name in told)
+    own = tuple(name for name in names if name not in tied)
+    shared = tuple(name for name in names if name in tied)
     order = [names.index(name) for name in (*own, *shared)]
     return own, shared, covariance[np.ix_(order, order)]
 

@@ -115,21 +115,21 @@ def compared(
         return Difference(subject, first, second, reason=reason or "not known for both")
     is_log = subject.is_logarithmic and a > 0.0 and b > 0.0
     units = (a, b) if is_log else (1.0, 1.0)
-    misfits = [one.misfit / unit for one, unit in zip((first, second), units, strict=True)]
+    misfits = [reading.misfit / unit for reading, unit in zip((first, second), units, strict=True)]
     misfit, apart = math.hypot(*misfits), second.misses - first.misses
     if first.is_measured and second.is_measured:
         misfit = 0.0
     elif is_same_motion and any(misfits) and math.isnan(apart):
         misfit = abs(misfits[1] - misfits[0])
     elif is_same_motion and any(misfits):
-        noise = (one.misses_error for one in (first, second) if math.isfinite(one.misses_error))
+        noise = (r.misses_error for r in (first, second) if math.isfinite(r.misses_error))
         misfit = math.sqrt(max(apart**2 - sum(error**2 for error in noise), 0.0))
     others = [*second.errors(1.0 / units[1]), (misfit, math.inf)]
     of_both = [*first.errors(1.0 / units[0]), *others]
     step = math.log(b / a) if is_log else b - a
     reach, chance = reach_of(of_both, step)
     if is_log:
-        low, high = (math.exp(min(end, _MOST_LOG)) - 1.0 for end in (step - reach, step + reach))
+        low, high = (math.exp(min(log, _MOST_LOG)) - 1.0 for log in (step - reach, step + reach))
         share = reach
         numbers = (a * low, a * high, 100.0 * (b / a - 1.0), 100.0 * low, 100.0 * high)
     else:
@@ -141,8 +141,8 @@ def compared(
             share = reach_of([*first.errors(1.0 + step / scale), *others])[0] / abs(scale)
         if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
             percent = math.nan
-        ends = (percent - 100.0 * share, percent + 100.0 * share)
-        numbers = (step - reach, step + reach, percent, *ends)
+        limits = (percent - 100.0 * share, percent + 100.0 * share)
+        numbers = (step - reach, step + reach, percent, *limits)
     verdict = UNDETERMINED
     if not reason and not math.isfinite(reach):
         reason = "no errors are known"
@@ -178,7 +178,7 @@ def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
 
 def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) -> str:
     """Say how many differ, which most, and what chance would do."""
-    n_measured = sum(one.is_measured for one in lines) if lines[0].subject.kind == "force" else 0
+    n_measured = sum(line.is_measured for line in lines) if lines[0].subject.kind == "force" else 0
     if n_measured:
         part = f" ({n_measured} of {len(lines)} as measured)"
         words += " as measured" if n_measured == len(lines) else part
@@ -197,7 +197,7 @@ def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) 
             f"their 95 % interval, where chance alone puts {0.05 * len(known):.2g}{beside}"
         )
     worst = max(
-        sure, key=lambda one: abs(one.difference if math.isnan(one.percent) else one.percent)
+        sure, key=lambda line: abs(line.difference if math.isnan(line.percent) else line.percent)
     )
     how_many = "all" if len(sure) == len(different) else str(len(sure))
     return (
@@ -324,13 +324,13 @@ class RunComparison:
     @property
     def differing(self) -> tuple[str, ...]:
         """Sentences of what else differs, which may be the reason."""
-        return tuple(one.sentence for one in self.circumstances if one.kind != "logs")
+        return tuple(fact.sentence for fact in self.circumstances if fact.kind != "logs")
 
     @property
     def to_know(self) -> tuple[str, ...]:
         """Sentences of what both have in common, and the notes."""
-        alike = tuple(one.sentence for one in self.circumstances if one.kind == "logs")
-        return (*alike, *self.notes)
+        of_logs = tuple(fact.sentence for fact in self.circumstances if fact.kind == "logs")
+        return (*of_logs, *self.notes)
 
 
 def compare_runs(
@@ -370,9 +370,9 @@ def compare_runs(
         tables = tuple(a | b | c for a, b, c in zip(measured, forces, parameters, strict=True))
         motions = [(run.motion.amplitude, run.motion.frequency) for run in runs]
         is_same_motion = all(  # what each model misses there was measured
-            abs(one / own - 1.0) <= SAME_MOTION
+            abs(value / reference - 1.0) <= SAME_MOTION
             for motion in motions
-            for one, own in zip(motion, motions[0], strict=True)
+            for value, reference in zip(motion, motions[0], strict=True)
         )
     if not any(tables[0]):
         raise ConfigurationError(
@@ -408,13 +408,13 @@ def compare_runs(
     if not is_bare:
         lines += figure_lines(first, second, settings)
     besides = circumstances(first, second, options.units, is_bare=is_bare)
-    found = RunComparison(
+    comparison = RunComparison(
         *(first, second, tuple(repeats), besides, settings, is_bare),
         *(tuple(lines), identical, options.units),
-        remarks=tuple(dict.fromkeys(one.message for one in failures)),
-        traces=tuple(one.trace for one in failures if one.trace),
+        remarks=tuple(dict.fromkeys(failure.message for failure in failures)),
+        traces=tuple(failure.trace for failure in failures if failure.trace),
     )
-    return replace(found, notes=tuple(_notes(found, runs, tables, shifts)))
+    return replace(comparison, notes=tuple(_notes(comparison, runs, tables, shifts)))
 
 
 def settings_of(run: Run, *, is_bare: bool) -> tuple[Setting, ...]:
@@ -442,13 +442,13 @@ def _unshifted(table: Readings, bare: set[Setting], shift: float, error: float) 
     """Readings with the zero shift taken off the forces, but off those without their tare."""
     # A model without an offset took up between none of a zero shift and all.
     of_model = math.hypot(0.5 * error, shift / math.sqrt(12.0))
-    found = dict(table)
+    shifted = dict(table)
     for topic, reading in table.items() if shift else ():
         if topic.speed is not None and not (topic.kind == "force" and topic.setting in bare):
             size, unsure = (shift, error) if reading.is_measured else (0.5 * shift, of_model)
             repeat = math.hypot(reading.repeat, unsure)
-            found[topic] = reading._replace(value=reading.value - size, repeat=repeat)
-    return found
+            shifted[topic] = reading._replace(value=reading.value - size, repeat=repeat)
+    return shifted
 
 
 def _has_one_set_of_logs(runs: Sequence[Run], setting: Setting) -> bool:
@@ -466,8 +466,8 @@ def _mean(topic: Topic, readings: Sequence[Reading]) -> Reading:
     the reference, itself among them, a further one falls within t s sqrt(1 + 1/n) of their mean in
     95 of 100, where s is their standard deviation and t has n - 1 degrees of freedom.
     """
-    values, n = [one.value for one in readings], len(readings)
-    objection = next((one.objection for one in readings if one.objection), "")
+    values, n = [reading.value for reading in readings], len(readings)
+    objection = next((reading.objection for reading in readings if reading.objection), "")
     if not all(map(math.isfinite, values)):
         return readings[0]._replace(value=math.nan, objection=objection)
     mean, error = fmean(values), stdev(values)
@@ -479,7 +479,7 @@ def _mean(topic: Topic, readings: Sequence[Reading]) -> Reading:
         value=mean,
         error=error * math.sqrt(1.0 + 1.0 / n),
         freedom=float(n - 1),
-        scale=fmean(one.scale for one in readings),
+        scale=fmean(reading.scale for reading in readings),
         objection=objection,
     )
 
@@ -504,8 +504,7 @@ def force_readings(
         stages = [stage for stage in run.settings if stage.setting in settings]
         forces = force_at(stages, run.damper, speeds, measured=run.speed_forces, on_error=on_error)
         tables.append({
-            (one.setting, one.speed, one.stroke): one if one.setting in bare else one.with_tare
-            for one in forces
+            (f.setting, f.speed, f.stroke): f if f.setting in bare else f.with_tare for f in forces
         })  # fmt: skip
     order = product(settings, speeds, STROKES)
     common = [key for key in order if all(key in table for table in tables)]
@@ -564,9 +563,9 @@ def comparable_quantities(runs: Sequence[Run]) -> tuple[Quantity, ...]:
     """Return the quantities that all runs have: none where they are of different models."""
     if len({run.damper.name for run in runs}) > 1:
         return ()
-    units = [{one.name: one.unit for one in run.quantities} for run in runs[1:]]
+    units = [{q.name: q.unit for q in run.quantities} for run in runs[1:]]
     return tuple(
-        one for one in runs[0].quantities if all(known.get(one.name) == one.unit for known in units)
+        q for q in runs[0].quantities if all(known.get(q.name) == q.unit for known in units)
     )
 
 
@@ -601,7 +600,7 @@ def parameter_readings(runs: Sequence[Run], settings: Sequence[Setting]) -> tupl
                 table[topic] = Reading(
                     float(row[name]),
                     0.0 if is_fixed else _number(row.get(f"{name}_se")),
-                    sum(freedom_of(run, one) for one in counted),
+                    sum(freedom_of(run, s) for s in counted),
                     misfit=float(row.get(f"{name}_misfit_se") or 0.0),
                     scale=math.nan if quantity.is_logarithmic else quantity.size,
                     objection=_OBJECTIONS.get(str(row.get(status)), ""),
@@ -619,7 +618,7 @@ def figure_lines(first: Run, second: Run, settings: Sequence[Setting]) -> Iterat
         margins = [100.0 * _number(row.get("r_m3_cavitation_margin")) for row in rows]
         is_empty = [bool(row.get("cavitation_fraction")) for row in rows]
         if any(map(math.isfinite, margins)) or any(is_empty):
-            chambers = ["cavitates" if one else "full" for one in is_empty]
+            chambers = ["cavitates" if is_dry else "full" for is_dry in is_empty]
             figures.append(("cavitation_margin", "R_m3 below cavitation", margins, chambers))
         for name, label, values, (a, b) in figures:
             first_value, second_value = map(Reading, values)
@@ -636,20 +635,20 @@ def _number(value: Any) -> float:
 
 
 def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the other
-    found: RunComparison,
+    comparison: RunComparison,
     runs: Sequence[Run],
     tables: Sequence[Readings],
     shifts: Sequence[tuple[float, float]],
 ) -> Iterator[str]:
-    is_bare, units, forces = found.is_without_model, found.units, found.of("force")
-    if 0 < (n := len(found.repeats)) < _FEW_REPEATS:
+    is_bare, units, forces = comparison.is_without_model, comparison.units, comparison.of("force")
+    if 0 < (n := len(comparison.repeats)) < _FEW_REPEATS:
         yield (
             f"the scatter of A is that of {n + 1} runs, {n} degree{'s' * (n > 1)} of freedom: "
             f"intervals are {'six times' if n == 1 else 'twice'} as wide as those of many would be"
         )
     with_forces = {line.subject.setting for line in forces}
-    at = [setting for setting in found.settings if setting in with_forces]
-    if lost := [setting for setting in found.settings if forces and setting not in at]:
+    at = [setting for setting in comparison.settings if setting in with_forces]
+    if lost := [setting for setting in comparison.settings if forces and setting not in at]:
         yield f"{of_settings(lost)}: no motion is common to both: not compared"
     top = min((stage.top_speed for run in runs for stage in run.settings), default=math.inf)
     speeds = {line.subject.speed or 0.0 for line in forces if not line.is_measured}
@@ -678,9 +677,9 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
     # Why forces of fitted runs are compared as measured.
     if measured := dict.fromkeys(line.subject.setting for line in forces if line.is_measured):
         for run, table in zip(runs, tables, strict=True):
-            if missed := {topic: one for topic, one in table.items() if one.disagrees}:
+            if missed := {topic: reading for topic, reading in table.items() if reading.disagrees}:
                 topic, worst = max(missed.items(), key=lambda item: abs(item[1].misses))
-                miss, where = abs(worst.misses), dict.fromkeys(one.setting for one in missed)
+                miss, where = abs(worst.misses), dict.fromkeys(topic.setting for topic in missed)
                 of_it = f" ({miss / abs(worst.scale):.1%} of the damping)" if worst.scale else ""
                 yield (
                     f"{run.name}: its model ({run.damper.name}) misses the measured force at "
@@ -694,14 +693,14 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
         yield f"at {where_measured} the measured forces of both are compared: {why}"
     # What became of the rigs' force offsets.
     bare = known_tares(runs, at)
-    offsets = [[one.offset for one in run.settings if one.setting in bare] for run in runs]
+    offsets = [[stage.offset for stage in run.settings if stage.setting in bare] for run in runs]
     if any(map(any, offsets)):
         pairs = zip(runs, offsets, strict=True)
         each = "; ".join(f"{run.name}: {said_offsets(mine)}" for run, mine in pairs)
         yield f"the rigs' force offsets, their tares, are left out of the forces ({each})"
     for run in () if any(shift for shift, _ in shifts) else runs:
-        left = [one for one in run.settings if one.setting in at and one.setting not in bare]
-        if (rest := [one.offset for one in left if one.offset]) and _knows_gas(run):
+        left = [stage for stage in run.settings if stage.setting in {*at} - bare]
+        if (rest := [stage.offset for stage in left if stage.offset]) and _knows_gas(run):
             yield (
                 f"{run.name}: its force offset ({said_offsets(rest)}), the rig's tare, is in its "
                 "forces, for not every run has a known one: so much of a difference may be the tare"
@@ -758,10 +757,10 @@ def circumstances(
 ) -> tuple[Circumstance, ...]:
     """Return what two runs differ in, what matters most first; is_bare: measured curves alone."""
     runs = (first, second)
-    found = [*_of_logs(first, second)]
+    listed = [*_of_logs(first, second)]
 
     def differs(kind: str, what: str, a: str, b: str, more: str = "") -> None:
-        found.append(Circumstance(kind, a, b, f"{what}: {a}, then {b}{more}"))
+        listed.append(Circumstance(kind, a, b, f"{what}: {a}, then {b}{more}"))
 
     of_one_model = not is_bare and first.damper.name == second.damper.name
     facts, others = (
@@ -775,15 +774,15 @@ def circumstances(
         if what in others and others[what][1] != text:
             differs(kind, what, text, others[what][1], more)
     known = [settings_of(run, is_bare=is_bare) for run in runs]
-    alone = [[one for one in known[k] if one not in known[1 - k]] for k in (0, 1)]
+    alone = [[setting for setting in known[k] if setting not in known[1 - k]] for k in (0, 1)]
     for run, own in zip(runs, alone, strict=True):
         if own:
             sentence = f"{of_settings(own)} only in {run.name}: not compared"
             a, b = map(listed_settings, alone)
-            found.append(Circumstance("settings", a, b, sentence))
+            listed.append(Circumstance("settings", a, b, sentence))
     common = [setting for setting in known[0] if setting in known[1]]
     motions = [
-        [(one.amplitude, one.frequency) for setting in common for one in tests_at(run, setting)[:1]]
+        [(test.amplitude, test.frequency) for s in common for test in tests_at(run, s)[:1]]
         for run in runs
     ]
     if not all(motions) and not is_bare:
@@ -798,8 +797,8 @@ def circumstances(
             differs("motion", "motion", here, there, ": what a model misses does not cancel")
     heat = [[t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs]
     if all(heat) and abs(fmean(heat[0]) - fmean(heat[1])) > _TEMPERATURES_DIFFER:
-        differs("temperature", "temperature", *(f"{fmean(one):.1f} degC" for one in heat))
-    return tuple(sorted(found, key=lambda one: _ORDER.index(one.kind)))
+        differs("temperature", "temperature", *(f"{fmean(degrees):.1f} degC" for degrees in heat))
+    return tuple(sorted(listed, key=lambda fact: _ORDER.index(fact.kind)))
 
 
 def _facts(  # noqa: C901, PLR0912 - one kind after the other
@@ -815,8 +814,8 @@ def _facts(  # noqa: C901, PLR0912 - one kind after the other
         damper = run.damper
         more = ": those with the same name are compared"
         yield f"quantities of {damper.name}", "model", ", ".join(damper.names), more
-        for one in run.quantities:
-            yield f"unit of {one.name}", "model", one.unit, ": it is not compared"
+        for quantity in run.quantities:
+            yield f"unit of {quantity.name}", "model", quantity.unit, ": it is not compared"
         for name, (_, _, unit) in damper.ranges.items():
             if isinstance(size := getattr(damper, name, None), float):
                 kind = "gas" if name.startswith("gas_") else "damper"
@@ -830,7 +829,7 @@ def _facts(  # noqa: C901, PLR0912 - one kind after the other
         keys = document.get(section) if isinstance(document, dict) else None
         value: Any = keys.get(key) if isinstance(keys, dict) else None
         if isinstance(value, dict):
-            value = [f"{name} = {_plain(one)}" for name, one in value.items()]
+            value = [f"{name} = {_plain(part)}" for name, part in value.items()]
         if isinstance(value, list):
             value = ", ".join(map(_plain, value)) or "none"
         if value is not None:
@@ -864,7 +863,7 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
     common = known[0].keys() & known[1].keys()
 
     def named(digests: Sequence[str]) -> str:
-        names = sorted(str(known[0][one].get("log")) for one in digests)
+        names = sorted(str(known[0][digest].get("log")) for digest in digests)
         return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
     if common:
@@ -877,11 +876,11 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
         )
         yield Circumstance("logs", first.name, second.name, sentence)
     turned: dict[tuple[str, str], list[str]] = {}
-    for one in common:
-        signs = [logs[one].get("reversed") for logs in known]
+    for digest in common:
+        signs = [logs[digest].get("reversed") for logs in known]
         if all(isinstance(channels, list) for channels in signs) and signs[0] != signs[1]:
             a, b = (" and ".join(map(str, channels or ())) or "nothing" for channels in signs)
-            turned.setdefault((a, b), []).append(one)
+            turned.setdefault((a, b), []).append(digest)
     for (a, b), digests in sorted(turned.items()):
         is_stroke = ("displacement" in a) is not ("displacement" in b)
         words = ("rebound", "compression") if is_stroke else ("positive", "negative")

@@ -257,7 +257,7 @@ def measured_readings(
         top = min((test.peak_speed for group in groups for test in group), default=0.0)
         for k, (group, (scatter, freedom)) in enumerate(zip(groups, scatters, strict=False)):
             share = scatter / math.sqrt(len(group))
-            for speed in speeds or [one for one in NAMED_SPEEDS if one <= top]:
+            for speed in speeds or [v for v in NAMED_SPEEDS if v <= top]:
                 repeat = share * _damping(group, speed)
                 for stroke in STROKES:
                     topic = Topic(kind, name, "force", "N", setting, speed, stroke)

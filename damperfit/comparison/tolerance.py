@@ -209,13 +209,13 @@ def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tup
         top = (1.0 + REPEATS) * (options.sine or run.motion).peak_speed
         speeds = [speed for speed in speeds if speed <= top]
         (table,) = force_readings((run,), settings, speeds=speeds) if speeds else ({},)
-    known: dict[Any, Reading] = {(t.setting, t.speed, t.stroke): one for t, one in table.items()}
+    readings: dict[Any, Reading] = {(t.setting, t.speed, t.stroke): table[t] for t in table}
     points = []
     for band in tolerance.bands:
-        mine: list[Any] = [one for one in settings if band.setting in {"", str(one)}]
+        mine: list[Any] = [setting for setting in settings if band.setting in {"", str(setting)}]
         why = "the test does not reach the speed" if mine else "the setting was not tested"
         for setting in mine or [band.setting]:
-            reading = known.get((setting, band.speed, band.stroke))
+            reading = readings.get((setting, band.speed, band.stroke))
             if reading is None or math.isnan(reading.value):
                 reading = Reading(math.nan, objection=why)
             place = (run.name, setting, band.speed, band.stroke)

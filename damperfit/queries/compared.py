@@ -66,7 +66,7 @@ class Comparison(Answer):
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
         return {
-            "comparisons": [shown.comparison_record(one) for one in self.comparisons],
+            "comparisons": [shown.comparison_record(pair) for pair in self.comparisons],
             "tolerance": self.tolerance or None,
             "points": shown.tolerance_rows(self.points),
             "alone": list(self.alone),
@@ -109,7 +109,7 @@ class Comparison(Answer):
     @property
     def sentences(self) -> tuple[str, ...]:
         """Verdicts in words."""
-        return tuple(line for one in self.comparisons for line in one.sentences)
+        return tuple(line for pair in self.comparisons for line in pair.sentences)
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
@@ -128,7 +128,7 @@ class Comparison(Answer):
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return the forces of each pair."""
-        return tuple(shown.comparison_force_sheet(one) for one in self.comparisons)
+        return tuple(shown.comparison_force_sheet(pair) for pair in self.comparisons)
 
 
 def comparison_options(
@@ -197,26 +197,27 @@ def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on t
             )
         taken[place.resolve()] = "given twice"
     wanted = list(dict.fromkeys(chain.from_iterable(pairs))) or list(paths)
-    known = {place: places.run(place) for place in dict.fromkeys([*wanted, *repeats])}
-    if len({run.name for run in known.values()}) < len({run.shown_as for run in known.values()}):
-        for run in known.values():  # where two are called alike, as much of their path
+    runs = {place: places.run(place) for place in dict.fromkeys([*wanted, *repeats])}
+    if len({run.name for run in runs.values()}) < len({run.shown_as for run in runs.values()}):
+        for run in runs.values():  # where two are called alike, as much of their path
             run.name = "/".join(Path(run.shown_as).resolve().parts[-2:])
-    for place in known.keys() & options.names.keys():
-        known[place].name = known[place].shown_as = options.names[place]
+    for place in runs.keys() & options.names.keys():
+        runs[place].name = runs[place].shown_as = options.names[place]
     comparisons = tuple(
-        compare_runs(known[a], known[b], options, repeats=[known[place] for place in repeats])
+        compare_runs(runs[a], runs[b], options, repeats=[runs[place] for place in repeats])
         for a, b in pairs
     )
     remarks = [*places.remarks]
-    for run in known.values():
+    for run in runs.values():
         own = run.remarks if options.is_measured else (*run.remarks, *run.remarks_on_errors)
         remarks += [f"{run.shown_as}: {remark}" for remark in own]
-    remarks += [f"{one.second.shown_as}: {remark}" for one in comparisons for remark in one.remarks]
+    for pair in comparisons:
+        remarks += [f"{pair.second.shown_as}: {remark}" for remark in pair.remarks]
     points: list[Point] = []
     if nominal is not None:
-        points = [p for place in wanted for p in bands_met(known[place], nominal, options)]
+        points = [p for place in wanted for p in bands_met(runs[place], nominal, options)]
     elif tolerance is not None:
-        points = [p for one in comparisons for p in tolerated(one, tolerance)]
+        points = [p for pair in comparisons for p in tolerated(pair, tolerance)]
     source = tolerance.source if tolerance else ""
     return Comparison(comparisons, alone, tuple(dict.fromkeys(remarks)), tuple(points), source)
 
@@ -254,7 +255,7 @@ class _Places:
             if _is_run(place) or _runs_in(place):
                 return
             if not _holds_logs(place):
-                folders = [one for one in _listed(place) if _holds_logs(one)]
+                folders = [folder for folder in _listed(place) if _holds_logs(folder)]
         elif place.is_file():
             if is_baseline(place) or is_part(place):
                 return
@@ -343,7 +344,7 @@ class _Places:
             return {}
         if runs := _runs_in(path):
             return runs
-        files = [one.name for one in _listed(path) if one.is_file()]
+        files = [entry.name for entry in _listed(path) if entry.is_file()]
         if kept := [name for name in files if is_baseline(path / name)]:
             raise ConfigurationError(
                 f"{path}: {kept[0]} in it is a baseline or passport: give the file, "
@@ -364,8 +365,8 @@ class _Places:
 
 
 def _listed(folder: Path) -> list[Path]:
-    visible = (one for one in folder.iterdir() if one.name[0] != ".")
-    return sorted(visible, key=lambda one: natural_order(one.name))
+    visible = (entry for entry in folder.iterdir() if entry.name[0] != ".")
+    return sorted(visible, key=lambda entry: natural_order(entry.name))
 
 
 def _is_run(folder: Path) -> bool:
@@ -375,7 +376,7 @@ def _is_run(folder: Path) -> bool:
 
 
 def _runs_in(folder: Path) -> dict[str, Path]:
-    return {one.name: one for one in _listed(folder) if one.is_dir() and _is_run(one)}
+    return {entry.name: entry for entry in _listed(folder) if entry.is_dir() and _is_run(entry)}
 
 
 def _holds_logs(folder: Path) -> bool:
@@ -462,15 +463,15 @@ def baseline_text(run: Run, *, is_measured: bool = False) -> str:
         ],
         "tests": [
             {
-                "setting": setting_cells(one.setting, is_whole=isinstance(one.setting.cell, int)),
-                "log": one.log,
-                "n_cycles": one.n_cycles,
-                **{name: finite(getattr(one, name)) for name in _NUMBERS},
-                **{name: rounded(getattr(one, name)) for name in _ARRAYS},
-                "strokes": {k: [rounded(row) for row in rows] for k, rows in one.strokes.items()},
-                "figures": {k: list(map(finite, pair)) for k, pair in one.figures.items()},
+                "setting": setting_cells(test.setting, is_whole=isinstance(test.setting.cell, int)),
+                "log": test.log,
+                "n_cycles": test.n_cycles,
+                **{name: finite(getattr(test, name)) for name in _NUMBERS},
+                **{name: rounded(getattr(test, name)) for name in _ARRAYS},
+                "strokes": {k: [rounded(row) for row in rows] for k, rows in test.strokes.items()},
+                "figures": {k: list(map(finite, pair)) for k, pair in test.figures.items()},
             }
-            for one in run.tests
+            for test in run.tests
         ],
     }
     return json.dumps(json_values(document), indent=1, allow_nan=False) + "\n"
@@ -479,9 +480,9 @@ def baseline_text(run: Run, *, is_measured: bool = False) -> str:
 def compared_record(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return what of run.json is compared, or says what is compared."""
     inputs = record.get("inputs")
-    logs = [one for one in inputs if isinstance(one, dict)] if isinstance(inputs, list) else []
+    logs = [log for log in inputs if isinstance(log, dict)] if isinstance(inputs, list) else []
     return {key: record[key] for key in _KEPT if key in record} | {
-        "inputs": [{key: one[key] for key in _OF_INPUTS if key in one} for one in logs]
+        "inputs": [{key: log[key] for key in _OF_INPUTS if key in log} for log in logs]
     }
 
 
@@ -577,8 +578,8 @@ def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -
 
 
 def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
-    timeless = [one for one in batch.failures if one.kind == TimelessError.__name__]
-    lost = [one.message for one in batch.failures if one not in timeless]
+    timeless = [failure for failure in batch.failures if failure.kind == TimelessError.__name__]
+    lost = [failure.message for failure in batch.failures if failure not in timeless]
     about = (*batch.notes, *batch.skipped_files, *batch.remarks, *log_warnings(batch.traces))
     notes = list(map(str, about))
     tests: list[MeasuredTest] = []
@@ -641,7 +642,7 @@ def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
         *(np.empty(0), np.empty((3, 0))),  # no model: no force, no pressures
     )
     mean = math.nan if trace.temperature is None else trace.temperature
-    segments = [one.describe(trace) for one in trace.stretches]
+    segments = [segment.describe(trace) for segment in trace.stretches]
     return measured_tests(signals, segments, temperature=mean)
 
 

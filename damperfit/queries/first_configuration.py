@@ -61,15 +61,15 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
             continue
         recordings += own
         amplitude, _, duration = _sizes(own[0])
-        seen = {
+        shown = {
             "time": f"the log then lasts {duration:.3g} s",
             "displacement": f"its amplitude is then {1e3 * amplitude:.3g} mm",
             "force": f"its largest is then {np.max(np.abs(own[0].force)):.4g} N",
         }
         for channel, unit in units.items():
             if rig.setdefault("units", {}).setdefault(channel, unit) == unit and path == logs[0]:
-                why.append(f"{channel} is read in {unit}: {seen[channel]}")
-    lacks_setting = any(one.setting is None for one in recordings)
+                why.append(f"{channel} is read in {unit}: {shown[channel]}")
+    lacks_setting = any(recording.setting is None for recording in recordings)
     lacks_setting |= bool(recordings and unclear_names(path.name for path in logs))
     guess = guess_settings(path.name for path in logs)
     if lacks_setting and (guess.settings or guess.adjusters):
@@ -83,17 +83,15 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
             f"into them, or give a table tests.csv or rig.setting_pattern{offered}"
         )
     conditioning = _load(model, given).conditioning
-    signs = [_signs(one, conditioning) for one in recordings]
+    signs = [_signs(recording, conditioning) for recording in recordings]
     for channel in ("displacement", "force"):
         if signs and all(channel in reversed_ for reversed_, _ in signs):
             rig[f"reverse_{channel}"] = True
             why.append(f"{channel} is positive in compression: the loops show it")
     if doubt := next((doubt for _, doubt in signs if doubt), ""):
-        seen_there = doubt.partition("; taken as logged")[0].partition("; declare")[0]
-        unknown.append(
-            f"signs: {seen_there}; decide reverse_displacement and reverse_force in [rig]"
-        )
-    identity = common_identity(identity_in(one.metadata) for one in recordings)
+        doubted = doubt.partition("; taken as logged")[0].partition("; declare")[0]
+        unknown.append(f"signs: {doubted}; decide reverse_displacement and reverse_force in [rig]")
+    identity = common_identity(identity_in(recording.metadata) for recording in recordings)
     facts = {key: getattr(identity, key) for key in IDENTITY_KEYS}
     test = {key: value for key, value in facts.items() if value and "," not in value}
     adjusters = guess.adjusters if rig.get("setting_pattern") == guess.pattern else ()
@@ -106,10 +104,8 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
     try:
         return read_logs(path, options), {}
     except LogError as error:
-        keys = [
-            one.key.removeprefix("units.") for one in error.problem.offered if one.name == "rig"
-        ]
-        lacking = [key for key in keys if key in _UNITS]
+        keys = [option.key for option in error.problem.offered if option.name == "rig"]
+        lacking = [channel for channel in _UNITS if f"units.{channel}" in keys]
         if not lacking:
             raise
     for chosen in product(*(_UNITS[channel] for channel in lacking)):
@@ -118,8 +114,8 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
         recordings = read_logs(path, declared)
         if all(
             low <= size <= high
-            for one in recordings
-            for size, (low, high) in zip(_sizes(one), _LIKELY, strict=True)
+            for recording in recordings
+            for size, (low, high) in zip(_sizes(recording), _LIKELY, strict=True)
         ):
             return recordings, units
     raise LogError(
@@ -144,10 +140,10 @@ def _signs(recording: Recording, options: ConditionOptions) -> tuple[list[str], 
     except ConditioningError as error:
         return [], str(error) if error.problem.code == UNKNOWN else ""
     # A note is certain; where it is a warning the direction is not known.
-    certain = {one.name for one in trace.findings if one.severity == "note"}
-    doubts = (one.sentence for one in trace.findings if one.name in _DOUBTED)
-    channels = [one for one in ("displacement", "force") if f"{one}_polarity" in certain]
-    return channels, next(doubts, "")
+    certain = {finding.name for finding in trace.findings if finding.severity == "note"}
+    doubts = (finding.sentence for finding in trace.findings if finding.name in _DOUBTED)
+    turned = [name for name in ("displacement", "force") if f"{name}_polarity" in certain]
+    return turned, next(doubts, "")
 
 
 _PASSAGE = """\

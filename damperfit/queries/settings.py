@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -63,12 +64,12 @@ def positive(value: str | float | None, dimension: str, name: str) -> float | No
     """Return a quantity above zero in SI, as it was given by a keyword; of None None."""
     if value is None:
         return None
-    found = parse_quantity(value, dimension, option=Option(name))
-    if found <= 0.0:
+    number = parse_quantity(value, dimension, option=Option(name))
+    if number <= 0.0:
         raise ConfigurationError(
-            "expected more than 0", where=Option(name, f"{found:g}"), code="out-of-range"
+            "expected more than 0", where=Option(name, f"{number:g}"), code="out-of-range"
         )
-    return found
+    return number
 
 
 # What of the rig is in forces that are shown, and what is left out, in words
@@ -87,7 +88,7 @@ def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
     """Yield what of the rig is in a simulated force."""
     parts = _mounting(values)
     if damper.rest_force(0.0) is not None:  # else the offset holds the gas force
-        tares = [float(getattr(values, one.name)) for one in values.quantities if one.is_offset]
+        tares = [values[quantity.name] for quantity in values.quantities if quantity.is_offset]
         parts += [f"force offset of {tare:.3g} N" for tare in tares if tare]
     if parts:
         yield (
@@ -98,7 +99,7 @@ def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
 
 def _mounting(values: Values) -> list[str]:
     """Series stiffness, play, lag and moving mass, as far as the model has them."""
-    return [one.label for one in values.quantities if one.scope == RIG]
+    return [quantity.label for quantity in values.quantities if quantity.scope == RIG]
 
 
 def _listed(parts: Sequence[str]) -> str:
@@ -140,12 +141,12 @@ class SettingForces(Answer):
     @property
     def sentence(self) -> str:  # type: ignore[override]
         """The answer to the question, in SI; empty where none was asked."""
-        return "; ".join(one.sentence for one in self.wanted)
+        return "; ".join(answer.sentence for answer in self.wanted)
 
     @property
     def answers(self) -> tuple[str, ...]:
         """The same in the units that people want, one for each line of settings."""
-        return tuple(one.said_in(self.units) for one in self.wanted)
+        return tuple(answer.said_in(self.units) for answer in self.wanted)
 
     @property
     def heading(self) -> str:
@@ -156,9 +157,9 @@ class SettingForces(Answer):
         """Return all of it as JSON values."""
         answers = [
             {name: to_record(value) for name, value in answer._asdict().items()}
-            | ({"adjuster": one.adjuster, "held": one.held} if one.held else {})
-            for one in self.wanted
-            for answer in one.answers
+            | ({"adjuster": wanted.adjuster, "held": wanted.held} if wanted.held else {})
+            for wanted in self.wanted
+            for answer in wanted.answers
         ]
         document: dict[str, Any] = json_values(
             {
@@ -190,7 +191,7 @@ class SettingForces(Answer):
         both = asked.stroke is None or (asked.speed is not None and asked.force is not None)
         strokes = STROKES if both else (asked.stroke or "",)
         sheets = (*force_sheets(rows, strokes), measured_force_sheet(rows))
-        return tuple(sheet_in_units(one, self.units) for one in sheets if one.rows)
+        return tuple(sheet_in_units(sheet, self.units) for sheet in sheets if sheet.rows)
 
 
 def parse_question(
@@ -283,16 +284,16 @@ def tabulate_forces(
 
     forces = force_at(run.settings, damper, speeds, measured=run.speed_forces, on_error=take)
     shown = credible_forces(forces)
-    done = {one.setting for one in forces}
+    done = {force.setting for force in forces}
     source = "at constant speed"
     if isinstance(damper, WithTemperature):
         source += f" and {damper.oil_temperature:g} degC"
     lost = (
-        failures[one.setting].message
-        if one.setting in failures
-        else f"setting {one.setting} cannot be simulated {source}"
-        for one in run.settings
-        if one.setting not in done
+        failures[stage.setting].message
+        if stage.setting in failures
+        else f"setting {stage.setting} cannot be simulated {source}"
+        for stage in run.settings
+        if stage.setting not in done
     )
     notes = [*run.notes]
     if sine is not own:
@@ -325,7 +326,7 @@ def tabulate_forces(
 def _wanted(
     run: Run, shown: Sequence[Force], question: Question, force: float
 ) -> tuple[Wanted, ...]:
-    settings = {one.setting for one in shown}
+    settings = {row.setting for row in shown}
     if len(settings) < 2:
         raise ConfigurationError(
             "one setting is not enough to find which gives a force; fit more logs",
@@ -340,7 +341,7 @@ def _wanted(
             force=Option("force"),
             code="one-setting",
         )
-    mine = [one for one in shown if one.stroke == question.stroke]
+    mine = [row for row in shown if row.stroke == question.stroke]
     return tuple(
         which_setting(mine, force, line=line, stages=run.settings, damper=run.damper)
         for line in lines
@@ -349,7 +350,7 @@ def _wanted(
 
 def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> Iterator[str]:
     """Say which forces are extrapolated, cavitate or are measured, and where peaks differ."""
-    untested = {one.setting: one.speed for one in shown if not one.is_tested}
+    untested = {force.setting: force.speed for force in shown if not force.is_tested}
     if untested:
         stages = [stage for stage in run.settings if stage.setting in untested]
         top = min(stage.top_speed for stage in stages)
@@ -357,40 +358,40 @@ def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> I
             f"{max(untested.values()):g} m/s was never tested at {of_settings(untested)} (tested: "
             f"up to {top:.3g} m/s): the force there is the model's, extrapolated"
         )
-        if loose := [one.setting for one in shown if not (one.is_tested or one.is_determined)]:
+        if loose := [f.setting for f in shown if not (f.is_tested or f.is_determined)]:
             reached = min(determined_speed(stage, run.damper) for stage in stages)
             yield (
                 f"the logs do not determine the force there at {of_settings(dict.fromkeys(loose))}:"
                 f" within 5 % it is known up to {reached:.3g} m/s; the intervals are what is left "
                 "open"
             )
-    if empty := [one for one in forces if one.is_cavitating]:
+    if empty := [force for force in forces if force.is_cavitating]:
         yield (
-            f"a chamber cavitates from {min(one.speed for one in empty):g} m/s on at "
-            f"{of_settings(dict.fromkeys(one.setting for one in empty))}: the forces there are the "
-            "model's with an empty chamber"
+            f"a chamber cavitates from {min(force.speed for force in empty):g} m/s on at "
+            f"{of_settings(dict.fromkeys(force.setting for force in empty))}: the forces there are "
+            "the model's with an empty chamber"
         )
-    if missed := [one for one in shown if one.is_measured and one.disagrees]:
-        worst = max(missed, key=lambda one: abs(one.difference / one.measured_force))
+    if missed := [force for force in shown if force.is_measured and force.disagrees]:
+        worst = max(missed, key=lambda force: abs(force.difference / force.measured_force))
         yield (
             "the model misses measured forces at "
-            f"{of_settings(dict.fromkeys(one.setting for one in missed))}, most by "
+            f"{of_settings(dict.fromkeys(force.setting for force in missed))}, most by "
             f"{100.0 * abs(worst.difference / worst.measured_force):.2g} % at {worst.speed:g} m/s "
             f"in {STROKE_WORDS[worst.stroke]} (setting {worst.setting}): measured forces are given "
             "at those speeds"
         )
     peaks = [
-        (abs(seen.peak - seen.force), seen, one)
-        for one in shown
-        if (seen := one.measured) is not None and seen.peak_differs
+        (abs(reading.peak - reading.force), reading, force)
+        for force in shown
+        if (reading := force.measured) is not None and reading.peak_differs
     ]
     if peaks:
-        _, seen, one = max(peaks, key=lambda peak: peak[0])
+        _, reading, force = max(peaks, key=lambda peak: peak[0])
         yield (
             f"the largest force of a segment is not that at its peak speed, most at setting "
-            f"{one.setting} in {STROKE_WORDS[one.stroke]} at {one.speed:g} m/s: "
-            f"{seen.peak:.4g} N for {seen.force:.4g} N; measured forces are those at the peak "
-            "speed"
+            f"{force.setting} in {STROKE_WORDS[force.stroke]} at {force.speed:g} m/s: "
+            f"{reading.peak:.4g} N for {reading.force:.4g} N; measured forces are those at the "
+            "peak speed"
         )
 
 
@@ -410,7 +411,7 @@ class CurveForces(Answer):
     @property
     def notes(self) -> tuple[str, ...]:
         """What to know of the curves."""
-        return tuple(dict.fromkeys(note for one in self.curves for note in one.notes))
+        return tuple(dict.fromkeys(note for curve in self.curves for note in curve.notes))
 
     def document(self) -> dict[str, Any]:
         """Return the forces by curve, stroke and speed that were reached, as JSON values."""
@@ -421,11 +422,11 @@ class CurveForces(Answer):
                 "question": None if asked.force is None else to_record(asked),
                 "sentence": self.sentence or None,
                 "forces": [
-                    {"curve": one.label, "stroke": side, "speed_m_per_s": speed, "force_N": force}
-                    for one in self.curves
+                    {"curve": curve.label, "stroke": side, "speed_m_per_s": speed, "force_N": force}
+                    for curve in self.curves
                     for side in STROKES
                     for speed in self.speeds
-                    if math.isfinite(force := one.force_at(speed, side))
+                    if math.isfinite(force := curve.force_at(speed, side))
                 ],
             }
         )
@@ -446,13 +447,11 @@ def measured_forces(
     paths: Sequence[Path], question: Question, *, reading: ReadOptions
 ) -> CurveForces:
     """Return what the curves of some files, without time, say of a question."""
-    read = [curve for path in paths for curve in read_curves(path, reading)]
-    files: dict[str, set[str]] = {}
-    for one in read:
-        files.setdefault(one.label, set()).add(one.path)
+    curves = tuple(curve for path in paths for curve in read_curves(path, reading))
+    files = Counter(label for _, label in {(curve.path, curve.label) for curve in curves})
     curves = tuple(  # the file's name before labels that several files use
-        replace(one, label=f"{one.name} {one.label}") if len(files[one.label]) > 1 else one
-        for one in read
+        replace(curve, label=f"{curve.name} {curve.label}") if files[curve.label] > 1 else curve
+        for curve in curves
     )
     strokes = (question.stroke,) if question.stroke else STROKES
     tops = [float(v.max()) for c in curves for s in strokes if len(v := c.points(s)[0])]
@@ -485,14 +484,14 @@ def _answer(question: Question, wanted: float, forces: Sequence[tuple[float, str
     asked = (
         f"{wanted:.5g} N in {STROKE_WORDS[question.stroke or 'rebound']} at {question.speed:g} m/s"
     )
-    below = max((one for one in forces if one[0] <= wanted), default=None)
-    above = min((one for one in forces if one[0] >= wanted), default=None)
+    below = max((point for point in forces if point[0] <= wanted), default=None)
+    above = min((point for point in forces if point[0] >= wanted), default=None)
     if below is None or above is None:
         force, label = above or below or (math.nan, "")
         return f"{asked}: no curve gives it; the nearest is {label} with {force:.5g} N"
     if below[0] == above[0]:
         return f"{asked}: {below[1]} gives it"
-    force, label = min(below, above, key=lambda one: abs(one[0] - wanted))
+    force, label = min(below, above, key=lambda point: abs(point[0] - wanted))
     return (
         f"{asked}: between {below[1]} with {below[0]:.5g} N and {above[1]} with {above[0]:.5g} N; "
         f"nearest is {label} ({force - wanted:+.3g} N)"

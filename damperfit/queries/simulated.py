@@ -229,7 +229,7 @@ class Simulation(Answer):
         low, high = (
             [number(p[end] / _BAR, digits=4) for p in known.pressure_ranges] for end in (0, 1)
         )
-        shares = (f"{100.0 * one:.1f}" for one in known.cavitation_shares)
+        shares = (f"{100.0 * share:.1f}" for share in known.cavitation_shares)
         lines = (
             ("lowest pressure", "bar", *low),
             ("highest pressure", "bar", *high),
@@ -250,10 +250,10 @@ class Simulation(Answer):
         }
         for (name, unit), signal in signals.items():
             if np.isfinite(signal).all():
-                course = sparkline(np.interp(at, self.time, signal).tolist(), levels=levels)
+                drawn = sparkline(np.interp(at, self.time, signal).tolist(), levels=levels)
                 inside = signal[is_inside]
                 low, high = (number(float(end), digits=4) for end in (inside.min(), inside.max()))
-                yield f"{name:<12} {course} {low} to {high} {unit}"
+                yield f"{name:<12} {drawn} {low} to {high} {unit}"
 
 
 # Heading, unit and key of each figure of a member, what it is in `Characteristics` and in words.
@@ -285,10 +285,10 @@ class Sweep(Answer):
         self.damper, self.source, self.notes = damper, choice.source, configuration.notes
         self.model = configuration.damper
         self.sweeps = tuple(
-            (one, run_sweep(choice.parameters, configuration, variation=one), is_paper)
-            for one, is_paper in wanted
+            (variation, run_sweep(choice.parameters, configuration, variation=variation), is_paper)
+            for variation, is_paper in wanted
         )
-        named = [(one.name, member) for one, members, _ in self.sweeps for member in members]
+        named = [(each.name, member) for each, members, _ in self.sweeps for member in members]
         self.records: list[dict[str, Any]] = [
             {
                 "quantity": name,
@@ -302,9 +302,9 @@ class Sweep(Answer):
             }
             for name, member in named
         ]
-        self.sentences = tuple(_in_words(one.name, members) for one, members, _ in self.sweeps)
+        self.sentences = tuple(_in_words(each.name, members) for each, members, _ in self.sweeps)
         speeds = [member.response.velocity for _, member in named]
-        fastest = max(float(max(one.max(), -one.min())) for one in speeds)
+        fastest = max(float(max(velocity.max(), -velocity.min())) for velocity in speeds)
         self.warnings = choice.warnings(fastest, getattr(self.model, "temperature", None))
 
     def document(self) -> dict[str, Any]:
@@ -322,7 +322,7 @@ class Sweep(Answer):
     def plots(self) -> tuple[Plot, ...]:
         """Its figures: force-velocity loops, x1 in the text colour; pressures that cavitate."""
         plots = []
-        known = {one.name: one for one in FAMILIES}
+        known = {family.name: family for family in FAMILIES}
         for (variation, members, is_paper), words in zip(self.sweeps, self.sentences, strict=True):
             name, family = variation.name, known[variation.name] if is_paper else None
             lines = []
@@ -369,14 +369,15 @@ class Sweep(Answer):
             Column(heading, unit, shown(of)) for heading, unit, _, of, _ in _SWEPT if heading
         ]
         units = swept_units(self.model)
+        cavitation = "cavitation", "% of cycle", lambda member: f"{100.0 * member.cavitation:.1f}"
         return tuple(
             laid_out(members, [
                 Column("factor", "", lambda member: f"{member.factor:g}"),
-                Column(one.name, units[one.name], lambda member: number(member.value, digits=5)),
+                Column(name, units[name], lambda member: number(member.value, digits=5)),
                 *figures,
-                Column("cavitation", "% of cycle", lambda one: f"{100.0 * one.cavitation:.1f}"),
+                Column(*cavitation),
             ])
-            for one, members, _ in self.sweeps
+            for (name, _), members, _ in self.sweeps
         )  # fmt: skip
 
     def __repr__(self) -> str:
@@ -400,7 +401,7 @@ def _in_words(name: str, members: Sequence[SweepMember]) -> str:
     changes = []
     for *_, figure, words in _SWEPT:
         if words:
-            before, after = (abs(getattr(one.figures, figure)) for one in (first, last))
+            before, after = (abs(getattr(member.figures, figure)) for member in (first, last))
             gain = round(100.0 * (after / before - 1.0), 1) + 0.0 if before > 0.0 else None
             share_of = "" if gain is None else f" ({gain:+.1f} %)"
             both = f"{number(before, digits=4)} to {number(after, digits=4)} N"

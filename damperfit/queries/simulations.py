@@ -105,7 +105,7 @@ def choose_parameters(
     damper: Model = PURDY_DAMPER,
 ) -> ChosenParameters:
     """Return the parameters to simulate with."""
-    if all(one.name in replaced for one in damper.quantities if one.default is None):
+    if all(quantity.name in replaced for quantity in damper.quantities if quantity.default is None):
         if table is not None:
             raise ConfigurationError(
                 "nothing is taken from it, as {--set} gives all parameters; leave one out",
@@ -120,7 +120,7 @@ def choose_parameters(
     quantities = damper.quantities if path is None else table_quantities(path)
     values = _replaced(quantities, replaced)
     if setting is None:
-        missing = [one.name for one in quantities if one.default is None and one.name not in values]
+        missing = [q.name for q in quantities if q.default is None and q.name not in values]
         raise ConfigurationError(
             f"no parameters for {', '.join(missing)}: give {{--setting N}} or {{--set}} them all",
             code="no-parameters",
@@ -152,9 +152,9 @@ def _of_run(
     path: Path, setting: Setting | int | str, replaced: Mapping[str, float]
 ) -> ChosenParameters:
     run = Run.load(path)
-    known = {one.setting: one for one in run.settings}
-    values = {one.setting: one.parameters for one in run.settings}
-    unlimited = {one.setting: frozenset(one.unlimited) for one in run.settings}
+    known = {result.setting: result for result in run.settings}
+    values = {result.setting: result.parameters for result in run.settings}
+    unlimited = {result.setting: frozenset(result.unlimited) for result in run.settings}
     chosen = _meant(setting, known)
     source, fitted = f"setting {chosen} of {path}", known.get(chosen)
     if fitted is None:
@@ -182,7 +182,7 @@ def _of_run(
 
 
 def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:
-    known = {one.name: one for one in quantities}
+    known = {quantity.name: quantity for quantity in quantities}
     for name in texts:
         if name not in known:
             raise ConfigurationError(
@@ -196,7 +196,7 @@ def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Set
     """The setting that a label names, best among those that are known."""
     if not isinstance(setting, str):
         return Setting.of(setting)
-    named = {one.label.casefold(): one for one in known}
+    named = {tested.label.casefold(): tested for tested in known}
     adjusters = next(iter(known)).adjusters if known else (ADJUSTER,)
     try:
         return named.get(setting.strip().casefold()) or parse_setting(setting, adjusters)
@@ -255,7 +255,7 @@ def truth_of(
 ) -> tuple[dict[int, Values], Configuration, str]:
     """Return the values of a table, and the configuration and line of the damper they hold for."""
     run = Run.load(table_meant(given))
-    known = {one.setting.cell: one.values for one in run.settings}
+    known = {result.setting.cell: result.values for result in run.settings}
     truth = {setting: values for setting, values in known.items() if isinstance(setting, int)}
     return truth, *_damper_of_run(run, configuration, config)
 
@@ -376,7 +376,7 @@ class SweepMember:
 
 
 _GAS = {"p_0": "gas_pressure", "gamma": "gas_exponent"}
-PAPER_SWEEPS = tuple(Variation(one.name, one.factors) for one in FAMILIES)
+PAPER_SWEEPS = tuple(Variation(family.name, family.factors) for family in FAMILIES)
 
 
 def swept_units(damper: Model) -> dict[str, str]:
@@ -385,7 +385,7 @@ def swept_units(damper: Model) -> dict[str, str]:
     Of the paper's damper the gas too, which is a quantity of other dampers with gas.
     """
     gas = {"p_0": "Pa", "gamma": ""} if isinstance(damper, Damper) else {}
-    own = {one.name: one.unit for one in damper.quantities}
+    own = {quantity.name: quantity.unit for quantity in damper.quantities}
     return own | gas | {"amplitude": "m", "frequency": "Hz"}
 
 
@@ -417,7 +417,7 @@ def parse_variation(text: str, damper: Model = PURDY_DAMPER) -> Variation:
             raise wrong(f"{part!r} is not a number", "not-a-number") from error
         if not 0.0 <= values[-1] < math.inf:
             raise wrong(f"{part}: expected a factor of 0 or more", "out-of-range")
-    may_be_zero = [one.name for one in damper.quantities if one.may_vanish or one.is_offset]
+    may_be_zero = [q.name for q in damper.quantities if q.may_vanish or q.is_offset]
     if min(values) == 0.0 and name not in may_be_zero:
         raise wrong(f"{name} times 0 is not a damper; give factors above 0", "not-a-damper")
     if len(set(values)) < len(values):

@@ -605,9 +605,8 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
             and math.isfinite(row[name])
             and status_of[row["setting"]] not in {"absent", "not_identifiable"}
         ]
-        is_default = quantity.default is not None and {row[name] for row in known} == {
-            quantity.default
-        }
+        default = quantity.default
+        is_default = default is not None and {row[name] for row in known} == {default}
         if not known or is_default or (len(rows) > 1 and is_one_for_all(rows, name)):
             continue  # a sentence tells it: twenty equal bars say no more
         far = _far(known, name)

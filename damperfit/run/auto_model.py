@@ -67,13 +67,13 @@ def declared_dimensions(
     configuration: Configuration, damper: Damper | ValveDamper
 ) -> dict[str, Any]:
     """What a layout takes from the damper: what was declared, as `--model NAME` does."""
-    own = {one.name for one in fields(damper) if one.init}
-    shared = {one.name for one in fields(ValveDamper) if one.name in own} - _VALVES
+    own = {field.name for field in fields(damper) if field.init}
+    shared = {field.name for field in fields(ValveDamper) if field.name in own} - _VALVES
     if isinstance(damper, ValveDamper):
         return {name: getattr(damper, name) for name in shared}
     known = {name: getattr(damper, name) for name in shared}
     known["gas_volume"] = damper.gas_volume
-    declared = {one.removeprefix("damper.") for one in configuration.declared}
+    declared = {key.removeprefix("damper.") for key in configuration.declared}
     if declared & GAS_LENGTHS:
         declared |= {"gas_volume"}
     return {name: value for name, value in known.items() if name in declared}
@@ -133,7 +133,7 @@ def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...
     damper = configuration.damper
     if not isinstance(fit.model, ValveDamper) or not isinstance(damper, Damper | ValveDamper):
         return ()
-    known = {one.removeprefix("damper.") for one in configuration.declared}
+    known = {key.removeprefix("damper.") for key in configuration.declared}
     if isinstance(damper, Damper):
         known = {*declared_dimensions(configuration, damper)}
     missing = [words for name, words in _DIMENSIONS.items() if name not in known]
@@ -151,7 +151,7 @@ def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...
 def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[Problem, ...]:
     """What the layouts that were tried have of the gas that nobody has declared, in a sentence."""
     damper = configuration.damper
-    has_valves = any(isinstance(one.fits[0].model, ValveDamper) for one in tried)
+    has_valves = any(isinstance(law.fits[0].model, ValveDamper) for law in tried)
     if not has_valves or not isinstance(damper, Damper):
         return ()
     known = declared_dimensions(configuration, damper)
@@ -184,14 +184,14 @@ def ties_of(
     def follows(model: Model, free: Sequence[str]) -> Follows:
         if is_apart:
             return dict.fromkeys(free, adjusters)
-        found = dict(follows_by_scope(model, free, adjusters))
+        ties = dict(follows_by_scope(model, free, adjusters))
         if share and not options.is_detecting:
-            found = {name: adjusters for name in free if name not in share}
-        said = followed(configuration.document["adjusters"], model, is_law_open=True)
-        if is_adjusted and said:  # what is not declared to follow one is the damper's
-            found = {name: adjusters for name in free if model.quantity(name).is_offset}
-            found |= {n: tuple(a for a in adjusters if a in said[n]) for n in free if n in said}
-        return found | {name: adjusters for name in free if name in options.untied}
+            ties = {name: adjusters for name in free if name not in share}
+        named = followed(configuration.document["adjusters"], model, is_law_open=True)
+        if is_adjusted and named:  # what is not declared to follow one is the damper's
+            ties = {name: adjusters for name in free if model.quantity(name).is_offset}
+            ties |= {n: tuple(a for a in adjusters if a in named[n]) for n in free if n in named}
+        return ties | {name: adjusters for name in free if name in options.untied}
 
     return follows
 
@@ -240,8 +240,8 @@ class LawChoice(Answer):
         """The physics that the chosen law sees; none where something else does as well."""
         if self.search.also:
             return ()
-        said = yielding_seen(self.search, self.fits)
-        return said or physics_seen(self.fits, self.layouts_alike)
+        yielding = yielding_seen(self.search, self.fits)
+        return yielding or physics_seen(self.fits, self.layouts_alike)
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
@@ -260,7 +260,7 @@ class LawChoice(Answer):
         return {
             "chosen": self.supported,
             "model": search.chosen.fits[0].model.name,
-            "compared_settings": [one.cell for one in self.compared],
+            "compared_settings": [setting.cell for setting in self.compared],
             "effective_samples": None if math.isnan(n_eff) else n_eff,
             "laws": [
                 {"law": law.tried.title, "model": law.tried.fits[0].model.name}
@@ -283,47 +283,47 @@ class LawChoice(Answer):
                 }
                 for fit in self.fits
             ],
-            "lost_settings": [one.cell for one in self.lost],
+            "lost_settings": [setting.cell for setting in self.lost],
             "rivals": [
-                {"title": one.title, "model": one.fits[0].model.name}
-                | {key: getattr(one.fits[0].model, key, "") for key in ("source", "caveat")}
-                | _figures(one)
-                for one in self.rivals
+                {"title": rival.title, "model": rival.fits[0].model.name}
+                | {key: getattr(rival.fits[0].model, key, "") for key in ("source", "caveat")}
+                | _figures(rival)
+                for rival in self.rivals
             ],
             "layouts_alike": list(self.layouts_alike),
-            "spread": {str(s.cell): dict(one) for s, one in search.spread.items()},
+            "spread": {str(s.cell): dict(own) for s, own in search.spread.items()},
             "exchanges": [
                 {
-                    "part": one.part,
-                    "instead": one.instead,
-                    "times_mse": one.times,
-                    "values": {str(s.cell): asdict(values) for s, values in one.values.items()},
+                    "part": other.part,
+                    "instead": other.instead,
+                    "times_mse": other.times,
+                    "values": {str(s.cell): asdict(values) for s, values in other.values.items()},
                 }
-                for one in search.exchanges
+                for other in search.exchanges
             ],
             "sentences": list(self.sentences),
             "doubt": search.doubt,
             "undecided": list(self.undecided),
             "remaining": [
                 {
-                    "title": one.title,
-                    "damper": json_values(damper_record(one.fits[0].model)),
+                    "title": law.title,
+                    "damper": json_values(damper_record(law.fits[0].model)),
                     "settings": [
                         {"setting": fit.setting.cell, "values": dict(fit.values)}
-                        for fit in one.fits
+                        for fit in law.fits
                     ],
                 }
-                for one in remaining(search)
+                for law in remaining(search)
             ],
         }
 
 
-def _figures(one: Tried) -> dict[str, Any]:
+def _figures(tried: Tried) -> dict[str, Any]:
     return {
-        "free": list(one.fits[0].free),
-        "at_bound": list(one.at_bound),
-        "mse_percent": one.mse_percent,
-        "held_out_mse_percent": finite(one.held_out_percent),
+        "free": list(tried.fits[0].free),
+        "at_bound": list(tried.at_bound),
+        "mse_percent": tried.mse_percent,
+        "held_out_mse_percent": finite(tried.held_out_percent),
     }
 
 
@@ -335,7 +335,7 @@ def _chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
         mark = "!" if name in fit.at_bound else "?" * (name in fit.undetermined)
         return number(getattr(fit.values, name) / 10.0**quantity.power, digits=4) + mark
 
-    shown = [one for one in fits[0].model.quantities if one.name in fits[0].free]
+    shown = [q for q in fits[0].model.quantities if q.name in fits[0].free]
     rows = [(q.label, q.shown_unit or q.unit, *(value(fit, q) for fit in fits)) for q in shown]
     rows.append(("MSE", "%", *(percent(fit.mse_percent) for fit in fits)))
     rows.append(("MSE held out", "%", *(percent(fit.held_out_percent) for fit in fits)))
@@ -374,7 +374,7 @@ def remaining(search: LawSearch) -> list[Tried]:
         against = search.n_eff * sum(times) / len(times) + more * math.log(search.n_eff)
         if against < min(_DECIDED, left.get(tried.title, (math.inf,))[0]):
             left[tried.title] = (against, tried)
-    return [tried for _, tried in sorted(left.values(), key=lambda one: one[0])[:_MOST_LEFT]]
+    return [tried for _, tried in sorted(left.values(), key=lambda pair: pair[0])[:_MOST_LEFT]]
 
 
 def choose_law(  # noqa: PLR0913 - what a user may ask of it
@@ -409,7 +409,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
             code="no-log",
         )
     options = configuration.identification
-    ends, adjusters = _softest_and_stiffest(evidence), evidence[0].setting.adjusters
+    extremes, adjusters = _softest_and_stiffest(evidence), evidence[0].setting.adjusters
     search = search_laws(
         _plain(configuration),
         _layouts(configuration, layout),
@@ -421,12 +421,12 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         n_starts=options.starts,
         jobs=workers,
         is_tying=_is_tying(configuration),
-        held_share=_held_share(ends),
+        held_share=_held_share(extremes),
         held_by_some=_held_by_some(evidence),
     )
     rivals: tuple[Tried, ...] = ()
     if on_rival is not None:
-        rivals = rank_rivals(ends, solver=options.solver, on_rival=on_rival, jobs=workers)
+        rivals = rank_rivals(extremes, solver=options.solver, on_rival=on_rival, jobs=workers)
     fits = search.chosen.fits
     fitted, best = {fit.setting for fit in fits}, fits[0]
     is_open = is_monotube_open(configuration, search, layout)
@@ -436,14 +436,14 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     )
     return LawChoice(
         search,
-        compared=tuple(one.setting for one in evidence),
+        compared=tuple(own.setting for own in evidence),
         fits=fits,
         failures=tuple(batch.failures),
-        lost=tuple(one.setting for one in evidence if one.setting not in fitted),
+        lost=tuple(own.setting for own in evidence if own.setting not in fitted),
         rivals=rivals,
         remarks=(
             *batch.remarks,
-            *assumed_gas(configuration, [one.tried for one in search.laws]),
+            *assumed_gas(configuration, [law.tried for law in search.laws]),
             *_tied_still(options.untied, best),
         ),
         undecided=(*doubts, *undecided(search, fits, evidence)),
@@ -463,9 +463,8 @@ def _tied_still(untied: Sequence[str], best: LawFit) -> Iterator[Problem]:
 def _is_tying(configuration: Configuration) -> bool:
     """Whether the logs say what follows an adjuster: where nobody else has."""
     is_said = {"identification.procedure", "identification.share"} & configuration.declared
-    return not is_said and not any(
-        one for one in configuration.document["adjusters"].values() if not isinstance(one, str)
-    )
+    followers = configuration.document["adjusters"].values()
+    return not is_said and not any(names for names in followers if not isinstance(names, str))
 
 
 def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configuration:
@@ -486,10 +485,10 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     adjusters = configuration.document["adjusters"]
     if lost := {*unmatched(adjusters, best.model)}:  # it follows no adjuster
         adjusters = {
-            adjuster: said if isinstance(said, str) else [one for one in said if one not in lost]
-            for adjuster, said in adjusters.items()
+            name: own if isinstance(own, str) else [n for n in own if n not in lost]
+            for name, own in adjusters.items()
         }
-    found = {fit.setting: asdict(fit.values) for fit in choice.fits}
+    values = {fit.setting: asdict(fit.values) for fit in choice.fits}
     follows = followed(adjusters, best.model, is_law_open=True)
     options = _options_of(configuration, best)
     if choice.search.is_of_one_model:
@@ -497,7 +496,7 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     options = replace(
         options,
         follows=follows or options.follows,
-        start=GivenStart(by_setting=found, is_of_one_model=choice.search.is_of_one_model),
+        start=GivenStart(by_setting=values, is_of_one_model=choice.search.is_of_one_model),
         is_leaving_out=True,
     )
     made = made.with_damper(best.model, identification=options)
@@ -506,7 +505,7 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
         **own,
         "procedure": options.procedure,
         "free": list(options.free or ()),
-        "fix": {name: said for name, said in own["fix"].items() if name in options.fixed},
+        "fix": {name: value for name, value in own["fix"].items() if name in options.fixed},
         "share": own["share"] if options.share is None else list(options.share),
         "bulk_modulus": options.bulk_modulus,
     }
@@ -514,9 +513,9 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     chosen = {"damper.model", "damper.rebound", "damper.compression", "damper.mounting"}
     chosen |= {"damper.friction"}
     if isinstance(best.model, Damper) and "damper.gas_volume" in configuration.declared:
-        chosen |= {f"damper.{one}" for one in GAS_LENGTHS}  # made of that volume
+        chosen |= {f"damper.{name}" for name in GAS_LENGTHS}  # made of that volume
     if isinstance(best.model, ValveDamper) and isinstance(damper := configuration.damper, Damper):
-        chosen |= {f"damper.{one}" for one in declared_dimensions(configuration, damper)}
+        chosen |= {f"damper.{name}" for name in declared_dimensions(configuration, damper)}
     return replace(
         made,
         declared=configuration.declared | chosen,
@@ -548,7 +547,7 @@ def _options_of(configuration: Configuration, best: LawFit) -> FitOptions:
         procedure=procedure,
         share=share,
         free=None,
-        fixed={name: one for name, one in options.fixed.items() if name in model.names},
+        fixed={name: value for name, value in options.fixed.items() if name in model.names},
         bulk_modulus=options.bulk_modulus if options.bulk_modulus in model.bulk_moduli else "free",
         untied=tuple(name for name in options.untied if name in model.names),
     )
@@ -590,8 +589,8 @@ def _evidence(
     return tuple(
         SettingLogs(
             setting,
-            tuple(one for one in batch.traces if one.setting == setting),
-            tuple(one for one in batch.held_out if one.setting == setting),
+            tuple(trace for trace in batch.traces if trace.setting == setting),
+            tuple(trace for trace in batch.held_out if trace.setting == setting),
             start.of(setting),
             fixed,
         )
@@ -602,11 +601,11 @@ def _evidence(
 def _softest_and_stiffest(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs, ...]:
     """The settings with the strongest and the weakest force tell laws apart as well as all do."""
 
-    def strength(one: SettingLogs) -> float:
-        return float(np.std(np.concatenate([t.force[t.compared] for t in one.fitted])))
+    def strength(logs: SettingLogs) -> float:
+        return float(np.std(np.concatenate([t.force[t.compared] for t in logs.fitted])))
 
     ranked = sorted(evidence, key=strength)
-    return tuple(one for one in evidence if one in (ranked[0], ranked[-1]))
+    return tuple(logs for logs in evidence if logs in (ranked[0], ranked[-1]))
 
 
 def _held_share(evidence: Sequence[SettingLogs]) -> float:
@@ -614,7 +613,7 @@ def _held_share(evidence: Sequence[SettingLogs]) -> float:
 
     Every setting has to: valves hold more of it the more they are preloaded.
     """
-    shares = [held_share(log) for one in evidence for log in one.fitted]
+    shares = [held_share(log) for logs in evidence for log in logs.fitted]
     known = [share for share in shares if math.isfinite(share)]
     least = min(known, default=math.nan)
     return least if least >= YIELDS else math.nan
@@ -622,7 +621,7 @@ def _held_share(evidence: Sequence[SettingLogs]) -> float:
 
 def _held_by_some(evidence: Sequence[SettingLogs]) -> float:
     """The most that a setting holds in all of its logs; NaN where none yields."""
-    shares = [_held_share([one]) for one in evidence]
+    shares = [_held_share([logs]) for logs in evidence]
     return max((share for share in shares if math.isfinite(share)), default=math.nan)
 
 
@@ -632,7 +631,7 @@ def _plain(configuration: Configuration) -> Model:
     if not isinstance(damper, ValveDamper) or "damper.model" in configuration.declared:
         return damper
     paper = Damper()
-    own = {one.name for one in fields(paper) if one.init}
+    own = {field.name for field in fields(paper) if field.init}
     if "damper.ambient_pressure" not in configuration.declared:
         own.discard("ambient_pressure")  # its equation leaves the air out
     known = {name: getattr(damper, name) for name in own if hasattr(damper, name)}

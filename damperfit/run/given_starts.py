@@ -27,7 +27,7 @@ def with_given_start(configuration: Configuration) -> Configuration:
         return configuration
     known = _read(path)
     named = {name for numbers in known.values() for name in numbers}
-    if not named & {one.name for one in damper.quantities if one.role not in _EVERYWHERE}:
+    if not named & {q.name for q in damper.quantities if q.role not in _EVERYWHERE}:
         raise ConfigurationError(
             f"its parameters ({', '.join(sorted(named))}) belong to another model "
             f"than {damper.name} ({', '.join(damper.names)}); name that model by "
@@ -37,7 +37,7 @@ def with_given_start(configuration: Configuration) -> Configuration:
             code="other-model",
         )
     own = {
-        setting: {name: one for name, one in numbers.items() if name in damper.names}
+        setting: {name: value for name, value in numbers.items() if name in damper.names}
         for setting, numbers in known.items()
     }
     start = replace(options.start, by_setting=own)
@@ -53,9 +53,8 @@ def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> Giv
     valves = [Valve("long", kind) for kind in BLOW_OFFS if kind != "none"]
     kinds = (TwinTube, Monotube, ThroughFlow)
     laws = [kind(rebound=v, compression=v, mounting=mounting) for kind in kinds for v in valves]
-    quantities = {
-        one.name: one for model in (configuration.damper, *laws) for one in model.quantities
-    }
+    models = (configuration.damper, *laws)
+    quantities = {quantity.name: quantity for model in models for quantity in model.quantities}
     numbers: dict[str, float] = dict(configuration.identification.start.named)
     for name, text in named.items():
         if name not in quantities:

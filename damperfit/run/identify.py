@@ -104,9 +104,9 @@ class Clock:
         try:
             yield
         finally:
-            spent = time.perf_counter() - begin
-            _LOGGER.debug("%s took %.3f s", name, spent)
-            self._laps[f"{name}_s"] = round(self._laps.get(f"{name}_s", 0.0) + spent, 4)
+            elapsed = time.perf_counter() - begin
+            _LOGGER.debug("%s took %.3f s", name, elapsed)
+            self._laps[f"{name}_s"] = round(self._laps.get(f"{name}_s", 0.0) + elapsed, 4)
 
     def read(self) -> dict[str, float]:
         """Return the seconds of each part, and of all."""
@@ -166,19 +166,19 @@ def written(configuration: Configuration, logs: Sequence[str], **how: Any) -> It
     check_writable(folder)
     with reserved(folder):
         spare_others(folder)
-        for one in identified(configuration, logs, **how):
-            check_writable(one.folder)
-            if not one.run.settings:
-                one.keeps_earlier = not one.is_interrupted and holds_fits(one.folder)
-            if one.run.settings or not (one.is_interrupted or one.keeps_earlier):
+        for result in identified(configuration, logs, **how):
+            check_writable(result.folder)
+            if not result.run.settings:
+                result.keeps_earlier = not result.is_interrupted and holds_fits(result.folder)
+            if result.run.settings or not (result.is_interrupted or result.keeps_earlier):
                 try:
-                    one.run.save(one.folder)
-                    one.run.stand_in(one.folder)
+                    result.run.save(result.folder)
+                    result.run.stand_in(result.folder)
                 except (OutputError, ConfigurationError) as error:
-                    one.error = error
-            if one.run.settings and one.error is None:
-                forget_others(folder, one.beside or ("",))
-            yield one
+                    result.error = error
+            if result.run.settings and result.error is None:
+                forget_others(folder, result.beside or ("",))
+            yield result
 
 
 def identified(  # noqa: PLR0913 - what is asked of it
@@ -296,13 +296,13 @@ def _fitted(
     def rows_of(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]] | None:
         fit, log = pair
         try:
-            seen = log.compared(fit.parameters, damper, solver)
+            response = log.compared(fit.parameters, damper, solver)
         except Exception as error:  # noqa: BLE001 - the other logs have their signals
             unseen(log.trace, error)
             return None
         try:
             speeds = configuration.output.speeds
-            return list(characteristic_rows(fit.setting, log.trace, seen, damper, speeds))
+            return list(characteristic_rows(fit.setting, log.trace, response, damper, speeds))
         except Exception as error:  # noqa: BLE001 - the other logs have theirs
             unread(log.trace, error)
             return []
@@ -314,8 +314,8 @@ def _fitted(
     def signals() -> Iterator[LogSignals]:
         # Of each log as the fit saw it last, one by one: they are large.
         for fit, log in readable:
-            seen = log.compared(fit.parameters, damper, solver)
-            yield signals_of(fit.setting, log.trace, seen)
+            response = log.compared(fit.parameters, damper, solver)
+            yield signals_of(fit.setting, log.trace, response)
 
     run, failures = run_of(
         configuration,
@@ -406,7 +406,7 @@ def by_damper(batch: LogBatch, *, is_one: bool = False) -> dict[str, LogBatch]:
     for trace in batch.traces:
         if owners[trace.name] in groups:
             groups[owners[trace.name]].traces.append(trace)
-    for failure in sorted(batch.failures, key=lambda one: owners.get(one.log) not in groups):
+    for failure in sorted(batch.failures, key=lambda lost: owners.get(lost.log) not in groups):
         groups.get(owners.get(failure.log, ""), first).failures.append(failure)
     for log in (log for log in others if log.failure is None):
         whose = (LogError.__name__, log.log, log.path, log.facts.get("setting"))
@@ -468,7 +468,7 @@ def once_each(batch: LogBatch) -> None:
     for name, several in copies.items():
         elsewhere = [copy for copy in several if copy.setting != firsts[name].setting]
         if elsewhere:
-            tests = [f"{one.name} setting {one.setting}" for one in (firsts.pop(name), *elsewhere)]
+            tests = [f"{t.name} setting {t.setting}" for t in (firsts.pop(name), *elsewhere)]
             text = (
                 f"the same test under several settings: {listed_names(tests)}; check which is "
                 "right and leave out the rest"
@@ -491,8 +491,8 @@ def without_copies(batch: LogBatch) -> None:
     """Hold out no test that is fitted by another name."""
     kept = []
     for trace in batch.held_out:
-        others = (one for one in batch.traces if one.name != trace.name)
-        first = next((one for one in others if is_same_test(one, trace)), None)
+        others = (other for other in batch.traces if other.name != trace.name)
+        first = next((other for other in others if is_same_test(other, trace)), None)
         if first is None:
             kept.append(trace)
         else:
@@ -525,13 +525,13 @@ def without_contradictions(
         return groups
 
     for setting, traces in by_setting().items():
-        parted = [
-            (trace.name, one) for trace in traces for one in trace.findings if one.name in _TWO
-        ]
+        pairs = ((trace, finding) for trace in traces for finding in trace.findings)
+        trace, parted = next((pair for pair in pairs if pair[1].name in _TWO), (None, None))
         worst = contradiction(traces, has_temperature_law=isinstance(damper, WithTemperature))
-        if parted and (parted[0][1].name != _LEVELS or (worst and worst.excess > 1.0)):
-            sentences[setting] = f"{parted[0][0]}: {parted[0][1].sentence}"
-        elif worst and worst.excess > 1.0:
+        is_worse = worst is not None and worst.excess > 1.0
+        if trace and parted and (parted.name != _LEVELS or is_worse):
+            sentences[setting] = f"{trace.name}: {parted.sentence}"
+        elif worst and is_worse:
             sentences[setting] = _MORE.format(worst.sentence)
         elif worst:
             text = (
@@ -550,8 +550,8 @@ def _leave_out(
 ) -> None:
     if configuration.rig.contradictions == "average":
         batch.remarks += [
-            warning("logs-differ", f"{text}; averaged", f"setting {one}")
-            for one, text in sentences.items()
+            warning("logs-differ", f"{text}; averaged", f"setting {setting}")
+            for setting, text in sentences.items()
         ]
         return
     text = (
@@ -602,15 +602,15 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
     for trace in traces:
         if trace.temperature is not None:
             by_setting[str(trace.setting)].append(trace.temperature)
-    temperatures = [one for several in by_setting.values() for one in several]
+    temperatures = [value for several in by_setting.values() for value in several]
     if max(temperatures) - min(temperatures) < _LEAST_WARMING:
-        ends = dict.fromkeys(f"{one:.1f}" for one in (min(temperatures), max(temperatures)))
+        limits = dict.fromkeys(f"{value:.1f}" for value in (min(temperatures), max(temperatures)))
         raise _no_temperature(
-            f"the logs are {'all ' * (len(ends) == 1)}of {' to '.join(ends)} degC; "
+            f"the logs are {'all ' * (len(limits) == 1)}of {' to '.join(limits)} degC; "
             f"the effect of temperature cannot be determined over less than "
             f"{_LEAST_WARMING:g} K: test colder or warmer too, or leave the option out"
         )
-    alone = [one for one, known in by_setting.items() if max(known) - min(known) < _LEAST_WARMING]
+    alone = [name for name, own in by_setting.items() if max(own) - min(own) < _LEAST_WARMING]
     if BETA.name not in options.fixed and options.procedure == "plain" and alone:
         raise _no_temperature(
             f"setting {alone[0]} was tested within {_LEAST_WARMING:g} K, "
@@ -658,18 +658,18 @@ def fitting(
     batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]
 ) -> HoldOutOptions:
     """Return the options with the patterns alone that fit a log of the batch."""
-    patterns = tuple(
-        one
-        for one in options.patterns
-        if one == TRANSIENTS or _hits(one, batch, named) or _segments(batch.traces, one)[1]
-    )
-    return replace(options, patterns=patterns)
+
+    def fits(pattern: str) -> bool:
+        is_hit = pattern == TRANSIENTS or bool(_hits(pattern, batch, named))
+        return is_hit or bool(_segments(batch.traces, pattern)[1])
+
+    return replace(options, patterns=tuple(filter(fits, options.patterns)))
 
 
 def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> None:
     """Part what was read into what is fitted and what is predicted, but for transients."""
     names: set[str] = set()
-    of_files = [one for one in options.patterns if _is_of_files(one)]
+    of_files = [pattern for pattern in options.patterns if _is_of_files(pattern)]
     for pattern in of_files:
         hits = _hits(pattern, batch, named)
         if not hits:
@@ -717,7 +717,7 @@ def hold_out_transients(batch: LogBatch, options: HoldOutOptions) -> None:
     is_asked = TRANSIENTS in options.patterns
     if not is_asked and (options.patterns or options.cycles):
         return
-    beside = [one for one in map(transients, batch.traces) if one is not None]
+    beside = [trace for trace in map(transients, batch.traces) if trace is not None]
     if is_asked and batch.traces and not beside:
         raise ConfigurationError(
             "hold-out transients: no log has a run-up or coast-down from or to rest, or changes "
@@ -741,7 +741,7 @@ def note_unpredicted(
     done = {id(prediction.trace) for prediction in predictions}
     failed = {failure.log for failure in known}
     fitted = {fit.setting for fit in campaign.fits}
-    ways = {
+    options = {
         "joint": Option("procedure", "joint", is_aside=True),
         "cycles": Option("hold_out_cycles", is_aside=True),
     }
@@ -756,7 +756,7 @@ def note_unpredicted(
             )
         if batch.is_asked and trace.name not in failed:
             text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
-            problem = Problem("not-predicted", text, subject=trace.name, values=ways)
+            problem = Problem("not-predicted", text, subject=trace.name, values=options)
             batch.failures.append(_of_log(Failure(problem, kind), trace, batch))
         elif not batch.is_asked and trace.setting in fitted:
             text = (

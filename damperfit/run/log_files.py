@@ -82,10 +82,10 @@ def matches(  # noqa: PLR0912 - one kind after the other
             why = f"cannot be read: {error.strerror or error}"
             raise ConfigurationError(why, subject=path, code="unreadable") from error
         logs = [
-            one
-            for one in entries
-            if one.name[0] != "." and one.name.lower().endswith(LOG_SUFFIXES)
-            if not _is_folder(one)
+            entry
+            for entry in entries
+            if entry.name[0] != "." and entry.name.lower().endswith(LOG_SUFFIXES)
+            if not _is_folder(entry)
         ]
         are_own = bool(logs) and all(map(is_own_table, logs))
         if logs and not are_own:
@@ -289,7 +289,7 @@ def in_memory(logs: object, options: ConditionOptions) -> tuple[object, list[Tra
     known = list(logs)
     traces = [log for log in known if isinstance(log, Trace | Recording)]
     unread = [log for log in known if not isinstance(log, Trace | Recording)]
-    return unread, [one if isinstance(one, Trace) else condition(one, options) for one in traces]
+    return unread, [log if isinstance(log, Trace) else condition(log, options) for log in traces]
 
 
 def _is_frame(value: object) -> bool:

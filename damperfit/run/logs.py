@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import chain
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -330,13 +331,12 @@ class Labels:
                 text = f"no such file: {', '.join(lost[:_FEW])}{more}"
                 yield warning("table-of-tests", text, table.path)
         notes = {id(log): log.facts.get("notes", ()) for log in logs}
-        if self.guess.finding and any(_GUESSED in said for said in notes.values()):
+        if self.guess.finding and any(_GUESSED in own for own in notes.values()):
             yield self.guess.finding
         if len(self.adjusters) > 1:
             return
-        labels = [
-            str(one) for one in dict.fromkeys(log.facts.get("setting") for log in logs) if one
-        ]
+        settings = dict.fromkeys(log.facts.get("setting") for log in logs)
+        labels = list(map(str, filter(None, settings)))
         letters = [sorted(letters_of(label)) for label in labels]
         if len(labels) > 1 and letters[0] and all(others == letters[0] for others in letters):
             declared = ", ".join(f'{letter} = ""' for letter in letters_of(labels[0]))
@@ -444,32 +444,32 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done meanwhi
         if cancelled():
             return []
         begin = perf_counter()
-        found = _read_file(path, names[path], configuration, labels)
-        for one in found:
+        own = _read_file(path, names[path], configuration, labels)
+        for log in own:
             _LOGGER.debug(
                 "%s: %s, setting %s, %s samples, %.3f s, sha256 %s",
-                one.path,
-                one.facts.get("verdict"),
-                one.facts.get("setting"),
-                one.facts.get("n_samples_read", "no"),
+                log.path,
+                log.facts.get("verdict"),
+                log.facts.get("setting"),
+                log.facts.get("n_samples_read", "no"),
                 perf_counter() - begin,
-                one.sha256 or "unknown",
+                log.sha256 or "unknown",
             )
             if is_inspected:
-                one.trace = None  # a copy of this process need not send it
-        kinds = [one.failure.kind if one.failure is not None else "" for one in found]
+                log.trace = None  # a copy of this process need not send it
+        kinds = [log.failure.kind if log.failure is not None else "" for log in own]
         if not is_inspected or kinds != [TimelessError.__name__]:
-            return found
+            return own
         try:
             curves = read_curves(path, configuration.reading)
         except _USAGE:
             raise
         except Exception as error:  # noqa: BLE001 - the other files go on
-            return [_failed(found[0], error, task="reading the curves")]
+            return [_failed(own[0], error, task="reading the curves")]
         notes = list(curves[0].notes)
         described = {"curves": [curve.describe() for curve in curves], "notes": notes}
-        facts = {"name": found[0].log, "verdict": "curves", **described}
-        return [Log(found[0].log, found[0].path, curves[0].sha256, facts)]
+        facts = {"name": own[0].log, "verdict": "curves", **described}
+        return [Log(own[0].log, own[0].path, curves[0].sha256, facts)]
 
     def gains_by_threads(path: Path) -> bool:
         # It is large, or read in a process of its own. Small logs hold the interpreter's lock
@@ -480,18 +480,16 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done meanwhi
 
     threads = jobs if any(map(gains_by_threads, logs)) else 1
     with one_blas_thread():  # more would spin between small products, on the next log's core
-        found = in_copies(
-            logs_of, logs, jobs=jobs, cancelled=cancelled, threads=threads, meanwhile=meanwhile
-        )
-        known = [one for several in found for one in several]
+        how: dict[str, Any] = {"jobs": jobs, "cancelled": cancelled, "threads": threads}
+        known = list(chain.from_iterable(in_copies(logs_of, logs, meanwhile=meanwhile, **how)))
         known = _with_common_signs(known, names, configuration, labels)
-    traces = [one.trace for one in known if one.trace is not None and not is_inspected]
-    for one in known:
-        one.trace = None
+    traces = [log.trace for log in known if log.trace is not None and not is_inspected]
+    for log in known:
+        log.trace = None
     return LogBatch(
         known,
         traces,
-        [one.failure for one in known if one.failure is not None],
+        [log.failure for log in known if log.failure is not None],
         tuple(_shown(path) for path in paths if is_table[path]),
         list(labels.remarks(known)),
         labels.tables_used,
@@ -530,8 +528,8 @@ def _with_common_signs(
     shown = {tuple(log.facts["reversed"]) for log in logs if log.shows_signs}
     unknown: dict[str, str] = {}
     for log in logs:
-        found = {finding["name"] for finding in log.facts.get("findings", ())}
-        asks = not found.isdisjoint({"direction", CONTRADICTED})
+        doubts = {finding["name"] for finding in log.facts.get("findings", ())}
+        asks = not doubts.isdisjoint({"direction", CONTRADICTED})
         if asks if log.failure is None else log.failure.code == UNKNOWN:
             unknown[log.log] = log.path
     if len(shown) != 1 or not unknown:
@@ -564,7 +562,7 @@ def _read_file(path: Path, name: str, configuration: Configuration, labels: Labe
             digest = sha256_of(path)
         facts = {"name": name, "setting": labels.unread(path, configuration)}
         return [_failed(Log(name, _shown(path), digest, facts), error)]
-    named = (replace(one, name=one.name.replace(path.name, name, 1)) for one in recordings)
+    named = (replace(test, name=test.name.replace(path.name, name, 1)) for test in recordings)
     return [_conditioned(recording, path, configuration, labels) for recording in named]
 
 
@@ -609,9 +607,9 @@ def _conditioned(
     if offset := configuration.log_offsets.get(trace.name, 0.0):
         trace = replace(trace, force=trace.force - offset, tare=offset)
         tested_at = {**tested_at, "force_offset": offset}
-    told: dict[str, Any] = whose | ({"tested_at": tested_at} if tested_at else {})
-    told["reversed"] = reversed_in(recording, trace)
-    log.facts = _facts_of_trace(trace, len(recording.time), recording.notes, **told)
+    stated: dict[str, Any] = whose | ({"tested_at": tested_at} if tested_at else {})
+    stated["reversed"] = reversed_in(recording, trace)
+    log.facts = _facts_of_trace(trace, len(recording.time), recording.notes, **stated)
     if configuration.rig.strict and trace.warnings:
         more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
         text = "refused because of a warning, as strict quality was requested"

@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -101,17 +102,17 @@ class FailureLog:
 
     def __init__(self, batch: LogBatch) -> None:
         self._batch = batch
-        self._found: list[Failure] = []
+        self._failures: list[Failure] = []
 
     @property
     def failures(self) -> tuple[Failure, ...]:
         """By setting, those of the whole run last."""
-        key = lambda one: (one.setting is None, one.setting or 0, one.message)  # noqa: E731
-        return tuple(sorted(self._found, key=key))
+        key = lambda f: (f.setting is None, f.setting or 0, f.message)  # noqa: E731
+        return tuple(sorted(self._failures, key=key))
 
     def add(self, failure: Failure, setting: Setting | None = None) -> None:
         """Take what a step over all settings, or one of them, has met, and went on."""
-        self._found.append(replace(failure, setting=setting))
+        self._failures.append(replace(failure, setting=setting))
 
     def at(self, task: str) -> Callable[[Trace | Setting, Exception], None]:
         """Return what takes a log or a setting and the error that a task, as "judging", has met."""
@@ -186,18 +187,18 @@ def judge(  # noqa: PLR0913 - what a judgement takes
                 return ()
 
         with executor(jobs) as pool:
-            found = [one for few in pool.map(predicted, batch.held_out) for one in few]
-        predictions = tuple(sorted(found, key=lambda one: one.setting))
+            made = chain.from_iterable(pool.map(predicted, batch.held_out))
+            predictions = tuple(sorted(made, key=lambda prediction: prediction.setting))
         against = _objections(configuration, judged, assessment, failure_log, jobs=jobs)
         for setting, objection in missed_predictions(predictions).items():
             against[setting] = (*against.get(setting, ()), objection)
         assessment = replace(assessment, objections=against)
         lost = failures_of(configuration, batch, judged)
         missing = [
-            f"{one.place} {'left out' if one.is_left_out else 'failed'}"
-            if one.place
-            else one.message
-            for one in lost[:MANY]
+            f"{failure.place} {'left out' if failure.is_left_out else 'failed'}"
+            if failure.place
+            else failure.message
+            for failure in lost[:MANY]
         ]
         missing += [f"and {len(lost) - MANY} more"] * (len(lost) > MANY)
         subject = Subject(
@@ -229,10 +230,10 @@ def _objections(
         {},
     )
     advice = "fit each setting by itself{plain}"
-    ways = {"plain": Option("procedure", "plain", is_aside=True)}
+    values = {"plain": Option("procedure", "plain", is_aside=True)}
     if campaign.procedure == "plain":
         advice = "name the model{model}, and give its values as a start{start}"
-        ways = {name: Option(name, is_aside=True) for name in ("model", "start")}
+        values = {name: Option(name, is_aside=True) for name in ("model", "start")}
     more = []
     for fit in campaign.fits:  # a law that the logs chose must be fitted as it was chosen
         chosen = configuration.chosen_mse.get(fit.setting, math.inf)
@@ -242,7 +243,9 @@ def _objections(
                 f"{fit.mse_percent:.2g} %, by procedure {campaign.procedure}; these are not the "
                 f"parameters of the choice: {advice}"
             )
-            problem = Problem("not-delivered", text, subject=f"setting {fit.setting}", values=ways)
+            problem = Problem(
+                "not-delivered", text, "error", f"setting {fit.setting}", values=values
+            )
             failure_log.add(Failure(problem, "DeliveryError"), fit.setting)
             more.append((fit.setting, Objection("delivery", "", problem.message())))
     if "damper.ambient_pressure" not in configuration.declared and not configuration.is_assumed:
@@ -274,7 +277,7 @@ def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -
     spread, layouts = law.get("spread", {}), law.get("layouts_alike", ())
     most: dict[str, float] = {}
     for own_spread in spread.values():
-        most |= {name: max(one, most.get(name, 0.0)) for name, one in own_spread.items()}
+        most |= {name: max(value, most.get(name, 0.0)) for name, value in own_spread.items()}
 
     def wider(known: Uncertainty, name: str, own: Interval) -> Interval:
         cell, stroke = str(known.setting.cell), name.partition("_")[0]
@@ -290,16 +293,16 @@ def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -
             times = [times_in(layout, damper, name, power) for layout in layouts]
             low, high = min(times) / _RETURNS, max(times) * _RETURNS
             own = replace(own, low=min(1.0, low) * own.low, high=max(1.0, high) * own.high)
-        for one in law.get("exchanges", ()):
-            there, quantity = one["values"].get(cell), damper.quantity(name)
+        for exchange in law.get("exchanges", ()):
+            there, quantity = exchange["values"].get(cell), damper.quantity(name)
             if there and not quantity.is_offset:
                 away = there.get(name, quantity.vanishes_at)
                 own = replace(own, low=min(own.low, away), high=max(own.high, away))
         return own
 
     known = (
-        replace(one, intervals={k: wider(one, k, own) for k, own in one.intervals.items()})
-        for one in assessment.uncertainties
+        replace(each, intervals={k: wider(each, k, own) for k, own in each.intervals.items()})
+        for each in assessment.uncertainties
     )
     return replace(assessment, uncertainties=tuple(known))
 
@@ -330,14 +333,14 @@ def warnings_of(
             "does not hold; free it{free}",
             free=_freeing_friction(campaign),
         )
-    yield from _at_settings([(fit.setting, one) for fit in campaign.fits for one in fit.warnings])
+    yield from _at_settings([(fit.setting, text) for fit in campaign.fits for text in fit.warnings])
     yield from unconfirmed_tares(campaign, assessment)
     yield from unlike_frictions(campaign, assessment)
     yield from assessment.warnings
     withheld = [
         setting
         for setting, why in assessment.objections.items()
-        if any(one.kind in _OF_LAWS for one in why)
+        if any(objection.kind in _OF_LAWS for objection in why)
     ]
     if withheld and not configuration.chosen_law:
         yield warning(
@@ -352,7 +355,7 @@ def warnings_of(
 def _freeing_friction(campaign: Campaign) -> Option:
     """Return the option that gives each setting its own friction, all else as it was."""
     fit, sharing = campaign.fits[0], campaign.sharing
-    frictions = [one.name for one in fit.parameters.quantities if one.is_friction]
+    frictions = [quantity.name for quantity in fit.parameters.quantities if quantity.is_friction]
     if sharing.jointly:
         shared = (n for n in sharing.jointly if n not in frictions)
         return Option("share", ",".join(shared), is_aside=True)
@@ -361,14 +364,14 @@ def _freeing_friction(campaign: Campaign) -> Option:
     return Option("free", ",".join((*own, *frictions)), is_aside=True)
 
 
-def _at_settings(told: Sequence[tuple[Setting, Problem]]) -> Iterator[Problem]:
+def _at_settings(problems: Sequence[tuple[Setting, Problem]]) -> Iterator[Problem]:
     """Yield what is so at each setting; of many, the first, and which others have one."""
-    is_long = len(told) > MANY
+    is_long = len(problems) > MANY
     more = ""
     if is_long:
-        others = listed_settings({other for other, _ in told[1:]})
+        others = listed_settings({other for other, _ in problems[1:]})
         more = f" (with other numbers at {others})"
-    for setting, problem in told[:1] if is_long else told:
+    for setting, problem in problems[:1] if is_long else problems:
         yield replace(problem, subject=f"setting {setting}", text=f"{problem.text}{more}")
 
 
@@ -376,10 +379,10 @@ def log_warnings(traces: Iterable[Trace], *, is_put_right: bool = False) -> Iter
     """Yield one problem for each kind of warning, or correction, with the numbers of its first."""
     logs: dict[str, list[tuple[str, Problem]]] = {}
     for trace in traces:
-        for one in trace.findings:
-            is_note = one.severity == "note" and one.is_correction
-            if is_note if is_put_right else one.severity == "warning":
-                logs.setdefault(one.name, []).append((trace.name, one.problem))
+        for finding in trace.findings:
+            is_note = finding.severity == "note" and finding.is_correction
+            if is_note if is_put_right else finding.severity == "warning":
+                logs.setdefault(finding.name, []).append((trace.name, finding.problem))
     for (name, problem), *others in logs.values():
         also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
         yield replace(problem, subject=f"{name}{also}")
@@ -397,13 +400,13 @@ def _fitted_traces(campaign: Campaign) -> Iterator[Trace]:
 def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[Problem]:
     """Say where a fit has no room for the tare that a log was warned of, as when it cavitates."""
     doubted = []
-    for one in assessment.diagnoses:
-        fit = next((fit for fit in campaign.fits if fit.setting == one.setting), None)
-        if fit is None or one.is_structured or math.isnan(one.noise_percent):
+    for diagnosis in assessment.diagnoses:
+        fit = next((fit for fit in campaign.fits if fit.setting == diagnosis.setting), None)
+        if fit is None or diagnosis.is_structured or math.isnan(diagnosis.noise_percent):
             continue
-        found = [(f.name, f.severity) for log in fit.logs for f in log.trace.findings]
-        offsets = (one.name for one in fit.parameters.quantities if one.is_offset)
-        if ("tare", "warning") in found and all(fit.status[k] == Status.FIXED for k in offsets):
+        findings = [(f.name, f.severity) for log in fit.logs for f in log.trace.findings]
+        offsets = (quantity.name for quantity in fit.parameters.quantities if quantity.is_offset)
+        if ("tare", "warning") in findings and all(fit.status[k] == Status.FIXED for k in offsets):
             doubted.append(fit.setting)
     if doubted:
         yield warning(
@@ -419,21 +422,21 @@ def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[Pro
 
     With the bleed closed, a preload and a friction give nearly the same force at one speed.
     """
-    known = {one.setting: one.intervals for one in assessment.uncertainties}
+    known = {each.setting: each.intervals for each in assessment.uncertainties}
     quantities = campaign.fits[0].parameters.quantities if campaign.fits else ()
-    for quantity in (one for one in quantities if one.is_friction):
+    for quantity in (q for q in quantities if q.is_friction):
         name = quantity.name
-        found = sorted(
-            (getattr(fit.parameters, name), math.hypot(one.error, one.misfit), fit.setting)
+        frictions = sorted(
+            (getattr(fit.parameters, name), math.hypot(own.error, own.misfit), fit.setting)
             for fit in campaign.fits
             if fit.status[name] == Status.FITTED
-            and (one := known.get(fit.setting, {}).get(name)) is not None
+            and (own := known.get(fit.setting, {}).get(name)) is not None
         )
-        if not found:
+        if not frictions:
             continue
-        (low, low_error, where_low), (high, high_error, where_high) = found[0], found[-1]
-        apart = high - low > _ERRORS_APART * math.hypot(low_error, high_error)
-        if apart and high > _TIMES_APART * low:
+        (low, low_error, where_low), (high, high_error, where_high) = frictions[0], frictions[-1]
+        is_apart = high - low > _ERRORS_APART * math.hypot(low_error, high_error)
+        if is_apart and high > _TIMES_APART * low:
             yield warning(
                 "unlike-frictions",
                 f"{quantity.symbol} is {low:.3g} N at setting {where_low} and {high:.3g} N at "
@@ -465,7 +468,7 @@ def gates_not_met(
         yield from _at_settings(above)
         yield from _at_settings(unsound)
     else:
-        yield from _at_settings(sorted([*above, *unsound], key=lambda one: one[0]))
+        yield from _at_settings(sorted([*above, *unsound], key=lambda pair: pair[0]))
 
 
 def failures_of(
@@ -475,16 +478,13 @@ def failures_of(
     present = {log.facts.get("setting") for log in batch.logs}
     missing = sorted(set(configuration.rig.settings) - present)
     why = "no log, but the configuration expects one in rig.settings"
-    without = [
-        Failure(
-            Problem("missing-log", why, subject=f"setting {one}"), "MissingLogError", setting=one
-        )
-        for one in missing
-    ]
+    places: list[Any] = [(f"setting {setting}", why, setting) for setting in missing]
     if len(missing) > MANY:
-        place = f"settings {listed_settings(missing)}"
-        problem = Problem("missing-log", f"{why} for each", subject=place)
-        without = [Failure(problem, "MissingLogError")]
+        places = [(f"settings {listed_settings(missing)}", f"{why} for each", None)]
+    without = (
+        Failure(Problem("missing-log", text, subject=place), "MissingLogError", setting=setting)
+        for place, text, setting in places
+    )
     return (*batch.failures, *campaign.failures, *without)
 
 
@@ -510,15 +510,15 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     assessment, adjustment = judgement.assessment, judgement.adjustment
     settings, quantities = [fit.setting for fit in fits], campaign.quantities or PAPER_QUANTITIES
     fitted = {log.trace.name for fit in fits for log in fit.logs}
-    seen = {*fitted, *(one.trace.name for one in judgement.predictions)}
-    tested = _identity_of(batch, seen).describe()
+    used = {*fitted, *(prediction.trace.name for prediction in judgement.predictions)}
+    tested = _identity_of(batch, used).describe()
     # What the tables were made from; nothing in it depends on place, time or failures.
     facts = {
         "version": __version__,
         "procedure": campaign.procedure,
         **({"test": tested} if tested else {}),
         "configuration": {k: v for k, v in configuration.document.items() if k != "output"},
-        "inputs": {log.log: log.sha256 for log in batch.logs if log.log in seen},
+        "inputs": {log.log: log.sha256 for log in batch.logs if log.log in used},
     }
     rows = campaign_rows(
         campaign,
@@ -535,7 +535,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
                 rows.setdefault("valves", []).extend(read)
     if configuration.profile:
         rows["profiles"] = profile_rows(
-            one for one in assessment.profiles if one.name in configuration.profile
+            profile for profile in assessment.profiles if profile.name in configuration.profile
         )
     failures = (*failures_of(configuration, batch, campaign), *failure_log.failures)
     gates = (
@@ -557,7 +557,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     )
     by_setting = {fit.setting: fit for fit in fits}
     verdicts = assessment.verdicts(campaign)
-    units = {one.name: one.unit for one in campaign.quantities}
+    units = {quantity.name: quantity.unit for quantity in campaign.quantities}
     adjusters = Setting.of(campaign.fits[0].setting).adjusters if campaign.fits else (ADJUSTER,)
     document = {
         "version": __version__,
@@ -570,11 +570,11 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         "skipped": list(batch.skipped),
         "failures": [failure.describe() for failure in failures],
         "warnings": list(map(str, warned)),
-        "problems": [one.record() for one in warned],
+        "problems": [problem.record() for problem in warned],
         "gaps": [{"first": first, "last": last} for first, last in campaign.gaps],
         "sentences": {
             "tables_of_tests": list(batch.notes),
-            "corrections": [str(one) for one in corrections(campaign)],
+            "corrections": list(map(str, corrections(campaign))),
             "noise_and_lack_of_fit": list(assessment.sentences),
             "identifiability": list(map(str, assessment.doubts(campaign))),
             "undetermined": list(map(str, assessment.undetermined(campaign))),
@@ -602,12 +602,12 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
                 "jackknife_over_sandwich": {
                     name: interval.cycle_ratio for name, interval in known.intervals.items()
                 },
-                "residuals": to_record(seen),
+                "residuals": to_record(diagnosis),
                 "cavitation": to_record(by_setting[known.setting].cavitation),
             }
-            for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True)
+            for known, diagnosis in zip(assessment.uncertainties, assessment.diagnoses, strict=True)
         ],
-        "profiles": [profile_record(one, assessment) for one in assessment.profiles],
+        "profiles": [profile_record(profile, assessment) for profile in assessment.profiles],
         "gas_content": to_record(assessment.gas),
         "speed_forces": to_record(assessment.forces),
         "searches": to_record(campaign.searches),
@@ -626,7 +626,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
             {"setting": setting, "reasons": to_record(why)}
             for setting, why in assessment.objections.items()
         ],
-        "held_out": [one.describe() for one in judgement.predictions],
+        "held_out": [prediction.describe() for prediction in judgement.predictions],
         "trends": [
             {**to_record(trend), "unit": units[trend.parameter]} for trend in adjustment.trends
         ],
@@ -680,34 +680,35 @@ def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Ite
     yield from (f"Corrected: {line}." for line in corrections(campaign))
     if sharing.sentence:
         yield f"{sharing.sentence}."
-    for one in fit.parameters.quantities:
-        name, value, status = one.name, getattr(fit.parameters, one.name), fit.status[one.name]
-        told = f"{name} = {engineering(value, digits=5)} {one.unit}"
+    for quantity in fit.parameters.quantities:
+        name = quantity.name
+        value, status = fit.parameters[name], fit.status[name]
+        words = f"{name} = {engineering(value, digits=5)} {quantity.unit}"
         if sharing.follows.get(name):
             continue
-        is_own = one.default is None and not one.is_shared
+        is_own = quantity.default is None and not quantity.is_shared
         is_asked = name in {*(options.free or ()), *options.fixed}
         if status == Status.SHARED:
             spread = ""
-            if one.is_friction and sharing.spread is not None:
+            if quantity.is_friction and sharing.spread is not None:
                 low, high = sharing.spread
                 spread = (
                     f"; it {'varies' if sharing.friction_varies else 'hardly varies'}: fitted "
                     f"individually, the settings have {low:.3g} to {high:.3g} N"
                 )
-            yield f"{told} is shared by all settings, found from the logs{spread}."
+            yield f"{words} is shared by all settings, found from the logs{spread}."
         elif is_own and options.free and not is_asked:
             yield (
                 f"{name} of each setting is held at what a first fit of its logs gave, as it "
                 "was not freed; its error is not in those of the others."
             )
-        elif status == Status.FIXED and value != one.default:
-            yield f"{told} is fixed."
+        elif status == Status.FIXED and value != quantity.default:
+            yield f"{words} is fixed."
 
 
 def profile_record(profile: MisfitProfile, assessment: Assessment) -> dict[str, Any]:
     """The limits of a profile beside those of the sandwich covariance; the points have a table."""
-    intervals = {one.setting: one.intervals.get(profile.name) for one in assessment.uncertainties}
+    intervals = {u.setting: u.intervals.get(profile.name) for u in assessment.uncertainties}
     sandwich = None if profile.is_partial else intervals.get(profile.setting)
     return {
         "setting": profile.setting,
