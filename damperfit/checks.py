@@ -139,10 +139,10 @@ def _trend_monotone(subject: Subject) -> _Verdict:
         by = "the setting" if trend.adjuster == ADJUSTER else trend.adjuster
         by += f" ({trend.held})" if trend.held else ""
         lines[by].append(f"{trend.parameter} {directions[trend.direction or '']}")
-    found = "; with ".join(f"{by} {', '.join(trends)}" for by, trends in lines.items())
-    notes = [f"; {one.parameter} is not determined" for one in trends if one.monotone is None]
-    notes += [f"; {one.parameter} turns by less than 1 %" for one in turning]
-    return True, f"with {found}, within errors and scatter{''.join(notes)}"
+    text = "; with ".join(f"{by} {', '.join(trends)}" for by, trends in lines.items())
+    notes = [f"; {trend.parameter} is not determined" for trend in trends if trend.monotone is None]
+    notes += [f"; {trend.parameter} turns by less than 1 %" for trend in turning]
+    return True, f"with {text}, within errors and scatter{''.join(notes)}"
 
 
 def _turn_of(trend: Trend) -> float:
@@ -160,10 +160,10 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
         return None, _no_trend(subject)
     off: dict[tuple[str, str, float], list[str]] = defaultdict(list)
     for trend in judged:
-        for one in trend.outliers:
-            if abs(one.deviation) > _MATTERS:
-                deviation = f"{trend.parameter} {100.0 * one.deviation:+.1f} %"
-                off[trend.adjuster, trend.held, one.setting].append(deviation)
+        for outlier in trend.outliers:
+            if abs(outlier.deviation) > _MATTERS:
+                deviation = f"{trend.parameter} {100.0 * outlier.deviation:+.1f} %"
+                off[trend.adjuster, trend.held, outlier.setting].append(deviation)
     if off:
         places = (
             f"{adjuster} {clicks:g}{f' with {held}' if held else ''} ({', '.join(parameters)})"
@@ -173,7 +173,7 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     mixed_up = [trend for trend in trends if trend.is_erratic and not trend.outliers_judged]
     if mixed_up:
         return None, "; ".join(trend.sentence for trend in mixed_up)
-    small = [one for trend in judged for one in trend.outliers]
+    small = [outlier for trend in judged for outlier in trend.outliers]
     more = " by more than 1 %" if small else ""
     return True, f"no setting is off the trend of {', '.join(t.parameter for t in judged)}{more}"
 
@@ -199,44 +199,44 @@ def _every_click_counts(subject: Subject) -> _Verdict:
     if dead:
         text = f"the force at {fastest:g} m/s does not change from setting {', '.join(dead)}"
         return False, f"{text} by more than its error"
-    apart = any((clicks_between(*step) or 0.0) > 1.0 for step in felt)
-    step = "every step from one tested setting to the next" if apart else "every click"
+    is_wide = any((clicks_between(*step) or 0.0) > 1.0 for step in felt)
+    step = "every step from one tested setting to the next" if is_wide else "every click"
     return True, f"{step} changes the force at {fastest:g} m/s by more than its error"
 
 
 def _residuals_white(subject: Subject) -> _Verdict:
     """No misfit above 1 % of the force repeats from cycle to cycle."""
     known, unknown = _diagnoses(subject)
-    structured = [one for one in known if one.is_structured]
-    large = [one for one in structured if _repeats_by(one) > _MATTERS]
+    structured = [diagnosis for diagnosis in known if diagnosis.is_structured]
+    large = [diagnosis for diagnosis in structured if _repeats_by(diagnosis) > _MATTERS]
     if not structured or (unknown and not large):
         return (None, unknown) if unknown else (True, "no misfit repeats from cycle to cycle")
     worst = max(structured, key=_repeats_by)
     most = f"{100.0 * _repeats_by(worst):.2g} % of the force at setting {worst.setting}"
     if large:
-        where = of_settings(one.setting for one in large)
+        where = of_settings(diagnosis.setting for diagnosis in large)
         return False, f"the misfit repeats from cycle to cycle at {where}, most {most}"
     return True, f"lack of fit is below 1 % of the force: at most {most}"
 
 
-def _repeats_by(one: Diagnosis) -> float:
+def _repeats_by(diagnosis: Diagnosis) -> float:
     """Return the rms of what repeats over that of the force about its mean."""
-    return math.sqrt(one.repeating_percent / 100.0)
+    return math.sqrt(diagnosis.repeating_percent / 100.0)
 
 
 def _noise_floor_explained(subject: Subject) -> _Verdict:
     """Noise explains half of the MSE, or the repeating misfit is below 1 % of the force."""
     known, unknown = _diagnoses(subject)
     short = [
-        one
-        for one in known
-        if one.is_structured
-        and one.noise_percent < _EXPLAINED * one.mse_percent
-        and _repeats_by(one) > _MATTERS
+        diagnosis
+        for diagnosis in known
+        if diagnosis.is_structured
+        and diagnosis.noise_percent < _EXPLAINED * diagnosis.mse_percent
+        and _repeats_by(diagnosis) > _MATTERS
     ]
     if short:
-        worst = min(short, key=lambda one: one.noise_percent / one.mse_percent)
-        where = of_settings(one.setting for one in short)
+        worst = min(short, key=lambda diagnosis: diagnosis.noise_percent / diagnosis.mse_percent)
+        where = of_settings(diagnosis.setting for diagnosis in short)
         share = 100.0 * worst.noise_percent / worst.mse_percent
         most = f"setting {worst.setting}: {share:.2g} % of its {worst.mse_percent:.3g} %"
         return False, f"noise explains less than half of the MSE at {where}, least at {most}"
@@ -247,15 +247,15 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
 def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
     """Return what tells noise from lack of fit, and why the other settings do not."""
     diagnoses = subject.assessment.diagnoses
-    single = [one.setting for one in diagnoses if math.isnan(one.noise_percent)]
-    unseen = {fit.setting for fit in subject.fits} - {one.setting for one in diagnoses}
+    single = [diagnosis.setting for diagnosis in diagnoses if math.isnan(diagnosis.noise_percent)]
+    lacking = {fit.setting for fit in subject.fits} - {diagnosis.setting for diagnosis in diagnoses}
     reasons = []
     if single:
         where = of_settings(single)
         reasons.append(f"a single cycle cannot separate noise from lack of fit, at {where}")
-    if unseen:
-        reasons.append(f"the residuals were not evaluated, at {of_settings(unseen)}")
-    return [one for one in diagnoses if one.setting not in single], "; ".join(reasons)
+    if lacking:
+        reasons.append(f"the residuals were not evaluated, at {of_settings(lacking)}")
+    return [d for d in diagnoses if d.setting not in single], "; ".join(reasons)
 
 
 def _temperature_in_window(subject: Subject) -> _Verdict:
@@ -267,7 +267,7 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
     outside, unknown = [], []
     for trace in subject.traces:
         # The window of the paper's test asks nothing of another motion.
-        if ("temperature", "note") in {(one.name, one.severity) for one in trace.findings}:
+        if any((f.name, f.severity) == ("temperature", "note") for f in trace.findings):
             continue
         if trace.temperature is None:
             unknown.append(trace.name)
@@ -311,8 +311,8 @@ def _fits_converged(subject: Subject) -> _Verdict:
     """Every fit converged to a minimum."""
     bad = [fit for fit in subject.fits if not fit.outcome.is_minimum]
     if bad:
-        ends = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
-        return False, f"no minimum was reached at {_named(ends)}"
+        parts = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
+        return False, f"no minimum was reached at {_named(parts)}"
     return True, "every fit converged to a minimum"
 
 
@@ -320,9 +320,9 @@ def _no_log_warnings(subject: Subject) -> _Verdict:
     """No log has a warning."""
     warned: dict[str, set[Setting]] = defaultdict(set)
     for trace in subject.traces:
-        for one in trace.findings:
-            if one.severity == "warning":
-                warned[one.name] |= {trace.setting} - {None}  # type: ignore[arg-type]
+        for finding in trace.findings:
+            if finding.severity == "warning":
+                warned[finding.name] |= {trace.setting} - {None}  # type: ignore[arg-type]
     if warned:
         parts = (f"{name} at {of_settings(sorted(where))}" for name, where in warned.items())
         return False, f"the logs carry warnings: {', '.join(parts)}"
@@ -344,14 +344,14 @@ def _every_grade_stands(subject: Subject) -> _Verdict:
     """No grade is withheld."""
     for first, why in subject.assessment.objections.items():
         where = of_settings(subject.assessment.objections)
-        reasons = "; ".join(one.sentence for one in why)
+        reasons = "; ".join(objection.sentence for objection in why)
         return False, f"grades are withheld at {where}; setting {first}: {reasons}"
     return True, f"no objection to the grade of {_settings(subject.fits)}"
 
 
 def _bulk_modulus_of_oil(subject: Subject) -> _Verdict:
     """K_e is one that oil can have."""
-    names = _quantities(subject, lambda one: one.unit == "Pa" and math.isfinite(one.believable[1]))
+    names = _quantities(subject, lambda q: q.unit == "Pa" and math.isfinite(q.believable[1]))
     if not names:
         return None, "the oil of the model is incompressible"
     return _judged(subject, subject.fits, names, "beyond", "that of oil")
@@ -359,7 +359,7 @@ def _bulk_modulus_of_oil(subject: Subject) -> _Verdict:
 
 def _offset_as_in_log(subject: Subject) -> _Verdict:
     """The offset f_0 agrees with the offset that the log shows."""
-    names = _quantities(subject, lambda one: one.is_offset)
+    names = _quantities(subject, lambda q: q.is_offset)
     if not names:
         return None, "the model has no offset of the force"
     against = _against(subject, names, "offset")
@@ -368,7 +368,7 @@ def _offset_as_in_log(subject: Subject) -> _Verdict:
 
 def _friction_within_jump(subject: Subject) -> _Verdict:
     """Friction needs no more than the jump of the force at the reversals."""
-    names = _quantities(subject, lambda one: one.is_friction)
+    names = _quantities(subject, lambda q: q.is_friction)
     if not names:
         return None, "the model has no friction"
     read = [fit for fit in subject.fits if not what_spreads(fit)]
@@ -381,7 +381,7 @@ def _friction_within_jump(subject: Subject) -> _Verdict:
 
 def _series_stiffness_found(subject: Subject) -> _Verdict:
     """A fitted elasticity of the mounting was really found."""
-    names = _quantities(subject, lambda one: one.unit == "N/m")
+    names = _quantities(subject, lambda q: q.unit == "N/m")
     if not names:
         return None, "the model has no stiffness in series"
     lost = [fit for fit in subject.fits if any(fit.status[name].has_failed for name in names)]
@@ -391,7 +391,7 @@ def _series_stiffness_found(subject: Subject) -> _Verdict:
 
 
 def _quantities(subject: Subject, belongs: Callable[[Quantity], bool]) -> tuple[str, ...]:
-    return tuple(one.name for one in subject.fits[0].parameters.quantities if belongs(one))
+    return tuple(q.name for q in subject.fits[0].parameters.quantities if belongs(q))
 
 
 def _judged(
@@ -409,10 +409,10 @@ def _judged(
 def _against(subject: Subject, names: Sequence[str], kind: str) -> str:
     """Return where there are objections of a kind, and the first of them; empty: none."""
     against = {
-        setting: one.sentence
+        setting: objection.sentence
         for setting, why in subject.assessment.objections.items()
-        for one in why
-        if one.kind == kind and one.quantity in names
+        for objection in why
+        if objection.kind == kind and objection.quantity in names
     }
     where = f"at {of_settings(against)}: " if len(against) > 1 else ""
     return next((f"{where}setting {first}: {text}" for first, text in against.items()), "")
@@ -502,7 +502,7 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
         if text.startswith("-"):
             left_out += members
         else:
-            wanted += [one for one in members if one == name or one not in pointless]
+            wanted += [member for member in members if member == name or member not in pointless]
     if absent := [name for name in left_out if name not in wanted and name not in pointless]:
         refusal = (
             f"check '-{absent[0]}' excludes a check that was not requested; expected it after a "

@@ -106,7 +106,8 @@ class Section(SimpleNamespace):
     def entries(cls) -> dict[str, Entry]:
         """Return the keys by name, in their order: its own first."""
         kinds = map(vars, cls.__mro__)
-        return {name: one for kind in kinds for name, one in kind.items() if isinstance(one, Entry)}
+        items = ((name, entry) for kind in kinds for name, entry in kind.items())
+        return {name: entry for name, entry in items if isinstance(entry, Entry)}
 
     @classmethod
     @cache
@@ -413,8 +414,8 @@ class OutputSection(Section):
 
 # fmt: on
 SECTIONS: Mapping[str, type[Section]] = {
-    one.name: one
-    for one in (
+    section.name: section
+    for section in (
         *(_DamperSection, _AdjustersSection, TestSection, RigSection, ConditioningSection),
         *(IdentificationSection, SimulationSection, OutputSection),
     )

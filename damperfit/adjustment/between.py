@@ -52,31 +52,31 @@ class Between:
     ) -> None:
         self.damper, self.stages, self.places, self.shown = damper, stages, places, forces
         self.speed = speed if stroke == STROKES[0] else -speed
-        names = [one.name for one in stages[0].parameters.quantities] if damper and stages else []
+        names = [q.name for q in stages[0].parameters.quantities] if damper and stages else []
         # What differs between settings, and of it what closed valves do not determine.
         self.values = {
-            name: np.array([getattr(one.parameters, name) for one in stages]) for name in names
+            name: np.array([getattr(stage.parameters, name) for stage in stages]) for name in names
         }
         self.values = {name: row for name, row in self.values.items() if np.ptp(row) > 0.0}
-        limits = [dict(one.open_limits) for one in stages]
+        limits = [dict(stage.open_limits) for stage in stages]
         self.limits = {
-            name: [one.get(name) for one in limits]
+            name: [own.get(name) for own in limits]
             for name in self.values
-            if any(name in one for one in limits) and not all(name in one for one in limits)
+            if any(name in own for own in limits) and not all(name in own for own in limits)
         }
-        self.ways = [SMOOTH, STRAIGHT, AREAS] if self.values else [SMOOTH, STRAIGHT]
-        self.ways += [LEAST, MOST] if self.limits else []
+        self.kinds = [SMOOTH, STRAIGHT, AREAS] if self.values else [SMOOTH, STRAIGHT]
+        self.kinds += [LEAST, MOST] if self.limits else []
         self._besides: dict[str, FloatArray] = {}  # shown less modelled forces of the settings
 
-    def forces(self, at: Sequence[float] | FloatArray, way: str = SMOOTH) -> FloatArray:
+    def forces(self, at: Sequence[float] | FloatArray, kind: str = SMOOTH) -> FloatArray:
         """Return the forces at some places, by one of the ways, N."""
         at = np.asarray(at, dtype=np.float64)
-        plain = _along(self.places, self.shown, at, is_smooth=way != STRAIGHT)
-        if way not in self._besides:
-            self._besides[way] = self.shown - self._modelled(self.places, way)
-        if not np.all(np.isfinite(self._besides[way])):
+        plain = _along(self.places, self.shown, at, is_smooth=kind != STRAIGHT)
+        if kind not in self._besides:
+            self._besides[kind] = self.shown - self._modelled(self.places, kind)
+        if not np.all(np.isfinite(self._besides[kind])):
             return plain
-        forces = self._modelled(at, way) + _along(self.places, self._besides[way], at)
+        forces = self._modelled(at, kind) + _along(self.places, self._besides[kind], at)
         return forces if np.all(np.isfinite(forces)) else plain  # of one kind: no jump between
 
     def undetermined(self, gap: int, place: float) -> tuple[str, ...]:
@@ -84,17 +84,17 @@ class Between:
 
         Of both strokes: what the other one's valve leaves open moves no force of this one.
         """
-        found = []
+        named = []
         for name, limits in self.limits.items():
             at = np.array([place])
-            ends = [self._modelled(at, way, only=name)[0] for way in (LEAST, MOST)]
-            if abs(ends[1] - ends[0]) > _MOVES * max(map(abs, ends)):
+            extremes = [self._modelled(at, kind, only=name)[0] for kind in (LEAST, MOST)]
+            if abs(extremes[1] - extremes[0]) > _MOVES * max(map(abs, extremes)):
                 label = self.stages[0].parameters.quantity(name).label
                 beside = (k for k in (gap, gap + 1) if limits[k] is not None)
-                found += [f"{label} at {self.stages[k].setting}" for k in beside]
-        return tuple(found)
+                named += [f"{label} at {self.stages[k].setting}" for k in beside]
+        return tuple(named)
 
-    def _modelled(self, at: FloatArray, way: str, only: str = "") -> FloatArray:
+    def _modelled(self, at: FloatArray, kind: str, only: str = "") -> FloatArray:
         """Forces of the damper at some places; NaN where no damper has the values of one of them.
 
         Of one quantity only by that way, if it is named.
@@ -103,8 +103,8 @@ class Between:
         if self.damper is None or not self.values:
             return forces
         first = self.stages[0].parameters
-        ways = {name: way if only in {"", name} else SMOOTH for name in self.values}
-        rows = {name: self._values(first.quantity(name), at, one) for name, one in ways.items()}
+        kinds = {name: kind if only in {"", name} else SMOOTH for name in self.values}
+        rows = {name: self._values(first.quantity(name), at, own) for name, own in kinds.items()}
         try:
             for k in range(len(at)):
                 values = first.replace({name: float(row[k]) for name, row in rows.items()})
@@ -113,29 +113,29 @@ class Between:
             forces[:] = math.nan
         return forces
 
-    def _values(self, quantity: Quantity, at: FloatArray, way: str) -> FloatArray:
+    def _values(self, quantity: Quantity, at: FloatArray, kind: str) -> FloatArray:
         y = self.values[quantity.name]
         if not quantity.is_logarithmic:
-            return _along(self.places, y, at, is_smooth=way == SMOOTH)
+            return _along(self.places, y, at, is_smooth=kind == SMOOTH)
         if quantity.name in self.limits:
-            y = self._completed(y, self.limits[quantity.name], way)
-        vanishes = any(quantity.edge_at(one) for one in y)
-        if way == AREAS or vanishes:  # a port that closes has no area, and no logarithm of it
+            y = self._completed(y, self.limits[quantity.name], kind)
+        vanishes = any(quantity.edge_at(value) for value in y)
+        if kind == AREAS or vanishes:  # a port that closes has no area, and no logarithm of it
             power = 1.0 if vanishes and quantity.idle_edges[:1] == ("below",) else -1.0
-            return _along(self.places, y**power, at, is_smooth=way == SMOOTH) ** (1.0 / power)
-        return np.exp(_along(self.places, np.log(y), at, is_smooth=way == SMOOTH))
+            return _along(self.places, y**power, at, is_smooth=kind == SMOOTH) ** (1.0 / power)
+        return np.exp(_along(self.places, np.log(y), at, is_smooth=kind == SMOOTH))
 
     def _completed(
-        self, y: FloatArray, limits: Sequence[tuple[float, float] | None], way: str
+        self, y: FloatArray, limits: Sequence[tuple[float, float] | None], kind: str
     ) -> FloatArray:
         """Values of a quantity that closed valves do not determine at some settings."""
-        determined = np.array([k for k, one in enumerate(limits) if one is None])
+        determined = np.array([k for k, limit in enumerate(limits) if limit is None])
         y = y.copy()
-        for k, known in enumerate(limits):
-            if known is not None:
+        for k, pair in enumerate(limits):
+            if pair is not None:
                 nearest = y[determined[np.argmin(np.abs(self.places[determined] - self.places[k]))]]
-                factor = {LEAST: 1.0 / _LEFT_OPEN, MOST: _LEFT_OPEN}.get(way, 1.0)
-                y[k] = min(max(factor * nearest, known[0]), known[1])
+                factor = {LEAST: 1.0 / _LEFT_OPEN, MOST: _LEFT_OPEN}.get(kind, 1.0)
+                y[k] = min(max(factor * nearest, pair[0]), pair[1])
         return y
 
 

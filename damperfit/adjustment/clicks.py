@@ -63,8 +63,8 @@ class Click:
 def clicks(forces: Sequence[Force]) -> tuple[Click, ...]:
     """Return the change of force between settings that differ by the next click of one adjuster."""
     by_setting = {
-        setting: sorted(group, key=lambda one: one.speed)
-        for setting, group in itertools.groupby(forces, lambda one: one.setting)
+        setting: sorted(group, key=lambda force: force.speed)
+        for setting, group in itertools.groupby(forces, lambda force: force.setting)
     }
     return tuple(
         _click(first, second, line.adjuster)
@@ -92,8 +92,8 @@ def _click(first: Force, second: Force, adjuster: str) -> Click:
     # The first force is the denominator too: its error counts 1 + share times.
     share = 100.0 * NORMAL_95 * spread(ratio) / abs(damping)
     of = (first.setting, second.setting, first.speed, first.stroke)
-    ends = (change, change - reach, change + reach)
-    return Click(*of, *ends, percent, percent - share, percent + share, adjuster)
+    limits = (change, change - reach, change + reach)
+    return Click(*of, *limits, percent, percent - share, percent + share, adjuster)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +113,8 @@ class Adjustment:
     @property
     def of_offset(self) -> tuple[str, ...]:
         """What became of the rigs' offsets in forces by setting; empty where there are none."""
-        holds_gas = any(one.holds_gas for one in self.forces)
-        sentence = offset_sentence([one.tare for one in self.forces], holds_gas=holds_gas)
+        holds_gas = any(force.holds_gas for force in self.forces)
+        sentence = offset_sentence([force.tare for force in self.forces], holds_gas=holds_gas)
         return (f"forces by setting: {sentence}",) if sentence else ()
 
 
@@ -130,12 +130,12 @@ def compare_settings(
     if not campaign.fits:
         return Adjustment()
     stages = [stage_of(fit, assessment) for fit in campaign.fits]
-    reached = named_speeds(max(one.top_speed for one in stages), speeds)
+    reached = named_speeds(max(stage.top_speed for stage in stages), speeds)
     measured = assessment.forces
     forces = credible_forces(
         force_at(stages, damper, reached, measured=measured, on_error=on_error)
     )
-    known = {one.setting: one for one in assessment.uncertainties}
+    known = {each.setting: each for each in assessment.uncertainties}
     return Adjustment(find_trends(campaign.fits, known), forces, clicks(forces))
 
 
@@ -197,9 +197,9 @@ class Wanted:
     @property
     def sentence(self) -> str:
         """For people, in newtons and metres a second."""
-        return self.said_in(SI)
+        return self.sentence_in(SI)
 
-    def said_in(self, units: ShownUnits) -> str:
+    def sentence_in(self, units: ShownUnits) -> str:
         """Return the sentence with forces and speeds in the units that people want."""
         wanted = units.write(self.force, "N", ".5g")
         asked = f"{wanted} in {STROKE_WORDS[self.stroke]} at {units.write_speed(self.speed)}"
@@ -224,12 +224,12 @@ class Wanted:
 
 def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> str:
     below, above = (units.write(f, "N", ".5g") for f in (answer.force_below, answer.force_above))
-    ends = tuple(one.number(adjuster) or 0.0 for one in (answer.below, answer.above))
-    has_gap = ends[1] - ends[0] > 1
+    places = tuple(setting.number(adjuster) or 0.0 for setting in (answer.below, answer.above))
+    has_gap = places[1] - places[0] > 1
     interval = ""
     if math.isfinite(answer.low):
         interval = f" (95 % from {answer.low:.2f} to {answer.high:.2f})"
-        if has_gap and (answer.low, answer.high) == ends:
+        if has_gap and (answer.low, answer.high) == places:
             interval = (
                 f" (anywhere from {answer.low:g} to {answer.high:g}: two settings do not show how "
                 "the force changes between them)"
@@ -240,21 +240,21 @@ def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> s
         interval += f" (not determined there: {', '.join(answer.undetermined)})"
     if answer.below == answer.above:
         return f"setting {answer.below}{interval}, which gives {below}"
-    said = (
+    text = (
         f"{adjuster} {answer.position:.2f}{interval}, between {answer.below} ({below}) and "
         f"{answer.above} ({above})"
     )
     force = answer.force_below if answer.nearest == answer.below else answer.force_above
     nearest = f"{answer.nearest} ({units.write(force - wanted, 'N', '+.3g')})"
     if not has_gap:
-        return f"{said}; nearest is {nearest}"
-    said += ", none tested between them"
+        return f"{text}; nearest is {nearest}"
+    text += ", none tested between them"
     click = round(answer.position)
-    if click in ends:
-        return f"{said}; nearest tested is {nearest}"
+    if click in places:
+        return f"{text}; nearest tested is {nearest}"
     turned = {adjuster: click}
-    label = Setting(tuple((one, turned.get(one, place)) for one, place in answer.below.places))
-    return f"{said}; nearest is {label}, nearest tested {nearest}"
+    label = Setting(tuple((name, turned.get(name, place)) for name, place in answer.below.places))
+    return f"{text}; nearest is {label}, nearest tested {nearest}"
 
 
 def which_setting(
@@ -270,10 +270,10 @@ def which_setting(
     Between settings the force is the damper's with values between those of the stages; without
     these the forces themselves are interpolated.
     """
-    along = line or lines_of(one.setting for one in forces)[0]
-    mine = [one for one in forces if one.setting in along.numbers]
+    along = line or lines_of(f.setting for f in forces)[0]
+    mine = [f for f in forces if f.setting in along.numbers]
     wanted = _Curve(mine, along, stages, damper).wanted(force)
-    measured = [one.as_measured for one in mine if one.measured is not None]
+    measured = [f.as_measured for f in mine if f.measured is not None]
     if not wanted.answers and len(measured) > 1:
         as_measured = _Curve(measured, along, stages, damper).wanted(force)
         return as_measured if as_measured.answers else wanted
@@ -290,13 +290,13 @@ class _Curve:
         stages: Sequence[Stage],
         damper: Model | None,
     ) -> None:
-        self.line, self.ordered = line, sorted(forces, key=lambda one: line.numbers[one.setting])
-        self.places = np.array([line.numbers[one.setting] for one in self.ordered])
-        self.forces = np.array([one.force for one in self.ordered])
-        reaches = [max(one.high - one.force, one.force - one.low) for one in self.ordered]
+        self.line, self.ordered = line, sorted(forces, key=lambda f: line.numbers[f.setting])
+        self.places = np.array([line.numbers[force.setting] for force in self.ordered])
+        self.forces = np.array([force.force for force in self.ordered])
+        reaches = [max(force.high - force.force, force.force - force.low) for force in self.ordered]
         self.reaches = np.array(reaches)
-        by_setting = {one.setting: one for one in stages}
-        known = [by_setting[one.setting] for one in self.ordered if one.setting in by_setting]
+        by_setting = {stage.setting: stage for stage in stages}
+        known = [by_setting[force.setting] for force in self.ordered if force.setting in by_setting]
         self.between = Between(
             damper if len(known) == len(self.ordered) else None,
             known,
@@ -329,22 +329,22 @@ class _Curve:
             origin=weakest.origin,
         )
 
-    def looked(self, gap: int, way: str = SMOOTH) -> tuple[FloatArray, FloatArray]:
-        """Places in a gap, both ends among them, and the forces there by one of the ways."""
-        if (gap, way) not in self._looked:
+    def looked(self, gap: int, kind: str = SMOOTH) -> tuple[FloatArray, FloatArray]:
+        """Places in a gap, both ends among them, and the forces there by a curve of a kind."""
+        if (gap, kind) not in self._looked:
             ends = self.places[gap], self.places[gap + 1]
             steps = min(max(_A_CLICK * math.ceil(ends[1] - ends[0]), _FEWEST), _MOST)
             at = np.linspace(*ends, steps + 1)
-            forces = self.between.forces(at, way)
+            forces = self.between.forces(at, kind)
             forces[[0, -1]] = self.forces[gap : gap + 2]
-            self._looked[gap, way] = at, forces
-        return self._looked[gap, way]
+            self._looked[gap, kind] = at, forces
+        return self._looked[gap, kind]
 
-    def crossings(self, force: float, gaps: Iterable[int], way: str = SMOOTH) -> list[float]:
+    def crossings(self, force: float, gaps: Iterable[int], kind: str = SMOOTH) -> list[float]:
         """Every place in those gaps where the curve passes a force."""
         roots: list[float] = []
         for gap in gaps:
-            at, forces = self.looked(gap, way)
+            at, forces = self.looked(gap, kind)
             off = forces - force
             k = np.flatnonzero((off[:-1] < 0.0) != (off[1:] < 0.0))
             roots += (at[k] - off[k] * (at[k + 1] - at[k]) / (off[k + 1] - off[k])).tolist()
@@ -386,11 +386,11 @@ class _Curve:
     ) -> tuple[float, float, tuple[str, ...]]:
         """How far below and above the place may be for what nothing shows in a gap, and why."""
         away = {
-            way: [place - position for place in self.crossings(force, [gap], way)]
-            for way in self.between.ways[1:]
+            kind: [place - position for place in self.crossings(force, [gap], kind)]
+            for kind in self.between.kinds[1:]
         }
-        bend = max((abs(one) for way in BENDS for one in away.get(way, ())), default=0.0)
-        left_open = [one for way in (LEAST, MOST) for one in away.get(way, ())]
+        bend = max((abs(step) for kind in BENDS for step in away.get(kind, ())), default=0.0)
+        left_open = [step for kind in (LEAST, MOST) for step in away.get(kind, ())]
         less, more = -min(0.0, 0.0, *left_open), max(0.0, 0.0, *left_open)
         undetermined = self.between.undetermined(gap, position) if max(less, more) > _FINEST else ()
         return max(_BEND * bend, less), max(_BEND * bend, more), undetermined

@@ -82,7 +82,7 @@ class Stage:
     @property
     def offsets(self) -> tuple[str, ...]:
         """Names of the values that are a tare of the rig."""
-        return tuple(one.name for one in self.parameters.quantities if one.is_offset)
+        return tuple(q.name for q in self.parameters.quantities if q.is_offset)
 
     @property
     def offset(self) -> float:
@@ -105,10 +105,10 @@ def stage_of(fit: Fit, assessment: Assessment) -> Stage:
     stage = Stage(
         fit.setting,
         fit.parameters,
-        top_speed=max(one.peak_speed for log in fit.logs for one in log.trace.stretches),
+        top_speed=max(segment.peak_speed for log in fit.logs for segment in log.trace.stretches),
         open_limits=open_limits(fit.parameters, limits),
     )
-    known = next((one for one in assessment.uncertainties if one.setting == fit.setting), None)
+    known = next((each for each in assessment.uncertainties if each.setting == fit.setting), None)
     if known is None or has_lost_errors(known.names, fit.status):
         return stage
     return replace(
@@ -116,7 +116,7 @@ def stage_of(fit: Fit, assessment: Assessment) -> Stage:
         own=known.names[: len(known.names) - len(known.shared)],
         shared=known.shared,
         covariance=known.covariance,
-        misfits={name: one.misfit for name, one in known.intervals.items()},
+        misfits={name: interval.misfit for name, interval in known.intervals.items()},
     )
 
 
@@ -124,19 +124,19 @@ def open_limits(
     parameters: Values, limits: Mapping[str, tuple[float | None, float | None]]
 ) -> tuple[tuple[str, tuple[float, float]], ...]:
     """Return between which values quantities are left open: where one is missing the plausible."""
-    found = []
+    spans = []
     for name, (low, high) in limits.items():
         quantity = parameters.quantity(name)
         if not quantity.is_offset:
             least, most = quantity.plausible
-            found.append((name, (least if low is None else low, most if high is None else high)))
-    return tuple(found)
+            spans.append((name, (least if low is None else low, most if high is None else high)))
+    return tuple(spans)
 
 
 def has_lost_errors(names: Sequence[str], status: Mapping[str, str]) -> bool:
     """Return whether a value that was fitted has no error, as where a fit has met no minimum."""
     # What is left, the errors of shared values, would pass for those of its forces.
-    return any(one == _FITTED and name not in names for name, one in status.items())
+    return any(how == _FITTED and name not in names for name, how in status.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,14 +222,13 @@ class Force:
     @property
     def disagrees(self) -> bool:
         """Whether the model misses the measured force by more than it may."""
-        if self.measured is None:
+        if (measured := self.measured) is None:
             return False
-        may = max(_OF_FORCE * abs(self.measured.force), _OF_RANGE * self.half_range)
+        may = max(_OF_FORCE * abs(measured.force), _OF_RANGE * self.half_range)
         # The difference was taken at measured speeds: the bend between them is no part of it.
-        seen = self.measured
-        noise = math.hypot(seen.scatter, 0.5 * seen.rounding / NORMAL_95)
+        noise = math.hypot(measured.scatter, 0.5 * measured.rounding / NORMAL_95)
         noise = 0.0 if math.isnan(noise) else noise
-        return abs(self.measured.difference) > may + _ERRORS * noise
+        return abs(measured.difference) > may + _ERRORS * noise
 
     @property
     def is_measured(self) -> bool:
@@ -294,7 +293,7 @@ def force_at(
     Speeds, m/s, are positive, also such as were never tested. A setting that cannot be simulated is
     left out; of another error `on_error` is told, or it is raised.
     """
-    by_stroke = {(one.setting, one.stroke): one for one in measured}
+    by_stroke = {(test.setting, test.stroke): test for test in measured}
     forces: list[Force] = []
     for stage in stages:
         with sparing(stage.setting, on_error), suppress(SimulationError):
@@ -332,7 +331,7 @@ def _forces_of(
             tare_error = math.sqrt(max(variance, 0.0))
         tare_misfit = math.hypot(*(stage.misfits.get(name, 0.0) for name in offsets))
     # Error of the friction from the misfit, as a share of it.
-    frictions = (one.name for one in values.quantities if one.is_friction)
+    frictions = (q.name for q in values.quantities if q.is_friction)
     seals = max(
         (stage.misfits.get(n, 0.0) / (abs(float(getattr(values, n))) or 1.0) for n in frictions),
         default=0.0,
@@ -402,7 +401,8 @@ def _bends(
 ) -> FloatArray:
     """Return how far the model lies from the straight line between measured speeds, N."""
     bends = np.zeros(len(picked))
-    between = {k: one.between for k, one in enumerate(picked) if one and len(set(one.between)) > 1}
+    pairs = ((k, pick.between) for k, pick in enumerate(picked) if pick)
+    between = {k: speeds for k, speeds in pairs if len(set(speeds)) > 1}
     if not between:
         return bends
     signs = np.sign(curve.speeds)
@@ -440,9 +440,9 @@ def determined_speed(stage: Stage, damper: Model) -> float:
         return math.nan
     speeds = top * np.geomspace(1.0, _FARTHEST, _STEPS)
     wide = [
-        one.speed
-        for one in _forces_of(stage, damper, speeds.tolist(), {})
-        if max(one.force - one.low, one.high - one.force) > _DETERMINED * abs(one.damping)
+        force.speed
+        for force in _forces_of(stage, damper, speeds.tolist(), {})
+        if max(force.force - force.low, force.high - force.force) > _DETERMINED * abs(force.damping)
     ]
     return float(max(speeds[speeds < min(wide, default=math.inf)], default=top))
 
@@ -452,19 +452,19 @@ def credible_forces(forces: Sequence[Force]) -> tuple[Force, ...]:
     # All settings there, so that a change from one to the next is of one kind; where one was not
     # measured at that speed, they stay the model's.
     groups: dict[tuple[float, str], list[Force]] = defaultdict(list)
-    for one in forces:
-        groups[one.speed, one.stroke].append(one)
+    for force in forces:
+        groups[force.speed, force.stroke].append(force)
     at = {
         key
         for key, group in groups.items()
-        if any(one.disagrees for one in group) and all(one.measured for one in group)
+        if any(force.disagrees for force in group) and all(force.measured for force in group)
     }
-    return tuple(one.as_measured if (one.speed, one.stroke) in at else one for one in forces)
+    return tuple(f.as_measured if (f.speed, f.stroke) in at else f for f in forces)
 
 
-def said_offsets(offsets: Sequence[float]) -> str:
+def offsets_in_words(offsets: Sequence[float]) -> str:
     """Return the rigs' offsets in words, as in "-3.4 to 36.6 N"."""
-    low, high = (f"{one:.3g}" for one in (min(offsets), max(offsets)))
+    low, high = (f"{offset:.3g}" for offset in (min(offsets), max(offsets)))
     return f"{low} N" if low == high else f"{low} to {high} N"
 
 
@@ -472,14 +472,15 @@ def offset_sentence(offsets: Sequence[float], *, holds_gas: bool = False) -> str
     """Return what became of the rigs' offsets in forces by setting; empty where there are none."""
     if not any(offsets):
         return ""
+    words = f"force offset ({offsets_in_words(offsets)})"
     if holds_gas:
         return (
-            f"the model knows no gas: its force offset ({said_offsets(offsets)}) holds the gas "
-            "force and the rig's tare; it is in these forces, not in what a click changes"
+            f"the model knows no gas: its {words} holds the gas force and the rig's tare; it is in "
+            "these forces, not in what a click changes"
         )
     return (
-        f"the force offset ({said_offsets(offsets)}) is the rig's tare, not the damper's: it is "
-        "left out of these forces, the measured ones too, and of what a click changes"
+        f"the {words} is the rig's tare, not the damper's: it is left out of these forces, the "
+        "measured ones too, and of what a click changes"
     )
 
 
@@ -504,11 +505,11 @@ def fastest_sine(tested: Sequence[tuple[float, float, float]]) -> Sine:
     """Return the sine of the fastest motion, by amplitude, frequency, peak speed (m, Hz, m/s)."""
     # What is no sine (a triangle, a road) stands for the sine of its stroke and speed.
     fastest = max(speed for *_, speed in tested)
-    near = [one for one in tested if one[2] >= (1.0 - _AS_FAST) * fastest]
+    near = [motion for motion in tested if motion[2] >= (1.0 - _AS_FAST) * fastest]
     # Tests of one speed at several strokes have no motion in common: their means were never run.
     middle = sorted(near)[(len(near) - 1) // 2][0]
-    alike = [one for one in near if abs(one[0] / middle - 1.0) <= _SAME_STROKE]
-    amplitude, frequency = (median(one[k] for one in alike) for k in (0, 1))
-    by_speed = max(speed for *_, speed in alike) / (2.0 * math.pi * amplitude)
+    of_stroke = [motion for motion in near if abs(motion[0] / middle - 1.0) <= _SAME_STROKE]
+    amplitude, frequency = (median(motion[k] for motion in of_stroke) for k in (0, 1))
+    by_speed = max(speed for *_, speed in of_stroke) / (2.0 * math.pi * amplitude)
     is_sine = abs(frequency / by_speed - 1.0) <= _SINE
     return Sine(amplitude, frequency if is_sine else by_speed)

@@ -411,7 +411,7 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         logs, slopes = curve.logs(kept.settings), curve.slopes(kept.settings)
         rows = np.vstack([np.diff(slopes, axis=0), slopes[-1] - slopes[0]])
         steps = np.append(np.diff(logs), logs[-1] - logs[0])
-        direction = _way(steps, curve.quantile(len(steps)) * curve.errors_of(rows))
+        direction = _direction_of(steps, curve.quantile(len(steps)) * curve.errors_of(rows))
     allowed = LEAST_SCATTER if is_wild else curve.scatter
     if not quantity.is_open:
         if not is_wild and kept.n >= _USUAL_FROM:
@@ -425,7 +425,7 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
             variances = points.errors**2 + allowed**2
             spread = np.sqrt(variances[first] + variances[second])
             steps = points.logs[second] - points.logs[first]
-            direction = _way(steps, curve.quantile(len(steps)) * spread)
+            direction = _direction_of(steps, curve.quantile(len(steps)) * spread)
     # Neighbours between which the value goes back by more than errors and scatter allow.
     variances = points.errors**2 + allowed**2
     spread = np.sqrt(variances[1:] + variances[:-1])
@@ -455,13 +455,13 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     return replace(trend, sentence=_sentence(trend, quantity, own, n))
 
 
-def _way(steps: FloatArray, reach: FloatArray) -> str:
+def _direction_of(steps: FloatArray, reach: FloatArray) -> str:
     rises, falls = bool(np.any(steps > reach)), bool(np.any(steps < -reach))
     return "mixed" if rises and falls else "rising" if rises else "falling" if falls else "flat"
 
 
 def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
-    found = {_clicks(s): math.exp(y) for s, y in zip(points.settings, points.logs, strict=True)}
+    fitted = {_clicks(s): math.exp(y) for s, y in zip(points.settings, points.logs, strict=True)}
     settings = points.settings
     if np.ptp(settings) <= _WIDEST_RANGE:
         between = np.arange(settings[0], settings[-1] + 0.5)
@@ -471,7 +471,7 @@ def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
     value, low, high = (_exp(row).tolist() for row in (logs, logs - reach, logs + reach))
     places = map(_clicks, settings)
     return tuple(
-        TrendPoint(place, at, least, most, found.get(place))
+        TrendPoint(place, at, least, most, fitted.get(place))
         for place, at, least, most in zip(places, value, low, high, strict=True)
     )
 
@@ -520,8 +520,9 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
         text += f"{trend.scatter / own:.0f} times its own error"
     else:
         text += f", within {scatter}"
-    for one in trend.outliers:
-        text += f"; {adjuster} {one.setting} is off the trend by {100.0 * one.deviation:+.1f} %"
+    for outlier in trend.outliers:
+        share = f"{100.0 * outlier.deviation:+.1f} %"
+        text += f"; {adjuster} {outlier.setting} is off the trend by {share}"
     if trend.reversals:
         pairs = [f"{a} to {b}" for a, b in trend.reversals]
         more = f" and {len(pairs) - _MOST_PAIRS} more" if len(pairs) > _MOST_PAIRS else ""

@@ -26,7 +26,7 @@ from damperfit.adjustment.force_at import (
     Sine,
     force_at,
     named_speeds,
-    said_offsets,
+    offsets_in_words,
 )
 from damperfit.comparison.measured import (
     SAME_MOTION,
@@ -696,14 +696,15 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
     offsets = [[stage.offset for stage in run.settings if stage.setting in bare] for run in runs]
     if any(map(any, offsets)):
         pairs = zip(runs, offsets, strict=True)
-        each = "; ".join(f"{run.name}: {said_offsets(mine)}" for run, mine in pairs)
+        each = "; ".join(f"{run.name}: {offsets_in_words(mine)}" for run, mine in pairs)
         yield f"the rigs' force offsets, their tares, are left out of the forces ({each})"
     for run in () if any(shift for shift, _ in shifts) else runs:
         left = [stage for stage in run.settings if stage.setting in {*at} - bare]
         if (rest := [stage.offset for stage in left if stage.offset]) and _knows_gas(run):
             yield (
-                f"{run.name}: its force offset ({said_offsets(rest)}), the rig's tare, is in its "
-                "forces, for not every run has a known one: so much of a difference may be the tare"
+                f"{run.name}: its force offset ({offsets_in_words(rest)}), the rig's tare, is in "
+                "its forces, for not every run has a known one: so much of a difference may be the "
+                "tare"
             )
     if not comparable_quantities(runs):
         yield "fitted with different models: no parameter is common to both"

@@ -58,10 +58,10 @@ def damper_record(damper: Model) -> dict[str, Any]:
     reference: float | str = damper.reference if isinstance(damper, WithTemperature) else NONE
     if isinstance(reference, float) and math.isnan(reference):
         reference = _OF_LOGS
-    keys = {one.name for one in fields(plain) if one.init}
+    keys = {field.name for field in fields(plain) if field.init}
     own = {name: value for name, value in asdict(plain).items() if name in keys}
     if "passages" in own:
-        own["passages"] = [one.table for one in plain.passages]
+        own["passages"] = [passage.table for passage in plain.passages]
     return {"model": plain.name, "reference_temperature": reference, **own}
 
 
@@ -79,19 +79,19 @@ def damper_of_record(record: Mapping[str, Any]) -> Model:
 def damper_of(keys: Mapping[str, Any], *, is_recorded: bool = False) -> Model:
     """Return the damper that a complete [damper] declares."""
     kind: Any = model_named(keys["model"])
-    own = {one.name: one for one in fields(kind) if one.init}
+    own = {field.name: field for field in fields(kind) if field.init}
     _refuse_unknown(keys, ("model", "reference_temperature", *own), "damper")
     values: dict[str, Any] = {}
-    for name, one in own.items():
+    for name, field in own.items():
         try:
-            values[name] = _value(kind, one, keys[name], is_recorded=is_recorded)
+            values[name] = _value(kind, field, keys[name], is_recorded=is_recorded)
         except OverflowError as error:  # of a whole number with hundreds of digits
             raise _wrong("a number", keys[name], name) from error
         except ConfigurationError as error:
-            found = f", found {keys[name]!r}" if isinstance(error, QuantityError) else ""
+            more = f", found {keys[name]!r}" if isinstance(error, QuantityError) else ""
             if isinstance(error.problem.where, Key):
                 raise
-            raise error.adding(found).at(Key(("damper", name))) from error
+            raise error.adding(more).at(Key(("damper", name))) from error
     reference = _reference(keys["reference_temperature"])
     damper: Model = kind(**values)
     if reference == NONE:
@@ -137,9 +137,9 @@ def _value(kind: Any, field: Any, value: Any, *, is_recorded: bool) -> Any:
         if not isinstance(value, dict):
             raise not_a_section("damper", name)
         part: Any = type(field.default)
-        inner = {one.name: one for one in fields(part)}
+        inner = {own.name: own for own in fields(part)}
         _refuse_unknown(value, inner, "damper", name)
-        words = {k: _word(inner[k], one, name) for k, one in value.items()}
+        words = {k: _word(inner[k], entry, name) for k, entry in value.items()}
         try:
             return part(**words)
         except ConfigurationError as error:  # which of its keys, given or not
@@ -148,7 +148,7 @@ def _value(kind: Any, field: Any, value: Any, *, is_recorded: bool) -> Any:
     if name == "passages":
         from damperfit.damper.valve_dampers import declared_passages
 
-        if not (isinstance(value, list) and all(isinstance(one, dict) for one in value)):
+        if not (isinstance(value, list) and all(isinstance(entry, dict) for entry in value)):
             raise _wrong("a list", value, name)
         return declared_passages(value)
     if field.type == "bool":
@@ -197,9 +197,9 @@ def _reference(value: Any) -> Any:
     low, high = _OIL_TEMPERATURES
     place, expected = "reference_temperature", f"{low:g} to {high:g} degC"
     try:
-        found = math.nan if isinstance(value, bool) else parse_quantity(value, "temperature")
+        number = math.nan if isinstance(value, bool) else parse_quantity(value, "temperature")
     except QuantityError as error:
         raise _wrong("'none', 'mean' or a temperature, as in '25degC'", value, place) from error
-    if not low <= found <= high:
+    if not low <= number <= high:
         raise _wrong(expected, value, place)
-    return found
+    return number

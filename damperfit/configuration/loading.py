@@ -113,7 +113,7 @@ def load_configuration(
 def default_document(model: str = _PAPERS) -> dict[str, Any]:
     """Return every key of every section with its default, as it would be written."""
     document: dict[str, Any] = {
-        name: {key: deepcopy(one.default) for key, one in section.entries().items()}
+        name: {key: deepcopy(entry.default) for key, entry in section.entries().items()}
         for name, section in SECTIONS.items()
     }
     return document | {"damper": damper_defaults(model)}
@@ -164,16 +164,16 @@ def _read(path: Path) -> _Layer:
         text = read_text(path, max_bytes=_MAX_BYTES)
         return _Layer(tomllib.loads(text), name=str(path), text=text)
     except IrregularFileError as error:
-        said, code = f"{error.strerror}; this is not a configuration file", "not-a-configuration"
-        raise ConfigurationError(said, subject=path, code=code) from error
+        why, code = f"{error.strerror}; this is not a configuration file", "not-a-configuration"
+        raise ConfigurationError(why, subject=path, code=code) from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        said, code = f"not valid TOML: {error}", "not-toml"
+        why, code = f"not valid TOML: {error}", "not-toml"
         if isinstance(error, OSError):
-            said, code = f"cannot be read: {error.strerror}", "unreadable"
+            why, code = f"cannot be read: {error.strerror}", "unreadable"
         elif isinstance(error, UnicodeDecodeError):
-            said, code = f"not UTF-8 text, at byte {error.start}", "not-utf8"
+            why, code = f"not UTF-8 text, at byte {error.start}", "not-utf8"
         place = FilePlace(str(path), 0, _OF_FILE)
-        raise ConfigurationError(said, where=place, code=code) from error
+        raise ConfigurationError(why, where=place, code=code) from error
 
 
 def _model_of(layers: Sequence[_Layer], *, is_law_open: bool) -> str:
@@ -214,7 +214,7 @@ def _put_over_profiles(rig: dict[str, Any], typed: Mapping[str, Any]) -> None:
     --skew is of all logs: what [rig] and its profiles say of single ones is left out.
     """
     profiles = rig["profiles"] if isinstance(rig["profiles"], dict) else {}
-    inner = [one for one in profiles.values() if isinstance(one, dict)]
+    inner = [profile for profile in profiles.values() if isinstance(profile, dict)]
     for section in (rig, *inner):
         if "skew" in typed and isinstance(section.get("tested_at"), dict):
             section["tested_at"].pop("skew", None)
@@ -228,11 +228,11 @@ def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> Configuratio
     if not isinstance(where, Key):
         return error
     *section, key = where.path
-    sections = [tuple(section)] if section else [(one,) for one in _ORDER]
+    sections = [tuple(section)] if section else [(name,) for name in _ORDER]
     for layer in reversed(layers):
         for name in (key, *where.beside):
-            for one in sections:
-                path = (*one, name)
+            for parent in sections:
+                path = (*parent, name)
                 if _depth(layer.values, path) < len(path):
                     continue
                 if name == key:
@@ -250,7 +250,7 @@ def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> Configuratio
 def _explained(error: ValidationError, layers: Sequence[_Layer]) -> ConfigurationError:
     """Return the first thing that is wrong, with the layer it came from."""
     errors = error.errors(include_url=False)
-    first = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
+    first = next((issue for issue in errors if issue["type"] == "extra_forbidden"), errors[0])
     keys = [str(part) for part in first["loc"]]
     context = first.get("ctx", {})
     kind = first["type"].removesuffix("_type").removesuffix("_parsing")
@@ -276,12 +276,12 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
         reason += f" {unit}" * (kind == "less_than_equal")
         reason += f"; a bare number is in {unit}{example}"
     typed: Any = source.values
-    for one in keys[: _depth(source.values, keys)]:  # as it was written, not as it was converted
-        typed = typed[int(one) if isinstance(typed, list | tuple) else one]
-    found = "" if isinstance(typed, dict) else f", found {typed!r}"
+    for part in keys[: _depth(source.values, keys)]:  # as it was written, not as it was converted
+        typed = typed[int(part) if isinstance(typed, list | tuple) else part]
+    shown = "" if isinstance(typed, dict) else f", found {typed!r}"
     if near := did_you_mean(str(typed), entry.words if entry is not None else ()):
-        found += f".{near}"
-    return source.blame(ConfigurationError(f"{reason}{found}", code=code), *keys)
+        shown += f".{near}"
+    return source.blame(ConfigurationError(f"{reason}{shown}", code=code), *keys)
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:
@@ -327,7 +327,7 @@ def _section_lines(
     yield f"[{name}]"
     yield from (f"# {line}" for line in about.splitlines())
     is_damper = name == "damper"
-    inner = {key: one for key, one in values.items() if is_damper and isinstance(one, dict)}
+    inner = {key: own for key, own in values.items() if is_damper and isinstance(own, dict)}
     for key, value in values.items():
         if key in inner:
             continue

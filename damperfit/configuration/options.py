@@ -181,8 +181,8 @@ class Configuration:
         """What was assumed of the damper, a sentence each."""
         notes = [] if self.is_assumed else [*self._assumed()]
         fit = self.identification
-        if (found := fit.procedure) != "joint":
-            only = f"only procedure joint uses it, found procedure {found}"
+        if (procedure := fit.procedure) != "joint":
+            only = f"only procedure joint uses it, found procedure {procedure}"
             if fit.follows:
                 notes.append(f"[adjusters] says what follows which adjuster; {only}")
             shared = self.document["identification"]["share"]
@@ -245,7 +245,7 @@ def parameter_value(quantity: Quantity, value: str | float) -> float:
 
 
 def _adjuster(value: object) -> object:
-    is_list = isinstance(value, list) and all(isinstance(one, str) for one in value)
+    is_list = isinstance(value, list) and all(isinstance(name, str) for name in value)
     if is_list or value in ("", *_FROM):
         return value
     raise ValueError(
@@ -286,7 +286,7 @@ def _type_of(name: str, entry: Entry) -> Any:
         limits: dict[str, Any] = {"gt": entry.above, "ge": entry.least}
         limits |= {"lt": entry.below, "le": entry.most}
         limits["allow_inf_nan"] = False if kind is float and not entry.has_infinity else None
-        kind = Annotated[kind, Field(**{n: one for n, one in limits.items() if one is not None})]
+        kind = Annotated[kind, Field(**{n: limits[n] for n in limits if limits[n] is not None})]
     if name == "hold_out_cycles":
         kind = Annotated[kind, AfterValidator(_whole_or_share)]
     if entry.dimension:
@@ -317,8 +317,7 @@ def _section_model(section: Any) -> type[BaseModel]:
 @cache
 def document_model() -> type[BaseModel]:
     """Return the model of the whole document; what [damper] has is its own model's to judge."""
-    sections: dict[str, Any] = dict(SECTIONS)
-    kinds: dict[str, Any] = {name: (_section_model(one), ...) for name, one in sections.items()}
+    kinds: dict[str, Any] = {name: (_section_model(SECTIONS[name]), ...) for name in SECTIONS}
     kinds["damper"] = (dict[str, Any], ...)
     kinds["adjusters"] = (dict[str, AdjusterKey], ...)
     return create_model("Document", __config__=ConfigDict(extra="forbid", strict=True), **kinds)
@@ -334,12 +333,12 @@ def build_configuration(
         own = {"procedure": MODELS[model].procedures[0], "share": [DETECT]}
     if document["damper"]["reference_temperature"] != "none":
         own["procedure"] = "joint"
-    left = {key: one for key, one in own.items() if f"identification.{key}" not in declared}
+    left = {key: value for key, value in own.items() if f"identification.{key}" not in declared}
     document = {**document, "identification": document["identification"] | left}
     values = document_model().model_validate(document).model_dump(exclude_unset=True)
     damper, adjusters = damper_of(values["damper"]), check_adjusters(values["adjusters"])
     rig_values, fit, output, test = (
-        {key: _as_read(one) for key, one in values[name].items()}
+        {key: _as_read(value) for key, value in values[name].items()}
         for name in ("rig", "identification", "output", "test")
     )
     labels = (
@@ -387,7 +386,7 @@ def _as_read(value: Any) -> Any:
     """Return a list as a tuple, names in it without the blanks of a comma."""
     if not isinstance(value, list):
         return value
-    return tuple(one.strip() if isinstance(one, str) else one for one in value)
+    return tuple(item.strip() if isinstance(item, str) else item for item in value)
 
 
 def _path(text: str) -> Path | None:
@@ -430,11 +429,11 @@ def _fit_options(
     def in_si(name: str) -> dict[str, float]:
         with blamed_on(Key(("identification", name))):
             known = fit[name].items()
-            return {name: parameter_value(damper.quantity(name), one) for name, one in known}
+            return {name: parameter_value(damper.quantity(name), value) for name, value in known}
 
     # How clicks count says the first such word of an adjuster.
     words = ((name, [key] if isinstance(key, str) else key) for name, key in adjusters.items())
-    counted = [(name, next((one for one in how if one in _FROM), "")) for name, how in words]
+    counted = [(name, next((word for word in how if word in _FROM), "")) for name, how in words]
     options = FitOptions(
         procedure=fit["procedure"],
         free=fit["free"] or None,
@@ -458,14 +457,12 @@ def _fit_options(
 def offset_facts(damper: Model, named: Collection[str]) -> OffsetFacts:
     """Return what the fit of a model makes of a force that the rig adds; named: freed or held."""
     own = tuple(
-        one.name
-        for one in damper.quantities
-        if not (one.is_shared or one.is_offset) and one.default is None
+        q.name for q in damper.quantities if not (q.is_shared or q.is_offset) and q.default is None
     )
-    for one in damper.quantities:
-        if one.is_offset:
-            is_known = one.default is None or one.name in named
-            return OffsetFacts(name=one.name, beside=own, is_known=is_known)
+    for quantity in damper.quantities:
+        if quantity.is_offset:
+            is_known = quantity.default is None or quantity.name in named
+            return OffsetFacts(name=quantity.name, beside=own, is_known=is_known)
     return OffsetFacts()
 
 
@@ -591,5 +588,5 @@ def _add(keys: dict[str, Any], name: str, value: Any) -> None:
         known["description"] = MEASURED[name]
     if isinstance(value, dict):
         inner = known.setdefault("properties", {})
-        for key, one in value.items():
-            _add(inner, key, one)
+        for key, entry in value.items():
+            _add(inner, key, entry)

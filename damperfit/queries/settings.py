@@ -146,7 +146,7 @@ class SettingForces(Answer):
     @property
     def answers(self) -> tuple[str, ...]:
         """The same in the units that people want, one for each line of settings."""
-        return tuple(answer.said_in(self.units) for answer in self.wanted)
+        return tuple(answer.sentence_in(self.units) for answer in self.wanted)
 
     @property
     def heading(self) -> str:

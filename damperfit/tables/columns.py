@@ -229,30 +229,31 @@ def _columns(
 ) -> Iterator[Column]:
     for column in _TABLES[table]:
         if column is _SETTING:
-            yield from _setting_columns(table, [Setting.of(one) for one in settings])
+            yield from _setting_columns(table, list(map(Setting.of, settings)))
         elif column is _QUANTITIES:
-            yield from (_number(one.name, one.unit, one.meaning) for one in quantities)
-            for name, unit in ((one.name, one.unit) for one in quantities):
+            units = {quantity.name: quantity.unit for quantity in quantities}
+            yield from (_number(q.name, q.unit, q.meaning) for q in quantities)
+            for name, unit in units.items():
                 yield _number(f"{name}_se", unit, f"standard error of {name}")
                 yield _number(f"{name}_ci_low", unit, f"95 % interval of {name}")
                 yield _number(f"{name}_ci_high", unit, f"95 % interval of {name}")
                 yield _text(f"{name}_status", f"how {name} was found")
-            for name, unit in ((one.name, one.unit) for one in quantities):
+            for name, unit in units.items():
                 yield _number(f"{name}_misfit_se", unit, f"error of {name} from lack of fit")
         elif column is _REFITTED:
-            for one in quantities:
-                yield _number(one.name, one.unit, f"{one.meaning}, {column.description}")
+            more = f", {column.description}"
+            yield from (_number(q.name, q.unit, q.meaning + more) for q in quantities)
         else:
             yield column
 
 
 def _setting_columns(table: str, settings: Sequence[Setting]) -> Iterator[Column]:
     """The column ``setting`` and one for each adjuster that has a name."""
-    is_whole = all(isinstance(one.cell, int) for one in settings)
+    is_whole = all(isinstance(setting.cell, int) for setting in settings)
     yield _SETTING if is_whole else _text(_SETTING.name, _SETTING.description)
     names = settings[0].adjusters if settings else (ADJUSTER,)
     for name in names if names != (ADJUSTER,) else ():
-        places = [one.place(name) for one in settings]
+        places = [setting.place(name) for setting in settings]
         kind = next(
             (kind for kind in (str, float) if any(isinstance(p, kind) for p in places)), int
         )
@@ -275,9 +276,9 @@ def table_schema(
     entry = {"schema_version": SCHEMA_VERSION, "table": name}
     entry |= {"quantities": quantity_records(quantities), **facts}
     columns = []
-    for one in _columns(name, settings, quantities):
-        words = {"unit": one.unit, "description": one.description}
-        columns.append(pa.field(one.name, pa.type_for_alias(one.kind), metadata=words))
+    for column in _columns(name, settings, quantities):
+        words = {"unit": column.unit, "description": column.description}
+        columns.append(pa.field(column.name, pa.type_for_alias(column.kind), metadata=words))
     return pa.schema(columns, metadata={"damperfit": json.dumps(entry, sort_keys=True)})
 
 
@@ -361,9 +362,9 @@ def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
 
     def value(of: Any) -> Any:
         is_range = isinstance(of, tuple)
-        return [end if math.isfinite(end) else None for end in of] if is_range else of
+        return [limit if math.isfinite(limit) else None for limit in of] if is_range else of
 
-    names = [one.name for one in fields(Quantity)]
+    names = [field.name for field in fields(Quantity)]
     return [{name: value(getattr(known, name)) for name in names} for known in quantities]
 
 
@@ -377,18 +378,18 @@ def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tupl
     known: tuple[Quantity, ...] = ()
     with suppress(KeyError, TypeError, ValueError):
         known = tuple(map(_quantity, records)) if isinstance(records, list) else ()
-    seen = [name.removesuffix("_status") for name in columns if name.endswith("_status")]
-    if not known and not {one.name for one in PAPER_QUANTITIES}.issuperset(seen):
-        known = tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in seen)
+    named = [name.removesuffix("_status") for name in columns if name.endswith("_status")]
+    if not known and not {q.name for q in PAPER_QUANTITIES}.issuperset(named):
+        known = tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in named)
     return known if known and known != PAPER_QUANTITIES else PAPER_QUANTITIES
 
 
 def _quantity(record: Mapping[str, Any]) -> Quantity:
-    known = {one.name: record[one.name] for one in fields(Quantity) if one.name in record}
-    for key, ends in known.items():
-        if isinstance(ends, list):
-            limits = zip(ends, (-math.inf, math.inf), strict=True)
-            known[key] = tuple(none if end is None else float(end) for end, none in limits)
+    known = {field.name: record[field.name] for field in fields(Quantity) if field.name in record}
+    for key, pair in known.items():
+        if isinstance(pair, list):
+            limits = zip(pair, (-math.inf, math.inf), strict=True)
+            known[key] = tuple(none if limit is None else float(limit) for limit, none in limits)
     return Quantity(**known)
 
 

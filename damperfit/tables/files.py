@@ -126,7 +126,7 @@ def lay_out(
 def time_series_table(response: Response) -> pa.Table:
     """Return a simulated response as a table with one row a sample."""
     signals = (response.time, response.displacement, response.velocity, response.force)
-    arrays = [_floats(one) for one in (*signals, *response.pressures)]
+    arrays = [_floats(signal) for signal in (*signals, *response.pressures)]
     return pa.Table.from_arrays(arrays, schema=table_schema("time_series", {}))
 
 
@@ -395,8 +395,8 @@ def read_rows(
     """Return the rows of a table, from Parquet, else from CSV; a column that was lost is told."""
     schema = (record or {}).get("schema")
     columns = schema.get(table) if isinstance(schema, dict) else None
-    listed = columns if isinstance(columns, list) else ()
-    written = [str(one["name"]) for one in listed if isinstance(one, dict) and "name" in one]
+    listed = [c for c in columns if isinstance(c, dict)] if isinstance(columns, list) else []
+    written = [str(column["name"]) for column in listed if "name" in column]
     for suffix in (".parquet", ".csv"):
         path = folder / (table + suffix)
         try:
@@ -486,7 +486,7 @@ def read_table(
     """
     settle(path.parent)
     quantities = table_quantities(path)
-    needed = [one.name for one in quantities if one.default is None] if is_whole else []
+    needed = [q.name for q in quantities if q.default is None] if is_whole else []
     try:
         names, cells = _cells(path)
         for name in ("setting", *needed):
@@ -505,8 +505,8 @@ def read_table(
             f"not a parameters table: {error}", subject=path, code="not-a-table"
         ) from error
     facts, beside = read_facts(path), read_record(path.parent / "run.json", [])
-    is_told = isinstance(facts.get("configuration"), dict)
-    source = path if is_told or not beside else path.parent / "run.json"
+    is_declared = isinstance(facts.get("configuration"), dict)
+    source = path if is_declared or not beside else path.parent / "run.json"
     own = {key: facts[key] for key in _OWN if key in facts}
     return beside | own, quantities, rows, str(source)
 
@@ -517,7 +517,7 @@ def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
     Empty cells are left out, and so are settings without a number; errors as of `read_table`.
     """
     _, quantities, rows, _ = read_table(path, is_whole=False)
-    names = [one.name for one in quantities]
+    names = [q.name for q in quantities]
     known = {row["setting"]: {n: row[n] for n in names if row[n] is not None} for row in rows}
     return {setting: numbers for setting, numbers in known.items() if numbers}
 
@@ -593,7 +593,7 @@ def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
     quantities = quantities_in(record)
     adjusters = adjusters_in(table.column_names, quantities)
     # A setting is text here: what it was in the run, the record tells.
-    cells = (one["setting"] for one in record.get("uncertainty") or () if "setting" in one)
+    cells = (entry["setting"] for entry in record.get("uncertainty") or () if "setting" in entry)
     known = {str(cell): cell for cell in cells}
     rows = [row for row in table.to_pylist() if not row["error_kind"]]
     for row in rows:

@@ -44,8 +44,8 @@ MISSING = "missing"  # outcome of a setting that the configuration expects but t
 _GOOD = 5.0  # per cent
 
 
-def _cells(columns: Iterable[Column], one: object) -> dict[str, Any]:
-    return {c.name: finite(getattr(one, c.source)) for c in columns if c.source}
+def _cells(columns: Iterable[Column], source: object) -> dict[str, Any]:
+    return {c.name: finite(getattr(source, c.source)) for c in columns if c.source}
 
 
 def grade(mse_percent: float) -> str:
@@ -68,22 +68,22 @@ def campaign_rows(
     Settings that were expected and have no fit get a row that tells nothing else.
     """
     reasons = {
-        setting: "; ".join(one.sentence for one in why)
+        setting: "; ".join(objection.sentence for objection in why)
         for setting, why in assessment.objections.items()
     }
-    intervals = {one.setting: one.intervals for one in assessment.uncertainties}
+    intervals = {each.setting: each.intervals for each in assessment.uncertainties}
     parameters, errors = {}, []
 
-    def add_error(setting: Setting, one: Any, role: str = "fitted") -> None:
-        trace = getattr(one, "trace", None)  # of a log
+    def add_error(setting: Setting, result: Any, role: str = "fitted") -> None:
+        trace = getattr(result, "trace", None)  # of a log
         errors.append(
             {
                 "setting": setting,
                 "log": "" if trace is None else trace.name,
-                "mse_percent": one.mse_percent,
-                "noise_floor_percent": one.noise_floor_percent,
-                "grade": WITHHELD if setting in reasons else grade(one.mse_percent),
-                "n_samples": one.n_samples if trace is None else trace.n_samples,
+                "mse_percent": result.mse_percent,
+                "noise_floor_percent": result.noise_floor_percent,
+                "grade": WITHHELD if setting in reasons else grade(result.mse_percent),
+                "n_samples": result.n_samples if trace is None else trace.n_samples,
                 "role": role,
             }
         )
@@ -93,8 +93,8 @@ def campaign_rows(
         reason = reasons.get(fit.setting)
         row |= {"grade": WITHHELD if reason else grade(fit.mse_percent), "grade_reason": reason}
         parameters[fit.setting] = row
-        for one in (fit, *fit.logs):
-            add_error(fit.setting, one)
+        for result in (fit, *fit.logs):
+            add_error(fit.setting, result)
         for prediction in predictions:
             if prediction.setting == fit.setting:
                 add_error(fit.setting, prediction, "held_out")
@@ -151,25 +151,26 @@ def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[di
         changes[click.second, click.speed, click.stroke].append(change)
     none = [dict.fromkeys(column.name for column in CLICK)]
     rows = []
-    for one in forces:
-        seen = one.measured
-        tare = one.tare if seen is not None and one.measured_force != seen.force else 0.0
-        row = {"setting": one.setting, "speed_m_per_s": one.speed, "stroke": one.stroke}
-        row |= {**_cells(FORCE, one), "origin": one.origin}
-        row |= {"tested": "yes" if one.is_tested else "no"}
-        row |= {"measured_as": None if seen is None else seen.kind}
+    for force in forces:
+        measured, key = force.measured, (force.setting, force.speed, force.stroke)
+        has_tare = measured is not None and force.measured_force != measured.force
+        tare = force.tare if has_tare else 0.0
+        row = dict(zip(("setting", "speed_m_per_s", "stroke"), key, strict=True))
+        row |= {**_cells(FORCE, force), "origin": force.origin}
+        row |= {"tested": "yes" if force.is_tested else "no"}
+        row |= {"measured_as": None if measured is None else measured.kind}
         for part in ("opening", "closing", "peak"):
-            force = None if seen is None else getattr(seen, part) - tare
-            row[f"measured_{part}_N"] = finite(force)
-        rows += [row | change for change in changes.get((one.setting, one.speed, one.stroke), none)]
+            value = None if measured is None else getattr(measured, part) - tare
+            row[f"measured_{part}_N"] = finite(value)
+        rows += [row | change for change in changes.get(key, none)]
     return rows
 
 
-def signals_of(setting: Setting, trace: Trace, seen: SimulatedLog) -> LogSignals:
+def signals_of(setting: Setting, trace: Trace, compared: SimulatedLog) -> LogSignals:
     """Return the signals of a log where it is compared."""
-    part, response = trace.compared, seen.response
+    part, response = trace.compared, compared.response
     measured = trace.displacement[part], trace.velocity[part], trace.force[part]
-    simulated = seen.force[part], response.pressures[:, part]
+    simulated = compared.force[part], response.pressures[:, part]
     return LogSignals(setting, trace.name, response.time[part], *measured, *simulated)
 
 
@@ -185,31 +186,31 @@ _UNREPEATED = ((math.nan, math.nan),) * 2  # opening and closing force of both s
 def characteristic_rows(
     setting: Setting,
     trace: Trace,
-    seen: SimulatedLog,
+    compared: SimulatedLog,
     damper: Model,
     speeds: Sequence[float] = NAMED_SPEEDS,
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a log: of each stretch the peaks, then the named speeds (m/s)."""
-    for place, stretch in enumerate(trace.stretches, start=1):
+    for place, segment in enumerate(trace.stretches, start=1):
         facts = {
             "setting": setting,
             "log": trace.name,
             "stretch": place,
-            "kind": stretch.kind,
-            "start_s": trace.start_time + stretch.first * trace.interval,
-            "cycles": stretch.n_cycles,
-            "frequency_Hz": stretch.frequency,
-            "amplitude_m": stretch.amplitude,
+            "kind": segment.kind,
+            "start_s": trace.start_time + segment.first * trace.interval,
+            "cycles": segment.n_cycles,
+            "frequency_Hz": segment.frequency,
+            "amplitude_m": segment.amplitude,
             "temperature_degC": trace.temperature,
         }
-        for row in _stretch_rows(trace, stretch, seen.force, damper, speeds):
+        for row in _segment_rows(trace, segment, compared.force, damper, speeds):
             yield facts | row
 
 
-def _stretch_rows(
-    trace: Trace, stretch: Stretch, simulated: FloatArray, damper: Model, speeds: Sequence[float]
+def _segment_rows(
+    trace: Trace, segment: Stretch, simulated: FloatArray, damper: Model, speeds: Sequence[float]
 ) -> Iterator[dict[str, Any]]:
-    edges = counted_edges(stretch)
+    edges = counted_edges(segment)
     part = slice(int(edges[0]), int(edges[-1]))
     gas = damper.rest_force(trace.displacement[part])
     level = {} if gas is None else {"mean_gas_force_N": mean_of(gas)}
@@ -219,19 +220,19 @@ def _stretch_rows(
         for suffix in (("",) if gas is None else ("", "_without_gas"))
     }
     stacked = np.stack(list(forces.values()))
-    measured = figures_in(trace, stretch)
+    measured = figures_in(trace, segment)
     top = min(measured.peak_speed_rebound, measured.peak_speed_bump)
     half = measured.hysteresis_speed
-    speeds = [speed for speed in speeds if speed < top] if stretch.n_cycles else []
-    passed = sorted({*speeds, half}) if stretch.n_cycles else []
+    speeds = [speed for speed in speeds if speed < top] if segment.n_cycles else []
+    passed = sorted({*speeds, half}) if segment.n_cycles else []
     # By speed and force: of each stroke the opening and the closing branch.
     both = in_both_strokes(trace.velocity[part], stacked, passed)[1]
     branches = dict(zip(passed, np.transpose(both, (2, 3, 0, 1)).tolist(), strict=True))
 
-    def cells(pairs: Iterable[Sequence[float]], ends: Iterable[Any]) -> dict[str, Any]:
+    def cells(pairs: Iterable[Sequence[float]], loops: Iterable[Any]) -> dict[str, Any]:
         """Of each force that of both strokes, their ratio, and opening less closing branch."""
         row: dict[str, Any] = {}
-        for (whose, suffix), (rebound, bump), of in zip(forces, pairs, ends, strict=True):
+        for (whose, suffix), (rebound, bump), of in zip(forces, pairs, loops, strict=True):
             row[f"{whose}_rebound{suffix}_N"], row[f"{whose}_bump{suffix}_N"] = rebound, bump
             # Where the gas pushes both strokes to one side there is no ratio.
             row[f"{whose}_ratio{suffix}"] = -rebound / bump if rebound > 0.0 > bump else None
@@ -248,7 +249,7 @@ def _stretch_rows(
         "speed_bump_m_per_s": measured.peak_speed_bump,
         "hysteresis_speed_m_per_s": half,
         "measured_energy_J": measured.energy,
-        "simulated_energy_J": mean_energy(trace, stretch, simulated),
+        "simulated_energy_J": mean_energy(trace, segment, simulated),
         "measured_energy_se_J": measured.energy_se,
         "measured_hysteresis_rebound_se_N": measured.hysteresis_rebound_se,
         "measured_hysteresis_bump_se_N": measured.hysteresis_bump_se,
@@ -256,7 +257,7 @@ def _stretch_rows(
     }
     for speed in speeds:
         names = ("speed_rebound_m_per_s", "speed_bump_m_per_s", "hysteresis_speed_m_per_s")
-        means = [[0.5 * sum(ends) for ends in of] for of in branches[speed]]
+        means = [[0.5 * sum(pair) for pair in of] for of in branches[speed]]
         row = {**level, "point": "speed", **dict.fromkeys(names, speed)}
         yield row | cells(means, branches[speed])
 
