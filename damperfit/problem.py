@@ -291,6 +291,17 @@ def listed_names(names: Sequence[str], *, few: int = _NAMES + 1, mark: str = ", 
     return f"{mark.join(names[:_NAMES])} and {len(names) - _NAMES} more"
 
 
+def in_a_row(words: Sequence[str]) -> str:
+    """Return words as "a, b and c"."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def as_subject(words: Sequence[str]) -> str:
+    """Return words with their verb, as in "a and b are"."""
+    return f"{in_a_row(words)} {'are' if len(words) > 1 else 'is'}"
+
+
 def failure_lines(failures: Iterable[Failure]) -> list[str]:
     """Return a line for each failure; of many of one kind in a file the first, and a count."""
     groups: dict[tuple[str, str], list[Problem]] = {}

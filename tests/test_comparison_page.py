@@ -9,6 +9,7 @@ import pytest
 
 from damperfit.comparison.comparing import ComparisonOptions, compare_runs
 from damperfit.comparison.tolerance import parse_tolerance, tolerated
+from damperfit.queries.compared import Comparison
 from damperfit.reporting.compared import loop_plots
 from damperfit.reporting.page import comparison_page
 from damperfit.tested.setting import Setting
@@ -41,7 +42,8 @@ def test_the_difference_below_is_the_second_less_the_first(comparison) -> None:
 
 def test_the_page_shows_names_and_obeys_none(comparison) -> None:
     points = tolerated(comparison, parse_tolerance("5%"))
-    page = comparison_page([comparison], points, source="5%", alone=[EVIL])
+    done = Comparison((comparison,), alone=(EVIL,), points=points, tolerance="5%")
+    page = comparison_page(done)
     assert EVIL not in page
     assert page.count("&lt;/script&gt;") >= 3
     assert "FAILS" in page

@@ -8,6 +8,7 @@ import time
 import pytest
 
 from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.queries.compared import Comparison
 from damperfit.reporting.figures import report_plots
 from damperfit.reporting.page import comparison_page, html_report
 from damperfit.results import Run
@@ -194,7 +195,7 @@ def test_runs_over_one_another_are_drawn_and_switched(other, tmp_path):
     second = run(measured(1, factor=1.1), measured(2), name="after")
     comparison = compare_runs(first, second, ComparisonOptions(is_measured=True))
     path = tmp_path / "comparison.html"
-    path.write_text(comparison_page([comparison]), encoding="utf-8")
+    path.write_text(comparison_page(Comparison((comparison,))), encoding="utf-8")
     browser.get(path.as_uri())
     _wait(browser, "return document.documentElement.dataset.drawn === 'all'")
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []

@@ -34,9 +34,9 @@ from damperfit.damper.rivals import Linear
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.identification import Outcome
 from damperfit.problem import Failure, Problem, failure_lines, short_listing
+from damperfit.queries.compared import Comparison
 from damperfit.queries.settings import notes_on_settings, notes_on_simulation
 from damperfit.reporting.compared import (
-    comparison_markdown,
     junit_report,
     tolerance_outcome,
     tolerance_sheet,
@@ -283,7 +283,7 @@ def compared() -> dict[str, Any]:
     points = [Point(*place, one, 90.0, 110.0, 1.0) for one in (100.0, 112.0, 109.5, 110.0)]
     points.append(Point(*place, math.nan, 90.0, 110.0, 1.0, reason="not tested"))
     return {
-        "comparison.md": comparison_markdown([comparison], met, source=tolerated_by, alone=[EVIL]),
+        "comparison.md": Comparison((comparison,), (EVIL,), (), met, tolerated_by).markdown,
         "circumstances": differing,
         "differences": [f"{one.subject.place()}: {verdict_of(one)}" for one in lines],
         "by how much": [difference_of(one) for one in lines],

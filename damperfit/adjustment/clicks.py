@@ -310,7 +310,7 @@ class _Curve:
     def wanted(self, force: float) -> Wanted:
         """Answer where the curve has a force, else a setting that has it within its interval."""
         sign = -1.0 if self.ordered[0].stroke == "bump" else 1.0
-        weakest, *_, hardest = sorted(self.ordered, key=lambda one: sign * one.force)
+        weakest, *_, hardest = sorted(self.ordered, key=lambda f: sign * f.force)
         exact = self.places[self.forces == force].tolist()
         off = self.forces - force
         for gap in np.flatnonzero(off[:-1] * off[1:] < 0.0).tolist():

@@ -39,7 +39,7 @@ from damperfit.identification.options import (
 )
 from damperfit.io import ReadOptions
 from damperfit.io.tests_table import FACTS, fact_of
-from damperfit.problem import Key
+from damperfit.problem import Key, as_subject
 from damperfit.sections import (
     SECTIONS,
     Entry,
@@ -161,8 +161,7 @@ class Configuration:
             names = [name for name in self.not_measured if name not in _HARMLESS]
             if not names:
                 return ""
-            listed = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-            missing = f"{listed} {'are' if len(names) > 1 else 'is'} not declared"
+            missing = f"{as_subject(names)} not declared"
         return f"{missing}, and with the dimensions of {self.whose}"
 
     def damper_sentence(self, origin: str = "") -> str:
@@ -317,7 +316,8 @@ def _section_model(section: Any) -> type[BaseModel]:
 @cache
 def document_model() -> type[BaseModel]:
     """Return the model of the whole document; what [damper] has is its own model's to judge."""
-    kinds: dict[str, Any] = {name: (_section_model(SECTIONS[name]), ...) for name in SECTIONS}
+    sections: dict[str, Any] = dict(SECTIONS)
+    kinds: dict[str, Any] = {name: (_section_model(sections[name]), ...) for name in sections}
     kinds["damper"] = (dict[str, Any], ...)
     kinds["adjusters"] = (dict[str, AdjusterKey], ...)
     return create_model("Document", __config__=ConfigDict(extra="forbid", strict=True), **kinds)

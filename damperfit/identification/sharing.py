@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from damperfit.damper.model import Values
+from damperfit.problem import as_subject, in_a_row
 from damperfit.tested.setting import Place, Setting
 
 Follows: TypeAlias = "Mapping[str, tuple[str, ...]]"
@@ -196,11 +197,11 @@ class Sharing:
             groups.setdefault(tuple(self.follows.get(name, ())), []).append(name)
         rest = groups.pop((), [])
         parts = [
-            f"{_listed(names)} follow{'s' if len(names) == 1 else ''} {_listed(adjusters)}"
+            f"{in_a_row(names)} follow{'s' if len(names) == 1 else ''} {in_a_row(adjusters)}"
             for adjusters, names in groups.items()
         ]
         if own := [name for name in self.free if name not in self.jointly]:
-            parts.append(f"{_listed(own)} {'is' if len(own) == 1 else 'are'} each setting's own")
+            parts.append(f"{as_subject(own)} each setting's own")
         if rest:
             what = "everything else" if parts else "everything"
             parts.append(f"{what} is shared by all {len(self.settings)} settings")
@@ -211,10 +212,6 @@ class Sharing:
         places = unknown_at(name, self.follows, setting).places
         at = ", ".join(f"{adjuster} {place}" for adjuster, place in places)
         return f"all settings at {at}" if at else "all settings"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def listed_settings(settings: Iterable[Setting | Place]) -> str:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from damperfit.errors import LogError, did_you_mean
 from damperfit.io.formats import Column
 from damperfit.io.options import CHANNELS, EXTRAS, ReadOptions
-from damperfit.problem import Option
+from damperfit.problem import Option, in_a_row
 from damperfit.units.quantities import QuantityError, Unit, find_unit, is_unit, units_of
 
 OWN_TIME = "time of "  # and the name of the channel that it is of
@@ -298,6 +298,6 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
     advice = f" Name {'them' if len(channels) > 1 else 'it'}: {names}"
     if "force" in channels:
         advice += "; without a force nothing can be fitted"
-    which = " and ".join(part for part in (", ".join(channels[:-1]), channels[-1]) if part)
     reason = f" ({hint})" if hint else ""
-    return f"no column for {which}{reason}; there are {_listed(columns)}.{hints}{advice}"
+    begin = f"no column for {in_a_row(channels)}{reason}"
+    return f"{begin}; there are {_listed(columns)}.{hints}{advice}"

@@ -25,7 +25,7 @@ from damperfit.io import read_curves
 from damperfit.io.files import open_regular, read_text
 from damperfit.io.force_curves import ForceCurve
 from damperfit.problem import Failure, Option
-from damperfit.queries.settings import positive, refuse_unfitted
+from damperfit.queries.settings import positive, refuse_unfitted, speed_in
 from damperfit.recording import Trace, natural_order
 from damperfit.reporting import compared as shown
 from damperfit.reporting.answer import Answer
@@ -46,7 +46,6 @@ from damperfit.tables.columns import (
 from damperfit.tables.files import LogSignals, finite, is_part, json_values, write_table
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import Setting, parse_place
-from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, parse_units
 
 if TYPE_CHECKING:
@@ -76,18 +75,16 @@ class Comparison(Answer):
     @property
     def markdown(self) -> str:
         """The comparison as a page of Markdown."""
-        how: Any = {"source": self.tolerance, "alone": self.alone}
-        return shown.comparison_markdown(self.comparisons, self.points, **how)
+        return shown.comparison_markdown(self)
 
     def write(self, out: Path | None, junit: Path | None) -> None:
         """Write page, Markdown, JSON and tables into a folder; the points as JUnit XML."""
         from damperfit.reporting.page import comparison_page
 
         if out is not None and (self.comparisons or self.points):
-            how: Any = {"source": self.tolerance, "alone": self.alone}
             document = json.dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False)
             texts = {
-                "html": comparison_page(self.comparisons, self.points, **how),
+                "html": comparison_page(self),
                 "md": self.markdown,
                 "json": f"{document}\n",
             }
@@ -141,12 +138,7 @@ def comparison_options(
     units: str | None = None,
 ) -> ComparisonOptions:
     """Return what the texts of a command line ask."""
-    at = Option("velocity")
-    speeds = sorted({abs(parse_quantity(v, "velocity", option=at)) for v in velocities})
-    if speeds and speeds[0] == 0.0:
-        raise ConfigurationError(
-            "expected a speed other than zero", where=Option("velocity", "0"), code="out-of-range"
-        )
+    speeds = sorted({abs(speed_in(velocity)) for velocity in velocities})
     if (amplitude is None) != (frequency is None):
         text = "{--amplitude} and {--frequency} make the sine together; give both or neither"
         raise ConfigurationError(text, code="not-together")

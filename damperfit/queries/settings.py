@@ -29,7 +29,7 @@ from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.sharing import of_settings
 from damperfit.io import ReadOptions, read_curves
 from damperfit.io.force_curves import ForceCurve
-from damperfit.problem import Failure, Option
+from damperfit.problem import Failure, Option, as_subject
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.inspection import curve_forces_sheet
 from damperfit.reporting.records import to_record
@@ -72,6 +72,15 @@ def positive(value: str | float | None, dimension: str, name: str) -> float | No
     return number
 
 
+def speed_in(text: str | float) -> float:
+    """Return a velocity with its sign, m/s, as it was given by a keyword; zero is refused."""
+    speed = parse_quantity(text, "velocity", option=Option("velocity"))
+    if speed == 0.0:
+        why, where = "expected a speed other than zero", Option("velocity", str(text))
+        raise ConfigurationError(why, where=where, code="out-of-range")
+    return speed
+
+
 # What of the rig is in forces that are shown, and what is left out, in words
 
 
@@ -81,7 +90,7 @@ def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[str]:
     if sentence := offset_sentence([stage.offset for stage in stages], holds_gas=holds_gas):
         yield sentence
     if stages and (parts := _mounting(stages[0].parameters)):
-        yield f"the rig's {_listed(parts)} in measured forces, not in the model's"
+        yield f"the rig's {as_subject(parts)} in measured forces, not in the model's"
 
 
 def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
@@ -92,7 +101,7 @@ def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
         parts += [f"force offset of {tare:.3g} N" for tare in tares if tare]
     if parts:
         yield (
-            f"the rig's {_listed(parts)} in these forces; what damperfit settings shows and "
+            f"the rig's {as_subject(parts)} in these forces; what damperfit settings shows and "
             "damperfit export writes is of the damper alone"
         )
 
@@ -100,11 +109,6 @@ def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
 def _mounting(values: Values) -> list[str]:
     """Series stiffness, play, lag and moving mass, as far as the model has them."""
     return [quantity.label for quantity in values.quantities if quantity.scope == RIG]
-
-
-def _listed(parts: Sequence[str]) -> str:
-    *before, last = parts
-    return f"{', '.join(before)} and {last} are" if before else f"{last} is"
 
 
 # Forces by setting of a results folder, and the setting for a force
@@ -227,14 +231,8 @@ def parse_question(
             where=Option("force", force),
             code="no-speed",
         )
-    speed = parse_quantity(velocity, "velocity", option=Option("velocity"))
+    speed = speed_in(velocity)
     wanted = None if force is None else parse_quantity(force, "force", option=Option("force"))
-    if speed == 0.0:
-        raise ConfigurationError(
-            "expected a speed other than zero",
-            where=Option("velocity", velocity),
-            code="out-of-range",
-        )
     if stroke is None and (speed < 0.0 or (wanted is not None and wanted < 0.0)):
         stroke = "bump"
     if wanted is None:

@@ -40,6 +40,7 @@ from damperfit.units.shown_units import SI, ShownUnits
 if TYPE_CHECKING:
     from damperfit.comparison.comparing import RunComparison
     from damperfit.comparison.tolerance import Point
+    from damperfit.queries.compared import Comparison
     from damperfit.results import Run
 
 _FIGURES_NOTE = (
@@ -212,25 +213,18 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
     return sentence
 
 
-def comparison_markdown(
-    comparisons: Sequence[RunComparison],
-    points: Sequence[Point] = (),
-    *,
-    source: str = "",
-    alone: Sequence[str] = (),
-) -> str:
+def comparison_markdown(done: Comparison) -> str:
     """Return comparisons, and forces held against bands, as one document, everything escaped."""
-    sections = [Section("Without a partner", "", alone)] if alone else []
-    if points:
-        outcome = [tolerance_outcome(points)]
-        sections.append(Section(f"Tolerance {source}", "", outcome, [tolerance_sheet(points)]))
-    for pair in comparisons:
+    sections = [Section("Without a partner", "", done.alone)] if done.alone else []
+    if done.points:
+        title, outcome = f"Tolerance {done.tolerance}", [tolerance_outcome(done.points)]
+        sections.append(Section(title, "", outcome, [tolerance_sheet(done.points)]))
+    for pair in done.comparisons:
         besides = (f"differs: {sentence}" for sentence in pair.differing)
         sentences = [*besides, *pair.sentences, *pair.to_know, *pair.remarks]
         sections.append(Section(f"{pair.second.name} beside {pair.first.name}", "", sentences))
-        sections += [
-            Section(title, "below", (), [sheet]) for title, sheet in comparison_sheets(pair)
-        ]
+        sheets = comparison_sheets(pair)
+        sections += [Section(title, "below", (), [sheet]) for title, sheet in sheets]
     return markdown("Comparison", (), sections)
 
 

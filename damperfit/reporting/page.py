@@ -12,7 +12,7 @@ import base64
 import json
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from importlib import resources
@@ -51,7 +51,7 @@ from damperfit.units.shown_units import ShownUnits
 
 if TYPE_CHECKING:
     from damperfit.comparison.comparing import RunComparison
-    from damperfit.comparison.tolerance import Point
+    from damperfit.queries.compared import Comparison
 
 _IDENTITY = ("damper", "serial", "date", "operator", "customer", "rig")
 _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}
@@ -273,14 +273,9 @@ def _log_facts(log: LogView, units: ShownUnits) -> str:
 # Runs beside one another
 
 
-def comparison_page(
-    comparisons: Sequence[RunComparison],
-    points: Sequence[Point] = (),
-    *,
-    source: str = "",
-    alone: Sequence[str] = (),
-) -> str:
+def comparison_page(done: Comparison) -> str:
     """Return comparisons, and forces held against bands, as one self-contained HTML page."""
+    comparisons, points = done.comparisons, done.points
     data = PlotData()
     groups: dict[str, list[RunComparison]] = defaultdict(list)
     for pair in comparisons:
@@ -309,8 +304,8 @@ def comparison_page(
         title=" | ".join(titles[:3]) or "tolerance",
         pairs=list(zip(titles, comparisons, map(comparison_sheets, comparisons), strict=True)),
         tolerance=(tolerance_outcome(points), tolerance_sheet(points)) if points else None,
-        source=source,
-        alone=list(alone),
+        source=done.tolerance,
+        alone=list(done.alone),
         overall=overall,
         sections=settings_of,
     )

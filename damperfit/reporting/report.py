@@ -173,8 +173,7 @@ def verdict(row: Any, run: Run) -> str:
 def _procedure(run: Run, units: ShownUnits) -> Iterator[str]:
     """Yield how it was done, how the rig was declared, what was tested, what made the results."""
     yield from map(str, records.listed_in(run.record, "procedure"))
-    configuration = run.record.get("configuration")
-    rig = configuration.get("rig") if isinstance(configuration, dict) else None
+    rig = records.inside(run.record, "configuration", "rig")
     if isinstance(rig, dict):
         turned = [key for key in ("displacement", "force") if rig.get(f"reverse_{key}") is True]
         yield (

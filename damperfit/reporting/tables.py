@@ -11,6 +11,7 @@ from typing import Any
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.checks import Check
 from damperfit.damper.quantity import SETTING, Quantity
+from damperfit.problem import in_a_row
 from damperfit.reporting.records import entries_in, listed_in, number_in
 from damperfit.reporting.sheet import (
     NOTHING,
@@ -206,12 +207,6 @@ def _legend(rows: Sequence[Row], quantities: Sequence[Shown]) -> Iterator[str]:
         yield ", ".join(marks.values())
     if any(row.get(f"{quantity.name}_misfit_se") for row in rows for quantity in quantities):
         yield _OF_MISFIT
-
-
-def in_a_row(words: Sequence[str]) -> str:
-    """Return words as "a, b and c"."""
-    *first, last = words
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 def sparkline(values: Iterable[float | None], *, levels: str = BLOCK_LEVELS) -> str:

@@ -29,10 +29,10 @@ from damperfit.laws.law_fit import (
 from damperfit.laws.rivals import rank_rivals, yielding_seen
 from damperfit.laws.search import FLOOR_PERCENT, follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
-from damperfit.problem import Failure, Problem, failure_lines, note
+from damperfit.problem import Failure, Problem, as_subject, failure_lines, in_a_row, note
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import Sheet, number, percent
-from damperfit.reporting.tables import in_a_row, rival_sheet, tried_laws_sheet
+from damperfit.reporting.tables import rival_sheet, tried_laws_sheet
 from damperfit.run.identify import by_damper, gather, prepare
 from damperfit.run.logs import LogBatch
 from damperfit.tables.files import finite, json_values
@@ -141,8 +141,7 @@ def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...
     if not missing or not parts:
         return ()
     text = (
-        f"Whether {in_a_row(parts)} {'are' if len(parts) > 1 else 'is'} the rig's: "
-        f"{in_a_row(missing)} {'are' if len(missing) > 1 else 'is'} not declared, and a wrong "
+        f"Whether {as_subject(parts)} the rig's: {as_subject(missing)} not declared, and a wrong "
         "one may look like that. Declare them as measured."
     )
     return (text,)
