@@ -585,14 +585,13 @@ class Run:
             for entry in entries_in(self.record, "uncertainty")
             if isinstance(names := entry.get("parameters"), list)
         }
-        return {
-            result.setting: result.setting in failed
-            or has_lost_errors(
-                recorded.get(result.setting.cell, result.values.names), result.status
-            )
-            for result in self.settings
-            if result.covariance is None
-        }
+
+        def is_recorded(result: SettingResult) -> bool:
+            names = recorded.get(result.setting.cell)
+            is_lost = names is not None and has_lost_errors(names, result.status)
+            return is_lost or result.setting in failed
+
+        return {s.setting: is_recorded(s) for s in self.settings if s.covariance is None}
 
     @cached_property
     def logs(self) -> tuple[LogResult, ...]:

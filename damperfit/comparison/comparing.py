@@ -116,14 +116,14 @@ def compared(
     is_log = subject.is_logarithmic and a > 0.0 and b > 0.0
     units = (a, b) if is_log else (1.0, 1.0)
     misfits = [reading.misfit / unit for reading, unit in zip((first, second), units, strict=True)]
-    misfit, step_missed = math.hypot(*misfits), second.misses - first.misses
+    misfit, miss_change = math.hypot(*misfits), second.misses - first.misses
     if first.is_measured and second.is_measured:
         misfit = 0.0
-    elif is_same_motion and any(misfits) and math.isnan(step_missed):
+    elif is_same_motion and any(misfits) and math.isnan(miss_change):
         misfit = abs(misfits[1] - misfits[0])
     elif is_same_motion and any(misfits):
         noise = (r.misses_error for r in (first, second) if math.isfinite(r.misses_error))
-        misfit = math.sqrt(max(step_missed**2 - sum(error**2 for error in noise), 0.0))
+        misfit = math.sqrt(max(miss_change**2 - sum(error**2 for error in noise), 0.0))
     others = [*second.errors(1.0 / units[1]), (misfit, math.inf)]
     of_both = [*first.errors(1.0 / units[0]), *others]
     step = math.log(b / a) if is_log else b - a
