@@ -127,15 +127,15 @@ def _no_cavitation(subject: Subject) -> _Verdict:
 def _trend_monotone(subject: Subject) -> _Verdict:
     """Valves rise or fall throughout, within errors, scatter and 1 %."""
     trends = subject.adjustment.trends
-    judged = [trend for trend in trends if trend.monotone is not None]
-    if not judged:
+    evaluated = [trend for trend in trends if trend.monotone is not None]
+    if not evaluated:
         return None, _no_trend(subject)
-    turning = [trend for trend in judged if not trend.monotone]
+    turning = [trend for trend in evaluated if not trend.monotone]
     if bad := [trend.sentence for trend in turning if _turn_of(trend) > _MATTERS]:
         return False, "; ".join(bad)
     directions = {"rising": "rises", "falling": "falls", "flat": "stays constant"}
     lines: dict[str, list[str]] = defaultdict(list)
-    for trend in judged:
+    for trend in evaluated:
         by = "the setting" if trend.adjuster == ADJUSTER else trend.adjuster
         by += f" ({trend.held})" if trend.held else ""
         lines[by].append(f"{trend.parameter} {directions[trend.direction or '']}")
@@ -155,11 +155,11 @@ def _turn_of(trend: Trend) -> float:
 def _no_outlier_setting(subject: Subject) -> _Verdict:
     """No setting is off the trend of the others by more than 1 %."""
     trends = subject.adjustment.trends
-    judged = [trend for trend in trends if trend.outliers_judged]
-    if not judged:
+    evaluated = [trend for trend in trends if trend.outliers_judged]
+    if not evaluated:
         return None, _no_trend(subject)
     off: dict[tuple[str, str, float], list[str]] = defaultdict(list)
-    for trend in judged:
+    for trend in evaluated:
         for outlier in trend.outliers:
             if abs(outlier.deviation) > _MATTERS:
                 deviation = f"{trend.parameter} {100.0 * outlier.deviation:+.1f} %"
@@ -173,9 +173,9 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     mixed_up = [trend for trend in trends if trend.is_erratic and not trend.outliers_judged]
     if mixed_up:
         return None, "; ".join(trend.sentence for trend in mixed_up)
-    small = [outlier for trend in judged for outlier in trend.outliers]
+    small = [outlier for trend in evaluated for outlier in trend.outliers]
     more = " by more than 1 %" if small else ""
-    return True, f"no setting is off the trend of {', '.join(t.parameter for t in judged)}{more}"
+    return True, f"no setting is off the trend of {', '.join(t.parameter for t in evaluated)}{more}"
 
 
 def _no_trend(subject: Subject) -> str:
@@ -354,7 +354,7 @@ def _bulk_modulus_of_oil(subject: Subject) -> _Verdict:
     names = _quantities(subject, lambda q: q.unit == "Pa" and math.isfinite(q.believable[1]))
     if not names:
         return None, "the oil of the model is incompressible"
-    return _judged(subject, subject.fits, names, "beyond", "that of oil")
+    return _unless_objected(subject, subject.fits, names, "beyond", "that of oil")
 
 
 def _offset_as_in_log(subject: Subject) -> _Verdict:
@@ -374,7 +374,7 @@ def _friction_within_jump(subject: Subject) -> _Verdict:
     read = [fit for fit in subject.fits if not what_spreads(fit)]
     if not read:
         return None, what_spreads(subject.fits[0])
-    return _judged(
+    return _unless_objected(
         subject, read, names, "friction", "within the jump of the force at the reversals"
     )
 
@@ -387,14 +387,14 @@ def _series_stiffness_found(subject: Subject) -> _Verdict:
     lost = [fit for fit in subject.fits if any(fit.status[name].has_failed for name in names)]
     if lost:
         return False, f"{' and '.join(names)} is not determined by the logs at {_settings(lost)}"
-    return _judged(subject, subject.fits, names, "beyond", "in the range of test rigs")
+    return _unless_objected(subject, subject.fits, names, "beyond", "in the range of test rigs")
 
 
 def _quantities(subject: Subject, belongs: Callable[[Quantity], bool]) -> tuple[str, ...]:
     return tuple(q.name for q in subject.fits[0].parameters.quantities if belongs(q))
 
 
-def _judged(
+def _unless_objected(
     subject: Subject, fits: Sequence[Fit], names: Sequence[str], kind: str, what: str
 ) -> _Verdict:
     """Fail with the first objection, pass where the logs determine a value, else not looked at."""

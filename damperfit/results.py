@@ -1,4 +1,4 @@
-"""One run: what was read, fitted and judged, as an object and as a folder.
+"""One run: what was read, fitted and assessed, as an object and as a folder.
 
 `Run.load` is all that reads a results folder, a fleet's part or a table of parameters. Whatever is
 whole is there; what is missing, damaged or of another version stands in `Run.remarks`, and a table
@@ -81,7 +81,7 @@ _IN_MEMORY = (
 
 @dataclass(frozen=True, slots=True)
 class Tested:
-    """The range of the tests that were fitted, as far as the run tells; None: it does not.
+    """The range of the tests that were fitted; None: not known.
 
     `stroke` is the largest amplitude of a motion that repeats, m, `speed` the highest peak speed,
     m/s; of frequencies, Hz, and temperatures, degC, the lowest and the highest.
@@ -116,7 +116,7 @@ class Tested:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SettingResult(Stage):
-    """One setting of a run: its values, what is known of their errors, and how it was judged.
+    """One setting of a run: its values, what is known of their errors, and its grade.
 
     As of `Stage`: where the adjusters stand, the values in SI, and the covariance of u = ln y
     (plain y for linear quantities) of those with an error, the setting's own ones first. `row` is
@@ -192,7 +192,7 @@ class SettingResult(Stage):
                 f"{self.label}; leave it out, or call damperfit.simulate"
             )
             raise ConfigurationError(text, code="wrong-call")
-        return _door("simulate")(self.label, parameters=self.run, wave=wave, **motion)
+        return _api("simulate")(self.label, parameters=self.run, wave=wave, **motion)
 
     def stepped(self, x: float = 0.0, *, with_rig: bool = False) -> SteppedDamper:
         """Return the damper at this setting for a program that steps it: ``step(x, v, dt)``."""
@@ -702,20 +702,20 @@ class Run:
             ) from error
         self._refuse_other_damper(given, own, config)
         keys = {f"damper.{key}" for key in self.declared_damper}
-        meant = replace(given.with_damper(own), declared=given.declared | keys)
+        made = replace(given.with_damper(own), declared=given.declared | keys)
         if not takes_motion:
-            return meant
+            return made
         motion = self.motion_of_tests
         rig = inside(self.record, "configuration", "rig")
         if motion is None and isinstance(rig, dict) and {"amplitude", "frequency"} <= rig.keys():
             size = parse_quantity(rig["amplitude"], "length")
             motion = Sine(size, parse_quantity(rig["frequency"], "frequency"))
         if motion is None:
-            return meant
+            return made
         known = {"amplitude": motion.amplitude, "frequency": motion.frequency}
         taken = {key: value for key, value in known.items() if f"rig.{key}" not in given.declared}
-        document = meant.document | {"rig": meant.document["rig"] | taken}
-        return replace(meant, rig=meant.rig.but(**taken), document=document)
+        document = made.document | {"rig": made.document["rig"] | taken}
+        return replace(made, rig=made.rig.but(**taken), document=document)
 
     def _refuse_other_damper(self, given: Configuration, own: Model, config: Path | None) -> None:
         if given.damper.name != own.name:
@@ -879,7 +879,7 @@ class Run:
         A bare number is SI; a minus before one of them means compression, and so does the
         ``stroke`` "bump".
         """
-        forces: SettingForces = _door("settings")(self, force=force, velocity=speed, stroke=stroke)
+        forces: SettingForces = _api("settings")(self, force=force, velocity=speed, stroke=stroke)
         return forces
 
     def predict(
@@ -1023,15 +1023,15 @@ class Run:
 
     def advise(self, for_: str, **limits: Any) -> Any:
         """Say which further test narrows an interval most; keywords as of `damperfit.advise`."""
-        return _door("advise")(self, for_=for_, **limits)
+        return _api("advise")(self, for_=for_, **limits)
 
     def ride(self, **how: Any) -> Any:
         """Return comfort and wheel load by setting; keywords as of `damperfit.ride`."""
-        return _door("ride")(self, **how)
+        return _api("ride")(self, **how)
 
     def valves(self, **how: Any) -> Any:
         """Return the valves as parts; keywords as of `damperfit.valves`."""
-        return _door("valves")(self, **how)
+        return _api("valves")(self, **how)
 
     def plot(self, name: str | None = None) -> Any:
         """Draw a figure with matplotlib and return its axes, a list where it has several panels.
@@ -1110,9 +1110,9 @@ class Run:
                 name: sha256_of(files.path(name)) for name in sorted(files.names)
             }
             if isinstance(timings := self.record.get("timings"), dict):
-                spent = round(perf_counter() - begin, 4)
-                total = round(timings.get("total_s", 0.0) + spent, 4)
-                self.record["timings"] = timings | {"write_s": spent, "total_s": total}
+                elapsed = round(perf_counter() - begin, 4)
+                total = round(timings.get("total_s", 0.0) + elapsed, 4)
+                self.record["timings"] = timings | {"write_s": elapsed, "total_s": total}
             with files.path("run.json").open("wb") as file:
                 for piece in table_files.json_pieces(self.record):
                     file.write(piece.encode("utf-8", "backslashreplace"))
@@ -1219,13 +1219,13 @@ def forget_others(folder: Path, written: Sequence[str]) -> None:
         _forget_run(folder)
     with suppress(OSError):
         for inside in sorted(folder.iterdir()):
-            beside = (
+            siblings = (
                 table_files.read_record(inside / "run.json", []).get(_BESIDE)
                 if inside.is_dir()
                 else None
             )
-            is_one = isinstance(beside, list) and inside.name in beside
-            if is_one and inside.name not in written and not inside.is_symlink():
+            is_listed = isinstance(siblings, list) and inside.name in siblings
+            if is_listed and inside.name not in written and not inside.is_symlink():
                 _forget_run(inside)
                 with suppress(OSError):  # what else it holds stays
                     inside.rmdir()
@@ -1315,7 +1315,7 @@ def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
     return [number for row in rows if (number := number_in(row, key)) is not None]
 
 
-def _door(name: str) -> Any:
+def _api(name: str) -> Any:
     """Return a function of damperfit's, which takes runs itself."""
     import damperfit
 

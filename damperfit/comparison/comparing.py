@@ -108,7 +108,7 @@ class Difference(NamedTuple):
 def compared(
     subject: Topic, first: Reading, second: Reading, *, is_same_motion: bool = False
 ) -> Difference:
-    """Return two readings beside each other; of one model and motion, common misfit cancels."""
+    """Return the difference of two readings; of one model and motion, common misfit cancels."""
     a, b = first.value, second.value
     reason = first.objection or second.objection
     if not (math.isfinite(a) and math.isfinite(b)):
@@ -160,7 +160,7 @@ def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
     """Return the lines with `Difference.is_sure` set, by Holm's procedure over all of them.
 
     Among many lines one in twenty differs by chance. What is left here is so in one comparison of
-    twenty, however the lines hang together.
+    twenty, however the lines are correlated.
     """
     chances = sorted(line.chance for line in lines if math.isfinite(line.chance))
     limit = -1.0  # the largest chance of those that are sure
@@ -273,7 +273,7 @@ class Circumstance(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunComparison:
-    """Two runs beside each other."""
+    """What differs between two runs."""
 
     first: Run  # the reference
     second: Run
@@ -380,7 +380,7 @@ def compare_runs(
             f"{listed_settings(settings)}: no motion is common to both",
             code="nothing-in-common",
         )
-    # Where the gas is declared, and not alike, it is known what shifts the forces.
+    # Where the declared gas differs, it is known what shifts the forces.
     is_other_gas = not is_bare and len(set(map(_gas_force, runs))) > 1
     shifts = [(0.0, 0.0) if is_other_gas else zero_shift(first, run, settings) for run in runs]
     bare = set() if is_bare else known_tares(runs, settings)

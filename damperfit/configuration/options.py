@@ -475,8 +475,8 @@ def facts_of_damper(damper: Model, named: Collection[str]) -> dict[str, Any]:
 
 def _with_beta(damper: Model, names: tuple[str, ...], *, named: Collection[str]) -> tuple[str, ...]:
     """What all settings share, and what temperature does, which is one damper's."""
-    is_said = BETA.name in {*names, *named} or names == ("detect",)
-    return names if is_said or not isinstance(damper, WithTemperature) else (*names, BETA.name)
+    is_declared = BETA.name in {*names, *named} or names == ("detect",)
+    return names if is_declared or not isinstance(damper, WithTemperature) else (*names, BETA.name)
 
 
 # The section [adjusters], labels of settings, and what logs are declared to be tested at

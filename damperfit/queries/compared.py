@@ -590,7 +590,7 @@ def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
             continue
         tests += [_of_curve(curve, None if place.is_file() else failure) for curve in curves]
         notes += [f"{failure.log}: {note}" for note in curves[0].notes]
-    # Beside settings, what says none cannot be told apart.
+    # Among logs that say their setting, one that does not is ambiguous.
     if named := [test for test in tests if test.setting != _NAMELESS]:
         lost += [
             f"{log}: does not say its adjuster setting, and others do; give it a line "

@@ -64,7 +64,7 @@ class ChosenParameters:
     is_combined: bool = False
     tested: Tested = Tested()  # what the logs of the run covered
     remarks: tuple[str, ...] = ()  # what is wrong with the table
-    fitted: SettingResult | None = None  # as the run judged it; None where values were replaced
+    fitted: SettingResult | None = None  # None where values were replaced
     run: Run | None = None  # that was read
 
     def warnings(
@@ -113,10 +113,10 @@ def choose_parameters(
                 code="no-effect",
             )
         given = damper.values(_replaced(damper.quantities, replaced))
-        named = None if setting is None else _meant(setting)
+        named = None if setting is None else _setting_named(setting)
         return ChosenParameters(given, named, "parameters: all given")
     settle(folder)
-    path = _table_in(folder) if table is None else table_meant(table)
+    path = _table_in(folder) if table is None else parameters_table(table)
     quantities = damper.quantities if path is None else table_quantities(path)
     values = _replaced(quantities, replaced)
     if setting is None:
@@ -134,7 +134,7 @@ def choose_parameters(
             code="no-parameters",
         )
     else:
-        chosen = _meant(setting)
+        chosen = _setting_named(setting)
         if isinstance(chosen.cell, str):
             raise ConfigurationError(
                 "not in the reference set; expected a whole number, 1 to 20",
@@ -155,7 +155,7 @@ def _of_run(
     known = {result.setting: result for result in run.settings}
     values = {result.setting: result.parameters for result in run.settings}
     unlimited = {result.setting: frozenset(result.unlimited) for result in run.settings}
-    chosen = _meant(setting, known)
+    chosen = _setting_named(setting, known)
     source, fitted = f"setting {chosen} of {path}", known.get(chosen)
     if fitted is None:
         together = values_from_others(values, chosen)
@@ -192,7 +192,7 @@ def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[
     return {name: parameter_value(known[name], text) for name, text in texts.items()}
 
 
-def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Setting:
+def _setting_named(setting: Setting | int | str, known: Collection[Setting] = ()) -> Setting:
     """The setting that a label names, best among those that are known."""
     if not isinstance(setting, str):
         return Setting.of(setting)
@@ -206,7 +206,7 @@ def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Set
         ) from error
 
 
-def table_meant(given: Path) -> Path:
+def parameters_table(given: Path) -> Path:
     """Return the parameters table that is meant; a folder means the one in it, or the part."""
     if is_part(given):
         return part_in(given)
@@ -226,35 +226,36 @@ def damper_of(
     choice: ChosenParameters, configuration: Configuration, *, config: Path | None = None
 ) -> tuple[Configuration, str]:
     """Return the configuration with the damper that the parameters belong to, and a line on it."""
-    meant, line = configuration, configuration.damper_sentence()
+    line = configuration.damper_sentence()
     if choice.run is not None:
-        meant, line = _damper_of_run(choice.run, configuration, config)
-    if isinstance(meant.damper, WithTemperature) and BETA.name not in choice.parameters.names:
+        configuration, line = _damper_of_run(choice.run, configuration, config)
+    lacks_beta = BETA.name not in choice.parameters.names
+    if lacks_beta and isinstance(configuration.damper, WithTemperature):
         raise ConfigurationError(
             f"damper.reference_temperature: setting {choice.setting} of "
             f"{choice.table or 'the reference set'} has no beta; leave the key out, or take "
             "results of identify with {--covariate temperature}",
             code="no-temperature",
         )
-    return meant, line
+    return configuration, line
 
 
 def _damper_of_run(
     run: Run, configuration: Configuration, config: Path | None
 ) -> tuple[Configuration, str]:
-    meant = run.configured(configuration, config=config, takes_motion=True)
+    configuration = run.configured(configuration, config=config, takes_motion=True)
     line = f", that of {run.source}"
     if run.declared_damper is None:
         line = f"; {run.source} does not say whose parameters these are"
     schema = unknown_schema(run.record)
-    return meant, meant.damper_sentence(f"{line}; {schema}" if schema else line)
+    return configuration, configuration.damper_sentence(f"{line}; {schema}" if schema else line)
 
 
 def truth_of(
     given: Path, configuration: Configuration, config: Path | None
 ) -> tuple[dict[int, Values], Configuration, str]:
     """Return the values of a table, and the configuration and line of the damper they hold for."""
-    run = Run.load(table_meant(given))
+    run = Run.load(parameters_table(given))
     known = {result.setting.cell: result.values for result in run.settings}
     truth = {setting: values for setting, values in known.items() if isinstance(setting, int)}
     return truth, *_damper_of_run(run, configuration, config)
@@ -439,14 +440,14 @@ def run_sweep(
         raise ConfigurationError(f"{name} is 0 here: no factor changes it", code="out-of-range")
     members = []
     for factor in variation.factors:
-        value, varied, meant = base * factor, parameters, configuration
+        value, varied, modified = base * factor, parameters, configuration
         try:
             if name in parameters.names:
                 varied = parameters.replace({name: value})
             elif name in _GAS and isinstance(damper, Damper):
-                meant = replace(configuration, damper=replace(damper, **{_GAS[name]: value}))
+                modified = replace(configuration, damper=replace(damper, **{_GAS[name]: value}))
             else:
-                meant = replace(configuration, rig=rig.but(**{name: value}))
+                modified = replace(configuration, rig=rig.but(**{name: value}))
         except ConfigurationError as error:
             raise ConfigurationError(
                 "{error}",
@@ -454,7 +455,7 @@ def run_sweep(
                 where=Option("vary", f"{factor:g}", name),
                 code=error.problem.code,
             ) from error
-        _, frequency, response, figures = simulated(varied, meant)
+        _, frequency, response, figures = simulated(varied, modified)
         members.append(SweepMember(factor, value, frequency, response, figures))
     return tuple(members)
 

@@ -74,7 +74,7 @@ def matplotlib_of_files() -> Any:
 
 @contextmanager
 def fixed_style() -> Iterator[None]:
-    """Draw alike everywhere: a reader's own matplotlibrc must not change the bytes."""
+    """Draw the same everywhere: a reader's own matplotlibrc must not change the bytes."""
     mpl = matplotlib_of_files()
     with mpl.rc_context():
         mpl.rcdefaults()

@@ -86,7 +86,7 @@ class Inspection(Answer):
 
     def all_sheets(self) -> tuple[Sheet, ...]:
         """Return a row a log, a row a segment, and a row a curve without time."""
-        return tuple(make(self.facts) for make in (inspection_sheet, stretch_sheet, curve_sheet))
+        return tuple(make(self.facts) for make in (inspection_sheet, segments_sheet, curve_sheet))
 
 
 # Tables
@@ -119,7 +119,7 @@ def inspection_sheet(logs: Iterable[Facts]) -> Sheet:
     return laid_out(shown, columns, f"{left_out} {_LISTED}")
 
 
-def stretch_sheet(logs: Iterable[Facts]) -> Sheet:
+def segments_sheet(logs: Iterable[Facts]) -> Sheet:
     """Return one row per segment of the logs that are no single steady run; no rows without."""
 
     def noise(row: Facts) -> str:
@@ -206,7 +206,7 @@ def finding_lines(
         for finding in chain.from_iterable(log.get("findings", ()) for log in logs):
             if finding["severity"] == "note":
                 notes.setdefault(finding["name"], []).append(finding)
-        parts["Notes"] = [_note(alike, len(logs)) for alike in notes.values()]
+        parts["Notes"] = [_note(group, len(logs)) for group in notes.values()]
         read_as: Counter[str] = Counter()  # what was assumed in reading, each assumption once
         for log in logs:
             known = {finding["sentence"] for finding in log.get("findings", ())}
@@ -238,8 +238,8 @@ def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
                 # Refusals share a few names: the problem tells their causes apart.
                 code = str((severity == "refusal" and log.get("code")) or finding["name"])
                 names.setdefault((code, sentence), []).append(name)
-                alike = _NUMBER.sub("", finding["sentence"].replace(name, ""))
-                kinds.setdefault((code, sentence), f"{code} {alike}")
+                text = _NUMBER.sub("", finding["sentence"].replace(name, ""))
+                kinds.setdefault((code, sentence), f"{code} {text}")
     problems = []
     for (code, sentence), (first, *others) in names.items():
         n = len({*others} - {first})

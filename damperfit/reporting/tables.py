@@ -321,9 +321,9 @@ def grade_counts(rows: Iterable[Row]) -> str:
 
 
 def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
-    """Return one row per setting that tells of pressures: the lowest, and what may still change."""
-    telling = ("lowest_pressure", "r_m3_cavitation_margin")
-    known = [row for row in rows if any(row.get(name) is not None for name in telling)]
+    """Return one row per setting whose pressures are known: the lowest, and the margins."""
+    names = ("lowest_pressure", "r_m3_cavitation_margin")
+    known = [row for row in rows if any(row.get(name) is not None for name in names)]
     columns = [
         Column.text("setting", "setting", is_number=True),
         Column.of("lowest pressure", "bar", "lowest_pressure", digits=3, factor=1e-5),

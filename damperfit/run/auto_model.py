@@ -177,11 +177,11 @@ def ties_of(
     to follow an adjuster does.
     """
     options, declared = configuration.identification, configuration.declared
-    is_apart = "identification.procedure" in declared and options.procedure != "joint"
+    is_separate = "identification.procedure" in declared and options.procedure != "joint"
     share = options.share if "identification.share" in declared else None
 
     def follows(model: Model, free: Sequence[str]) -> Follows:
-        if is_apart:
+        if is_separate:
             return dict.fromkeys(free, adjusters)
         ties = dict(follows_by_scope(model, free, adjusters))
         if share and not options.is_detecting:
@@ -461,9 +461,9 @@ def _tied_still(untied: Sequence[str], best: LawFit) -> Iterator[Problem]:
 
 def _is_tying(configuration: Configuration) -> bool:
     """Whether the logs say what follows an adjuster: where nobody else has."""
-    is_said = {"identification.procedure", "identification.share"} & configuration.declared
+    is_declared = {"identification.procedure", "identification.share"} & configuration.declared
     followers = configuration.document["adjusters"].values()
-    return not is_said and not any(names for names in followers if not isinstance(names, str))
+    return not is_declared and not any(names for names in followers if not isinstance(names, str))
 
 
 def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configuration:
@@ -598,7 +598,7 @@ def _evidence(
 
 
 def _softest_and_stiffest(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs, ...]:
-    """The settings with the strongest and the weakest force tell laws apart as well as all do."""
+    """Return the settings of the strongest and the weakest force: they separate laws like all."""
 
     def strength(logs: SettingLogs) -> float:
         return float(np.std(np.concatenate([t.force[t.compared] for t in logs.fitted])))

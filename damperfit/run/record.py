@@ -1,10 +1,10 @@
-"""A campaign judged, and the account that a run gives of itself: warnings, tables, run.json.
+"""A campaign assessed, and what a run reports of itself: warnings, tables, run.json.
 
-What fails at one setting or log costs that one its judgement, and no other: the steps are told what
-to do without, leave the log or the setting out, and it becomes a failure.
+What fails at one setting or log costs that one its assessment, and no other: the steps leave the
+log or the setting out, and it becomes a failure.
 
-Of many problems alike the first alone is told, and how many more: hundreds of logs or settings with
-the same flaw are one sentence. The facts that go into the tables depend on the good logs and the
+Of many equal problems the first is shown, and how many more: hundreds of logs or settings with the
+same flaw are one sentence. The facts that go into the tables depend on the good logs and the
 configuration alone, so that a bad log beside them changes no byte; run.json tells everything.
 """
 
@@ -171,17 +171,17 @@ def judge(  # noqa: PLR0913 - what a judgement takes
                 assessment,
             )
     with clock.lap("judge"):
-        judged = reconsider(campaign, assessment)
+        assessed = reconsider(campaign, assessment)
         speeds = configuration.output.speeds
         adjustment = spared(
             "comparing the settings",
-            lambda: compare_settings(judged, assessment, damper, speeds=speeds, on_error=take),
+            lambda: compare_settings(assessed, assessment, damper, speeds=speeds, on_error=take),
             Adjustment(),
         )
 
         def predicted(trace: Trace) -> tuple[Prediction, ...]:
             try:
-                return predict(judged, assessment, (trace,), damper=damper, solver=solver)
+                return predict(assessed, assessment, (trace,), damper=damper, solver=solver)
             except Exception as error:  # noqa: BLE001 - the other logs are predicted
                 failure_log.at("predicting")(trace, error)
                 return ()
@@ -189,11 +189,11 @@ def judge(  # noqa: PLR0913 - what a judgement takes
         with executor(jobs) as pool:
             made = chain.from_iterable(pool.map(predicted, batch.held_out))
             predictions = tuple(sorted(made, key=lambda prediction: prediction.setting))
-        against = _objections(configuration, judged, assessment, failure_log, jobs=jobs)
+        against = _objections(configuration, assessed, assessment, failure_log, jobs=jobs)
         for setting, objection in missed_predictions(predictions).items():
             against[setting] = (*against.get(setting, ()), objection)
         assessment = replace(assessment, objections=against)
-        lost = failures_of(configuration, batch, judged)
+        lost = failures_of(configuration, batch, assessed)
         missing = [
             f"{failure.place} {'left out' if failure.is_left_out else 'failed'}"
             if failure.place
@@ -202,7 +202,7 @@ def judge(  # noqa: PLR0913 - what a judgement takes
         ]
         missing += [f"and {len(lost) - MANY} more"] * (len(lost) > MANY)
         subject = Subject(
-            *(judged, assessment, adjustment),
+            *(assessed, assessment, adjustment),
             missing=tuple(missing),
             temperature=configuration.rig.temperature,
             temperature_tolerance=configuration.rig.temperature_tolerance,
@@ -211,7 +211,7 @@ def judge(  # noqa: PLR0913 - what a judgement takes
         )
         checks = spared("checking the run", lambda: run_checks(subject), unchecked())
         assessment = with_choice(assessment, damper, configuration.chosen_law)
-    return judged, Judgement(assessment, adjustment, checks, predictions)
+    return assessed, Judgement(assessment, adjustment, checks, predictions)
 
 
 def _objections(
@@ -310,7 +310,7 @@ def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -
 # Warnings, gates and failures
 
 MANY = 20  # sentences of one kind that are shown one by one; a damper has some twenty settings
-# Frictions of one damper at two settings: so many errors and times apart they are not one.
+# Frictions of two settings that differ by so many errors and this factor are not one damper's.
 _ERRORS_APART = 3.0
 _TIMES_APART = 2.0
 # What another law may mend; an offset it cannot.
@@ -418,7 +418,7 @@ def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[Pr
 
 
 def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[Problem]:
-    """Say where settings that were fitted apart have frictions that cannot be those of one damper.
+    """Say where settings that were fitted separately have frictions that one damper cannot have.
 
     With the bleed closed, a preload and a friction give nearly the same force at one speed.
     """
@@ -502,7 +502,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     signals: Callable[[], Iterable[LogSignals]] | None = None,
     is_interrupted: bool,
 ) -> tuple[Run, tuple[Failure, ...]]:
-    """Return the run that was fitted and judged, and what has failed.
+    """Return the run that was fitted and assessed, and what has failed.
 
     ``characteristics`` are the rows of that table; ``signals`` makes those of each log.
     """
@@ -616,11 +616,11 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
                 "setting": fit.setting,
                 "log": log.trace.name,
                 "mse_percent": mse,
-                **stretch.describe(log.trace),
+                **segment.describe(log.trace),
             }
             for fit in campaign.fits
             for log in fit.logs
-            for stretch, mse in zip(log.trace.stretches, log.stretch_mse_percent, strict=False)
+            for segment, mse in zip(log.trace.stretches, log.stretch_mse_percent, strict=False)
         ],
         "grades_withheld": [
             {"setting": setting, "reasons": to_record(why)}
@@ -635,7 +635,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         "schema": describe_tables(settings, campaign.quantities),
         "quantities": quantity_records(campaign.quantities),
     }
-    # Key by key, so that no two forms of all of it stand beside each other.
+    # Key by key: memory never holds two forms of all of it.
     record = {key: json_values(document.pop(key)) for key in list(document)}
     typed = {name: typed_rows(name, of, quantities) for name, of in rows.items()}
     with suppress(ConfigurationError):  # a model without orifices and openings

@@ -1,4 +1,4 @@
-"""What was fitted, judged and read off the logs, as rows of tables."""
+"""What was fitted, assessed and read off the logs, as rows of tables."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def signals_of(setting: Setting, trace: Trace, compared: SimulatedLog) -> LogSig
     return LogSignals(setting, trace.name, response.time[part], *measured, *simulated)
 
 
-# What a dyno's software reads off each stretch, as rows: measured beside simulated.
+# What a dyno's software reads off each segment, as rows: measured beside simulated.
 #
 # One row of the peaks (PVP) and one of each named speed that both strokes reach. The gas force is
 # that of the damper's data at the displacement of each sample; a model without gas has none, and
@@ -190,7 +190,7 @@ def characteristic_rows(
     damper: Model,
     speeds: Sequence[float] = NAMED_SPEEDS,
 ) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a log: of each stretch the peaks, then the named speeds (m/s)."""
+    """Yield the rows of a log: of each segment the peaks, then the named speeds (m/s)."""
     for place, segment in enumerate(trace.stretches, start=1):
         facts = {
             "setting": setting,
