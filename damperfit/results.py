@@ -406,7 +406,7 @@ class Run:
         """The mean cycles of its logs as they were measured, one a motion that repeats."""
         from damperfit.comparison.measured import measured_tests
 
-        facts = {str(log.get("log")): log for log in self._inputs}
+        facts = {str(log.get("log")): log for log in self.inputs}
         tests: list[MeasuredTest] = []
         for signals in self.signals:
             log = facts.get(signals.log, {})
@@ -519,7 +519,7 @@ class Run:
     def settings(self) -> tuple[SettingResult, ...]:
         """The settings that have all parameters, rising."""
         tops: dict[Any, float] = {}
-        for log in self._inputs:
+        for log in self.inputs:
             for _, _, speed in _motions(log):
                 tops[log.get("setting")] = max(speed, tops.get(log.get("setting"), 0.0))
         entries = {entry.get("setting"): entry for entry in entries_in(self.record, "uncertainty")}
@@ -542,7 +542,7 @@ class Run:
         return tuple(settings)
 
     @property
-    def _inputs(self) -> list[dict[str, Any]]:
+    def inputs(self) -> list[dict[str, Any]]:
         """Entries of run.json on the logs."""
         return entries_in(self.record, "inputs")
 
@@ -596,7 +596,7 @@ class Run:
     @cached_property
     def logs(self) -> tuple[LogResult, ...]:
         """The logs that were fitted or held out, by setting and name."""
-        facts = {str(log.get("log")): log for log in self._inputs}
+        facts = {str(log.get("log")): log for log in self.inputs}
         segments: dict[tuple[Setting, str], list[dict[str, Any]]] = {}
         for row in self.rows("characteristics"):
             if row["point"] == "peak":
@@ -746,7 +746,7 @@ class Run:
     def _fitted_inputs(self) -> list[dict[str, Any]]:
         """Entries of the logs of the settings that have parameters."""
         cells = {result.setting.cell for result in self.settings}
-        return [log for log in self._inputs if "setting" not in log or log["setting"] in cells]
+        return [log for log in self.inputs if "setting" not in log or log["setting"] in cells]
 
     @property
     def motion_of_tests(self) -> Sine | None:

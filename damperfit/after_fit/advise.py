@@ -466,7 +466,7 @@ class _Rig:
             )
         # What is simulated is in time, and about the middle of the stroke.
         self.options = run.own_configuration.conditioning.but(skew=0.0, centre=None)
-        inputs = entries_in(run.record, "inputs")
+        inputs = run.inputs
         rates = [rate for log in inputs if (rate := number_in(log, "sample_rate_Hz"))]
         self.rate = median(rates) if rates else 1000.0  # of the logs, Hz
         # Samples to one that counts, of white noise behind the filter.

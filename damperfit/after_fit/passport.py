@@ -12,7 +12,6 @@ from damperfit import __version__
 from damperfit.queries.compared import baseline_text, read_run
 from damperfit.reporting.drawing import draw_plot
 from damperfit.reporting.figures import report_plots
-from damperfit.reporting.records import entries_in
 from damperfit.reporting.report import lead
 from damperfit.reporting.sheet import html_table, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import force_sheets, parameter_sheet
@@ -66,9 +65,7 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
         "damper": run.damper.plain.sentence,
         "temperatures_degC": run.tested.temperatures,
         "checks": run.record.get("checks", []),
-        "logs": {
-            str(one.get("log")): one.get("sha256") for one in entries_in(run.record, "inputs")
-        },
+        "logs": {str(one.get("log")): one.get("sha256") for one in run.inputs},
         "clicks": run.forces.to_dict("records"),
     }
     page, record = folder / f"{stem}.html", folder / f"{stem}.json"

@@ -850,12 +850,8 @@ def _plain(value: object) -> str:
 
 def _inputs(run: Run) -> list[tuple[str, dict[str, Any]]]:
     """Return the hash of each log that a run is based on, and the log as its record has it."""
-    inputs = run.record.get("inputs")
-    return [
-        (str(log["sha256"]), log)
-        for log in (inputs if isinstance(inputs, list) else ())
-        if isinstance(log, dict) and log.get("sha256") and log.get("setting") is not None
-    ]
+    logs = [log for log in run.inputs if log.get("sha256") and log.get("setting") is not None]
+    return [(str(log["sha256"]), log) for log in logs]
 
 
 def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:

@@ -29,6 +29,7 @@ from damperfit.queries.settings import positive, refuse_unfitted, speed_in
 from damperfit.recording import Trace, natural_order
 from damperfit.reporting import compared as shown
 from damperfit.reporting.answer import Answer
+from damperfit.reporting.records import entries_in
 from damperfit.reporting.sheet import Sheet
 from damperfit.results import Run
 from damperfit.run.identify import by_damper, folder_name
@@ -471,11 +472,9 @@ def baseline_text(run: Run, *, is_measured: bool = False) -> str:
 
 def compared_record(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return what of run.json is compared, or says what is compared."""
-    inputs = record.get("inputs")
-    logs = [log for log in inputs if isinstance(log, dict)] if isinstance(inputs, list) else []
-    return {key: record[key] for key in _KEPT if key in record} | {
-        "inputs": [{key: log[key] for key in _OF_INPUTS if key in log} for log in logs]
-    }
+    logs = entries_in(record, "inputs")
+    inputs = [{key: log[key] for key in _OF_INPUTS if key in log} for log in logs]
+    return {key: record[key] for key in _KEPT if key in record} | {"inputs": inputs}
 
 
 def is_baseline(path: Path) -> bool:

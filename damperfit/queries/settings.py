@@ -124,8 +124,16 @@ class Question:
     stroke: str | None = None  # "rebound" or "bump"; None: both
 
 
+class _Forces(Answer):
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row a setting or curve, speed and stroke."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document()["forces"])
+
+
 @dataclass(frozen=True, repr=False, eq=False)
-class SettingForces(Answer):
+class SettingForces(_Forces):
     """Force by setting and what a click changes, shown in `units`; and the setting for a force."""
 
     run: Run
@@ -181,12 +189,6 @@ class SettingForces(Answer):
             }
         )
         return document
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return a row a setting, speed and stroke."""
-        import pandas as pd
-
-        return pd.DataFrame(self.document()["forces"])
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return forces by setting, a table a stroke, and measured ones beside the model's."""
@@ -397,7 +399,7 @@ def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> I
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class CurveForces(Answer):
+class CurveForces(_Forces):
     """Forces of measured curves at some speeds, and the answer where one is asked."""
 
     paths: tuple[Path, ...]
@@ -429,12 +431,6 @@ class CurveForces(Answer):
             }
         )
         return document
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return a row a curve, stroke and speed."""
-        import pandas as pd
-
-        return pd.DataFrame(self.document()["forces"])
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return the forces of the fastest speeds by curve."""

@@ -345,7 +345,7 @@ class ReportPlots:
     @cached_property
     def logs(self) -> tuple[LogView, ...]:
         """The logs that have signals."""
-        facts = {str(entry.get("log")): entry for entry in entries_in(self.run.record, "inputs")}
+        facts = {str(entry.get("log")): entry for entry in self.run.inputs}
         rows: dict[tuple[Setting, str], list[Row]] = {}
         for row in self.run.rows("characteristics"):
             rows.setdefault((row["setting"], str(row["log"])), []).append(row)
@@ -620,9 +620,9 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
             low, high = (np.array([scale.factor * end]) if has_interval else None for end in ends)
             style = "points" if status_of[setting] in {"fitted", None} else "triangles"
             x, y = np.array([places[setting]]), np.array([scale.factor * row[name]])
-            ends_of: Any = {"low": low, "high": high, "in_legend": False}
+            more: Any = {"low": low, "high": high, "in_legend": False}
             label, colour = f"setting {setting}", shown.colours[setting]
-            lines.append(Line(x, y, label, colour, setting, style, **ends_of))
+            lines.append(Line(x, y, label, colour, setting, style, **more))
         panel = setting_panel(places, quantity.symbol, scale.axis, lines)
         statuses = {str(status_of[row["setting"]]) for row in near} - {"fitted", "None"}
         held = ", ".join(sorted(status.replace("_", " ") for status in statuses))
