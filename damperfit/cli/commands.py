@@ -208,14 +208,14 @@ def _blocks_of_run(damper: Identified) -> list[Any]:
     held_out, law = entries_in(run.record, "held_out"), law_in(run.record)
     as_fitted = run.record.get("procedure") or [configuration.damper_sentence()]
     return [
-        f"damper {damper.owner}" * bool(damper.beside),
+        f"damper {damper.owner}" * bool(damper.folders),
         *(sheet_in_units(sheet, units) for sheet in forces),
         parameter_sheet(rows, run.quantities, levels=spark_levels(), units=units),
         *([held_out_sheet(held_out, is_narrow=True)] if held_out else []),
         as_fitted[0],
         " ".join(law_sentences(law, with_undecided=False)),
         wrapped(*map(one_line, check_lines(checks_in(run.record)))),
-        [""] * bool(damper.beside),
+        [""] * bool(damper.folders),
     ]
 
 

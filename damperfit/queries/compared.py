@@ -554,7 +554,7 @@ class NoUsableLogError(LogError):
 
 
 def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -> dict[str, Run]:
-    """Return what raw logs tell, by damper; one run without a name where they are of one.
+    """Return raw logs as runs, by damper; one run without a name where they are of one.
 
     A log that cannot be used costs itself: the run's remarks say so.
     """

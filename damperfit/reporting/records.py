@@ -251,6 +251,6 @@ def sentences_in(record: Record, about: str) -> list[str]:
 
 
 def law_in(record: Record) -> Record:
-    """Return what the logs tell of the damper's law; empty where they were not asked."""
+    """Return the choice of the model structure; empty where the logs chose none."""
     choice = record.get("law_choice")
     return choice if isinstance(choice, dict) else {}

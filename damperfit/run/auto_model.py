@@ -39,7 +39,7 @@ from damperfit.tables.files import finite, json_values
 from damperfit.tested.setting import Setting
 from damperfit.workers import available_cores
 
-# What is open of a damper where nobody has declared its layout, its dimensions or its gas.
+# What is not determined of a damper whose layout, dimensions or gas nobody has declared.
 
 # What a law has of its own, and the lengths that make the paper's gas volume.
 _VALVES = {"rebound", "compression"}
@@ -102,7 +102,7 @@ def is_monotube_open(configuration: Configuration, search: LawSearch, layout: st
 def open_layout(
     configuration: Configuration, fit: LawFit, layout: str | None, *, is_open: bool
 ) -> tuple[str, ...]:
-    """Return what is open of the layout, but for layouts that fit alike, in a sentence."""
+    """Return what is not determined of the layout, layouts that fit equally apart, in a sentence."""
     if is_open and isinstance(fit.model, ValveDamper):
         name, pressure = fit.model.name.replace("_", " "), 1e-5 * fit.model.gas_pressure
         text = (
@@ -195,7 +195,7 @@ def ties_of(
     return follows
 
 
-# Logs in, the law that they tell out: a search on few settings, the chosen law at all of them.
+# Logs in, the law that they support out: a search on few settings, then a fit at all of them.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -387,7 +387,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     on_law: Callable[[JudgedLaw], None] = lambda _: None,
     on_rival: Callable[[Tried], None] | None = None,
 ) -> LawChoice:
-    """Return the law that logs tell of their damper; a ConfigurationError: no log can be used.
+    """Return the law that the logs support; a ConfigurationError: no log can be used.
 
     ``layout`` is one of `LAYOUTS`, by default that of the model that is declared, or any;
     ``start`` a place more where every law may start, as far as it has these quantities. ``on_law``

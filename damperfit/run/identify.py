@@ -117,7 +117,7 @@ class Clock:
 class Identified:
     """One damper, identified: its serial number or name, with what it was fitted, what was found.
 
-    `failures` are logs and settings without a result, and where internal errors happened; `beside`
+    `failures` are logs and settings without a result, and where internal errors happened; `folders`
     the folders of all dampers of the command, none where there is one; `error` says why it, or its
     report, is not written. `keeps_earlier`: nothing was fitted, and the folder keeps the results
     that it had.
@@ -127,7 +127,7 @@ class Identified:
     configuration: Configuration
     run: Run
     failures: tuple[Failure, ...] = ()
-    beside: tuple[str, ...] = ()
+    folders: tuple[str, ...] = ()
     error: Exception | None = None
     keeps_earlier: bool = False
 
@@ -177,7 +177,7 @@ def written(configuration: Configuration, logs: Sequence[str], **how: Any) -> It
                 except (OutputError, ConfigurationError) as error:
                     result.error = error
             if result.run.settings and result.error is None:
-                forget_others(folder, result.beside or ("",))
+                forget_others(folder, result.folders or ("",))
             yield result
 
 
@@ -234,24 +234,24 @@ def identified(  # noqa: PLR0913 - what is asked of it
             code="no-log",
         )
     groups = by_damper(batch, is_one=is_one)
-    beside = tuple(map(folder_name, groups)) if len(groups) > 1 else ()
+    folders = tuple(map(folder_name, groups)) if len(groups) > 1 else ()
     options, output = configuration.hold_out, configuration.output
-    if beside and not watch.cancelled():
+    if folders and not watch.cancelled():
         part(replace(batch), options, named)  # a pattern that fits no log at all is refused
     prepared = []
     for owner, mine in groups.items():
         own = configuration
         if not watch.cancelled():
-            held_out = fitting(mine, options, named) if beside else options
+            held_out = fitting(mine, options, named) if folders else options
             own = prepare(configuration, mine, held_out, named)
-        if beside:
+        if folders:
             own = replace(own, output=output.but(folder=output.folder / folder_name(owner)))
         prepared.append((owner, own, mine))
     for owner, own, mine in prepared:
         run, failures = _fitted(own, mine, clock=clock, jobs=workers, watch=watch)
-        if beside:
-            run.record["folders_of_this_run"] = list(beside)
-        yield Identified(owner, own, run, failures, beside)
+        if folders:
+            run.record["folders_of_this_run"] = list(folders)
+        yield Identified(owner, own, run, failures, folders)
 
 
 def gather(
@@ -512,8 +512,8 @@ def without_contradictions(
 ) -> None:
     """Leave out the settings whose logs contradict each other: of one motion, then of others.
 
-    They fail, or are fitted all the same, with a word on them, where that is asked for. Logs of
-    different temperatures may differ where what it does is fitted.
+    They fail or, where that is asked for, are averaged with a warning. Logs of different
+    temperatures may differ where the effect of temperature is fitted.
     """
     damper, options, sentences = configuration.damper, configuration.identification, {}
 
@@ -649,8 +649,8 @@ def named_files(patterns: Iterable[str], paths: Sequence[Path]) -> dict[str, tup
         named[pattern] = tuple(path for path in paths if _is_named(pattern, path.name, str(path)))
         if not named[pattern]:
             with suppress(ConfigurationError):
-                beside = expand([pattern])
-                named[pattern] = tuple(known.get(real_path(path), path) for path in beside)
+                others = expand([pattern])
+                named[pattern] = tuple(known.get(real_path(path), path) for path in others)
     return named
 
 
@@ -717,14 +717,14 @@ def hold_out_transients(batch: LogBatch, options: HoldOutOptions) -> None:
     is_asked = TRANSIENTS in options.patterns
     if not is_asked and (options.patterns or options.cycles):
         return
-    beside = [trace for trace in map(transients, batch.traces) if trace is not None]
-    if is_asked and batch.traces and not beside:
+    moving = [trace for trace in map(transients, batch.traces) if trace is not None]
+    if is_asked and batch.traces and not moving:
         raise ConfigurationError(
             "hold-out transients: no log has a run-up or coast-down from or to rest, or changes "
             "its speed between steady cycles; give one that does, or hold out another log",
             code="no-transients",
         )
-    batch.held_out, batch.is_asked = [*batch.held_out, *beside], is_asked
+    batch.held_out, batch.is_asked = [*batch.held_out, *moving], is_asked
 
 
 def note_unpredicted(

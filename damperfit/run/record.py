@@ -265,9 +265,9 @@ def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -
     """Return the assessment with intervals as wide as the choice of the law leaves them.
 
     They hold what structures about as likely as the chosen one differ by (the most of the others at
-    a setting that was not compared), reach to what valves are in layouts that the logs do not tell
-    from that of the damper, and to the values of structures in exchange: what such a one has not is
-    there where it does nothing.
+    a setting that was not compared), what valves are in layouts that the logs do not distinguish
+    from the damper's, and the values of structures in exchange: what such a one lacks is where it
+    does nothing.
     """
     if not law:
         return assessment
