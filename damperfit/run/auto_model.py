@@ -102,7 +102,7 @@ def is_monotube_open(configuration: Configuration, search: LawSearch, layout: st
 def open_layout(
     configuration: Configuration, fit: LawFit, layout: str | None, *, is_open: bool
 ) -> tuple[str, ...]:
-    """Return what is not determined of the layout, layouts that fit equally apart, in a sentence."""
+    """Return what is not determined of the layout, but for layouts that fit equally, as text."""
     if is_open and isinstance(fit.model, ValveDamper):
         name, pressure = fit.model.name.replace("_", " "), 1e-5 * fit.model.gas_pressure
         text = (

@@ -59,9 +59,7 @@ def real_path(path: str | Path) -> Path:
         return Path(path)
 
 
-def matches(  # noqa: PLR0912 - one kind after the other
-    pattern: str, *, keeps_missing: bool = False
-) -> list[Path]:
+def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     """Return the files that a path, a pattern, a folder or ``@list.txt`` names.
 
     A folder stands for the logs in it, not below it: files with the suffix of a format that is
@@ -74,50 +72,48 @@ def matches(  # noqa: PLR0912 - one kind after the other
             "'': expected a file or folder; '.' is this folder", code="empty-name"
         )
     pattern = os.path.expanduser(pattern)  # noqa: PTH111 - a Path would raise on ~nobody
-    path, subject, code = Path(pattern), pattern, "no-log"
+    path = Path(pattern)
+
+    def refused(why: str, subject: str = pattern, code: str = "no-log") -> ConfigurationError:
+        return ConfigurationError(why, subject=subject, code=code)
+
     if _is_folder(path):
         try:
             entries = sorted(path.iterdir())
         except OSError as error:
             why = f"cannot be read: {error.strerror or error}"
-            raise ConfigurationError(why, subject=path, code="unreadable") from error
-        logs = [
-            entry
-            for entry in entries
-            if entry.name[0] != "." and entry.name.lower().endswith(LOG_SUFFIXES)
-            if not _is_folder(entry)
-        ]
+            raise refused(why, str(path), "unreadable") from error
+        names = {entry: entry.name.lower() for entry in entries if entry.name[0] != "."}
+        logs = [e for e in names if names[e].endswith(LOG_SUFFIXES) and not _is_folder(e)]
         are_own = bool(logs) and all(map(is_own_table, logs))
         if logs and not are_own:
             return logs
         if keeps_missing:
             return [] if are_own else [path]
-        subject, inside = str(path), f"{path}/*/*.csv"
-        why = (
-            "no log in this folder; expected files such as .csv, .txt, .xlsx, .mat or .tdms; for "
-            f"logs in its subfolders give {inside}"
-        )
         if are_own:
             why = "contains only files that damperfit wrote; give the folder with the logs"
-    elif _is_there(path):
+            raise refused(why, str(path))
+        why = (
+            "no log in this folder; expected files such as .csv, .txt, .xlsx, .mat or .tdms; for "
+            f"logs in its subfolders give {path}/*/*.csv"
+        )
+        raise refused(why, str(path))
+    if _is_there(path):
         return [path]
-    elif pattern.startswith("@"):
+    if pattern.startswith("@"):
         return _listed(pattern, keeps_missing=keeps_missing)
-    elif any(c in pattern for c in "*?["):
+    if any(c in pattern for c in "*?["):
         hits = [Path(hit) for hit in glob.glob(pattern, recursive=True)]
         if files := [hit for hit in hits if not _is_folder(hit)]:
             return files
-        why = "the pattern matches no file"
-        if hits:
-            inside = f"{pattern.rstrip('/')}/*.csv"
-            why = f"the pattern matches only folders; for the logs in them give {inside}"
-    elif keeps_missing and pattern.strip():
+        inside = f"{pattern.rstrip('/')}/*.csv"
+        why = f"the pattern matches only folders; for the logs in them give {inside}"
+        raise refused(why if hits else "the pattern matches no file")
+    if keeps_missing and pattern.strip():
         return [path]
-    elif pattern == "-":
-        why, subject = "-: logs are not read from a pipe; give files, or write one first", ""
-    else:
-        why, code = "no such file", "no-such-file"
-    raise ConfigurationError(why, subject=subject, code=code)
+    if pattern == "-":
+        raise refused("-: logs are not read from a pipe; give files, or write one first", "")
+    raise refused("no such file", code="no-such-file")
 
 
 def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
@@ -252,28 +248,26 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
         return
     if isinstance(logs, str | os.PathLike):
         logs = [logs]
-    text, subject, code, paths = "", "", "not-a-log", []
+
+    def refused(text: str, code: str = "not-a-log", subject: str = "") -> ConfigurationError:
+        return ConfigurationError(text, subject=subject, code=code)
+
     if isinstance(logs, Trace | Recording) or not isinstance(logs, Iterable):
-        text = f"found {type(logs).__name__}; {_EXPECTED}"
-    elif _is_frame(logs):
-        text, code = (
-            (
-                "found a data frame without a label; give {'10': frame}, where '10' is the "
-                "setting of the adjuster"
-            ),
-            "no-setting",
+        raise refused(f"found {type(logs).__name__}; {_EXPECTED}")
+    if _is_frame(logs):
+        text = (
+            "found a data frame without a label; give {'10': frame}, where '10' is the setting of "
+            "the adjuster"
         )
-    elif not (paths := list(logs)):
-        text, code = f"found no log; {_EXPECTED}", "no-log"
+        raise refused(text, "no-setting")
+    paths = list(logs)
+    if not paths:
+        raise refused(f"found no log; {_EXPECTED}", "no-log")
     for path in paths:
         if not isinstance(path, str | os.PathLike):
-            text, subject = f"found {type(path).__name__} in a list; {_EXPECTED}", call
-        elif path == "":  # it would be this folder
-            text, code = f"found ''; {_EXPECTED}", "empty-name"
-        if text:
-            break
-    if text:
-        raise ConfigurationError(text, subject=subject, code=code)
+            raise refused(f"found {type(path).__name__} in a list; {_EXPECTED}", subject=call)
+        if path == "":  # it would be this folder
+            raise refused(f"found ''; {_EXPECTED}", "empty-name")
     yield [os.fspath(path) for path in paths]
 
 
@@ -325,18 +319,20 @@ def _frame(label: object, value: object, call: str) -> pd.DataFrame:
             subject=call,
             code="not-a-log",
         )
-    frame, text = pd.DataFrame() if isinstance(value, Mapping) else value, ""
-    if isinstance(value, Mapping) and value and all(np.ndim(c) == 0 for c in value.values()):
-        text = "found single numbers; give columns of one length"
-    elif isinstance(value, Mapping):
+
+    def no_data(text: str) -> LogError:
+        return LogError(text, subject=label, code="no-data")
+
+    if isinstance(value, Mapping):
+        if value and all(np.ndim(column) == 0 for column in value.values()):
+            raise no_data("found single numbers; give columns of one length")
         try:
-            frame = pd.DataFrame(dict(value))
+            value = pd.DataFrame(dict(value))
         except ValueError as error:
-            text = f"{error}; give columns of one length"
-    if not text and not len(frame.columns):
-        text = "the data frame has no columns; expected time, displacement, force"
-    if text:
-        raise LogError(text, subject=label, code="no-data")
+            raise no_data(f"{error}; give columns of one length") from error
+    frame: pd.DataFrame = value
+    if not len(frame.columns):
+        raise no_data("the data frame has no columns; expected time, displacement, force")
     # Where time is the index of a frame it is a column of a log.
     if frame.index.name is not None and frame.index.name not in frame.columns:
         frame = frame.reset_index()
