@@ -41,7 +41,7 @@ from damperfit.comparison.measured import (
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings, of_settings
-from damperfit.problem import Failure
+from damperfit.problem import Failure, counted
 from damperfit.statistics import NORMAL_95
 from damperfit.units.shown_units import SI, ShownUnits
 
@@ -643,7 +643,7 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
     is_bare, units, forces = comparison.is_without_model, comparison.units, comparison.of("force")
     if 0 < (n := len(comparison.repeats)) < _FEW_REPEATS:
         yield (
-            f"the scatter of A is that of {n + 1} runs, {n} degree{'s' * (n > 1)} of freedom: "
+            f"the scatter of A is that of {n + 1} runs, {counted(n, 'degree')} of freedom: "
             f"intervals are {'six times' if n == 1 else 'twice'} as wide as those of many would be"
         )
     with_forces = {line.subject.setting for line in forces}

@@ -16,7 +16,7 @@ import numpy as np
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.io.force_curves import ForceCurve
-from damperfit.problem import FEW, Problem, listing
+from damperfit.problem import FEW, Problem, counted, listing
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, first_of, laid_out, number
 
@@ -50,8 +50,8 @@ class Inspection(Answer):
     def __init__(self, batch: LogBatch) -> None:
         self.batch = batch
         self.facts = [log.facts for log in batch.logs]
-        n, n_bad = len(batch.logs), len(batch.failures)
-        self.sentence = f"{n} log{'' if n == 1 else 's'}, {n_bad} cannot be used"
+        n_bad = len(batch.failures)
+        self.sentence = f"{counted(len(batch.logs), 'log')}, {n_bad} cannot be used"
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -199,7 +199,7 @@ def finding_lines(
     """
     verdicts = Counter(log.get("verdict", "good") for log in logs)
     counts = (f"{verdicts[key]} {words}" for key, words in _VERDICTS.items() if verdicts[key])
-    yield f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(counts)}"
+    yield f"{counted(len(logs), 'log')}: {', '.join(counts)}"
     parts = {heading: _grouped(logs, severity) for severity, heading in _HEADINGS.items()}
     if has_notes:
         notes: dict[str, list[Facts]] = {}
@@ -243,7 +243,7 @@ def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
     problems = []
     for (code, sentence), (first, *others) in names.items():
         n = len({*others} - {first})
-        more = f" and {n} other log{'s' * (n > 1)}" if n else ""
+        more = f" and {counted(n, 'other log')}" if n else ""
         problems.append(Problem(kinds[code, sentence], sentence, severity, f"{first}{more}"))
     return listing(problems, where="--json lists", few=FEW)
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from damperfit import __version__
 from damperfit.errors import InstallationError
+from damperfit.problem import counted
 from damperfit.reporting.compared import (
     comparison_sheets,
     difference_plots,
@@ -260,8 +261,8 @@ def _log_facts(log: LogView, units: ShownUnits) -> str:
     motion = "frequency unknown" if rate is None else f"{rate:.3g} Hz"
     if log.has_segments:
         fastest = max(row["speed_rebound_m_per_s"] or 0.0 for row in log.peaks)
-        n = len(log.peaks)
-        motion = f"{n} segment{'s' * (n > 1)}, to {units.write(fastest, 'm/s', '.3g')}"
+        segments = counted(len(log.peaks), "segment")
+        motion = f"{segments}, to {units.write(fastest, 'm/s', '.3g')}"
     amplitudes = (number_in(entry, "amplitude_m") for entry in (*log.peaks, log.facts))
     largest = max((size for size in amplitudes if size is not None), default=math.nan)
     amplitude = units.say_lengths(f"amplitude {1e3 * largest:.3g} mm")

@@ -15,7 +15,7 @@ from damperfit.adjustment.trends import in_few_words
 from damperfit.errors import ConfigurationError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.sharing import of_runs
-from damperfit.problem import Problem, failure_lines, listing, short_listing
+from damperfit.problem import Problem, counted, failure_lines, listing, short_listing
 from damperfit.reporting import records, tables
 from damperfit.reporting.sheet import (
     Sheet,
@@ -55,7 +55,7 @@ def lead(run: Run) -> str:
     checks = records.checks_in(run.record)
     checked = f"; {tables.check_summary(checks)}" if checks else ""
     return (
-        f"{len(known)} setting{'s' * (len(known) > 1)} fitted, {tables.grade_counts(rows)}; "
+        f"{counted(len(known), 'setting')} fitted, {tables.grade_counts(rows)}; "
         f"MSE median {percent(median(known.values()))} %, worst {percent(known[worst])} % at "
         f"setting {worst}{checked}."
     )
@@ -188,7 +188,7 @@ def _procedure(run: Run, units: ShownUnits) -> Iterator[str]:
 
 def tested_range(tested: Tested) -> str:
     """Return the range of the tests in words, as far as it is known."""
-    parts = [f"{tested.n_logs} log{'s' * (tested.n_logs != 1)}"] if tested.n_logs else []
+    parts = [counted(tested.n_logs, "log")] if tested.n_logs else []
     if tested.stroke is not None:
         parts.append(f"stroke to +-{1e3 * tested.stroke:.4g} mm")
     if tested.speed is not None:

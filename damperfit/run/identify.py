@@ -53,7 +53,7 @@ from damperfit.identification.logs import LogFit
 from damperfit.identification.options import HoldOutOptions
 from damperfit.identification.procedures import Campaign
 from damperfit.identification.unlike_motions import contradictory_motions
-from damperfit.problem import Failure, Option, Problem, listed_names, warning
+from damperfit.problem import Failure, Option, Problem, counted, listed_names, warning
 from damperfit.recording import Trace, natural_order
 from damperfit.run.log_files import expand, real_path
 from damperfit.run.logs import LogBatch, add_traces, read_batch
@@ -477,7 +477,7 @@ def once_each(batch: LogBatch) -> None:
             batch.failures.append(failure)
             continue
         n = len(several) - 1
-        others = f" and {n} other log{'s' * (n > 1)}" if n else ""
+        others = f" and {counted(n, 'other log')}" if n else ""
         text = f"the same test as {name}; it counts once"
         remarks.append(warning("duplicate", text, f"{several[0].name}{others}"))
     if (n := len(remarks) - _MANY) > 0:

@@ -48,7 +48,7 @@ from damperfit.io.labels import (
     unclear_names,
 )
 from damperfit.io.tests_table import TestRow, TestsTable, facts_in, is_tests_table, read_tests
-from damperfit.problem import Failure, Option, Problem, warning
+from damperfit.problem import Failure, Option, Problem, counted, warning
 from damperfit.recording import Finding, Recording, Trace, natural_order
 from damperfit.run.log_files import is_own_table, real_path
 from damperfit.sections import SETTING_PATTERN
@@ -311,9 +311,8 @@ class Labels:
     def tables_used(self) -> tuple[str, ...]:
         """Which tables of tests were used, a sentence each."""
         return tuple(
-            f"{table.path}: taken as the table of tests, {n} row{'s' * (n != 1)}"
+            f"{table.path}: taken as the table of tests, {counted(len(table.rows), 'row')}"
             for table in self.tables
-            for n in (len(table.rows),)
         )
 
     def remarks(self, logs: Sequence[Log]) -> Iterator[Problem]:

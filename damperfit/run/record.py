@@ -35,7 +35,7 @@ from damperfit.identification.fit_setting import describe_searches
 from damperfit.identification.outcome import Status
 from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import listed_settings, of_settings
-from damperfit.problem import Failure, Option, Problem, warning
+from damperfit.problem import Failure, Option, Problem, counted, warning
 from damperfit.recording import Trace
 from damperfit.reporting.records import to_record
 from damperfit.reporting.report import markdown_report
@@ -384,7 +384,7 @@ def log_warnings(traces: Iterable[Trace], *, is_put_right: bool = False) -> Iter
             if is_note if is_put_right else finding.severity == "warning":
                 logs.setdefault(finding.name, []).append((trace.name, finding.problem))
     for (name, problem), *others in logs.values():
-        also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
+        also = f" and {counted(len(others), 'other log')}" if others else ""
         yield replace(problem, subject=f"{name}{also}")
 
 
@@ -453,7 +453,7 @@ def gates_not_met(
     refused = [failure.log for failure in batch.failures if failure.is_left_out]
     if refused:
         n = len(refused) - 1
-        others = f" and {n} other log{'s' * (n > 1)}" if n else ""
+        others = f" and {counted(n, 'other log')}" if n else ""
         yield warning("strict", f"strict quality: {refused[0]}{others} left out for warnings")
     limit = configuration.output.max_mse_percent
     above, unsound = [], []
