@@ -596,11 +596,11 @@ def parameter_readings(runs: Sequence[Run], settings: Sequence[Setting]) -> tupl
                     table[topic] = Reading(math.nan, objection="it has no value")
                     continue
                 is_fixed = row.get(status) == Status.FIXED.value
-                counted = settings if is_shared else (setting,)
+                whose = settings if is_shared else (setting,)
                 table[topic] = Reading(
                     float(row[name]),
                     0.0 if is_fixed else _number(row.get(f"{name}_se")),
-                    sum(freedom_of(run, s) for s in counted),
+                    sum(freedom_of(run, s) for s in whose),
                     misfit=float(row.get(f"{name}_misfit_se") or 0.0),
                     scale=math.nan if quantity.is_logarithmic else quantity.size,
                     objection=_OBJECTIONS.get(str(row.get(status)), ""),
