@@ -414,16 +414,15 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         )
         raise usage(text, "not-together", Option(asked[0]))
     bands = parse_bands(given["tolerance"])
-    table: Any = tests
     configuration = configured(
         "fleet",
-        {**given, "tests": None if table is None else table.resolve()},
+        {**given, "tests": given["tests"] and given["tests"].resolve()},
         ("covariate", "damper.reference_temperature", covaried("fleet", given, of_fleet=True)),
     )
     takes = (lambda _: True) if part is None else share_of(part)
     done = FleetDone(folder, has_logs=bool(logs))
     if logs:
-        _check_places(folder)
+        check_writable(folder)
         tasks = planned(configuration, logs, folder, takes)
         done.n_tasks = len(tasks)
         with ExitStack() as stack:
@@ -502,22 +501,21 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
         names = ("amplitude", "frequency", "cycles", "sample_rate", "wave", "max_steps")
         refuse_idle(given, names, "the log is the motion", beside=Option("displacement"))
     own = configured("simulate", given)
-    log: Any = displacement
-    files: dict[str, Any] = {"out": out, "plot": plot}
     for name, suffixes in (("out", (".csv", ".parquet")), ("plot", (".png", ".svg", ".pdf"))):
-        if (path := files[name]) is not None:
+        if (path := given[name]) is not None:
             if path.suffix.lower() not in suffixes:
                 text = f"expected a name that ends in {', '.join(suffixes)}"
                 raise usage(text, "wrong-suffix", Option(name, path))
-            _check_places(path.parent)
+            check_writable(path.parent)
     choice, configuration, sentence = _parameters("simulate", given, own)
     configuration = with_temperature(configuration, given["temperature"])
     if temperature is not None and isinstance(configuration.damper, WithTemperature):
         sentence += f" Simulated at {configuration.damper.oil_temperature:g} degC."
+    log = given["displacement"]
     if log is not None and not log.exists():
         raise usage("no such file", "no-such-file", Option("displacement", log))
     done = Simulation(choice, configuration, log, sentence)
-    done.write(files["out"], files["plot"], spares_others=not overwrite)
+    done.write(given["out"], given["plot"], spares_others=not overwrite)
     return done
 
 
@@ -543,13 +541,6 @@ def _parameters(
         damper=configuration.damper,
     )
     return (choice, *damper_of(choice, configuration, config=given["config"]))
-
-
-def _check_places(*folders: Path | None) -> None:
-    """Refuse what can never be written, before any work is done."""
-    for folder in folders:
-        if folder is not None:
-            check_writable(folder)
 
 
 @public
@@ -585,8 +576,7 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     if not texts and not paper:
         text = "nothing to vary: give {--vary} NAME=F1,F2,... or {--paper}"
         raise usage(text, "nothing-to-do")
-    folder: Any = out
-    _check_places(folder)
+    check_writable(given["out"])
     own = configured("sweep", {"config": config, "max_steps": max_steps})
     given["setting"] = "10" if paper and setting is None else setting
     choice, configuration, sentence = _parameters("sweep", given, own)
@@ -602,8 +592,8 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
         raise usage(text, "other-model", Option("paper"))
     both = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
     done = Sweep(choice, configuration, sentence, both)
-    if folder is not None:
-        done.write(folder, kind=figures, spares_others=not overwrite)
+    if out is not None:
+        done.write(given["out"], kind=figures, spares_others=not overwrite)
     return done
 
 
@@ -684,9 +674,9 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
             "nominal forces"
         )
         raise usage(text, "too-few-results")
-    paths: dict[str, Any] = {name: given[name] for name in ("out", "save", "junit")}
-    files = [paths[name].parent for name in ("save", "junit") if paths[name] is not None]
-    _check_places(paths["out"], *files)
+    files = [given[name].parent for name in ("save", "junit") if given[name] is not None]
+    for place in (given["out"], *files):
+        check_writable(place)
     reading = None
     if measured:
         asked = {name: given[name] for name in ("rig", "rig_profile", "config")}
@@ -710,11 +700,10 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         if isinstance(run, Run) and run.is_temporary:
             names.setdefault(run.folder, f"result {k}")
     options = replace(options, names=names)
-    file: Any = config
-    how: dict[str, Any] = {"config": file, "reading": reading, "save": paths["save"]}
-    how["repeats"] = [Path(place) for place in repeats or ()]
-    done = compare_all(places, options, tolerance=bands, **how)
-    done.write(paths["out"], paths["junit"])
+    how: dict[str, Any] = {name: given[name] for name in ("config", "save")}
+    how["repeats"] = given["repeats"] or ()
+    done = compare_all(places, options, tolerance=bands, reading=reading, **how)
+    done.write(given["out"], given["junit"])
     return done
 
 
@@ -776,9 +765,8 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     where, stem = written_of(folder, "export"), "damper"
     where = where if is_part(folder) else where / "export"
     if out is not None:
-        place: Any = out
-        where, stem = target.place_of(place)
-    _check_places(where)
+        where, stem = target.place_of(given["out"])
+    check_writable(where)
     run = exported_run(folder, **{name: given[name] for name in ("config", "temperature")})
     made = target.export(run, ExportOptions(stem, speed, shown, decimal))
     checked = check_export(run, made) if check else ()
@@ -803,7 +791,7 @@ def report(
     from damperfit.tables.files import written_of
 
     where: Any = out
-    _check_places(where)
+    check_writable(where)
     if where is None or not getattr(results, "is_temporary", False):
         results = _own_folder(results, out, "damperfit.report")
         where = where or written_of(results, "reports")
@@ -863,7 +851,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.units.quantities import parse_quantity
 
     where = path_of(folder, "damperfit.samples", "the path of a folder")
-    _check_places(where)
+    check_writable(where)
     loaded = configured("samples", {"config": config, "model": model})
     truth, sentence = None, loaded.damper_sentence()
     if parameters is not None:
@@ -919,7 +907,7 @@ def init(
     from damperfit.run.log_files import expand
 
     path: Any = out
-    _check_places(None if path is None else path.parent)
+    check_writable(None if path is None else path.parent)
     if path is not None and path.exists() and not overwrite:
         text = "is there already; give {--overwrite} to replace it, or {--out}"
         raise usage(text, "is-there", str(path))

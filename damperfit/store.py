@@ -140,8 +140,10 @@ def path_of(value: object, where: Option | str, expected: str) -> Path:
     raise ConfigurationError(text, code="not-a-path", **place)
 
 
-def check_writable(folder: Path) -> None:
-    """Raise before any work is done when results could never be written to ``folder``."""
+def check_writable(folder: Path | None) -> None:
+    """Raise before any work is done when results could never be written there; None: nothing is."""
+    if folder is None:
+        return
 
     def refusal(code: str, why: str, subject: object = folder) -> ConfigurationError:
         return ConfigurationError(f"cannot be written: {why}", code=code, subject=subject)

@@ -81,10 +81,10 @@ def make_results(folder: Path, settings: Iterable[int] = ()) -> Path:
     return folder
 
 
-def put_responses(path: Path, done: Campaign, compared: Iterable[SimulatedLog]) -> int:
-    """Write the signals of a campaign, and return how many rows they are."""
+def put_responses(path: Path, done: Campaign, compared: Iterable[SimulatedLog]) -> None:
+    """Write the signals of a campaign."""
     pairs = [(one, log) for one in done.fits for log in one.logs]
-    return write_responses(
+    write_responses(
         path,
         [
             signals_of(one.setting, log.trace, seen)

@@ -92,9 +92,9 @@ def test_csv_holds_the_same_numbers_to_the_last_digit_and_no_formula(tmp_path: P
 def test_responses_hold_the_window_of_each_log_in_a_row_group_of_its_own(tmp_path: Path) -> None:
     path = tmp_path / "responses.parquet"
     done = campaign(fit(1, logs=("a.csv", "b.csv")), fit(2))
-    n_rows = put_responses(path, done, compared(done))
+    put_responses(path, done, compared(done))
     file = pq.ParquetFile(path)
-    assert (n_rows, file.metadata.num_row_groups) == (3 * 333, 3)
+    assert (file.metadata.num_rows, file.metadata.num_row_groups) == (3 * 333, 3)
     names = ["setting", "log", *MOTION, "force_measured_N", "force_N", *PRESSURES]
     assert file.schema_arrow.names == names
     table = file.read_row_group(1)

@@ -106,11 +106,6 @@ class Adjustment:
     clicks: tuple[Click, ...] = ()  # change of the forces between neighbouring settings
 
     @property
-    def sentences(self) -> tuple[str, ...]:
-        """What there is to say of the trends, one sentence a parameter, and of offsets."""
-        return (*(trend.sentence for trend in self.trends), *self.of_offset)
-
-    @property
     def of_offset(self) -> tuple[str, ...]:
         """What became of the rigs' offsets in forces by setting; empty where there are none."""
         holds_gas = any(force.holds_gas for force in self.forces)
