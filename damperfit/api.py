@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -687,19 +686,11 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     if junit is not None and bands is None:
         text = "holds the points of {--tolerance}, which was not given"
         raise usage(text, "nothing-to-do", Option("junit"))
-    options = comparison_options(
-        velocities=given["velocity"] or (),
-        amplitude=amplitude,
-        frequency=frequency,
-        is_measured=measured,
-        jobs=workers(jobs),
-        units=units,
-    )
     names: dict[Path, str] = {}  # of results that are in no folder of the user's
     for k, run in enumerate(runs, 1):
         if isinstance(run, Run) and run.is_temporary:
             names.setdefault(run.folder, f"result {k}")
-    options = replace(options, names=names)
+    options = comparison_options(given | {"jobs": workers(jobs)}, names)
     how: dict[str, Any] = {name: given[name] for name in ("config", "save")}
     how["repeats"] = given["repeats"] or ()
     done = compare_all(places, options, tolerance=bands, reading=reading, **how)

@@ -639,9 +639,6 @@ def configured(
     for key, value in ({} if rig is None else _rig_keys(rig)).items():
         put(f"rig.{key}", value, Option("rig", key=key))
     if isinstance(units, str):
-        from damperfit.units.shown_units import parse_units
-
-        parse_units(units)
         put("output.units", units, Option("units"))
     elif units is not None:
         known_units = sections.get("rig", {}).get("units", {})

@@ -129,21 +129,14 @@ class Comparison(Answer):
         return tuple(shown.comparison_force_sheet(pair) for pair in self.comparisons)
 
 
-def comparison_options(
-    *,
-    velocities: Sequence[str | float] = (),
-    amplitude: str | float | None = None,
-    frequency: str | float | None = None,
-    is_measured: bool = False,
-    jobs: int = 1,
-    units: str | None = None,
-) -> ComparisonOptions:
-    """Return what the texts of a command line ask."""
-    speeds = sorted({abs(speed_in(velocity)) for velocity in velocities})
+def comparison_options(given: Mapping[str, Any], names: Mapping[Path, str]) -> ComparisonOptions:
+    """Return what the keywords of `compare` ask; `names` as of `ComparisonOptions`."""
+    speeds = sorted({abs(speed_in(velocity)) for velocity in given["velocity"] or ()})
+    amplitude, frequency, units = (given[name] for name in ("amplitude", "frequency", "units"))
     if (amplitude is None) != (frequency is None):
         text = "{--amplitude} and {--frequency} make the sine together; give both or neither"
         raise ConfigurationError(text, code="not-together")
-    if amplitude is not None and is_measured:
+    if amplitude is not None and given["measured"]:
         text = (
             "{where} cannot be combined with {--measured}: measured forces are of the motions that "
             "were run; leave one of the two out"
@@ -154,7 +147,7 @@ def comparison_options(
     rate = positive(frequency, "frequency", "frequency")
     sine = Sine(size, rate) if size and rate else None
     wanted = SI if units is None else parse_units(units)
-    return ComparisonOptions(sine, tuple(speeds), is_measured, jobs, wanted)
+    return ComparisonOptions(sine, tuple(speeds), given["measured"], given["jobs"], wanted, names)
 
 
 def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on the way
