@@ -241,7 +241,7 @@ _KINDS = {bool: "flag", int: "count", float: "number", list: "texts", dict: "val
 
 @cache
 def _keywords() -> dict[str, Keyword]:
-    known = {}
+    keywords = {}
     for section, own in SECTIONS.items():
         for name, entry in own.entries().items():
             if not entry.panel:
@@ -255,11 +255,11 @@ def _keywords() -> dict[str, Keyword]:
                 shown = f"{default:g}" if isinstance(default, float) else default
                 text += f"  [default: {shown}]"
             place = (entry.panel, f"{section}.{name}")
-            known[entry.keyword or name] = Keyword(kind, entry.option, text, *place)
+            keywords[entry.keyword or name] = Keyword(kind, entry.option, text, *place)
     for panel, rows in _ROWS.items():
         for name, (kind, word, text, *others) in rows.items():
-            known[name] = Keyword(kind, word, text, panel, "", tuple(others))
-    return known
+            keywords[name] = Keyword(kind, word, text, panel, "", tuple(others))
+    return keywords
 
 
 def keyword_of(command: str, name: str) -> Keyword | None:
@@ -628,10 +628,10 @@ def configured(
         sections["damper"] = _declared(given["damper"])
     handled = {"start", "units", *(keyword for keyword, _, _ in more)}
     for keyword, value in given.items():
-        known = keyword_of(command, keyword)
+        entry = keyword_of(command, keyword)
         is_nothing = value is None or value is False or value == {}
-        if known is not None and known.key and keyword not in handled and not is_nothing:
-            put(known.key, str(value) if isinstance(value, Path) else value, Option(keyword))
+        if entry is not None and entry.key and keyword not in handled and not is_nothing:
+            put(entry.key, str(value) if isinstance(value, Path) else value, Option(keyword))
     for keyword, place, value in more:
         if value is not None:
             put(place, value, Option(keyword))

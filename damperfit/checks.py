@@ -108,7 +108,7 @@ def _with_status(subject: Subject, status: Status, words: str) -> str:
 def _no_cavitation(subject: Subject) -> _Verdict:
     """No chamber reaches zero pressure."""
     empty = [fit for fit in subject.fits if fit.cavitation.fraction > 0.0]
-    known = [fit for fit in subject.fits if math.isfinite(fit.cavitation.r_m3_margin)]
+    finite = [fit for fit in subject.fits if math.isfinite(fit.cavitation.r_m3_margin)]
     if empty:
         worst = max(empty, key=lambda fit: fit.cavitation.fraction)
         share = f"{100.0 * worst.cavitation.fraction:.1f} % of the cycle at setting"
@@ -117,9 +117,9 @@ def _no_cavitation(subject: Subject) -> _Verdict:
             where = of_settings(doubted)
             reason += f"; the model does not match the logs of {where}: it may be full"
         return False, reason
-    if not known:
+    if not finite:
         return True, "no chamber reaches zero pressure"
-    nearest = min(known, key=lambda fit: fit.cavitation.r_m3_margin)
+    nearest = min(finite, key=lambda fit: fit.cavitation.r_m3_margin)
     margin = f"{100.0 * nearest.cavitation.r_m3_margin:.0f} % at setting {nearest.setting}"
     return True, f"no chamber reaches zero pressure; R_m3 may rise by {margin}, elsewhere by more"
 
@@ -206,8 +206,8 @@ def _every_click_counts(subject: Subject) -> _Verdict:
 
 def _residuals_white(subject: Subject) -> _Verdict:
     """No misfit above 1 % of the force repeats from cycle to cycle."""
-    known, unknown = _diagnoses(subject)
-    structured = [diagnosis for diagnosis in known if diagnosis.is_structured]
+    diagnoses, unknown = _diagnoses(subject)
+    structured = [diagnosis for diagnosis in diagnoses if diagnosis.is_structured]
     large = [diagnosis for diagnosis in structured if _repeats_by(diagnosis) > _MATTERS]
     if not structured or (unknown and not large):
         return (None, unknown) if unknown else (True, "no misfit repeats from cycle to cycle")
@@ -226,10 +226,10 @@ def _repeats_by(diagnosis: Diagnosis) -> float:
 
 def _noise_floor_explained(subject: Subject) -> _Verdict:
     """Noise explains half of the MSE, or the repeating misfit is below 1 % of the force."""
-    known, unknown = _diagnoses(subject)
+    diagnoses, unknown = _diagnoses(subject)
     short = [
         diagnosis
-        for diagnosis in known
+        for diagnosis in diagnoses
         if diagnosis.is_structured
         and diagnosis.noise_percent < _EXPLAINED * diagnosis.mse_percent
         and _repeats_by(diagnosis) > _MATTERS
@@ -493,9 +493,9 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     for text in names:
         name = text.removeprefix("-")
         if name not in CHECKS and name not in CHECK_LISTS:
-            known = f"{', '.join(CHECKS)} and the lists {', '.join(CHECK_LISTS)}"
+            choices = f"{', '.join(CHECKS)} and the lists {', '.join(CHECK_LISTS)}"
             hint = did_you_mean(name, (*CHECKS, *CHECK_LISTS))
-            refusal = f"no check {text!r}; there are {known}.{hint}"
+            refusal = f"no check {text!r}; there are {choices}.{hint}"
             where = Key(("output", "checks"))
             raise ConfigurationError(refusal, where=where, code="unknown-check")
         members = CHECK_LISTS.get(name, (name,))

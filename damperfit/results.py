@@ -171,8 +171,8 @@ class SettingResult(Stage):
     @property
     def mse_percent(self) -> float:
         """Normalised MSE, eq. (22); NaN where it is not known."""
-        known = (self.row or {}).get("mse_percent")
-        return math.nan if known is None else float(known)
+        mse = (self.row or {}).get("mse_percent")
+        return math.nan if mse is None else float(mse)
 
     def simulate(self, wave: str | Motion | None = None, **motion: Any) -> Any:
         """Simulate this setting; keywords as of `damperfit.simulate`.
@@ -263,8 +263,8 @@ class LogResult:
     @property
     def signals(self) -> LogSignals | None:
         """Measured and simulated signals; None of a log that was held out."""
-        known = (self.setting, self.name)
-        return next((log for log in self.run.signals if (log.setting, log.log) == known), None)
+        own = (self.setting, self.name)
+        return next((log for log in self.run.signals if (log.setting, log.log) == own), None)
 
     def __repr__(self) -> str:
         n = len(self.segments)
@@ -299,7 +299,7 @@ class Run:
         self.quantities = quantities
         self.place = place
         self.report_text = ""
-        self._rows = {name: tuple(known) for name, known in (rows or {}).items()}
+        self._rows = {name: tuple(own) for name, own in (rows or {}).items()}
         self._signals = signals
         self._remarks = list(remarks)
         self._config, self._temperature = config, temperature
@@ -360,8 +360,8 @@ class Run:
         record = table_files.read_record(place / "run.json", remarks)
         remarks.extend(filter(None, [unknown_schema(record)]))
         table_files.check_files(place, record, remarks, parts)
-        known = table_files.table_quantities(place / "parameters.parquet", record)
-        run = cls(record, quantities=known, place=place, remarks=remarks, **more)
+        quantities = table_files.table_quantities(place / "parameters.parquet", record)
+        run = cls(record, quantities=quantities, place=place, remarks=remarks, **more)
         for name in parts:
             _ = run.signals if name == "responses" else run.rows(name)
         if not run._rows.get("parameters") and not run._signals:
@@ -421,18 +421,18 @@ class Run:
             if not self._is_folder or not (name in {"parameters", "mse"} or self._has(name)):
                 return ()
             n_remarks = len(self._remarks)
-            known = table_files.read_rows(
+            rows = table_files.read_rows(
                 self.folder, name, self._remarks, self.quantities, self.record
             )
-            if not known and len(self._remarks) > n_remarks:
+            if not rows and len(self._remarks) > n_remarks:
                 self._lost.add(name)
-            once = {row["setting"]: row for row in reversed(known)}  # the first of each
-            if name == "parameters" and len(once) < len(known):
-                known = tuple(reversed(once.values()))
+            once = {row["setting"]: row for row in reversed(rows)}  # the first of each
+            if name == "parameters" and len(once) < len(rows):
+                rows = tuple(reversed(once.values()))
                 self._remarks.append(
                     "the parameters table lists a setting more than once: its first row is shown"
                 )
-            self._rows[name] = known
+            self._rows[name] = rows
         return self._rows[name]
 
     def _has(self, name: str) -> bool:
@@ -456,10 +456,10 @@ class Run:
     @cached_property
     def facts(self) -> dict[str, Any]:
         """What its tables tell of how they were made."""
-        known = (
+        facts = (
             table_files.read_facts(self.folder / "parameters.parquet") if self._is_folder else {}
         )
-        return {key: value for key, value in known.items() if key not in _OF_TABLE}
+        return {key: value for key, value in facts.items() if key not in _OF_TABLE}
 
     @property
     def signals(self) -> tuple[LogSignals, ...]:
@@ -470,9 +470,9 @@ class Run:
                 made = self._signals() if callable(self._signals) else self._signals
             elif self._is_folder:
                 made = table_files.read_signals(self.folder, self._remarks, self.quantities)
-            known = sorted(made, key=lambda log: (log.setting, natural_order(log.log)))
-            self._signals = tuple(known)
-            if self._is_folder and not known:
+            ordered = sorted(made, key=lambda log: (log.setting, natural_order(log.log)))
+            self._signals = tuple(ordered)
+            if self._is_folder and not ordered:
                 self._lost.add("responses")
         return self._signals
 
@@ -486,9 +486,9 @@ class Run:
         """Remark on settings that stand in one table alone; where one is empty, that was said."""
         parameters = self._rows.get("parameters", ())
         fitted = {row["setting"] for row in parameters if row["mse_percent"] is not None}
-        known = {row["setting"] for row in parameters}
+        listed = {row["setting"] for row in parameters}
         drawn = {log.setting for log in self.signals} if self._signals is not None else set()
-        mute, strange = fitted - drawn if drawn else set(), drawn - known if known else set()
+        mute, strange = fitted - drawn if drawn else set(), drawn - listed if listed else set()
         for lone, what in (
             (mute, "parameters but no signals, so no loops"),
             (strange, "signals but no parameters"),
@@ -636,10 +636,10 @@ class Run:
         """Rig, conditioning, procedure and damper it was made with, as far as they are told."""
         from damperfit.configuration.loading import load_configuration
 
-        known = {key: inside(self.record, "configuration", key) for key in ("rig", "conditioning")}
+        own = {key: inside(self.record, "configuration", key) for key in ("rig", "conditioning")}
         sections = {  # JSON has no infinity: null is the default
             key: {name: value for name, value in section.items() if value is not None}
-            for key, section in known.items()
+            for key, section in own.items()
             if isinstance(section, dict)
         }
         procedure = inside(self.record, "configuration", "identification", "procedure")
@@ -667,8 +667,8 @@ class Run:
     @cached_property
     def declared_damper(self) -> Mapping[str, Any] | None:
         """Its [damper], as it was written; None: it is not told."""
-        known = (inside(source, "configuration", "damper") for source in (self.record, self.facts))
-        return next((damper for damper in known if isinstance(damper, dict)), None)
+        dampers = (inside(of, "configuration", "damper") for of in (self.record, self.facts))
+        return next((damper for damper in dampers if isinstance(damper, dict)), None)
 
     @property
     def source(self) -> str:
@@ -712,8 +712,8 @@ class Run:
             motion = Sine(size, parse_quantity(rig["frequency"], "frequency"))
         if motion is None:
             return made
-        known = {"amplitude": motion.amplitude, "frequency": motion.frequency}
-        taken = {key: value for key, value in known.items() if f"rig.{key}" not in given.declared}
+        sine = {"amplitude": motion.amplitude, "frequency": motion.frequency}
+        taken = {key: value for key, value in sine.items() if f"rig.{key}" not in given.declared}
         document = made.document | {"rig": made.document["rig"] | taken}
         return replace(made, rig=made.rig.but(**taken), document=document)
 
@@ -732,11 +732,11 @@ class Run:
             asked, fitted = getattr(given.damper, name), getattr(own, name)
             is_declared = f"damper.{name}" in given.declared
             if is_declared and not math.isclose(asked, fitted, rel_tol=_SAME):
-                declared, known = (f"{value:g} {unit}".rstrip() for value in (asked, fitted))
+                declared, own_text = (f"{value:g} {unit}".rstrip() for value in (asked, fitted))
                 text = (
                     f"damper.{name} is {declared}, but the parameters of {self.source} were "
-                    f"fitted with {known} and hold for that damper alone; leave {{config}} out, or "
-                    "run identify again with it"
+                    f"fitted with {own_text} and hold for that damper alone; leave {{config}} out, "
+                    "or run identify again with it"
                 )
                 where = Option("config", config)
                 code = "other-damper"
@@ -751,14 +751,14 @@ class Run:
     @property
     def motion_of_tests(self) -> Sine | None:
         """The fastest motion of the logs that were fitted, as far as it is told."""
-        known = [motion for log in self._fitted_inputs for motion in _motions(log)]
-        return fastest_sine(known) if known else None
+        motions = [motion for log in self._fitted_inputs for motion in _motions(log)]
+        return fastest_sine(motions) if motions else None
 
     @cached_property
     def motion(self) -> Sine:
         """The fastest motion of the logs that were fitted, else the nominal one, with a remark."""
-        if (known := self.motion_of_tests) is not None:
-            return known
+        if (tested := self.motion_of_tests) is not None:
+            return tested
         self._remarks.append("the motion of the test is not known: the nominal one is used")
         return Sine(self.configuration.rig.amplitude, self.configuration.rig.frequency)
 
@@ -783,8 +783,8 @@ class Run:
     def identity(self) -> dict[str, str]:
         """Whose test it was: what is known of damper, serial, customer, operator, date, rig."""
         test = self.record.get("test")
-        known = test.items() if isinstance(test, dict) else ()
-        return {str(key): value for key, value in known if isinstance(value, str) and value}
+        items = test.items() if isinstance(test, dict) else ()
+        return {str(key): value for key, value in items if isinstance(value, str) and value}
 
     @cached_property
     def speed_forces(self) -> tuple[SpeedForces, ...]:
@@ -796,9 +796,9 @@ class Run:
             return {len(forces.speeds)} >= {len(getattr(forces, name)) for name in names}
 
         # The record says settings by their labels; that of several adjusters is more than its own.
-        known = {forces.setting.cell: forces.setting for forces in self.settings}
+        tested = {forces.setting.cell: forces.setting for forces in self.settings}
         return tuple(
-            replace(forces, setting=known.get(forces.setting.cell, forces.setting))
+            replace(forces, setting=tested.get(forces.setting.cell, forces.setting))
             for forces in read
             if is_whole(forces)
         )
@@ -864,12 +864,12 @@ class Run:
 
     def profile(self, name: str) -> pd.DataFrame:
         """Return the profile of a parameter that `identify` was asked for, by setting."""
-        known = self.frame("profiles") if self._has("profiles") else None
-        names = [] if known is None else sorted(set(known["parameter"]))
-        if known is None or name not in names:
+        profiles = self.frame("profiles") if self._has("profiles") else None
+        names = [] if profiles is None else sorted(set(profiles["parameter"]))
+        if profiles is None or name not in names:
             there = f"there are {', '.join(names)}" if names else "give identify profile=[...]"
             raise ConfigurationError(f"no profile of {name!r}; {there}", code="no-profile")
-        return known[known["parameter"] == name].reset_index(drop=True)
+        return profiles[profiles["parameter"] == name].reset_index(drop=True)
 
     def which_setting(
         self, force: str | float, speed: str | float, stroke: str | None = None
@@ -1003,8 +1003,8 @@ class Run:
             units = ((field.name, field.metadata.get(b"unit", b"")) for field in table.schema)
             frame.attrs["units"] = {column: unit.decode() for column, unit in units if unit}
             return frame
-        known = f"there {'are ' if there else 'is none'}{', '.join(there)}"
-        text = f"no table {name!r} in these results; {known}.{did_you_mean(name, there)}"
+        tables = f"there {'are ' if there else 'is none'}{', '.join(there)}"
+        text = f"no table {name!r} in these results; {tables}.{did_you_mean(name, there)}"
         raise ConfigurationError(text, code="no-table")
 
     def to_frame(self) -> pd.DataFrame:
@@ -1126,8 +1126,8 @@ class Run:
         if self._is_folder:
             with suppress(OSError, ValueError):
                 self.report_text = self.report_text or read_text(self.folder / "report.md")
-        known = {name: getattr(self, name) for name in _IN_MEMORY}
-        return known | {"place": None, "_scratch": None}
+        state = {name: getattr(self, name) for name in _IN_MEMORY}
+        return state | {"place": None, "_scratch": None}
 
     @property
     def title(self) -> str:

@@ -130,8 +130,8 @@ def compare_settings(
     forces = credible_forces(
         force_at(stages, damper, reached, measured=measured, on_error=on_error)
     )
-    known = {each.setting: each for each in assessment.uncertainties}
-    return Adjustment(find_trends(campaign.fits, known), forces, clicks(forces))
+    uncertainties = {each.setting: each for each in assessment.uncertainties}
+    return Adjustment(find_trends(campaign.fits, uncertainties), forces, clicks(forces))
 
 
 # Which setting gives a wanted force: the forces by setting, read the other way round.
@@ -291,10 +291,10 @@ class _Curve:
         reaches = [max(force.high - force.force, force.force - force.low) for force in self.ordered]
         self.reaches = np.array(reaches)
         by_setting = {stage.setting: stage for stage in stages}
-        known = [by_setting[force.setting] for force in self.ordered if force.setting in by_setting]
+        own = [by_setting[force.setting] for force in self.ordered if force.setting in by_setting]
         self.between = Between(
-            damper if len(known) == len(self.ordered) else None,
-            known,
+            damper if len(own) == len(self.ordered) else None,
+            own,
             self.places,
             self.forces,
             speed=self.ordered[0].speed,

@@ -108,15 +108,15 @@ def stage_of(fit: Fit, assessment: Assessment) -> Stage:
         top_speed=max(segment.peak_speed for log in fit.logs for segment in log.trace.stretches),
         open_limits=open_limits(fit.parameters, limits),
     )
-    known = next((each for each in assessment.uncertainties if each.setting == fit.setting), None)
-    if known is None or has_lost_errors(known.names, fit.status):
+    uncertainty = next((u for u in assessment.uncertainties if u.setting == fit.setting), None)
+    if uncertainty is None or has_lost_errors(uncertainty.names, fit.status):
         return stage
     return replace(
         stage,
-        own=known.names[: len(known.names) - len(known.shared)],
-        shared=known.shared,
-        covariance=known.covariance,
-        misfits={name: interval.misfit for name, interval in known.intervals.items()},
+        own=uncertainty.names[: len(uncertainty.names) - len(uncertainty.shared)],
+        shared=uncertainty.shared,
+        covariance=uncertainty.covariance,
+        misfits={name: interval.misfit for name, interval in uncertainty.intervals.items()},
     )
 
 

@@ -370,8 +370,8 @@ def find_trends(
             if not quantity.is_logarithmic or all(fit.status[name] not in own for fit in fits):
                 continue
             for fit in fits:
-                known = uncertainties.get(fit.setting)
-                interval = known.intervals.get(name) if known else None
+                uncertainty = uncertainties.get(fit.setting)
+                interval = uncertainty.intervals.get(name) if uncertainty else None
                 value = getattr(fit.parameters, name)
                 is_fitted = fit.status[name] == Status.FITTED and fit.setting in line.numbers
                 if is_fitted and interval and math.isfinite(interval.error) and value > 0.0:

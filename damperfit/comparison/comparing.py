@@ -182,26 +182,26 @@ def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) 
     if n_measured:
         part = f" ({n_measured} of {len(lines)} as measured)"
         words += " as measured" if n_measured == len(lines) else part
-    known = [line for line in lines if line.verdict != UNDETERMINED]
-    if not known:
+    clear = [line for line in lines if line.verdict != UNDETERMINED]
+    if not clear:
         return f"{words}: cannot be determined ({lines[0].reason})"
-    different = [line for line in known if line.verdict == DIFFERENT]
+    different = [line for line in clear if line.verdict == DIFFERENT]
     sure = [line for line in different if line.is_sure]
-    undetermined = len(lines) - len(known)
+    undetermined = len(lines) - len(clear)
     beside = f"; {undetermined} cannot be determined" if undetermined else ""
     if not different:
-        return f"{words}: all {len(known)} the same within errors{beside}"
+        return f"{words}: all {len(clear)} the same within errors{beside}"
     if not sure:
         return (
-            f"{words}: no significant difference: {len(different)} of {len(known)} lie outside "
-            f"their 95 % interval, where chance alone puts {0.05 * len(known):.2g}{beside}"
+            f"{words}: no significant difference: {len(different)} of {len(clear)} lie outside "
+            f"their 95 % interval, where chance alone puts {0.05 * len(clear):.2g}{beside}"
         )
     worst = max(
         sure, key=lambda line: abs(line.difference if math.isnan(line.percent) else line.percent)
     )
     how_many = "all" if len(sure) == len(different) else str(len(sure))
     return (
-        f"{words}: {len(different)} of {len(known)} differ, {how_many} of them significantly; most "
+        f"{words}: {len(different)} of {len(clear)} differ, {how_many} of them significantly; most "
         f"{worst.subject.place(units)}: {difference_of(worst, units)}{beside}"
     )
 
@@ -347,10 +347,10 @@ def compare_runs(
     """
     runs = (first, *repeats, second)
     is_bare = options.is_measured or not all(run.settings for run in runs)
-    known = [settings_of(run, is_bare=is_bare) for run in runs]
-    settings = tuple(setting for setting in known[0] if all(setting in own for own in known))
+    tested = [settings_of(run, is_bare=is_bare) for run in runs]
+    settings = tuple(setting for setting in tested[0] if all(setting in own for own in tested))
     if not settings:
-        pairs = list(zip(runs, known, strict=True))[:3]
+        pairs = list(zip(runs, tested, strict=True))[:3]
         listed = "; ".join(f"{r.shown_as} has {of_settings(s) if s else 'none'}" for r, s in pairs)
         raise ConfigurationError(f"no setting is common to all: {listed}", code="nothing-in-common")
     failures: list[Failure] = []
@@ -537,8 +537,8 @@ def known_tares(runs: Sequence[Run], settings: Sequence[Setting]) -> set[Setting
     """Return the settings at which all of several runs know the offset of their rig."""
     if len(runs) < 2 or not all(map(_knows_gas, runs)):
         return set()
-    known = [{stage.setting for stage in run.settings if stage.knows_offset} for run in runs]
-    return set(settings).intersection(*known)
+    with_offset = [{stage.setting for stage in run.settings if stage.knows_offset} for run in runs]
+    return set(settings).intersection(*with_offset)
 
 
 def _knows_gas(run: Run) -> bool:
@@ -774,14 +774,14 @@ def circumstances(
     for what, (kind, text, more) in facts.items():
         if what in others and others[what][1] != text:
             differs(kind, what, text, others[what][1], more)
-    known = [settings_of(run, is_bare=is_bare) for run in runs]
-    alone = [[setting for setting in known[k] if setting not in known[1 - k]] for k in (0, 1)]
+    tested = [settings_of(run, is_bare=is_bare) for run in runs]
+    alone = [[setting for setting in tested[k] if setting not in tested[1 - k]] for k in (0, 1)]
     for run, own in zip(runs, alone, strict=True):
         if own:
             sentence = f"{of_settings(own)} only in {run.name}: not compared"
             a, b = map(listed_settings, alone)
             listed.append(Circumstance("settings", a, b, sentence))
-    common = [setting for setting in known[0] if setting in known[1]]
+    common = [setting for setting in tested[0] if setting in tested[1]]
     motions = [
         [(test.amplitude, test.frequency) for s in common for test in tests_at(run, s)[:1]]
         for run in runs
@@ -856,17 +856,17 @@ def _inputs(run: Run) -> list[tuple[str, dict[str, Any]]]:
 
 def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
     """Yield that logs are in both, and which of these were read with other signs."""
-    known = [dict(_inputs(run)) for run in (first, second)]
-    common = known[0].keys() & known[1].keys()
+    by_digest = [dict(_inputs(run)) for run in (first, second)]
+    common = by_digest[0].keys() & by_digest[1].keys()
 
     def named(digests: Sequence[str]) -> str:
-        names = sorted(str(known[0][digest].get("log")) for digest in digests)
+        names = sorted(str(by_digest[0][digest].get("log")) for digest in digests)
         return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
     if common:
         all_logs = f"both are based on the same logs ({named([*common])})"
         some_logs = f"some logs are in both ({named([*common])}), where"
-        is_all = known[0].keys() == known[1].keys()
+        is_all = by_digest[0].keys() == by_digest[1].keys()
         sentence = (
             f"{f'{all_logs}:' if is_all else some_logs} differences come from the evaluation only, "
             "and the errors, which assume two tests, are too large"
@@ -874,7 +874,7 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
         yield Circumstance("logs", first.name, second.name, sentence)
     turned: dict[tuple[str, str], list[str]] = {}
     for digest in common:
-        signs = [logs[digest].get("reversed") for logs in known]
+        signs = [logs[digest].get("reversed") for logs in by_digest]
         if all(isinstance(channels, list) for channels in signs) and signs[0] != signs[1]:
             a, b = (" and ".join(map(str, channels or ())) or "nothing" for channels in signs)
             turned.setdefault((a, b), []).append(digest)

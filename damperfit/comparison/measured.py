@@ -315,14 +315,14 @@ def repeat_scatter(run: Run) -> tuple[float, float]:
         forces = np.array([[test.force_at(*place) for place in places] for test in group])
         sizes = np.array([_damping(group, speed) for speed, _ in places])
         noise = np.mean(forces[..., 1] ** 2, axis=0)
-        known = np.isfinite(noise) & (sizes > 0.0)
-        if not known.any():
+        usable = np.isfinite(noise) & (sizes > 0.0)
+        if not usable.any():
             continue
         noise = np.maximum(noise, (_ROUNDING * sizes) ** 2)  # synthetic cycles may be all alike
         variances = np.var(forces[..., 0], axis=0, ddof=1)
-        excess += more * float(np.mean((variances - noise)[known] / sizes[known] ** 2))
+        excess += more * float(np.mean((variances - noise)[usable] / sizes[usable] ** 2))
         # Each point counts alike, whatever its force.
-        scatters += more * float(np.mean((variances / noise)[known]))
+        scatters += more * float(np.mean((variances / noise)[usable]))
         freedom += more
     if not freedom or scatters <= float(chdtri(freedom, _SURE)):
         return 0.0, math.inf

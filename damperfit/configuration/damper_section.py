@@ -68,9 +68,9 @@ def damper_record(damper: Model) -> dict[str, Any]:
 def damper_of_record(record: Mapping[str, Any]) -> Model:
     """Return the damper that a run has recorded; what it took as declared is not questioned."""
     name = record.get("model", "purdy")
-    known = damper_record(model_named(name if isinstance(name, str) else repr(name))())
-    values = {**known, **record}
-    for key, value in known.items():
+    defaults = damper_record(model_named(name if isinstance(name, str) else repr(name))())
+    values = {**defaults, **record}
+    for key, value in defaults.items():
         if isinstance(value, dict) and isinstance(values[key], dict):
             values[key] = {**value, **values[key]}
     return damper_of(values, is_recorded=True)
@@ -99,11 +99,11 @@ def damper_of(keys: Mapping[str, Any], *, is_recorded: bool = False) -> Model:
     return WithTemperature(damper, math.nan if reference == _OF_LOGS else float(reference))
 
 
-def unknown_key(name: str, known: Iterable[str], *section: str) -> ConfigurationError:
+def unknown_key(name: str, allowed: Iterable[str], *section: str) -> ConfigurationError:
     """Return the refusal of a key that a section does not have."""
-    known = list(known)
-    hint = did_you_mean(name, known) or f" There are {', '.join(known)}."
-    is_papers = section == ("damper",) and "gas_piston_diameter" in known
+    allowed = list(allowed)
+    hint = did_you_mean(name, allowed) or f" There are {', '.join(allowed)}."
+    is_papers = section == ("damper",) and "gas_piston_diameter" in allowed
     if is_papers and name in damper_defaults(_VALVES):
         hint = (
             f' The paper\'s model has none; real valves do: add model = "{_VALVES}", "monotube" or '
@@ -120,10 +120,10 @@ def not_a_section(*path: str) -> ConfigurationError:
     return ConfigurationError(text, where=Key(path), code="not-a-section")
 
 
-def _refuse_unknown(keys: Mapping[str, Any], known: Iterable[str], *section: str) -> None:
-    known = list(known)
-    if unknown := [name for name in keys if name not in known]:
-        raise unknown_key(unknown[0], known, *section)
+def _refuse_unknown(keys: Mapping[str, Any], allowed: Iterable[str], *section: str) -> None:
+    allowed = list(allowed)
+    if unknown := [name for name in keys if name not in allowed]:
+        raise unknown_key(unknown[0], allowed, *section)
 
 
 def _wrong(expected: str, found: object, *path: str) -> ConfigurationError:

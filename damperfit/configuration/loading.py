@@ -257,15 +257,15 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
     # pydantic ends with the branch of a union that it tried, which is no key.
     source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
     keys = keys[: max(_depth(source.values, keys), 1)]
-    known = (ProfileSection if keys[:2] == ["rig", "profiles"] else SECTIONS[keys[0]]).entries()
+    entries = (ProfileSection if keys[:2] == ["rig", "profiles"] else SECTIONS[keys[0]]).entries()
     if kind == "extra_forbidden":
-        return source.blame(unknown_key(keys[-1], known, *keys[:-1]), *keys)
+        return source.blame(unknown_key(keys[-1], entries, *keys[:-1]), *keys)
     if kind == "model" or (kind == "dict" and len(keys) == 1):
         return source.blame(not_a_section(*keys), *keys)
     reason = str(context.get("error", ""))
     if keys == ["rig", "profiles"]:
         reason = "expected sections named [rig.profiles.NAME]"
-    entry = known.get(keys[-1])
+    entry = entries.get(keys[-1])
     if not reason:
         word = f"{entry.word!r} or " if entry is not None and entry.word else ""
         reason = f"expected {word}{_EXPECTED.get(kind, 'another value').format(**context)}"

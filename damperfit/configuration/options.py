@@ -221,8 +221,8 @@ def gas_in_words(values: Mapping[str, float]) -> str:
         "gas_pressure": ("{:.3g} bar absolute", 1e-5),
         "gas_exponent": ("exponent {:g}", 1.0),
     }
-    known = ((*words[name], values[name]) for name in words if name in values)
-    return ", ".join(text.format(factor * value) for text, factor, value in known)
+    parts = ((*words[name], values[name]) for name in words if name in values)
+    return ", ".join(text.format(factor * value) for text, factor, value in parts)
 
 
 def parameter_value(quantity: Quantity, value: str | float) -> float:
@@ -305,12 +305,12 @@ def _type_of(name: str, entry: Entry) -> Any:
 @cache
 def _section_model(section: Any) -> type[BaseModel]:
     """Return the pydantic model of a section; the defaults stand as they would be written."""
-    known = {
+    keys = {
         name: (_type_of(name, entry), Field(default=entry.default, description=entry.about))
         for name, entry in section.entries().items()
     }
     how = ConfigDict(extra="forbid", strict=True, protected_namespaces=())
-    return create_model(section.__name__, __config__=how, __doc__=section.__doc__, **known)  # type: ignore[call-overload, no-any-return]
+    return create_model(section.__name__, __config__=how, __doc__=section.__doc__, **keys)  # type: ignore[call-overload, no-any-return]
 
 
 @cache
@@ -428,8 +428,8 @@ def _fit_options(
 ) -> FitOptions:
     def in_si(name: str) -> dict[str, float]:
         with blamed_on(Key(("identification", name))):
-            known = fit[name].items()
-            return {name: parameter_value(damper.quantity(name), value) for name, value in known}
+            given = fit[name].items()
+            return {name: parameter_value(damper.quantity(name), value) for name, value in given}
 
     # How clicks count says the first such word of an adjuster.
     words = ((name, [key] if isinstance(key, str) else key) for name, key in adjusters.items())
@@ -503,23 +503,23 @@ def followed(
 ) -> dict[str, tuple[str, ...]]:
     """Return the quantities of a model that are declared to follow adjusters."""
     own, words = _parts(damper), _words(adjusters)
-    known = own
+    targets = own
     if is_law_open and any(word not in own for _, word in words):  # those of every model
         from damperfit.damper.network import BLOW_OFFS, Valve
         from damperfit.damper.valve_dampers import DeclaredNetwork, ValveDamper
 
         laws = [law for law in BLOW_OFFS if law not in {"none", "linear"}]
-        known = {}
+        targets = {}
         kinds: list[Any] = [*MODELS.values()]
         for kind in kinds:
             has_valves = issubclass(kind, ValveDamper) and kind is not DeclaredNetwork
             for law in laws if has_valves else laws[:1]:
                 valve = {"rebound": Valve("long", law), "compression": Valve("long", law)}
-                known |= _parts(kind(**valve if has_valves else {}))
+                targets |= _parts(kind(**valve if has_valves else {}))
     by_quantity: dict[str, dict[str, None]] = {}
     for adjuster, word in words:
-        if not known.get(word):
-            near = did_you_mean(word, known) or f" There are {', '.join(known)}."
+        if not targets.get(word):
+            near = did_you_mean(word, targets) or f" There are {', '.join(targets)}."
             text = f"no quantity '{word}' of the model {damper.name} could follow it.{near}"
             where = Key(("adjusters", adjuster))
             raise ConfigurationError(text, where=where, code="unknown-quantity")
@@ -583,10 +583,10 @@ def configuration_schema() -> dict[str, Any]:
 def _add(keys: dict[str, Any], name: str, value: Any) -> None:
     """Add a key with the type of its default; a section inside has its own keys."""
     types = {bool: "boolean", dict: "object", list: "array"}
-    known = keys.setdefault(name, {"type": types.get(type(value), ["number", "string"])})
+    schema = keys.setdefault(name, {"type": types.get(type(value), ["number", "string"])})
     if name in MEASURED:
-        known["description"] = MEASURED[name]
+        schema["description"] = MEASURED[name]
     if isinstance(value, dict):
-        inner = known.setdefault("properties", {})
+        inner = schema.setdefault("properties", {})
         for key, entry in value.items():
             _add(inner, key, entry)

@@ -266,8 +266,8 @@ class _Places:
 
     def run(self, place: Path) -> Run:
         """Return the run in a place."""
-        known = self._runs.get(place)
-        return known or read_run(place, config=self.config, is_measured=self.is_measured)
+        run = self._runs.get(place)
+        return run or read_run(place, config=self.config, is_measured=self.is_measured)
 
     def only(self, place: Path) -> Run:
         """Return the run in a place that holds no other."""
@@ -630,10 +630,10 @@ def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
     return measured_tests(signals, segments, temperature=mean)
 
 
-def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
+def _of_curve(curve: ForceCurve, failure: Failure | None) -> MeasuredTest:
     """Return a curve without time as a test without a motion: no errors are known."""
     speeds = np.unique(np.abs(curve.velocity[curve.velocity != 0.0]))
-    setting = (known.setting if known is not None else None) or _NAMELESS
+    setting = (failure.setting if failure is not None else None) or _NAMELESS
     if curve.label not in {curve.name, Path(curve.name).stem}:  # one of several in its file
         try:
             setting = Setting.of(parse_place(curve.label))

@@ -207,29 +207,29 @@ class Simulation(Answer):
 
     def sheets(self) -> tuple[Sheet, ...]:
         """Return the figures of the last cycle; pressures of a model that has them."""
-        known = self.characteristics
+        figures = self.characteristics
         pairs = [
-            ("peak force", "N", known.peak_force_rebound, known.peak_force_bump),
-            ("peak speed", "m/s", known.peak_speed_rebound, known.peak_speed_bump),
-            *((f"force at {f.speed:g} m/s", "N", f.rebound, f.bump) for f in known.speed_forces),
+            ("peak force", "N", figures.peak_force_rebound, figures.peak_force_bump),
+            ("peak speed", "m/s", figures.peak_speed_rebound, figures.peak_speed_bump),
+            *((f"force at {f.speed:g} m/s", "N", f.rebound, f.bump) for f in figures.speed_forces),
             (
-                *(f"hysteresis at {known.hysteresis_speed:.3g} m/s", "N"),
-                *(known.hysteresis_rebound, known.hysteresis_bump),
+                *(f"hysteresis at {figures.hysteresis_speed:.3g} m/s", "N"),
+                *(figures.hysteresis_rebound, figures.hysteresis_bump),
             ),
         ]
         rows = [(name, unit, *(number(f, digits=4) for f in pair)) for name, unit, *pair in pairs]
-        rows.append(("energy per cycle", "J", number(known.energy, digits=4), ""))
+        rows.append(("energy per cycle", "J", number(figures.energy, digits=4), ""))
         headings, notes = (
             ("", "", *STROKE_WORDS.values()),
             (_BRANCHES, *[self.trust] * bool(self.trust)),
         )
         forces = Sheet(headings, ("",) * 4, tuple(rows), (False, False, True, True), notes)
-        if math.isnan(known.pressure_ranges[0][0]):
+        if math.isnan(figures.pressure_ranges[0][0]):
             return (forces,)
         low, high = (
-            [number(p[end] / _BAR, digits=4) for p in known.pressure_ranges] for end in (0, 1)
+            [number(p[end] / _BAR, digits=4) for p in figures.pressure_ranges] for end in (0, 1)
         )
-        shares = (f"{100.0 * share:.1f}" for share in known.cavitation_shares)
+        shares = (f"{100.0 * share:.1f}" for share in figures.cavitation_shares)
         lines = (
             ("lowest pressure", "bar", *low),
             ("highest pressure", "bar", *high),
@@ -322,9 +322,9 @@ class Sweep(Answer):
     def plots(self) -> tuple[Plot, ...]:
         """Its figures: force-velocity loops, x1 in the text colour; pressures that cavitate."""
         plots = []
-        known = {family.name: family for family in FAMILIES}
+        families = {family.name: family for family in FAMILIES}
         for (variation, members, is_paper), words in zip(self.sweeps, self.sentences, strict=True):
-            name, family = variation.name, known[variation.name] if is_paper else None
+            name, family = variation.name, families[variation.name] if is_paper else None
             lines = []
             colours = setting_colours(range(len(members))).values()
             for member, colour in zip(members, colours, strict=True):

@@ -152,15 +152,15 @@ def _of_run(
     path: Path, setting: Setting | int | str, replaced: Mapping[str, float]
 ) -> ChosenParameters:
     run = Run.load(path)
-    known = {result.setting: result for result in run.settings}
+    results = {result.setting: result for result in run.settings}
     values = {result.setting: result.parameters for result in run.settings}
     unlimited = {result.setting: frozenset(result.unlimited) for result in run.settings}
-    chosen = _setting_named(setting, known)
-    source, fitted = f"setting {chosen} of {path}", known.get(chosen)
+    chosen = _setting_named(setting, results)
+    source, fitted = f"setting {chosen} of {path}", results.get(chosen)
     if fitted is None:
         together = values_from_others(values, chosen)
         if together is None:
-            there = ", ".join(str(number) for number in sorted(known)) or "none"
+            there = ", ".join(str(number) for number in sorted(results)) or "none"
             raise ConfigurationError(
                 f"no parameters of setting {chosen}; there are {there}",
                 subject=path,
@@ -182,22 +182,22 @@ def _of_run(
 
 
 def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:
-    known = {quantity.name: quantity for quantity in quantities}
+    own = {quantity.name: quantity for quantity in quantities}
     for name in texts:
-        if name not in known:
+        if name not in own:
             raise ConfigurationError(
-                f"no parameter {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}",
+                f"no parameter {name!r}; there are {', '.join(own)}.{did_you_mean(name, own)}",
                 code="unknown-parameter",
             )
-    return {name: parameter_value(known[name], text) for name, text in texts.items()}
+    return {name: parameter_value(own[name], text) for name, text in texts.items()}
 
 
-def _setting_named(setting: Setting | int | str, known: Collection[Setting] = ()) -> Setting:
+def _setting_named(setting: Setting | int | str, among: Collection[Setting] = ()) -> Setting:
     """The setting that a label names, best among those that are known."""
     if not isinstance(setting, str):
         return Setting.of(setting)
-    named = {tested.label.casefold(): tested for tested in known}
-    adjusters = next(iter(known)).adjusters if known else (ADJUSTER,)
+    named = {tested.label.casefold(): tested for tested in among}
+    adjusters = next(iter(among)).adjusters if among else (ADJUSTER,)
     try:
         return named.get(setting.strip().casefold()) or parse_setting(setting, adjusters)
     except ValueError as error:
@@ -256,8 +256,8 @@ def truth_of(
 ) -> tuple[dict[int, Values], Configuration, str]:
     """Return the values of a table, and the configuration and line of the damper they hold for."""
     run = Run.load(parameters_table(given))
-    known = {result.setting.cell: result.values for result in run.settings}
-    truth = {setting: values for setting, values in known.items() if isinstance(setting, int)}
+    by_cell = {result.setting.cell: result.values for result in run.settings}
+    truth = {setting: values for setting, values in by_cell.items() if isinstance(setting, int)}
     return truth, *_damper_of_run(run, configuration, config)
 
 

@@ -58,10 +58,10 @@ def comparison_sheets(
     """Return forces, parameters and figures by title; ``is_short``: of many forces what tells."""
     parameters, units = comparison.of("parameter"), comparison.units
     # Some units are longer than the numbers: they are told once.
-    known = {
+    unit_of = {
         line.subject.label: units.of(line.subject.unit) for line in parameters if line.subject.unit
     }
-    notes = [", ".join(f"{name} in {unit}" for name, unit in known.items())] if known else []
+    notes = [", ".join(f"{name} in {unit}" for name, unit in unit_of.items())] if unit_of else []
 
     def change(line: Difference) -> str:
         of_value = units.write(line.difference, line.subject.unit, "+.3g")
@@ -444,19 +444,19 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
     for stroke, word in STROKE_WORDS.items():
         lines, speeds = [], []
         for k, pair in enumerate(comparisons, start=1):
-            known = [
+            forces = [
                 line
                 for line in pair.of("force")
                 if line.subject.stroke == stroke and math.isfinite(line.percent)
             ]
-            top = max((line.subject.speed or 0.0 for line in known), default=0.0)
-            known = [line for line in known if line.subject.speed == top]
-            if not known:
+            top = max((line.subject.speed or 0.0 for line in forces), default=0.0)
+            forces = [line for line in forces if line.subject.speed == top]
+            if not forces:
                 continue
             speeds.append(pair.units.write_speed(top))
-            x = np.array([places[line.subject.setting] for line in known if line.subject.setting])
+            x = np.array([places[line.subject.setting] for line in forces if line.subject.setting])
             y, low, high = np.array(
-                [(line.percent, line.percent_low, line.percent_high) for line in known]
+                [(line.percent, line.percent_low, line.percent_high) for line in forces]
             ).T
             errors = {"low": low, "high": high} if np.isfinite(low).all() else {}
             label, colour = f"{pair.second.name}, {speeds[-1]}", RUN_COLOURS[k % len(RUN_COLOURS)]

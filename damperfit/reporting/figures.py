@@ -165,20 +165,20 @@ def plot_in_units(plot: Plot, units: ShownUnits) -> Plot:
 
 def setting_colours(settings: Iterable[Setting | Place]) -> Mapping[Setting, str]:
     """Return a colour for each setting, along the ramp in the order of the settings."""
-    known = sorted(set(map(Setting.of, settings)))
-    places = np.linspace(0.0, len(_RAMP) - 1.0, len(known))
+    ordered = sorted(set(map(Setting.of, settings)))
+    places = np.linspace(0.0, len(_RAMP) - 1.0, len(ordered))
     channels = [np.interp(places, np.arange(len(_RAMP)), row) for row in _RAMP.T]
     return {
         setting: "#" + "".join(f"{round(float(channel[k])):02x}" for channel in channels)
-        for k, setting in enumerate(known)
+        for k, setting in enumerate(ordered)
     }
 
 
 def setting_places(settings: Iterable[Setting | Place]) -> dict[Setting, float]:
     """Return where each setting stands on an axis: at its number, or one after the other."""
-    known = sorted(set(map(Setting.of, settings)))
-    places = {s: number for s in known if (number := s.number()) is not None}
-    return places if len(places) == len(known) else {s: 1.0 + k for k, s in enumerate(known)}
+    ordered = sorted(set(map(Setting.of, settings)))
+    places = {s: number for s in ordered if (number := s.number()) is not None}
+    return places if len(places) == len(ordered) else {s: 1.0 + k for k, s in enumerate(ordered)}
 
 
 def setting_names(settings: Iterable[Setting | Place]) -> tuple[str, ...]:
@@ -198,25 +198,25 @@ def setting_axis(settings: Iterable[Setting | Place]) -> tuple[tuple[float, ...]
     >>> setting_axis([0, 25, 26, 100])
     ((0.0, 25.0, 100.0), (-4.0, 104.0))
     """
-    known = sorted(setting_places(settings).values())
-    if not known:
+    ordered = sorted(setting_places(settings).values())
+    if not ordered:
         return (), None
-    span = known[-1] - known[0]
-    ticks = known[:1]
-    for setting in known[1:]:
+    span = ordered[-1] - ordered[0]
+    ticks = ordered[:1]
+    for setting in ordered[1:]:
         if setting - ticks[-1] >= span / _MOST_TICKS:
             ticks.append(setting)
     edge = max(0.6, 0.04 * span)
-    return tuple(ticks), (known[0] - edge, known[-1] + edge)
+    return tuple(ticks), (ordered[0] - edge, ordered[-1] + edge)
 
 
 def setting_panel(
     settings: Iterable[Setting | Place], label: str, unit: str, lines: Iterable[Line], **more: Any
 ) -> Panel:
     """Return a panel over the settings, with more fields of `Panel`."""
-    known = list(settings)
-    ticks, x_range = setting_axis(known)
-    axis: Any = {"ticks": ticks, "names": setting_names(known), "x_range": x_range}
+    places = list(settings)
+    ticks, x_range = setting_axis(places)
+    axis: Any = {"ticks": ticks, "names": setting_names(places), "x_range": x_range}
     return Panel("setting", "", label, unit, tuple(lines), **axis, **more)
 
 
@@ -450,8 +450,8 @@ def _of_means(logs: Sequence[LogView]) -> str:
 
 def _emphasis(settings: Iterable[Setting]) -> set[Setting]:
     """Return the settings that are drawn bold and labelled: every fourth from the last one down."""
-    known = sorted(set(settings))
-    return set(known[::-_EVERY] if len(known) > _EVERY else known)
+    ordered = sorted(set(settings))
+    return set(ordered[::-_EVERY] if len(ordered) > _EVERY else ordered)
 
 
 def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
@@ -473,9 +473,9 @@ def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
             ("model", rows, peak, f"simulated_{stroke}_N", "solid"),
             ("measured", rows, peak, f"measured_{stroke}_N", "points"),
         )
-        for word, known, x, y, style in curves:
+        for word, table, x, y, style in curves:
             for setting in settings:
-                mine = (row for row in known if row["setting"] == setting)
+                mine = (row for row in table if row["setting"] == setting)
                 pairs = {row[x]: row[y] for row in mine if row[x] and row.get(y) is not None}
                 if not pairs:
                     continue
@@ -598,7 +598,7 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
     for quantity in shown.run.quantities:
         name, scale = quantity.name, Shown(quantity)
         status_of = {row["setting"]: row[f"{name}_status"] for row in rows}
-        known = [
+        filled = [
             row
             for row in rows
             if row[name] is not None
@@ -606,11 +606,11 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
             and status_of[row["setting"]] not in {"absent", "not_identifiable"}
         ]
         default = quantity.default
-        is_default = default is not None and {row[name] for row in known} == {default}
-        if not known or is_default or (len(rows) > 1 and is_one_for_all(rows, name)):
+        is_default = default is not None and {row[name] for row in filled} == {default}
+        if not filled or is_default or (len(rows) > 1 and is_one_for_all(rows, name)):
             continue  # a sentence tells it: twenty equal bars say no more
-        far = _far(known, name)
-        near = [row for row in known if row not in far]
+        far = _far(filled, name)
+        near = [row for row in filled if row not in far]
         mine = [trend for trend in trends if trend.parameter == name and trend.points]
         lines = list(_trends(mine, places, scale.factor))
         for row in near:
@@ -630,7 +630,7 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
         unknown = [str(k) for k, status in status_of.items() if status == "not_identifiable"]
         captions = (
             ("Open triangles: {}.", held),
-            ("Bars: 95 % interval.", any(row[f"{name}_ci_low"] is not None for row in known)),
+            ("Bars: 95 % interval.", any(row[f"{name}_ci_low"] is not None for row in filled)),
             ("At a bound, off the scale: {}.", ", ".join(off)),
             ("Not shown, not determined by these logs: setting {}.", ", ".join(unknown)),
             (
@@ -668,10 +668,10 @@ def _trends(
         if not is_numbered:
             numbers = standing.get((trend.adjuster, trend.held), {})
             at = {clicks: places[setting] for setting, clicks in numbers.items()}
-        known = [point for point in trend.points if float(point.setting) in at]
-        x = np.array([at[float(point.setting)] for point in known])
+        drawn = [point for point in trend.points if float(point.setting) in at]
+        x = np.array([at[float(point.setting)] for point in drawn])
         y, low, high = (
-            factor * np.array([getattr(point, name) for point in known], dtype=np.float64)
+            factor * np.array([getattr(point, name) for point in drawn], dtype=np.float64)
             for name in ("value", "low", "high")
         )
         band: dict[str, Any] = {}
@@ -681,7 +681,7 @@ def _trends(
             style = _ALONG[adjusters.index(trend.adjuster) % len(_ALONG)]
         elif np.isfinite(low).all() and np.isfinite(high).all():
             label, band = "trend, 95 %", {"low": low, "high": high}
-        if known:
+        if drawn:
             is_named = is_numbered or len(trends) <= _NAMED
             yield Line(x, y, label, "muted", style=style, in_legend=is_named, **band)
         for outlier in trend.outliers:

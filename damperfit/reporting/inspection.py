@@ -209,8 +209,8 @@ def finding_lines(
         parts["Notes"] = [_note(group, len(logs)) for group in notes.values()]
         read_as: Counter[str] = Counter()  # what was assumed in reading, each assumption once
         for log in logs:
-            known = {finding["sentence"] for finding in log.get("findings", ())}
-            read_as.update(note for note in log.get("notes", ()) if note not in known)
+            sentences = {finding["sentence"] for finding in log.get("findings", ())}
+            read_as.update(note for note in log.get("notes", ()) if note not in sentences)
         parts["Read as"] = [
             f"{note} ({n} of {len(logs)} logs)" if len(logs) > 1 else note
             for note, n in list(read_as.items())[:FEW]
@@ -254,8 +254,8 @@ def _note(findings: Sequence[Facts], n_logs: int) -> str:
     note = f"{first['name']}: {first['sentence']}"
     if n_logs == 1:
         return note
-    known = sorted(float(value) for value in values if value is not None) or [np.nan]
+    numbers = sorted(float(value) for value in values if value is not None) or [np.nan]
     factor, unit = _SHOWN_UNITS.get(first.get("unit") or "", (1.0, first.get("unit") or ""))
-    low, high = (number(factor * known[end], digits=3) for end in (0, -1))
+    low, high = (number(factor * numbers[end], digits=3) for end in (0, -1))
     spread = f"; {low} to {high} {unit}".rstrip() if low != high else ""
     return f"{note} ({len(findings)} of {n_logs} logs{spread})"

@@ -50,13 +50,13 @@ def lead(run: Run) -> str:
     rows = [row for row in run.rows("parameters") if row["mse_percent"] is not None]
     if not rows:
         return "No setting could be fitted."
-    known = {row["setting"]: row["mse_percent"] for row in rows}
-    worst = max(known, key=known.__getitem__)
+    errors = {row["setting"]: row["mse_percent"] for row in rows}
+    worst = max(errors, key=errors.__getitem__)
     checks = records.checks_in(run.record)
     checked = f"; {tables.check_summary(checks)}" if checks else ""
     return (
-        f"{counted(len(known), 'setting')} fitted, {tables.grade_counts(rows)}; "
-        f"MSE median {percent(median(known.values()))} %, worst {percent(known[worst])} % at "
+        f"{counted(len(errors), 'setting')} fitted, {tables.grade_counts(rows)}; "
+        f"MSE median {percent(median(errors.values()))} %, worst {percent(errors[worst])} % at "
         f"setting {worst}{checked}."
     )
 

@@ -140,7 +140,7 @@ def text_table(
             used = least[0]
         parts[-1].append(k)
         used += gap + wide
-    known = None if colours is None else {**COLOURS, **colours}
+    codes = None if colours is None else {**COLOURS, **colours}
     lines: list[str] = []
     for part in parts:
         lines.append("")
@@ -156,13 +156,13 @@ def text_table(
                 shown = []
                 for k, text in zip(part, texts, strict=True):
                     blanks = " " * (widths[k] - _places(text))
-                    code = 0 if known is None else 1 if n < n_heads else known.get(columns[k][n], 0)
+                    code = 0 if codes is None else 1 if n < n_heads else codes.get(columns[k][n], 0)
                     cell = f"\x1b[{code}m{text}\x1b[0m" if code and text else text
                     shown.append(blanks + cell if sheet.is_number[k] else cell + blanks)
                 lines.append((" " * gap).join(shown).rstrip())
     for note in sheet.notes:
         shown = wrapped(printable(note), width)
-        lines += shown if known is None else [f"\x1b[2m{line}\x1b[0m" for line in shown]
+        lines += shown if codes is None else [f"\x1b[2m{line}\x1b[0m" for line in shown]
     return "\n".join(lines[1:])
 
 

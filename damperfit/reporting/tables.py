@@ -163,9 +163,9 @@ def parameter_sheet(
 
 def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
     """Whether settings have one value, shared or held, and none by a fit of its own."""
-    known = [row for row in rows if row[name] is not None]
-    values = [row[name] for row in known]
-    is_held = {row[f"{name}_status"] for row in known} <= {"fixed", "shared"}
+    filled = [row for row in rows if row[name] is not None]
+    values = [row[name] for row in filled]
+    is_held = {row[f"{name}_status"] for row in filled} <= {"fixed", "shared"}
     return bool(values) and is_held and max(values) - min(values) <= _SAME * abs(values[0])
 
 
@@ -236,18 +236,18 @@ def _sparklines(rows: Sequence[Row], quantities: Sequence[Shown], levels: str) -
     if len(finite) < _FEWEST or len(rows) > _MOST:
         return
     for quantity in quantities:
-        known = {
+        points = {
             k: (row[quantity.name], row[f"{quantity.name}_se"] or 0.0)
             for k, row in enumerate(rows)
             if quantity.status(row) not in _WITHOUT_VALUE and row[quantity.name] is not None
         }
-        if len(known) < _FEWEST:
+        if len(points) < _FEWEST:
             continue
         # Scaled to the height of a line, noise would look like a trend.
-        pairs = itertools.combinations(known.values(), 2)
+        pairs = itertools.combinations(points.values(), 2)
         is_flat = not any(abs(a - b) > math.hypot(e, f) for (a, e), (b, f) in pairs)
-        heights = [0.0 if is_flat else known.get(k, (None,))[0] for k in range(len(rows))]
-        values = [quantity.factor * value for value, _ in known.values()]
+        heights = [0.0 if is_flat else points.get(k, (None,))[0] for k in range(len(rows))]
+        values = [quantity.factor * value for value, _ in points.values()]
         span = f"{number(min(values), digits=4)} to {number(max(values), digits=4)}"
         flat = ", drawn flat: within their standard errors" if is_flat else ""
         line = sparkline(heights, levels=levels)
@@ -298,8 +298,8 @@ def mse_sheet(
     def remarks(row: Row) -> str:
         if row["log"]:
             return "held out: predicted, not fitted" if row.get("role") == "held_out" else ""
-        known = settings.get(row["setting"])
-        return remarks_on(known, quantities) if known else ""
+        own = settings.get(row["setting"])
+        return remarks_on(own, quantities) if own else ""
 
     columns = [
         Column("setting", "", setting),
@@ -323,7 +323,7 @@ def grade_counts(rows: Iterable[Row]) -> str:
 def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
     """Return one row per setting whose pressures are known: the lowest, and the margins."""
     names = ("lowest_pressure", "r_m3_cavitation_margin")
-    known = [row for row in rows if any(row.get(name) is not None for name in names)]
+    shown = [row for row in rows if any(row.get(name) is not None for name in names)]
     columns = [
         Column.text("setting", "setting", is_number=True),
         Column.of("lowest pressure", "bar", "lowest_pressure", digits=3, factor=1e-5),
@@ -333,7 +333,7 @@ def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
         Column.of("gas", "bar at least", "safe_gas_pressure", digits=3, factor=1e-5),
     ]
     note = "Absolute pressures, of the simulation on the motion of the logs."
-    return laid_out(known, columns, note)
+    return laid_out(shown, columns, note)
 
 
 def check_summary(checks: Sequence[Check]) -> str:
@@ -489,10 +489,10 @@ def _marks(rows: Iterable[Row]) -> list[str]:
 
 def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
     """Return measured beside modelled force at the fastest speed, and wherever the model misses."""
-    known = [row for row in rows if row.get("measured_N") is not None]
-    table = {(row["setting"], row["speed_m_per_s"], row["stroke"]): row for row in known}
-    fastest = max((row["speed_m_per_s"] for row in known), default=0.0)
-    missed = {(row["setting"], row["speed_m_per_s"]) for row in known if _mark(row)}
+    compared = [row for row in rows if row.get("measured_N") is not None]
+    table = {(row["setting"], row["speed_m_per_s"], row["stroke"]): row for row in compared}
+    fastest = max((row["speed_m_per_s"] for row in compared), default=0.0)
+    missed = {(row["setting"], row["speed_m_per_s"]) for row in compared if _mark(row)}
     places = sorted(
         {(a, b) for a, b, _ in table if b == fastest or (a, b) in missed},
         key=lambda place: (Setting.of(place[0]), place[1]),
@@ -521,7 +521,7 @@ def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
         *(column(stroke, heading) for stroke in STROKE_WORDS for heading in texts),
     ]
     note = "force in N ±95 %, mean of all compared cycles, beside the model's on the same cycles"
-    return laid_out(places, columns, note, *_marks(known))
+    return laid_out(places, columns, note, *_marks(compared))
 
 
 # Of logs and segments: rows of the table "characteristics"

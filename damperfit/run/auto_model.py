@@ -71,12 +71,12 @@ def declared_dimensions(
     shared = {field.name for field in fields(ValveDamper) if field.name in own} - _VALVES
     if isinstance(damper, ValveDamper):
         return {name: getattr(damper, name) for name in shared}
-    known = {name: getattr(damper, name) for name in shared}
-    known["gas_volume"] = damper.gas_volume
+    values = {name: getattr(damper, name) for name in shared}
+    values["gas_volume"] = damper.gas_volume
     declared = {key.removeprefix("damper.") for key in configuration.declared}
     if declared & GAS_LENGTHS:
         declared |= {"gas_volume"}
-    return {name: value for name, value in known.items() if name in declared}
+    return {name: value for name, value in values.items() if name in declared}
 
 
 def is_monotube_open(configuration: Configuration, search: LawSearch, layout: str | None) -> bool:
@@ -85,7 +85,7 @@ def is_monotube_open(configuration: Configuration, search: LawSearch, layout: st
     Its rod side is empty in bump at the gas pressure times the annulus.
     """
     damper, taken = configuration.damper, search.chosen.fits[0].model
-    known = (
+    declared = (
         declared_dimensions(configuration, damper)
         if isinstance(damper, Damper)
         else configuration.declared
@@ -95,7 +95,7 @@ def is_monotube_open(configuration: Configuration, search: LawSearch, layout: st
         and "damper.model" not in configuration.declared
         and isinstance(taken, ValveDamper)
         and Monotube.name not in {taken.name, *search.alike}
-        and not {"gas_pressure", "damper.gas_pressure"} & {*known}
+        and not {"gas_pressure", "damper.gas_pressure"} & {*declared}
     )
 
 
@@ -133,10 +133,10 @@ def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...
     damper = configuration.damper
     if not isinstance(fit.model, ValveDamper) or not isinstance(damper, Damper | ValveDamper):
         return ()
-    known = {key.removeprefix("damper.") for key in configuration.declared}
+    declared = {key.removeprefix("damper.") for key in configuration.declared}
     if isinstance(damper, Damper):
-        known = {*declared_dimensions(configuration, damper)}
-    missing = [words for name, words in _DIMENSIONS.items() if name not in known]
+        declared = {*declared_dimensions(configuration, damper)}
+    missing = [words for name, words in _DIMENSIONS.items() if name not in declared]
     parts = [words for name, words in _OF_RIG.items() if name in fit.free]
     if not missing or not parts:
         return ()
@@ -153,8 +153,8 @@ def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[P
     has_valves = any(isinstance(law.fits[0].model, ValveDamper) for law in tried)
     if not has_valves or not isinstance(damper, Damper):
         return ()
-    known = declared_dimensions(configuration, damper)
-    missing = {name: getattr(ValveDamper(), name) for name in GAS if name not in known}
+    declared = declared_dimensions(configuration, damper)
+    missing = {name: getattr(ValveDamper(), name) for name in GAS if name not in declared}
     if not missing:
         return ()
     text = (
@@ -613,8 +613,8 @@ def _held_share(evidence: Sequence[SettingLogs]) -> float:
     Every setting has to: valves hold more of it the more they are preloaded.
     """
     shares = [held_share(log) for logs in evidence for log in logs.fitted]
-    known = [share for share in shares if math.isfinite(share)]
-    least = min(known, default=math.nan)
+    finite = [share for share in shares if math.isfinite(share)]
+    least = min(finite, default=math.nan)
     return least if least >= YIELDS else math.nan
 
 
@@ -633,13 +633,13 @@ def _plain(configuration: Configuration) -> Model:
     own = {field.name for field in fields(paper) if field.init}
     if "damper.ambient_pressure" not in configuration.declared:
         own.discard("ambient_pressure")  # its equation leaves the air out
-    known = {name: getattr(damper, name) for name in own if hasattr(damper, name)}
+    taken = {name: getattr(damper, name) for name in own if hasattr(damper, name)}
     length = damper.gas_volume / (0.25 * math.pi * paper.gas_piston_diameter**2)
     low, high, _ = paper.ranges["gas_length"]
     if not low <= length <= high:  # the volume is what counts
         length = min(max(length, low), high)
-        known["gas_piston_diameter"] = math.sqrt(4.0 * damper.gas_volume / (math.pi * length))
-    return replace(paper, **known, gas_length=length)
+        taken["gas_piston_diameter"] = math.sqrt(4.0 * damper.gas_volume / (math.pi * length))
+    return replace(paper, **taken, gas_length=length)
 
 
 def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamper]:
@@ -654,5 +654,5 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
     if layout is None and "damper.model" in configuration.declared and damper.name in LAYOUTS:
         layout = damper.name
     kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
-    known = declared_dimensions(configuration, damper)
-    return [kind(**known) for kind in kinds.values()]
+    declared = declared_dimensions(configuration, damper)
+    return [kind(**declared) for kind in kinds.values()]

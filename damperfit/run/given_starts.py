@@ -25,8 +25,8 @@ def with_given_start(configuration: Configuration) -> Configuration:
     damper, options = configuration.damper, configuration.identification
     if path is None or options.start.by_setting:  # the latter from the choice of a law
         return configuration
-    known = _read(path)
-    named = {name for numbers in known.values() for name in numbers}
+    earlier = _read(path)
+    named = {name for numbers in earlier.values() for name in numbers}
     if not named & {q.name for q in damper.quantities if q.role not in _EVERYWHERE}:
         raise ConfigurationError(
             f"its parameters ({', '.join(sorted(named))}) belong to another model "
@@ -38,7 +38,7 @@ def with_given_start(configuration: Configuration) -> Configuration:
         )
     own = {
         setting: {name: value for name, value in numbers.items() if name in damper.names}
-        for setting, numbers in known.items()
+        for setting, numbers in earlier.items()
     }
     start = replace(options.start, by_setting=own)
     return replace(configuration, identification=replace(options, start=start))
@@ -76,17 +76,17 @@ def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> Giv
 def _read(path: Path) -> dict[Setting, dict[str, float]]:
     table = path / "parameters.parquet" if path.is_dir() else path
     try:
-        known = read_known_numbers(table)
+        earlier = read_known_numbers(table)
     except ConfigurationError as error:
         raise ConfigurationError(
             "{problem}; expected parameters that identify wrote, or NAME=VALUE",
             problem=error.at(Option("start")),
             code="no-start",
         ) from error
-    if not known:
+    if not earlier:
         raise ConfigurationError(
             "its rows contain no parameter to start from",
             where=Option("start", table),
             code="no-start",
         )
-    return known
+    return earlier

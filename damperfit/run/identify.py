@@ -643,14 +643,14 @@ def named_files(patterns: Iterable[str], paths: Sequence[Path]) -> dict[str, tup
 
     A pattern that names neither is not refused here: it may fit one test of a file of several.
     """
-    known = {real_path(path): path for path in paths}
+    originals = {real_path(path): path for path in paths}
     named: dict[str, tuple[Path, ...]] = {}
     for pattern in filter(_is_of_files, patterns):
         named[pattern] = tuple(path for path in paths if _is_named(pattern, path.name, str(path)))
         if not named[pattern]:
             with suppress(ConfigurationError):
                 others = expand([pattern])
-                named[pattern] = tuple(known.get(real_path(path), path) for path in others)
+                named[pattern] = tuple(originals.get(real_path(path), path) for path in others)
     return named
 
 
@@ -731,7 +731,7 @@ def note_unpredicted(
     batch: LogBatch,
     campaign: Campaign,
     predictions: Sequence[Prediction],
-    known: Sequence[Failure] = (),
+    reported: Sequence[Failure] = (),
 ) -> None:
     """Put the held-out logs that could not be predicted among the failures of the batch.
 
@@ -739,7 +739,7 @@ def note_unpredicted(
     failure: a remark says so, where the setting is fitted.
     """
     done = {id(prediction.trace) for prediction in predictions}
-    failed = {failure.log for failure in known}
+    failed = {failure.log for failure in reported}
     fitted = {fit.setting for fit in campaign.fits}
     options = {
         "joint": Option("procedure", "joint", is_aside=True),

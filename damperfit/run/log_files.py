@@ -280,9 +280,9 @@ def in_memory(logs: object, options: ConditionOptions) -> tuple[object, list[Tra
     is_whole = isinstance(logs, str | os.PathLike | Mapping) or _is_frame(logs)
     if is_whole or not isinstance(logs, Iterable):
         return logs, []
-    known = list(logs)
-    traces = [log for log in known if isinstance(log, Trace | Recording)]
-    unread = [log for log in known if not isinstance(log, Trace | Recording)]
+    items = list(logs)
+    traces = [log for log in items if isinstance(log, Trace | Recording)]
+    unread = [log for log in items if not isinstance(log, Trace | Recording)]
     return unread, [log if isinstance(log, Trace) else condition(log, options) for log in traces]
 
 

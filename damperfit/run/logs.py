@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
 _MANY = 20  # files that are no logs and are named one by one
-_READ_IN_CHILD = {suffix for known in FORMATS if known.in_child for suffix in known.suffixes}
+_READ_IN_CHILD = {suffix for form in FORMATS if form.in_child for suffix in form.suffixes}
 _FROM_NAME = "setting: from the file name"
 _GUESSED = "setting: guessed from the file name"
 _FEW = 3  # rows of a table that are named
@@ -157,7 +157,7 @@ class LogBatch:
 
     def path_of(self, log: str) -> str:
         """Return the path of a log; empty where it is not known."""
-        return next((known.path for known in self.logs if known.log == log), "")
+        return next((own.path for own in self.logs if own.log == log), "")
 
     def document(self) -> dict[str, Any]:
         """Return what `inspect` tells, as JSON values."""
@@ -360,8 +360,8 @@ class Labels:
         """Return where a log says that its adjusters stand."""
         if recording.setting is not None:
             return dict(recording.setting.places)
-        known = recording.metadata
-        return {name: parse_place(known[name]) for name in self.adjusters if name in known}
+        stated = recording.metadata
+        return {name: parse_place(stated[name]) for name in self.adjusters if name in stated}
 
 
 def _of_name(name: str, configuration: Configuration) -> LogLabel:
@@ -480,17 +480,17 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done meanwhi
     threads = jobs if any(map(gains_by_threads, logs)) else 1
     with one_blas_thread():  # more would spin between small products, on the next log's core
         how: dict[str, Any] = {"jobs": jobs, "cancelled": cancelled, "threads": threads}
-        known = list(chain.from_iterable(in_copies(logs_of, logs, meanwhile=meanwhile, **how)))
-        known = _with_common_signs(known, names, configuration, labels)
-    traces = [log.trace for log in known if log.trace is not None and not is_inspected]
-    for log in known:
+        read = list(chain.from_iterable(in_copies(logs_of, logs, meanwhile=meanwhile, **how)))
+        read = _with_common_signs(read, names, configuration, labels)
+    traces = [log.trace for log in read if log.trace is not None and not is_inspected]
+    for log in read:
         log.trace = None
     return LogBatch(
-        known,
+        read,
         traces,
-        [log.failure for log in known if log.failure is not None],
+        [log.failure for log in read if log.failure is not None],
         tuple(_shown(path) for path in paths if is_table[path]),
-        list(labels.remarks(known)),
+        list(labels.remarks(read)),
         labels.tables_used,
     )
 

@@ -279,8 +279,8 @@ def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -
     for own_spread in spread.values():
         most |= {name: max(value, most.get(name, 0.0)) for name, value in own_spread.items()}
 
-    def wider(known: Uncertainty, name: str, own: Interval) -> Interval:
-        cell, stroke = str(known.setting.cell), name.partition("_")[0]
+    def wider(widened: Uncertainty, name: str, own: Interval) -> Interval:
+        cell, stroke = str(widened.setting.cell), name.partition("_")[0]
         beside = spread.get(cell, most).get(name, 0.0)
         if beside and math.isfinite(own.high):  # else it says "anything" already
             value = math.sqrt(own.low * own.high)
@@ -288,7 +288,7 @@ def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -
             own = make_interval(value, own.error / value, own.cycle_ratio, misfit=misfit)
         is_valve = stroke in {"rebound", "compression"}
         if layouts and is_valve and isinstance(damper, ValveDamper):
-            raised = known.intervals.get(f"{stroke}_power")
+            raised = widened.intervals.get(f"{stroke}_power")
             power = 1.0 if raised is None else math.sqrt(raised.low * raised.high)
             times = [times_in(layout, damper, name, power) for layout in layouts]
             low, high = min(times) / _RETURNS, max(times) * _RETURNS
@@ -300,11 +300,11 @@ def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -
                 own = replace(own, low=min(own.low, away), high=max(own.high, away))
         return own
 
-    known = (
+    widened = (
         replace(each, intervals={k: wider(each, k, own) for k, own in each.intervals.items()})
         for each in assessment.uncertainties
     )
-    return replace(assessment, uncertainties=tuple(known))
+    return replace(assessment, uncertainties=tuple(widened))
 
 
 # Warnings, gates and failures
@@ -422,7 +422,7 @@ def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[Pro
 
     With the bleed closed, a preload and a friction give nearly the same force at one speed.
     """
-    known = {each.setting: each.intervals for each in assessment.uncertainties}
+    intervals = {each.setting: each.intervals for each in assessment.uncertainties}
     quantities = campaign.fits[0].parameters.quantities if campaign.fits else ()
     for quantity in (q for q in quantities if q.is_friction):
         name = quantity.name
@@ -430,7 +430,7 @@ def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[Pro
             (getattr(fit.parameters, name), math.hypot(own.error, own.misfit), fit.setting)
             for fit in campaign.fits
             if fit.status[name] == Status.FITTED
-            and (own := known.get(fit.setting, {}).get(name)) is not None
+            and (own := intervals.get(fit.setting, {}).get(name)) is not None
         )
         if not frictions:
             continue
@@ -593,19 +593,19 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         "checks": to_record(judgement.checks),
         "uncertainty": [
             {
-                "setting": known.setting,
-                "verdicts": verdicts[known.setting],
-                "parameters": list(known.names),
-                "shared": list(known.shared),
-                "correlation": known.correlation.tolist(),
-                "errors": np.sqrt(np.diag(known.covariance)).tolist(),
+                "setting": u.setting,
+                "verdicts": verdicts[u.setting],
+                "parameters": list(u.names),
+                "shared": list(u.shared),
+                "correlation": u.correlation.tolist(),
+                "errors": np.sqrt(np.diag(u.covariance)).tolist(),
                 "jackknife_over_sandwich": {
-                    name: interval.cycle_ratio for name, interval in known.intervals.items()
+                    name: interval.cycle_ratio for name, interval in u.intervals.items()
                 },
                 "residuals": to_record(diagnosis),
-                "cavitation": to_record(by_setting[known.setting].cavitation),
+                "cavitation": to_record(by_setting[u.setting].cavitation),
             }
-            for known, diagnosis in zip(assessment.uncertainties, assessment.diagnoses, strict=True)
+            for u, diagnosis in zip(assessment.uncertainties, assessment.diagnoses, strict=True)
         ],
         "profiles": [profile_record(profile, assessment) for profile in assessment.profiles],
         "gas_content": to_record(assessment.gas),

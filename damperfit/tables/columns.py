@@ -323,9 +323,9 @@ def unknown_schema(record: Mapping[str, Any]) -> str | None:
 
 def setting_cells(setting: Setting, *, is_whole: bool) -> dict[str, Place]:
     """Return what a row of a setting holds; ``is_whole``: the column is one of whole numbers."""
-    known = Setting.of(setting)
-    named = {} if known.adjusters == (ADJUSTER,) else dict(known.places)
-    return {"setting": known.cell if is_whole else known.label, **named}
+    setting = Setting.of(setting)
+    named = {} if setting.adjusters == (ADJUSTER,) else dict(setting.places)
+    return {"setting": setting.cell if is_whole else setting.label, **named}
 
 
 def adjusters_in(
@@ -365,7 +365,7 @@ def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
         return [limit if math.isfinite(limit) else None for limit in of] if is_range else of
 
     names = [field.name for field in fields(Quantity)]
-    return [{name: value(getattr(known, name)) for name in names} for known in quantities]
+    return [{name: value(getattr(q, name)) for name in names} for q in quantities]
 
 
 def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tuple[Quantity, ...]:
@@ -375,22 +375,22 @@ def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tupl
     say what there is.
     """
     records = facts.get("quantities")
-    known: tuple[Quantity, ...] = ()
+    quantities: tuple[Quantity, ...] = ()
     with suppress(KeyError, TypeError, ValueError):
-        known = tuple(map(_quantity, records)) if isinstance(records, list) else ()
+        quantities = tuple(map(_quantity, records)) if isinstance(records, list) else ()
     named = [name.removesuffix("_status") for name in columns if name.endswith("_status")]
-    if not known and not {q.name for q in PAPER_QUANTITIES}.issuperset(named):
-        known = tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in named)
-    return known if known and known != PAPER_QUANTITIES else PAPER_QUANTITIES
+    if not quantities and not {q.name for q in PAPER_QUANTITIES}.issuperset(named):
+        quantities = tuple(Quantity(n, n, n, n, "", (-math.inf, math.inf)) for n in named)
+    return quantities if quantities and quantities != PAPER_QUANTITIES else PAPER_QUANTITIES
 
 
 def _quantity(record: Mapping[str, Any]) -> Quantity:
-    known = {field.name: record[field.name] for field in fields(Quantity) if field.name in record}
-    for key, pair in known.items():
+    values = {field.name: record[field.name] for field in fields(Quantity) if field.name in record}
+    for key, pair in values.items():
         if isinstance(pair, list):
             limits = zip(pair, (-math.inf, math.inf), strict=True)
-            known[key] = tuple(none if limit is None else float(limit) for limit, none in limits)
-    return Quantity(**known)
+            values[key] = tuple(none if limit is None else float(limit) for limit, none in limits)
+    return Quantity(**values)
 
 
 def values_from(quantities: tuple[Quantity, ...], numbers: Sequence[float]) -> Values:

@@ -467,9 +467,9 @@ def table_quantities(path: Path, record: Mapping[str, Any] | None = None) -> tup
     if record is None:
         return quantities_in(read_record(path.parent / "run.json", []))
     columns: list[str] = []
-    for known in (path, path.with_suffix(".csv")):
+    for table in (path, path.with_suffix(".csv")):
         with suppress(*_BROKEN):
-            columns = columns or _cells(known)[0]
+            columns = columns or _cells(table)[0]
     return quantities_in(record, columns)
 
 
@@ -515,8 +515,8 @@ def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
     """
     _, quantities, rows, _ = read_table(path, is_whole=False)
     names = [q.name for q in quantities]
-    known = {row["setting"]: {n: row[n] for n in names if row[n] is not None} for row in rows}
-    return {setting: numbers for setting, numbers in known.items() if numbers}
+    by_setting = {row["setting"]: {n: row[n] for n in names if row[n] is not None} for row in rows}
+    return {setting: numbers for setting, numbers in by_setting.items() if numbers}
 
 
 # A part of a fleet
@@ -591,13 +591,13 @@ def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
     adjusters = adjusters_in(table.column_names, quantities)
     # A setting is text here: what it was in the run, the record tells.
     cells = (entry["setting"] for entry in record.get("uncertainty") or () if "setting" in entry)
-    known = {str(cell): cell for cell in cells}
+    cell_of = {str(cell): cell for cell in cells}
     rows = [row for row in table.to_pylist() if not row["error_kind"]]
     for row in rows:
         row["setting"] = (
             Setting(tuple((name, parse_place(row[name])) for name in adjusters))
             if len(adjusters) > 1
-            else Setting.of(known.get(row["setting"], row["setting"]))
+            else Setting.of(cell_of.get(row["setting"], row["setting"]))
         )
     return record, quantities, tuple(rows)
 
