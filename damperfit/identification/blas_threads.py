@@ -49,9 +49,9 @@ def _libraries() -> Any:
 
     n_modules = len(sys.modules)
     if n_modules not in _found:
-        found = ThreadpoolController().select(user_api="blas").lib_controllers
+        controllers = ThreadpoolController().select(user_api="blas").lib_controllers
         _found.clear()
-        _found[n_modules] = found
+        _found[n_modules] = controllers
     return _found[n_modules]
 
 

@@ -176,15 +176,15 @@ class Block:
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """The plausible ranges of what is free, (k,) each."""
         ranges = [self.model.quantity(name).plausible for name in self.free]
-        return np.array([one[0] for one in ranges]), np.array([one[1] for one in ranges])
+        return np.array([edge[0] for edge in ranges]), np.array([edge[1] for edge in ranges])
 
     @property
     def variables(self) -> Transformation:
         """Logarithms of what is free; an offset in units of the force's deviation."""
         quantities = [self.model.quantity(name) for name in self.free]
         return Transformation(
-            np.array([one.is_logarithmic for one in quantities], dtype=bool),
-            np.array([self.deviation if one.is_offset else one.size for one in quantities]),
+            np.array([quantity.is_logarithmic for quantity in quantities], dtype=bool),
+            np.array([self.deviation if q.is_offset else q.size for q in quantities]),
         )
 
     @property
@@ -227,7 +227,7 @@ class Block:
         if offset is not None:
             along = rows[1 + list(asked).index(offset)].copy()
             lengths = iter(part.shape[1] for part in parts)
-            n_parts = [1 if self.cycles is None else len(one.stretches) for one in self.traces]
+            n_parts = [1 if self.cycles is None else len(trace.stretches) for trace in self.traces]
             ends = np.cumsum([sum(next(lengths) for _ in range(n)) for n in n_parts])
             for first, last in pairwise(ends.tolist()):
                 part, unit = rows[:, first:last], along[first:last]
@@ -247,10 +247,11 @@ class Block:
                 empty = _is_empty(response, trace.compared, weight)
                 yield rows if weight is None else rows * weight, empty
             return
-        for one in self.cycles.cycles:
-            options = one.solver(self.solver)
-            response = simulate(*law, one.motion, sensitivities=names, options=options)
-            yield one.rows(response), _is_empty(response, slice(-len(one.force), None), one.factor)
+        for cycle in self.cycles.cycles:
+            options = cycle.solver(self.solver)
+            response = simulate(*law, cycle.motion, sensitivities=names, options=options)
+            compared = slice(-len(cycle.force), None)
+            yield cycle.rows(response), _is_empty(response, compared, cycle.factor)
         rest = np.zeros((1 + len(names), 1))
         rest[0] = math.sqrt(self.cycles.scatter)  # what differs between cycles
         yield rest, False
@@ -259,7 +260,7 @@ class Block:
         """Values of what is free beside some quantities at which it does nothing to them."""
         # A bleed with its laminar share does without an orifice that is wide, not one closed.
         absent = [self.model.quantity(name) for name in self.free if name not in known]
-        wide = {one.name for one in absent if one.part == "bleed" and one.beside("leak") in known}
+        wide = {q.name for q in absent if q.part == "bleed" and q.beside("leak") in known}
         return {q.name: q.plausible[0] if q.name in wide else q.vanishes_at for q in absent}
 
 
@@ -303,8 +304,8 @@ class FitProblem:
     def border(self) -> tuple[Unknown, ...]:
         """The shared unknowns that move, in the order of the variables."""
         shared = [name for name in self.variables if name in {*self.shared, *GAS_NAMES}]
-        found = unknowns_of(shared, self.follows, self.settings)
-        return tuple(one for one in found if one not in self.held)
+        unknowns = unknowns_of(shared, self.follows, self.settings)
+        return tuple(unknown for unknown in unknowns if unknown not in self.held)
 
     def minimise(self, starts: Mapping[Setting, Values], stopping: Stopping) -> Minimum[Point]:
         """Minimise the weighted sum of squares within the bounds.
@@ -343,18 +344,18 @@ class _Stacked:
             self.weights = {settings[0]: first.scale**2}
         self.transformation = first.variables if self.is_alone else first.common_variables
         if self.is_dense:
-            deviation = np.mean([one.deviation for one in problem.blocks.values()])
+            deviation = np.mean([block.deviation for block in problem.blocks.values()])
             self.transformation = first.variables._replace(scales=np.full(len(names), deviation))
         is_shared = np.array([name in {*problem.shared, *GAS_NAMES} for name in names], dtype=bool)
         self.own, self.n_border = np.flatnonzero(~is_shared), len(border)
-        places = {one: k for k, one in enumerate(border)}
+        places = {unknown: k for k, unknown in enumerate(border)}
         # Of each setting: which of its shared variables move, and where they stand in the border.
         self.moving: dict[Setting, NDArray[np.intp]] = {}
         self.places: dict[Setting, NDArray[np.intp]] = {}
         for setting in settings:
             shared = {k: unknown_at(names[k], problem.follows, setting)
                       for k in np.flatnonzero(is_shared).tolist()}  # fmt: skip
-            mine = [(k, places[one]) for k, one in shared.items() if one in places]
+            mine = [(k, places[unknown]) for k, unknown in shared.items() if unknown in places]
             columns = np.array(mine, dtype=np.intp).reshape(-1, 2)
             self.moving[setting], self.places[setting] = columns.T
         self.ranges = first.bounds
@@ -367,9 +368,9 @@ class _Stacked:
             low[-len(GAS_NAMES) :], high[-len(GAS_NAMES) :] = -math.inf, math.inf
         self.bounds = None if self.stays_beyond else (low, high)
         # Of the border: what it is held at, and how strongly; 0 of what has no logarithm.
-        own = [first.model.quantity(one.name) for one in border] if self.is_dense else []
-        is_log = np.array([one.is_logarithmic for one in own], dtype=bool)
-        is_friction = np.array([one.is_friction for one in own], dtype=bool)
+        own = [first.model.quantity(unknown.name) for unknown in border] if self.is_dense else []
+        is_log = np.array([quantity.is_logarithmic for quantity in own], dtype=bool)
+        is_friction = np.array([quantity.is_friction for quantity in own], dtype=bool)
         began = np.where(is_log, self._stacked(numbers), 1.0) if own else np.empty(0)
         self.held_at = np.where(is_friction, BELIEVED_FRICTION, began)
         self.pull = np.where(is_friction, _UNBELIEVED / FRICTION_SPREAD, _HELD * is_log)
@@ -566,8 +567,8 @@ def edge_of(values: Values, name: str) -> tuple[str, float]:
 
 def does_nothing(values: Values, name: str) -> bool:
     """Whether a quantity is at an edge of its range where its part of the model does nothing."""
-    one = values.quantity(name)
-    return one.edge_at(getattr(values, name)) in one.idle_edges
+    quantity = values.quantity(name)
+    return quantity.edge_at(getattr(values, name)) in quantity.idle_edges
 
 
 def is_nothing(values: Values, name: str) -> bool:

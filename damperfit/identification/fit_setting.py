@@ -148,14 +148,14 @@ class Fit:
     noise_floor_percent: float  # and the share that is scatter between cycles
     n_samples: int  # samples and cycles compared
     n_cycles: int
-    evaluations: int  # simulations spent
+    evaluations: int  # simulations
     cavitation: Cavitation  # share of the time, lowest pressure, margins to the onset
     logs: tuple[LogFit, ...]  # fitted together
     warnings: tuple[Problem, ...] = ()
 
 
-def minimised(block: Block, start: Values, *, spent: int = 0) -> FitResult:
-    """The minimum that a start leads to, judged; evaluations already spent are added."""
+def minimised(block: Block, start: Values, *, evaluations: int = 0) -> FitResult:
+    """The minimum that a start leads to, with the evaluations made before it."""
     result = _ended(block, start)
     cost, n, jacobian = result.mse_percent / 100.0, result.n_independent, result.jacobian
     errors = np.sqrt(np.diag(inverse_information(jacobian)) * (cost / n))
@@ -177,7 +177,7 @@ def minimised(block: Block, start: Values, *, spent: int = 0) -> FitResult:
         Outcome.NO_DESCENT: True,
     }
     outcome = next(outcome for outcome, is_so in applies.items() if is_so)
-    return replace(result, status=status, outcome=outcome, errors=by_name).after(spent)
+    return replace(result, status=status, outcome=outcome, errors=by_name).after(evaluations)
 
 
 def _ended(block: Block, start: Values) -> FitResult:
@@ -304,15 +304,15 @@ def _statuses(block: Block, result: FitResult, errors: Mapping[str, float]) -> d
     for name, error in errors.items():
         value = getattr(result.values, name)
         status[name] = Status.FITTED
-        one = block.model.quantity(name)
-        low, high = one.plausible
-        if one.unit == "N" and one.is_logarithmic and error > NOT_FOUND:
+        quantity = block.model.quantity(name)
+        low, high = quantity.plausible
+        if quantity.unit == "N" and quantity.is_logarithmic and error > NOT_FOUND:
             low = max(low, _NO_FRICTION * block.deviation)
-        if one.is_open and value >= high:
+        if quantity.is_open and value >= high:
             status[name] = Status.NOT_IDENTIFIABLE  # rigid oil is no fault: there is no upper limit
         elif not low < value < high:
             status[name] = Status.AT_BOUND
-        elif is_loose(one, value, error, NOT_FOUND):
+        elif is_loose(quantity, value, error, NOT_FOUND):
             status[name] = Status.NOT_IDENTIFIABLE
     for first, *others in block.model.determined_together:
         if status.get(first) is Status.NOT_IDENTIFIABLE:
@@ -343,9 +343,9 @@ def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:
     warnings = list(said_of_speeds(block.facts, block.free, block.model.quantities))
     if result.failed_trials:
         where = ", ".join(
-            f"{one.symbol} {getattr(values, one.name):.3g}"
-            for one in values.quantities
-            if one.is_logarithmic
+            f"{quantity.symbol} {getattr(values, quantity.name):.3g}"
+            for quantity in values.quantities
+            if quantity.is_logarithmic
         )
         text = f"{result.failed_trials} trial points could not be simulated, near {where}."
         warnings.insert(0, warning("failed-trials", text))
@@ -406,7 +406,7 @@ def own_start(
     the best lead, followed on mean cycles as far as the motions repeat.
     """
     starts = block.model.start(block.traces, fixed)
-    starts = tuple({with_given(given, setting, one, fixed): None for one in starts})
+    starts = tuple({with_given(given, setting, start, fixed): None for start in starts})
     if len(starts) == 1:
         return starts[0]
     try:
@@ -424,24 +424,24 @@ def with_given(
     given: ProcedureInput, setting: Setting, start: Values, fixed: Mapping[str, float]
 ) -> Values:
     """A start with what somebody has said that the fit of a setting starts at."""
-    said = given.options.start.of(setting)
-    said = {name: said[name] for name in given.ordered(said) if name not in fixed}
+    numbers = given.options.start.of(setting)
+    numbers = {name: numbers[name] for name in given.ordered(numbers) if name not in fixed}
     # What stands at its default is held there, also at nothing, beyond what a fit may find.
-    moved = [name for name, x in said.items() if x != start.quantity(name).default]
-    return kept_within(start.replace(said), moved)
+    moved = [name for name, x in numbers.items() if x != start.quantity(name).default]
+    return kept_within(start.replace(numbers), moved)
 
 
 # Further starts: from a minimum that is not sound.
 
 
-def fit_setting(block: Block, start: Values, *, spent: int = 0) -> FitResult:
+def fit_setting(block: Block, start: Values, *, evaluations: int = 0) -> FitResult:
     """Fit the free parameters of one setting.
 
     One that ends unsound is tried again from the model's further starts. The paper's lie below the
     onset of cavitation, and the better sound minimum is kept; where that gives neither a sound one
     nor a good one that cavitates, others lie beyond the onset.
     """
-    best = minimised(block, start, spent=spent)
+    best = minimised(block, start, evaluations=evaluations)
     if names := inseparable(block.facts, block.free, block.model.quantities):
         loose = {Status.FITTED, Status.AT_BOUND}  # at a bound one is by accident
         lost = {name: Status.NOT_IDENTIFIABLE for name in names if best.status[name] in loose}
@@ -481,21 +481,21 @@ def fit_in_stages(
     has_further_starts: bool = False,
 ) -> FitResult:
     """Fit after rough descents that hold some at the start, stage by stage."""
-    spent, rough = 0, block
+    evaluations, rough = 0, block
     if block.cycles is None:  # the log with the strongest force determines the valves best
-        strongest = max(block.traces, key=lambda one: float(np.std(one.force[one.compared])))
+        strongest = max(block.traces, key=lambda trace: float(np.std(trace.force[trace.compared])))
         rough = replace(block, traces=(strongest,))
     for held in stages:
         free = tuple(name for name in block.free if name not in held)
         near = descended(replace(rough, free=free), start, ROUGH)
-        start, spent = near.values, spent + near.evaluations
-    return (fit_setting if has_further_starts else minimised)(block, start, spent=spent)
+        start, evaluations = near.values, evaluations + near.evaluations
+    return (fit_setting if has_further_starts else minimised)(block, start, evaluations=evaluations)
 
 
 def lacks_stiffness_alone(result: FitResult) -> bool:
     """Whether a fit that does not cavitate is excellent and lacks nothing but K_e: rigid oil."""
     rest = dict(result.status)
-    of_oil = [rest.pop(one.name) for one in result.values.quantities if one.is_open]
+    of_oil = [rest.pop(quantity.name) for quantity in result.values.quantities if quantity.is_open]
     is_alone = {*rest.values()} <= {Status.FITTED, Status.FIXED}
     is_lost = is_alone and Status.NOT_IDENTIFIABLE in of_oil
     return is_lost and not result.is_cavitating and result.mse_percent < EXCELLENT
@@ -509,28 +509,28 @@ def from_neighbours(
 ) -> tuple[dict[Setting, Values], int]:
     """Each setting's values; one that ended at a bound starts again from its sound neighbours'."""
     sound = [setting for setting, fit in fits.items() if fit.outcome is Outcome.CONVERGED]
-    spent = dict.fromkeys(fits, 0)
+    evaluations = dict.fromkeys(fits, 0)
 
-    def steps(one: Setting, other: Setting) -> int:
-        return sum(one.place(adjuster) != other.place(adjuster) for adjuster in one.adjusters)
+    def steps(setting: Setting, other: Setting) -> int:
+        return sum(setting.place(a) != other.place(a) for a in setting.adjusters)
 
     def helped(setting: Setting) -> Values:
         best, least = fits[setting].parameters, fits[setting].mse_percent
         nearest = sorted(sound, key=lambda other: (steps(setting, other), other))
         is_lost = fits[setting].outcome is Outcome.AT_BOUND
         for other in nearest[:_NEIGHBOURS] if is_lost else ():
-            lent = {n: getattr(fits[other].parameters, n) for n in blocks[other].free}
-            result = attempted(setting, partial(minimised, blocks[setting], best.replace(lent)))
+            known = {n: getattr(fits[other].parameters, n) for n in blocks[other].free}
+            result = attempted(setting, partial(minimised, blocks[setting], best.replace(known)))
             if isinstance(result, Failure):
                 continue
-            spent[setting] += result.evaluations
+            evaluations[setting] += result.evaluations
             if result.mse_percent < least:
                 best, least = result.values, result.mse_percent
         return best
 
     with executor(jobs) as pool:
         values = dict(zip(fits, pool.map(helped, fits), strict=True))
-    return values, max(spent.values())
+    return values, max(evaluations.values())
 
 
 # A Latin cube around a result.
@@ -562,15 +562,14 @@ class Search:
     def warning(self) -> str:
         """What the reader should know before believing the numbers; empty where all is well."""
         if self.is_ambiguous:
-            pairs = (
-                (n, *(getattr(one.parameters, n) for one in self.minima[:2])) for n in self.free
-            )
-            apart = [
+            best = [minimum.parameters for minimum in self.minima[:2]]
+            pairs = ((n, *(getattr(at, n) for at in best)) for n in self.free)
+            differing = [
                 f"{name} {a:.4g} or {b:.4g}"
                 for name, a, b in pairs
                 if not math.isclose(a, b, rel_tol=_SAME)
             ]
-            return f"different minima fit equally well: {', '.join(apart)}"
+            return f"different minima fit equally well: {', '.join(differing)}"
         if self.is_improved:
             return "a better minimum than from the procedure's own start was found, and is used"
         return ""
@@ -579,27 +578,27 @@ class Search:
 def describe_searches(searches: Iterable[Search]) -> tuple[str, ...]:
     """Return what the starts found, for people: one sentence for each kind of ending."""
     endings: dict[str, list[Setting]] = defaultdict(list)
-    for one in searches:
-        many = f"{', '.join(one.free)} free, {one.n_starts} starts"
-        if one.n_failed:
-            many += f" of which {one.n_failed} could not be simulated"
+    for search in searches:
+        many = f"{', '.join(search.free)} free, {search.n_starts} starts"
+        if search.n_failed:
+            many += f" of which {search.n_failed} could not be simulated"
         ending = "all end in one minimum"
-        if len(one.minima) > 1:
+        if len(search.minima) > 1:
             ends = ", ".join(
                 f"{end.mse_percent:.3g} % ({end.n_starts}, {end.outcome})"
-                for end in one.minima[:_SHOWN]
+                for end in search.minima[:_SHOWN]
             )
-            ending = f"{len(one.minima)} minima, with MSE {ends}"
-        more = f" and {len(one.minima) - _SHOWN} more" if len(one.minima) > _SHOWN else ""
-        endings[f"{many}: {ending}{more}"].append(one.setting)
+            ending = f"{len(search.minima)} minima, with MSE {ends}"
+        more = f" and {len(search.minima) - _SHOWN} more" if len(search.minima) > _SHOWN else ""
+        endings[f"{many}: {ending}{more}"].append(search.setting)
     return tuple(f"{of_settings(settings)}, {words}" for words, settings in endings.items())
 
 
 def fit_from(
-    setting: Setting, block: Block, start: Values, *, starts: int, spent: int = 0
+    setting: Setting, block: Block, start: Values, *, starts: int, evaluations: int = 0
 ) -> tuple[FitResult, Search | None]:
     """Fit from a start, and from as many more as the options ask for; the best sound result."""
-    first = fit_setting(block, start, spent=spent)
+    first = fit_setting(block, start, evaluations=evaluations)
     if starts < 2 or not block.free:
         return first, None
     others = spread_starts(block, first.values, setting, starts - 1)
@@ -610,14 +609,14 @@ def fit_from(
     is_improved = first not in groups[0] and not _is_level(best, first)
     sound = [group[0] for group in groups if group[0].is_sound]
     minima = tuple(
-        LocalMinimum(one[0].values, one[0].mse_percent, one[0].outcome.value, len(one))
-        for one in groups
+        LocalMinimum(group[0].values, group[0].mse_percent, group[0].outcome.value, len(group))
+        for group in groups
     )
     is_ambiguous = len(sound) > 1 and sound[0] is best and _is_level(sound[0], sound[1])
     n_failed = starts - len(ends)
     search = Search(setting, block.free, minima, starts, n_failed, is_improved, is_ambiguous)
-    spent = sum(end.evaluations for end in ends)
-    return replace(best if is_improved else first, evaluations=spent), search
+    evaluations = sum(end.evaluations for end in ends)
+    return replace(best if is_improved else first, evaluations=evaluations), search
 
 
 def unless_failed(fit: Callable[[], FitResult]) -> FitResult | None:
@@ -642,10 +641,9 @@ def spread_starts(
     cube = qmc.LatinHypercube(len(block.free), rng=random).random(number)
     columns = {}
     for name, away in zip(block.free, 2.0 * cube.T - 1.0, strict=True):
-        value, one = getattr(centre, name), centre.quantity(name)
-        columns[name] = (
-            value * SPREAD**away if one.is_logarithmic else value + _LINEAR_SPREAD * one.size * away
-        )
+        value, quantity = getattr(centre, name), centre.quantity(name)
+        linear = value + _LINEAR_SPREAD * quantity.size * away
+        columns[name] = value * SPREAD**away if quantity.is_logarithmic else linear
     return tuple(
         centre.replace({name: float(values[k]) for name, values in columns.items()})
         for k in range(number)
@@ -655,7 +653,7 @@ def spread_starts(
 def _grouped(ends: Sequence[FitResult], block: Block) -> list[list[FitResult]]:
     """Ends of one minimum together, best first; sound minima before the others."""
     groups: list[list[FitResult]] = []
-    for end in sorted(ends, key=lambda one: one.mse_percent):
+    for end in sorted(ends, key=lambda end: end.mse_percent):
         for group in (group for group in groups if _is_same(group[0], end, block)):
             group.append(end)
             break
@@ -664,13 +662,13 @@ def _grouped(ends: Sequence[FitResult], block: Block) -> list[list[FitResult]]:
     return sorted(groups, key=lambda group: (not group[0].is_sound, group[0].mse_percent))
 
 
-def _is_same(one: FitResult, other: FitResult, block: Block) -> bool:
+def _is_same(end: FitResult, other: FitResult, block: Block) -> bool:
     """Whether all parameters that the logs tell agree."""
-    for name, error in one.errors.items():
-        if one.status[name] != Status.FITTED and other.status[name] == one.status[name]:
+    for name, error in end.errors.items():
+        if end.status[name] != Status.FITTED and other.status[name] == end.status[name]:
             continue  # a flat direction is one minimum however far along it a descent stopped
-        a, b = getattr(one.values, name), getattr(other.values, name)
-        quantity = one.values.quantity(name)
+        a, b = getattr(end.values, name), getattr(other.values, name)
+        quantity = end.values.quantity(name)
         if quantity.is_logarithmic:
             limit = max(_SAME, _SAME_ERRORS * error) * max(a, b)
         else:
@@ -712,20 +710,20 @@ def best_of_starts(
         raise SimulationError(
             f"{block.model.name} cannot be simulated from any of its starts.", code="no-start"
         )
-    spent = sum(one.evaluations for one in looks)
-    best, *others = sorted(looks, key=lambda one: one.cost)
+    evaluations = sum(look.evaluations for look in looks)
+    best, *others = sorted(looks, key=lambda look: look.cost)
     ended = block.descend(best.extra, COMPARING)
-    spent += ended.evaluations
+    evaluations += ended.evaluations
     further = [(look.extra, False) for look in others if is_thorough]
-    for start, is_next in (*further, *((one, True) for one in ranked[many : many + 1])):
+    for start, is_next in (*further, *((start, True) for start in ranked[many : many + 1])):
         # The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
         if ended.cost <= expected or (is_next and not _lost_a_valve(block, ended)):
             break
         with suppress(SimulationError):
             other = block.descend(start, COMPARING)
-            spent += other.evaluations
-            ended = min(ended, other, key=lambda one: one.cost)
-    return replace(ended, evaluations=spent)
+            evaluations += other.evaluations
+            ended = min(ended, other, key=lambda end: end.cost)
+    return replace(ended, evaluations=evaluations)
 
 
 def _lost_a_valve(block: Block, ended: Minimum[Values]) -> bool:
@@ -740,14 +738,14 @@ def _in_turn(block: Block, ranked: list[Values]) -> list[Values]:
     """Starts in the order in which they are followed: the best, then the best unlike it."""
     # An offset or a friction that hides a preload fits best at the start and leads nowhere else.
     own = [block.model.quantity(name) for name in block.free]
-    forces = [one.name for one in own if one.is_offset or one.is_friction]
+    forces = [quantity.name for quantity in own if quantity.is_offset or quantity.is_friction]
     least = _APART * block.deviation
     first: list[Values] = []
-    for one in ranked:
-        here = values_of(forces, one)
+    for start in ranked:
+        here = values_of(forces, start)
         if all(np.any(np.abs(here - values_of(forces, other)) > least) for other in first):
-            first.append(one)
-    return [*first, *(one for one in ranked if one not in first)]
+            first.append(start)
+    return [*first, *(start for start in ranked if start not in first)]
 
 
 def _best_fitting(block: Block, starts: Sequence[Values]) -> list[Values]:

@@ -114,20 +114,24 @@ def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> Minimu
     Where all logs repeat, first on mean cycles. A `SettingError`: a setting cannot be simulated at
     its start, or has met a bug.
     """
-    if any(one.cycles is None for one in problem.blocks.values()):
+    if any(block.cycles is None for block in problem.blocks.values()):
         return _minimised(problem, starts)
-    logs = replace(problem, blocks={s: one.whole for s, one in problem.blocks.items()})
-    spent = 0
+    logs = replace(problem, blocks={s: block.whole for s, block in problem.blocks.items()})
+    evaluations = 0
     if problem.weights is None:
         # Weights are of the logs at the start, whichever way the descent takes.
         weights = _minimised(logs, starts, max_evaluations=1).extra.weights
-        problem, logs, spent = replace(problem, weights=weights), replace(logs, weights=weights), 1
+        problem, logs, evaluations = (
+            replace(problem, weights=weights),
+            replace(logs, weights=weights),
+            1,
+        )
     try:
         near = _minimised(problem, starts)
     except SettingError:
         return _minimised(logs, starts)
     ended = _minimised(replace(logs, gas=near.extra.gas), near.extra.values)
-    return replace(ended, evaluations=ended.evaluations + near.evaluations + spent)
+    return replace(ended, evaluations=ended.evaluations + near.evaluations + evaluations)
 
 
 def _minimised(
@@ -137,7 +141,7 @@ def _minimised(
     max_evaluations: int = _MAX_EVALUATIONS,
 ) -> Minimum[Point]:
     """The minimum of what the blocks have, their mean cycles or their logs."""
-    n_samples = sum(one.facts.n_samples for one in problem.blocks.values())
+    n_samples = sum(block.facts.n_samples for block in problem.blocks.values())
     stopping = Stopping(
         step_tolerance=_STEP_TOLERANCE,
         max_evaluations=max_evaluations,
@@ -191,19 +195,19 @@ def _known(
     """What the model says of itself: nothing is asked of the logs there."""
     known: dict[str, tuple[str, ...]] = {}
     for name in moving:
-        one = damper.quantity(name)
-        if one.is_offset or one.scope == LOG:
+        quantity = damper.quantity(name)
+        if quantity.is_offset or quantity.scope == LOG:
             known[name] = adjusters
-        elif one.scope in {DAMPER, RIG}:
+        elif quantity.scope in {DAMPER, RIG}:
             known[name] = ()
-        elif one.scope != SETTING and one.scope in adjusters:
-            known[name] = (one.scope,)
+        elif quantity.scope != SETTING and quantity.scope in adjusters:
+            known[name] = (quantity.scope,)
     return known
 
 
 def detected_sharing(
     blocks: Mapping[Setting, Block],
-    apart: Mapping[Setting, Values],
+    single: Mapping[Setting, Values],
     declared: Sharing | None = None,
     *,
     untied: Sequence[str] = (),
@@ -215,16 +219,16 @@ def detected_sharing(
     """
     first = blocks[min(blocks)]
     adjusters, moving = min(blocks).adjusters, first.free
-    search, spent = _Search(blocks, apart, None), 1
+    search, evaluations = _Search(blocks, single, None), 1
     own: dict[str, tuple[str, ...]] = dict.fromkeys(moving, adjusters)
     if declared is not None:
         shared = dict.fromkeys(declared.jointly, ()) | {**declared.follows}
-        return declared, search.starts(own | shared), spent
+        return declared, search.starts(own | shared), evaluations
     known = _known(first.model, moving, adjusters)
     known |= {name: way for name, way in own.items() if name in untied}
     ends = (dict.fromkeys(moving, ()) | known, own | known)
     tried: list[dict[str, tuple[str, ...]]] = []
-    found: list[tuple[float, Sharing, Mapping[Setting, Values]]] = []
+    results: list[tuple[float, Sharing, Mapping[Setting, Values]]] = []
     for _ in range(_MAX_DETECTIONS):
         ways = [search.improved(way, known, adjusters) for way in (*ends, *tried[-1:])]
         follows = min(ways, key=search.worth)
@@ -233,20 +237,20 @@ def detected_sharing(
         tried.append(follows)
         sharing = replace(_sharing(moving, follows, adjusters), is_detected=True)
         if not sharing.jointly:
-            return sharing, apart, spent
+            return sharing, single, evaluations
         weights, tied = search.weights, (sharing.jointly, sharing.follows)
         problem = FitProblem(blocks, *tied, weights=weights, jobs=jobs)
         ended = fit_jointly(problem, search.starts(follows))
-        spent += ended.evaluations + 1
+        evaluations += ended.evaluations + 1
         at, left = ended.extra.values, ended.extra.mean_squares
         if any(left[s] < _CLEARLY_BETTER * before for s, before in search.mean_squares.items()):
-            found, tried = [], []
+            results, tried = [], []
             search = _Search(blocks, at, None)
         else:
             search = _Search(blocks, at, search)
-        found.append((search.cost + search.price(follows), sharing, at))
-    _, sharing, at = min(found, key=lambda one: one[0])
-    return sharing, at, spent
+        results.append((search.cost + search.price(follows), sharing, at))
+    _, sharing, at = min(results, key=lambda result: result[0])
+    return sharing, at, evaluations
 
 
 class _Search:
@@ -333,8 +337,8 @@ class _Search:
 
     def starts(self, follows: Mapping[str, tuple[str, ...]]) -> dict[Setting, Values]:
         """The values of each setting at the minimum of the linear least squares."""
-        starts, (_, found) = {}, self._quadratic.tied(self._unknowns(follows))
-        for setting, u in zip(self.settings, found.reshape(-1, len(self.names)), strict=True):
+        starts, (_, variables) = {}, self._quadratic.tied(self._unknowns(follows))
+        for setting, u in zip(self.settings, variables.reshape(-1, len(self.names)), strict=True):
             numbers = self.blocks[setting].common_variables.unpack(u)
             values = with_values(self.at[setting], self.names, numbers)
             starts[setting] = kept_within(values, self.names)
@@ -384,7 +388,7 @@ def fit_settings_jointly(
     """
     # Where something follows an adjuster, settings take part too that do not tell every quantity.
     is_plain = not (given.options.is_detecting or given.options.follows)
-    outcomes = [Outcome.CONVERGED] if is_plain else [one for one in Outcome if one.is_minimum]
+    outcomes = [Outcome.CONVERGED] if is_plain else [end for end in Outcome if end.is_minimum]
     sound = {fit.setting: fit for fit in before if fit.outcome in outcomes}
     broken: dict[Setting, Failure] = {}
     warnings: list[Problem] = []
@@ -411,18 +415,18 @@ def _fit_sound(
     sharing: Sharing | None,
     moving: tuple[str, ...],
 ) -> JointResult | None:
-    options, spent = given.options, 0
+    options, evaluations = given.options, 0
     is_gas = options.bulk_modulus == "appendix1"
     if len(sound) < 2 or not (sharing is None or sharing.jointly or is_gas):
         return None
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
     blocks = {setting: given.block(setting, free) for setting in sound}
     if sharing is None or options.is_detecting or options.follows:
-        apart, spent = from_neighbours(blocks, sound, jobs=given.jobs)
+        single, evaluations = from_neighbours(blocks, sound, jobs=given.jobs)
         sharing, starts, more = detected_sharing(
-            blocks, apart, sharing, untied=options.untied, jobs=given.jobs
+            blocks, single, sharing, untied=options.untied, jobs=given.jobs
         )
-        spent += more
+        evaluations += more
         if not sharing.jointly:
             return None
     else:
@@ -430,10 +434,10 @@ def _fit_sound(
     problem = FitProblem(blocks, sharing.jointly, sharing.follows, jobs=given.jobs)
     alone = _fairly_weighed(problem, fit_jointly(problem, starts))
     if not is_gas:
-        return _result(problem, alone, sharing, free, spent)
+        return _result(problem, alone, sharing, free, evaluations)
     ended, more = _with_gas(given, problem, alone.extra.values)
-    spent += alone.evaluations + more - ended.evaluations
-    result = _result(problem, ended, sharing, free, spent)
+    evaluations += alone.evaluations + more - ended.evaluations
+    result = _result(problem, ended, sharing, free, evaluations)
     rises = {
         setting: n * (ended.extra.mean_squares[setting] / alone.extra.mean_squares[setting] - 1.0)
         for setting, n in alone.extra.n_independent.items()
@@ -441,7 +445,7 @@ def _fit_sound(
     return result._replace(
         status={Unknown(GAS_FOLLOWER): Status.SHARED, **result.status},
         sharing=replace(result.sharing, gas=ended.extra.gas, gas_rises=rises),
-        warnings=(*(one for one in result.warnings if one is _NO_MINIMUM), *_judged_law(rises)),
+        warnings=(*(w for w in result.warnings if w is _NO_MINIMUM), *_judged_law(rises)),
     )
 
 
@@ -450,9 +454,9 @@ def fit_from_one_model(
 ) -> JointResult:
     """Fit all settings together from where one model of them has ended already."""
     blocks = {setting: given.block(setting, sharing.free) for setting in given.settings}
-    left = {s: 100.0 * one.whole.cost(starts[s]) for s, one in blocks.items()}
+    left = {s: 100.0 * block.whole.cost(starts[s]) for s, block in blocks.items()}
     if any(percent < blocks[s].solvers_percent for s, percent in left.items()):
-        blocks = {s: one.refined(left[s]) for s, one in blocks.items()}
+        blocks = {s: block.refined(left[s]) for s, block in blocks.items()}
     tied = FitProblem(blocks, sharing.jointly, sharing.follows, jobs=given.jobs)
     ended = _fairly_weighed(tied, fit_jointly(tied, starts))
     return _result(tied, ended, sharing, sharing.free, 0)
@@ -463,7 +467,7 @@ def _result(
     ended: Minimum[Point],
     sharing: Sharing,
     free: tuple[str, ...],
-    spent: int,
+    evaluations: int,
 ) -> JointResult:
     """What a joint fit has reached, and what it has not."""
     system, at, status = cast("BorderedSystem", ended.system), ended.extra, {}
@@ -474,18 +478,18 @@ def _result(
     errors = dict(zip(border, np.sqrt(variances).tolist(), strict=True))
     for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(at.values)):
         having = [values for s, values in at.values.items() if unknown.holds_at(s)]
-        one, value = having[0].quantity(unknown.name), getattr(having[0], unknown.name)
-        low, high = one.plausible
+        quantity, value = having[0].quantity(unknown.name), getattr(having[0], unknown.name)
+        low, high = quantity.plausible
         fitted = Status.SHARED if len(having) > 1 else Status.FITTED
         status[unknown] = fitted if low < value < high else Status.AT_BOUND
-        if is_loose(one, value, errors[unknown], NOT_FIT_TO_SHARE):
+        if is_loose(quantity, value, errors[unknown], NOT_FIT_TO_SHARE):
             status[unknown] = Status.NOT_IDENTIFIABLE
     steps = system.without(ended.is_held).scaled(np.maximum(system.lengths, NO_LENGTH))
     is_converged = ended.status in _AT_MINIMUM or steps.step(0.0).effect < _NOTHING
-    said = ((_NO_MINIMUM, is_converged), (_WEIGHTS_MOVE, at.is_fairly_weighed))
-    warnings = tuple(problem for problem, is_well in said if not is_well)
+    checks = ((_NO_MINIMUM, is_converged), (_WEIGHTS_MOVE, at.is_fairly_weighed))
+    warnings = tuple(problem for problem, is_well in checks if not is_well)
     sharing = replace(sharing, free=free, settings=tuple(sorted(at.values)))
-    return JointResult(at, status, sharing, spent + ended.evaluations, warnings)
+    return JointResult(at, status, sharing, evaluations + ended.evaluations, warnings)
 
 
 def _common_starts(
@@ -494,10 +498,10 @@ def _common_starts(
     """Each setting's own values, with what is shared equal: the mean, or what is known of it."""
     starts = {setting: fit.parameters for setting, fit in sound.items()}
     for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(sound)):
-        name, one = unknown.name, given.damper.quantity(unknown.name)
+        name, quantity = unknown.name, given.damper.quantity(unknown.name)
         having = [fit for setting, fit in sound.items() if unknown.holds_at(setting)]
         # From a value without effect a logarithm would not come back; what may vanish is small.
-        value = None if one.may_vanish else given.options.fallback(one)
+        value = None if quantity.may_vanish else given.options.fallback(quantity)
         if value is None or all(f.status[name] != Status.NOT_IDENTIFIABLE for f in having):
             value = float(np.mean([getattr(fit.parameters, name) for fit in having]))
         starts |= {fit.setting: starts[fit.setting].replace({name: value}) for fit in having}
@@ -524,15 +528,15 @@ def _with_gas(
     moduli = {setting: getattr(start, GAS_FOLLOWER) for setting, start in starts.items()}
     gas = first_law(moduli, pressures_at(starts), cast("Damper", given.damper).gas_exponent)
     ended = fit_jointly(replace(problem, gas=gas), starts)
-    spent = ended.evaluations + 1
+    evaluations = ended.evaluations + 1
     for _ in range(_MAX_ROUNDS):
         law, again = cast("GasLaw", ended.extra.gas), pressures_at(ended.extra.values)
         # Once more in any case: the weights of the first round are those of a rough law.
         ended = fit_jointly(replace(problem, gas=law._replace(pressures=again)), ended.extra.values)
-        spent += ended.evaluations + 1
+        evaluations += ended.evaluations + 1
         if max(abs(again[s] / law.pressures[s] - 1.0) for s in again) < _SAME_PRESSURE:
             break
-    return ended, spent
+    return ended, evaluations
 
 
 def working_pressure(block: Block, parameters: Values) -> float:

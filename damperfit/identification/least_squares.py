@@ -129,7 +129,7 @@ class BorderedSystem:
         self._n_own = width - n_shared
         columns, right = self._triangles[:, :, :-1], self._triangles[:, :, -1]
         slopes = np.einsum("bij,bi->bj", columns, right)
-        own, shared = np.split(np.array([_lengths(one) for one in columns]), [self._n_own], axis=1)
+        own, shared = np.split(np.array([_lengths(b) for b in columns]), [self._n_own], axis=1)
         self.lengths = np.concatenate([own.ravel(), _lengths(shared)])
         own, shared = np.split(slopes, [self._n_own], axis=1)
         self.gradient = np.concatenate([own.ravel(), shared.sum(axis=0)])
@@ -184,8 +184,8 @@ class _BorderedSteps:
         rest = factors[:, own:, own:].reshape(-1, shared + 1)
         border = np.hstack([root * np.eye(shared), np.zeros((shared, 1))])
         last = np.zeros((shared + 1, shared + 1))
-        found = _triangle(np.vstack([border, rest]))
-        last[: len(found)] = found
+        corner = _triangle(np.vstack([border, rest]))
+        last[: len(corner)] = corner
         back, is_shared_seen = _inverted(last[None, :shared, :shared], lengths[1])
         common = -back[0] @ last[:shared, -1]
         mine = -np.einsum("bij,bj->bi", inverse, right + coupling @ common)
@@ -519,11 +519,11 @@ class Quadratic(NamedTuple):
 
     def tied(self, unknowns: Sequence[Any]) -> tuple[float, FloatArray]:
         """Return the least sum where variables that are one unknown are equal, and all of them."""
-        numbers = {one: k for k, one in enumerate(dict.fromkeys(unknowns))}
-        places, n = np.array([numbers[one] for one in unknowns], dtype=np.intp), len(numbers)
+        numbers = {unknown: k for k, unknown in enumerate(dict.fromkeys(unknowns))}
+        places, n = np.array([numbers[u] for u in unknowns], dtype=np.intp), len(numbers)
         pairs = (n * places[:, None] + places).ravel()
         whole = np.bincount(pairs, self.curvature.ravel(), n * n).reshape(n, n)
         right = np.bincount(places, self.curvature @ self.at - self.slope, n)
-        found = np.linalg.solve(whole, right)[places]
-        away = found - self.at
-        return self.cost + float(away @ (2.0 * self.slope + self.curvature @ away)), found
+        variables = np.linalg.solve(whole, right)[places]
+        away = variables - self.at
+        return self.cost + float(away @ (2.0 * self.slope + self.curvature @ away)), variables

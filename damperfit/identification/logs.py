@@ -70,24 +70,25 @@ def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
     """
     counted = [_counted(trace) for trace in traces]
     stretches = [stretch for trace in traces for stretch in trace.stretches]
-    noises, counts = ([getattr(one, n) for one in stretches] for n in ("noise", "n_samples"))
+    noises, counts = ([getattr(x, n) for x in stretches] for n in ("noise", "n_samples"))
     known, factors = [noise for noise in noises if math.isfinite(noise)], np.ones(len(stretches))
     if len(stretches) > 1 and known:
         force = np.concatenate([trace.force[trace.compared] for trace in traces])
         other = _OTHER_ERRORS * float(np.std(force))
         middle = math.hypot(median(known), other)
-        sizes = [math.hypot(one, other) if math.isfinite(one) else middle for one in noises]
+        sizes = [math.hypot(noise, other) if math.isfinite(noise) else middle for noise in noises]
         if max(sizes) > _ALIKE * min(sizes):
             factors = np.clip(middle / np.array(sizes), 1.0 / _FARTHEST, _FARTHEST)
             factors /= math.sqrt(float(counts @ factors**2) / sum(counts))
-    if np.all(factors == 1.0) and all(one is None for one in counted):
+    if np.all(factors == 1.0) and all(mask is None for mask in counted):
         return (None,) * len(traces)
     ends = np.cumsum([trace.n_samples for trace in traces])[:-1]
     rows = np.split(np.repeat(factors, counts), ends)
-    if any(one is not None for one in counted):
-        rows = [row if one is None else row * one for row, one in zip(rows, counted, strict=True)]
-        power = sum(float(one @ one) for one in rows) / sum(len(one) for one in rows)
-        rows = [one / math.sqrt(power) for one in rows]
+    if any(mask is not None for mask in counted):
+        pairs = zip(rows, counted, strict=True)
+        rows = [row if mask is None else row * mask for row, mask in pairs]
+        power = sum(float(row @ row) for row in rows) / sum(len(row) for row in rows)
+        rows = [row / math.sqrt(power) for row in rows]
     return tuple(rows)
 
 
@@ -141,13 +142,13 @@ class LogFacts:
     @cached_property
     def deviation(self) -> float:
         """Standard deviation of all measured forces that are compared, N."""
-        forces = [one.force[one.compared] for one in self.traces]
+        forces = [trace.force[trace.compared] for trace in self.traces]
         return math.sqrt(variance_of(forces[0] if len(forces) == 1 else np.concatenate(forces)))
 
     @cached_property
     def n_samples(self) -> int:
         """Samples compared."""
-        return sum(one.n_samples for one in self.traces)
+        return sum(trace.n_samples for trace in self.traces)
 
     @cached_property
     def weights(self) -> tuple[FloatArray | None, ...]:
@@ -184,7 +185,7 @@ def inseparable(
 ) -> tuple[str, ...]:
     """The free parameters that logs of one speed cannot separate; none where they can."""
     # The stiffness of the oil shows in the corners.
-    unknown = [one for one in quantities if one.name in free and one.role != STIFFNESS]
+    unknown = [q for q in quantities if q.name in free and q.role != STIFFNESS]
     return tuple(free) if len(unknown) > _LEVELS and facts.holds_one_speed else ()
 
 
@@ -196,9 +197,9 @@ def said_of_speeds(
         return (warning("one-speed", _ONE_SPEED),)
     # Stiffness, gas and mounting show in the corners and along the stroke.
     n_unknown = sum(
-        (one.is_offset or one.scope != RIG) and one.role not in {STIFFNESS, GAS_AMOUNT}
-        for one in quantities
-        if one.name in free
+        (q.is_offset or q.scope != RIG) and q.role not in {STIFFNESS, GAS_AMOUNT}
+        for q in quantities
+        if q.name in free
     )
     # Two speeds determine four, and one was asked for above.
     n = facts.n_speeds if n_unknown > 2 * _LEVELS else None
@@ -304,7 +305,7 @@ def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs 
 
     Thinned, cycles have no more samples than the filter lets through; else the log's own.
     """
-    if any(not one.n_cycles for trace in traces for one in trace.stretches):
+    if any(not segment.n_cycles for trace in traces for segment in trace.stretches):
         return None
     # Between samples the speed jumps elsewhere in each cycle.
     if any(len(trace.drive.jumps) for trace in traces):
@@ -316,7 +317,7 @@ def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs 
             cycle, rest = _settled(trace, stretch, own, is_thinned=is_thinned)
             cycles.append(cycle)
             scatter += rest
-    simulated = sum(len(one.motion.displacement) for one in cycles)
+    simulated = sum(len(cycle.motion.displacement) for cycle in cycles)
     if sum(len(trace.force) for trace in traces) < _WORTH * simulated:
         return None
     return SettledLogs(tuple(cycles), scatter)
@@ -347,7 +348,7 @@ def _settled(
     starts = np.ascontiguousarray(line, dtype=np.float64)
     means, beside, room = np.empty((3, n)), np.empty(n), np.empty(len(starts) - 1)
     channels = (trace.drive.displacement, trace.drive.velocity, trace.force)
-    rows = (np.ascontiguousarray(one, dtype=np.float64) for one in channels)
+    rows = (np.ascontiguousarray(channel, dtype=np.float64) for channel in channels)
     compiled_core().fold(*rows, starts, means, beside, room)
     x, v, force = means
     power = np.full(n, stretch.n_samples / n)
@@ -357,7 +358,7 @@ def _settled(
         power *= np.mean(weight[at] ** 2, axis=0)
     scatter = float(power @ beside) / n_cycles
     turn = -int(np.abs(x - mean_of(x)).argmax())
-    force, power = (np.concatenate([one[-turn:], one[:-turn]]) for one in (force, power))
+    force, power = (np.concatenate([row[-turn:], row[:-turn]]) for row in (force, power))
     interval = trace.interval * period / n
     lead = (n // 2) * math.ceil(_SETTLING / (0.5 * n * interval))
     before = np.arange(-turn - lead, n - turn) % n
@@ -473,7 +474,7 @@ class LogFit(NamedTuple):
             driven, pressures = (motion.displacement, motion.velocity), self.pressures.astype(float)
             response = Response(time, *driven, np.empty(0), pressures, np.empty((2, 0)))
             return SimulatedLog(response, self.force, np.empty((0, n)))
-        found = compare(parameters, self.trace, damper, solver=solver)
+        simulated = compare(parameters, self.trace, damper, solver=solver)
         # As one that was kept: whoever looks at it sees the same, whether or not it was.
-        single = found.response.pressures.astype(np.float32).astype(np.float64)
-        return found._replace(response=replace(found.response, pressures=single))
+        single = simulated.response.pressures.astype(np.float32).astype(np.float64)
+        return simulated._replace(response=replace(simulated.response, pressures=single))

@@ -111,13 +111,13 @@ class ProcedureInput:
     @property
     def softest_first(self) -> list[Setting]:
         """Settings by rising stiffness, as far as it is declared how clicks count."""
-        return sorted(self.settings, key=lambda one: one.softness(self.options.from_closed))
+        return sorted(self.settings, key=lambda setting: setting.softness(self.options.from_closed))
 
     @property
     def known(self) -> tuple[object, ...]:
         """What fits may hold that is not their own: logs, cycles, damper, solver."""
-        traces = (one for few in self.settings.values() for one in few)
-        cycles = (one for few in self.cycles.values() if few is not None for one in few.cycles)
+        traces = (trace for few in self.settings.values() for trace in few)
+        cycles = (cycle for few in self.cycles.values() if few is not None for cycle in few.cycles)
         return (*traces, *cycles, self.damper, self.options.solver)
 
     def ordered(self, names: Iterable[str]) -> tuple[str, ...]:
@@ -198,14 +198,14 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
     """The paper's own procedure, sections 3 and 4 of its identification."""
     fixed = dict(given.options.fixed)
     free = given.options.free or tuple(
-        one.name
-        for one in given.damper.quantities
-        if one.default is None and not one.is_shared and one.name not in fixed
+        quantity.name
+        for quantity in given.damper.quantities
+        if quantity.default is None and not quantity.is_shared and quantity.name not in fixed
     )
-    for one in given.damper.quantities:
-        if one.default is not None and one.name not in free:
-            fixed.setdefault(one.name, one.default)
-    stages = _Stages(given, fixed, [one for one in (TAKEN, MEAN) if one not in {*fixed, *free}])
+    for quantity in given.damper.quantities:
+        if quantity.default is not None and quantity.name not in free:
+            fixed.setdefault(quantity.name, quantity.default)
+    stages = _Stages(given, fixed, [name for name in (TAKEN, MEAN) if name not in {*fixed, *free}])
     try:
         if stages.wanted:
             stages.run()
@@ -217,11 +217,15 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
         block, first = given.block(setting, free), stages.judged.get(setting)
         is_good = first is not None and _is_good(first)
         start = first.values if first and is_good else own_start(given, setting, block, held)
-        spent = 0 if first is None else first.evaluations
+        evaluations = 0 if first is None else first.evaluations
         result, search = fit_from(
-            setting, block, start.replace(held), starts=given.options.starts, spent=spent
+            setting,
+            block,
+            start.replace(held),
+            starts=given.options.starts,
+            evaluations=evaluations,
         )
-        named = dict.fromkeys(stages.sharing.found, Status.SHARED) | stages.status
+        named = dict.fromkeys(stages.sharing.estimated, Status.SHARED) | stages.status
         return describe_fit(setting, result.with_status(named), block), search
 
     campaign = fit_every_setting(given, fit, stages.warnings, known=stages.broken)
@@ -332,7 +336,7 @@ class _Stages:
                 f"setting {first} could not be fitted with all parameters free: R_m3 is taken from "
             )
             self._warn(code, f"{text}setting {lowest}.")
-        telling = [s for s, one in judged.items() if one.is_sound and _tells_r_m3(one)]
+        telling = [s for s, result in judged.items() if result.is_sound and _tells_r_m3(result)]
         source = lowest if _tells_r_m3(judged[lowest]) else min(telling, default=None)
         if MEAN in self.wanted:
             self._take_friction(None if source is None else judged[source].values.r_m3)
@@ -349,24 +353,25 @@ class _Stages:
     def _take_friction(self, r_m3: float | None) -> None:
         """f_f as the mean over the settings whose first fit is sound."""
 
-        def agrees(one: FitResult) -> bool:
-            return r_m3 is None or abs(one.values.r_m3 / r_m3 - 1.0) < _SAME_R_M3
+        def agrees(result: FitResult) -> bool:
+            return r_m3 is None or abs(result.values.r_m3 / r_m3 - 1.0) < _SAME_R_M3
 
-        def is_sound(one: FitResult) -> bool:
-            return _is_good(one) and agrees(one)
+        def is_sound(result: FitResult) -> bool:
+            return _is_good(result) and agrees(result)
 
-        def lacks_r_m3_alone(one: FitResult) -> bool:  # where no setting tells it
-            is_told = all(one.status[n] == Status.FITTED for n in one.errors if n != TAKEN)
-            return is_told and one.outcome.is_minimum and one.outcome is not Outcome.CAVITATING
+        def lacks_r_m3_alone(result: FitResult) -> bool:  # where no setting tells it
+            is_told = all(result.status[n] == Status.FITTED for n in result.errors if n != TAKEN)
+            end = result.outcome
+            return is_told and end.is_minimum and end is not Outcome.CAVITATING
 
-        def cavitates_rightly(one: FitResult) -> bool:  # in a damper that does at every setting
-            is_told = all(error < NOT_FIT_TO_SHARE for error in one.errors.values())
-            is_excellent = one.outcome is Outcome.CAVITATING and one.mse_percent < EXCELLENT
-            return is_excellent and is_told and r_m3 is not None and agrees(one)
+        def cavitates_rightly(result: FitResult) -> bool:  # in a damper that does at every setting
+            is_told = all(error < NOT_FIT_TO_SHARE for error in result.errors.values())
+            is_excellent = result.outcome is Outcome.CAVITATING and result.mse_percent < EXCELLENT
+            return is_excellent and is_told and r_m3 is not None and agrees(result)
 
         used: list[Setting] = []
         for counts in (is_sound, lacks_r_m3_alone, cavitates_rightly):
-            used = used or sorted(s for s, one in self.judged.items() if counts(one))
+            used = used or sorted(s for s, result in self.judged.items() if counts(result))
         if not used:
             self.shared[MEAN] = self.fallbacks[MEAN]
             self._warn_assumed(
@@ -450,7 +455,7 @@ def _with_mean_friction(block: Block, judged: FitResult, f_f: float, r_m3: float
     if not _tells_r_m3(judged):  # it starts from a value that can be seen
         limit = cavitation_limit(block.traces, cast("Damper", block.model))
         start = start.replace(r_m3=min(r_m3, limit))
-    again = unless_failed(lambda: fit_setting(rest, start, spent=judged.evaluations))
+    again = unless_failed(lambda: fit_setting(rest, start, evaluations=judged.evaluations))
     if again is None:
         return judged
     is_better = again.is_sound if judged.is_sound else again.outcome.is_minimum
@@ -498,10 +503,10 @@ def identify(
     LogError
         No trace, or one without a setting.
     """
-    for one in traces:
-        if not isinstance(one, Trace):
+    for trace in traces:
+        if not isinstance(trace, Trace):
             raise ConfigurationError(
-                f"identify: found {type(one).__name__} among the traces; expected what "
+                f"identify: found {type(trace).__name__} among the traces; expected what "
                 "damperfit.conditioning.condition(read_log(path)) returns; "
                 "damperfit.identify(paths) takes paths",
                 code="not-a-trace",
@@ -525,9 +530,9 @@ def identify(
     with one_blas_thread():
         campaign = PROCEDURES[options.procedure](given)
     ambiguous = (
-        warning("starts", one.warning, f"setting {one.setting}")
-        for one in campaign.searches
-        if one.warning
+        warning("starts", search.warning, f"setting {search.setting}")
+        for search in campaign.searches
+        if search.warning
     )
     return replace(campaign, warnings=(*campaign.warnings, *ambiguous), named=damper.quantities)
 
@@ -535,7 +540,7 @@ def identify(
 def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
     groups: dict[Setting, list[Trace]] = defaultdict(list)
     for trace in sorted(
-        traces, key=lambda one: (natural_order(one.name), one.name, one.start_time)
+        traces, key=lambda trace: (natural_order(trace.name), trace.name, trace.start_time)
     ):
         if trace.setting is None:
             raise LogError(
@@ -589,20 +594,20 @@ def _plain(given: ProcedureInput) -> Campaign:
 
 def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
-    damper, fixed, said = given.damper, given.options.fixed, given.options.start
+    damper, fixed, start = given.damper, given.options.fixed, given.options.start
     sharing, moving = _sharing_of(given)
-    is_ended = said.is_of_one_model and all(one in said.by_setting for one in given.settings)
+    is_ended = start.is_of_one_model and all(s in start.by_setting for s in given.settings)
     if sharing is not None and sharing.jointly and is_ended:
         with suppress(SimulationError):
             first = damper.start(next(iter(given.settings.values())), fixed)[0]
-            starts = {one: with_given(given, one, first, fixed) for one in given.settings}
+            starts = {s: with_given(given, s, first, fixed) for s in given.settings}
             once = replace(given, options=replace(given.options, starts=1))
             return _each_beside(once, fit_from_one_model(given, sharing, starts))
     quiet = replace(given, on_fit=lambda _fit: None)
     name = "paper" if "paper" in damper.procedures else "plain"
     by_paper = {TAKEN, MEAN} if name == "paper" and not (sharing and sharing.follows) else set()
     shared = {*(shared_names(given.options, damper) if sharing is None else sharing.jointly)}
-    free = tuple(one for one in moving if one not in by_paper & shared)
+    free = tuple(n for n in moving if n not in by_paper & shared)
     options = replace(given.options, free=free, starts=1, is_leaving_out=False)
     if BETA.name in free and len(given.settings) > 1:
         options = _with_first_beta(quiet, options, PROCEDURES[name])
@@ -616,7 +621,7 @@ def _joint(given: ProcedureInput) -> Campaign:
         warnings = (*before.warnings, warning("joint-failed", text))
         return replace(before, procedure="joint", warnings=warnings, failure=ended)
     together, broken = ended
-    failed = {one.setting: one for one in before.failures} | broken
+    failed = {failure.setting: failure for failure in before.failures} | broken
     if not before.is_complete or together is None:
         warnings = before.warnings
         # The logs of one setting tell beta by themselves: nothing was to be shared.
@@ -630,7 +635,7 @@ def _joint(given: ProcedureInput) -> Campaign:
         failures = tuple(failed[setting] for setting in sorted(failed))
         return replace(before, procedure="joint", fits=fits, failures=failures, warnings=warnings)
     campaign = _each_beside(given, together, before.fits, before.warnings, known=failed)
-    if any(damper.quantity(one).is_friction for one in shared):
+    if any(damper.quantity(n).is_friction for n in shared):
         spread, is_certain = before.sharing.spread, before.sharing.is_spread_certain
         sharing = replace(campaign.sharing, spread=spread, is_spread_certain=is_certain)
         return replace(campaign, sharing=sharing)
@@ -649,14 +654,16 @@ def _each_beside(
     sharing, alone = together.sharing, {fit.setting: fit for fit in before}
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        shared = {n: unknown_at(n, sharing.follows, setting) for n in sharing.found_at(setting)}
+        shared = {n: unknown_at(n, sharing.follows, setting) for n in sharing.estimated_at(setting)}
         lost = {*shared, *([GAS_FOLLOWER] if together.at.gas else [])}
         block = given.block(setting, (name for name in sharing.free if name not in lost))
         first = alone.get(setting)
-        spent = together.evaluations + (0 if first is None else first.evaluations)
+        evaluations = together.evaluations + (0 if first is None else first.evaluations)
         start = together.start(setting, block, first)
-        result, search = fit_from(setting, block, start, starts=given.options.starts, spent=spent)
-        result = result.with_status({name: together.status[one] for name, one in shared.items()})
+        result, search = fit_from(
+            setting, block, start, starts=given.options.starts, evaluations=evaluations
+        )
+        result = result.with_status({name: together.status[u] for name, u in shared.items()})
         return describe_fit(setting, result, block), search
 
     campaign = fit_every_setting(given, fit, (*warnings, *together.warnings), known=known)
@@ -704,10 +711,10 @@ def _with_first_beta(
     for setting, traces in given.settings.items():
         known = [trace.temperature for trace in traces if trace.temperature is not None]
         reach[setting] = np.ptp(known) if known else 0.0
-    telling = [one for one in sorted(reach, key=lambda s: -reach[s]) if reach[one] >= _WIDE]
+    telling = [s for s in sorted(reach, key=lambda s: -reach[s]) if reach[s] >= _WIDE]
     asked = {setting: given.settings[setting] for setting in sorted(telling[:_ASKED])}
     fits = fit(replace(given, settings=asked, options=options)).fits if asked else ()
-    if betas := [one.parameters.beta for one in fits if one.outcome.is_minimum]:
+    if betas := [result.parameters.beta for result in fits if result.outcome.is_minimum]:
         beta = float(np.median(betas))
     left = tuple(name for name in options.free or () if name != BETA.name)
     return replace(options, free=left, fixed={**options.fixed, BETA.name: beta})
@@ -731,45 +738,45 @@ _AS_IF = {
 
 def _without_idle_parts(fit: Fit, block: Block) -> Fit:
     lost: dict[str, None] = {}
-    said = [*fit.warnings]
+    warnings = [*fit.warnings]
     while idle := [
         name
         for name, status in fit.status.items()
         if status is Status.AT_BOUND and does_nothing(fit.parameters, name)
     ]:
-        said += [warning("left-out", _sentence(fit.parameters, name)) for name in idle]
-        lost |= dict.fromkeys(one for name in idle for one in _part(fit, name))
+        warnings += [warning("left-out", _sentence(fit.parameters, name)) for name in idle]
+        lost |= dict.fromkeys(part for name in idle for part in _part(fit, name))
         start = kept_within(fit.parameters, lost)
-        rest = replace(block, free=tuple(one for one in block.free if one not in lost))
+        rest = replace(block, free=tuple(name for name in block.free if name not in lost))
         has_edges = {name: fit.parameters.quantity(name).has_own_edges for name in lost}
         left = {n: Status.FIXED if has_edges[n] else Status.ABSENT for n in lost}
-        result = minimised(rest, start, spent=fit.evaluations).with_status(left)
+        result = minimised(rest, start, evaluations=fit.evaluations).with_status(left)
         fit = describe_fit(fit.setting, result, rest)
-    return replace(fit, warnings=tuple(said)) if lost else fit
+    return replace(fit, warnings=tuple(warnings)) if lost else fit
 
 
 def _part(fit: Fit, name: str) -> list[str]:
     """A quantity with those that mean nothing without it: a closed blow-off has no slope."""
-    one, part = fit.parameters.quantity(name), [name]
-    edge = one.edge_at(getattr(fit.parameters, name))
+    quantity, part = fit.parameters.quantity(name), [name]
+    edge = quantity.edge_at(getattr(fit.parameters, name))
     if name in _AT_REST and (name != _AT_REST[1] or edge == "above"):
         part = [*_AT_REST]
-    elif one.group == "blow_off" and one.area_power > 0.0 and edge == "above":
-        part = part if one.stroke == "return" else [*map(one.beside, BLOW_OFF_PARTS)]
-    return [two for two in part if two in fit.status]
+    elif quantity.group == "blow_off" and quantity.area_power > 0.0 and edge == "above":
+        part = part if quantity.stroke == "return" else [*map(quantity.beside, BLOW_OFF_PARTS)]
+    return [other for other in part if other in fit.status]
 
 
 def _sentence(values: Values, name: str) -> str:
-    one, value = values.quantity(name), getattr(values, name)
-    low, high = one.plausible
-    what = f"{one.label} ({one.symbol})"
-    if one.has_own_edges:
+    quantity, value = values.quantity(name), getattr(values, name)
+    low, high = quantity.plausible
+    what = f"{quantity.label} ({quantity.symbol})"
+    if quantity.has_own_edges:
         return (
             f"{what}: {value:g}, an edge of its range at which the law is a simpler one, fits "
             "best, and is held here."
         )
-    if one.role in _AS_IF:
-        return f"{what}: {_AS_IF[one.role]}."
+    if quantity.role in _AS_IF:
+        return f"{what}: {_AS_IF[quantity.role]}."
     if name == _AT_REST[1] and value < high:
         return (
             f"{what}: the logs do not determine one below {1e3 * low:g} mm/s, at which it is held "

@@ -39,7 +39,7 @@ class Unknown(NamedTuple):
 
 def unknown_at(name: str, follows: Follows, setting: Setting) -> Unknown:
     """The unknown that a quantity is at a setting."""
-    return Unknown(name, tuple((one, setting.place(one)) for one in follows.get(name, ())))
+    return Unknown(name, tuple((a, setting.place(a)) for a in follows.get(name, ())))
 
 
 def one_by_one(
@@ -67,7 +67,7 @@ def unknowns_of(
 ) -> tuple[Unknown, ...]:
     """The unknowns that shared quantities are at some settings, quantity by quantity."""
     at = list(settings)
-    return tuple(dict.fromkeys(unknown_at(name, follows, one) for name in names for one in at))
+    return tuple(dict.fromkeys(unknown_at(name, follows, s) for name in names for s in at))
 
 
 # What follows from a gas content, and the two numbers of its law in the order of their columns.
@@ -148,7 +148,7 @@ class Sharing:
         return high - low > _ALIKE * (high + low)
 
     @property
-    def found(self) -> tuple[str, ...]:
+    def estimated(self) -> tuple[str, ...]:
         """Names of the parameters that the logs gave once for all settings."""
         if self.jointly:
             return self.jointly if self.gas is None else (*self.jointly, GAS_FOLLOWER)
@@ -158,29 +158,29 @@ class Sharing:
         """Whether a parameter is the mean of what single settings gave."""
         return name in self.means and not self.jointly
 
-    def found_at(self, setting: Setting) -> tuple[str, ...]:
+    def estimated_at(self, setting: Setting) -> tuple[str, ...]:
         """Names of those that a setting has in common with others of the fit."""
         if not self.follows:
-            return self.found
+            return self.estimated
         known = set(self.unknowns)  # a click that no other setting has is determined by none
-        return tuple(n for n in self.found if unknown_at(n, self.follows, setting) in known)
+        return tuple(n for n in self.estimated if unknown_at(n, self.follows, setting) in known)
 
     @property
     def common(self) -> tuple[str, ...]:
         """Names of those that are one for all settings."""
-        return tuple(name for name in self.found if not self.follows.get(name))
+        return tuple(name for name in self.estimated if not self.follows.get(name))
 
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
         """What is behind them: themselves for each click that they have, but for K_e its law."""
         if self.gas is None:
-            return unknowns_of(self.found, self.follows, self.settings or (_ANY,))
+            return unknowns_of(self.estimated, self.follows, self.settings or (_ANY,))
         return unknowns_of((*self.jointly, *GAS_NAMES), self.follows, self.settings)
 
     @property
     def variables(self) -> tuple[str, ...]:
         """Labels of the unknowns; of what all settings share, the name."""
-        return tuple(one.label for one in self.unknowns)
+        return tuple(unknown.label for unknown in self.unknowns)
 
     @property
     def sentence(self) -> str:
@@ -222,7 +222,7 @@ def listed_settings(settings: Iterable[Setting | Place]) -> str:
     """
     known = sorted(map(Setting.of, settings))
     runs: list[tuple[int, int]] = []
-    for number in (one.cell for one in known):
+    for number in (setting.cell for setting in known):
         if not isinstance(number, int):
             more = f" and {len(known) - _MANY} more" if len(known) > _MANY else ""
             return ", ".join(map(str, known[:_MANY])) + more
@@ -249,11 +249,11 @@ def of_runs(runs: Sequence[tuple[int, int]]) -> str:
 
 def _listed_runs(runs: Sequence[tuple[int, int]]) -> str:
     """Runs of whole numbers; of many, the first ones."""
-    said = [
+    listed = [
         f"{a}-{b}" if b - a > 1 else ", ".join(map(str, range(a, b + 1))) for a, b in runs[:_MANY]
     ]
     more = sum(b - a + 1 for a, b in runs[_MANY:])
-    return ", ".join(said) + (f" and {more} more" if more else "")
+    return ", ".join(listed) + (f" and {more} more" if more else "")
 
 
 # A setting that was not fitted, put together from settings that have its clicks.
@@ -277,22 +277,22 @@ def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Val
     >>> values_from_others({k: values_type((s, p))(*v) for k, v in known.items()}, at(3, 2))
     Values(s=4.0, p=7.0)
     """
-    settings = {Setting.of(one): at for one, at in known.items()}
-    alike = {one: at for one, at in settings.items() if one.adjusters == setting.adjusters}
-    if any(all(one.place(a) != place for one in alike) for a, place in setting.places):
+    settings = {Setting.of(key): at for key, at in known.items()}
+    alike = {other: at for other, at in settings.items() if other.adjusters == setting.adjusters}
+    if any(all(other.place(a) != place for other in alike) for a, place in setting.places):
         return None
     first = next(iter(alike.values()))
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for quantity in first.quantities:
-        numbers = {one: float(getattr(at, quantity.name)) for one, at in alike.items()}
+        numbers = {other: float(getattr(at, quantity.name)) for other, at in alike.items()}
         if len(set(numbers.values())) == 1:
             continue
         mean = float(np.mean(list(numbers.values())))
         value = mean if quantity.is_offset else _by_clicks(numbers, setting)
         if value is None:
             return None
-        found[quantity.name] = value
-    return first.replace(found)
+        values[quantity.name] = value
+    return first.replace(values)
 
 
 def unlimited_in(
@@ -304,8 +304,8 @@ def unlimited_in(
     return tuple(
         name
         for name in values.names
-        if (whose := [one for one in known if getattr(known[one], name) == getattr(values, name)])
-        and all(name in unlimited.get(one, ()) for one in whose)
+        if (whose := [o for o in known if getattr(known[o], name) == getattr(values, name)])
+        and all(name in unlimited.get(other, ()) for other in whose)
     )
 
 
@@ -315,8 +315,8 @@ def _by_clicks(numbers: Mapping[Setting, float], setting: Setting) -> float | No
         possible = set()
         for some in combinations(setting.adjusters, size):
             groups: dict[tuple[object, ...], set[float]] = {}
-            for one, number in numbers.items():
-                groups.setdefault(tuple(map(one.place, some)), set()).add(number)
+            for other, number in numbers.items():
+                groups.setdefault(tuple(map(other.place, some)), set()).add(number)
             if all(len(group) == 1 for group in groups.values()):
                 possible.add(min(groups.get(tuple(map(setting.place, some)), {math.nan})))
         if possible:

@@ -71,7 +71,7 @@ def _differing(pair: Pair, forces: Sequence[FloatArray]) -> tuple[float, float] 
     top = min(map(_top_speed, pair))
     a, b = (_damping(log, force, top) for log, force in zip(pair, forces, strict=True))
     scale = 0.5 * sum(abs(_damping(log, log.force, top)) for log in pair)
-    noises = ([one.noise for one in log.stretches if math.isfinite(one.noise)] for log in pair)
+    noises = ([x.noise for x in log.stretches if math.isfinite(x.noise)] for log in pair)
     noise = math.hypot(*(max(few, default=0.0) for few in noises))
     return (a, b) if abs(a - b) > max(SCATTERS * noise, REPEATS * scale) else None  # NaN is not
 
@@ -114,7 +114,7 @@ def _is_left_by_fits(pair: Pair, damper: Model, options: FitOptions) -> bool:
         both = missed(pair)
         if _differing(pair, both) is None:
             return False
-        apart = [missed((one,))[0] for one in pair]
+        alone = [missed((log,))[0] for log in pair]
     except DamperfitError:
         return False  # the run itself tells why this setting cannot be fitted
-    return power(apart) <= _EXPLAINED * power(both)
+    return power(alone) <= _EXPLAINED * power(both)

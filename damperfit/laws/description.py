@@ -45,7 +45,10 @@ def seen_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> d
     """
     fits = [
         SeenAt(
-            fit.setting, model, fit.parameters, *(_with(fit.status, one) for one in _UNDETERMINED)
+            fit.setting,
+            model,
+            fit.parameters,
+            *(_with(fit.status, names) for names in _UNDETERMINED),
         )
         for fit in campaign.fits
     ]
@@ -56,7 +59,7 @@ def seen_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> d
 
 
 def _with(status: Mapping[str, Status], wanted: frozenset[Status]) -> tuple[str, ...]:
-    return tuple(name for name, one in status.items() if one in wanted)
+    return tuple(name for name, state in status.items() if state in wanted)
 
 
 def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -> tuple[str, ...]:
@@ -74,17 +77,17 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
     def laminar(resistance: float) -> float:
         return 1e-5 * resistance * model.oil_density * _SHOWN_FLOW
 
-    said = []
+    sentences = []
     for stroke, area in zip(("rebound", "compression"), model.pressed_areas, strict=True):
         valve = getattr(model, stroke)
         if valve.blow_off != "none":
             name = f"{stroke}_opening"
             openings = _determined(fits, name)
-            forces = [area * one for one in openings]
-            said.append(
+            forces = [area * pressure for pressure in openings]
+            sentences.append(
                 f"in {stroke} a blow-off opens at {_range(forces)} N "
-                f"({_range([1e-5 * one for one in openings])} bar"
-                f"{_elsewhere(model, layouts, name, lambda one: 1e-5 * one, openings)})"
+                f"({_range([1e-5 * pressure for pressure in openings])} bar"
+                f"{_elsewhere(model, layouts, name, lambda pressure: 1e-5 * pressure, openings)})"
                 f"{_where(fits, name)}"
                 if openings
                 else f"in {stroke} these logs do not determine where a blow-off opens"
@@ -100,10 +103,10 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
             name = f"{stroke}_{part}"
             values = _determined(fits, name) if name in model.names else []
             if values:
-                numbers = _range([shown(one) for one in values])
+                numbers = _range([shown(value) for value in values])
                 others = _elsewhere(model, layouts, name, shown, values)
                 also = f" ({others.removeprefix('; ')})" if others else ""
-                said.append(f"in {stroke} {words.format(numbers)}{also}{_where(fits, name)}")
+                sentences.append(f"in {stroke} {words.format(numbers)}{also}{_where(fits, name)}")
     names = fits[0].values.names
     beside = (
         ("k_s", 1e-3, "{} N/mm of elasticity in series with the damper"),
@@ -112,7 +115,7 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
         ("rubber_bend", 1e3, "this force reverses over {} mm of deflection"),
         ("lag", 1e3, "the force is read {} ms late"),
         ("moving_mass", 1.0, "a mass of {} kg moves between load cell and damper"),
-        *((one.name, 1.0, "{} N of friction") for one in model.quantities if one.is_friction),
+        *((q.name, 1.0, "{} N of friction") for q in model.quantities if q.is_friction),
         ("presliding", 1e6, "friction builds up over {} um"),
         ("breakaway", 1.0, "friction at rest is {} N above that of sliding"),
         ("seal_area", 1e6, "friction grows with the pressure, as on {} mm2 of a seal"),
@@ -122,23 +125,23 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
     )
     for name, factor, words in beside:
         least = model.quantity(name).plausible[0] if name in names else 0.0  # held at nothing
-        known = [one for one in (_determined(fits, name) if name in names else []) if one > least]
+        known = [x for x in (_determined(fits, name) if name in names else []) if x > least]
         if known:
-            said.append(words.format(_range([factor * one for one in known])) + _where(fits, name))
-    for one in model.quantities:  # the oil, where it is not that of the default
-        stiff = _determined(fits, one.name) if one.role == STIFFNESS else []
-        if known := [value for value in stiff if value != one.default]:
+            sentences.append(words.format(_range([factor * x for x in known])) + _where(fits, name))
+    for quantity in model.quantities:  # the oil, where it is not that of the default
+        stiff = _determined(fits, quantity.name) if quantity.role == STIFFNESS else []
+        if known := [value for value in stiff if value != quantity.default]:
             numbers = _range([1e-9 * value for value in known])
-            where = _where(fits, one.name)
-            said.append(f"the bulk modulus of oil and chambers is {numbers} GPa{where}")
-    said.extend(_gas_seen(model, fits))
-    said.extend(
-        f"the {one.label} is not determined: none is taken, and the intervals allow for up to "
-        f"{2.0 * one.ignorance:.2g} {one.shown_unit}"
-        for one in model.quantities
-        if one.ignorance and one.may_vanish and not any(getattr(at.values, one.name) for at in fits)
+            where = _where(fits, quantity.name)
+            sentences.append(f"the bulk modulus of oil and chambers is {numbers} GPa{where}")
+    sentences.extend(_gas_seen(model, fits))
+    sentences.extend(
+        f"the {q.label} is not determined: none is taken, and the intervals allow for up to "
+        f"{2.0 * q.ignorance:.2g} {q.shown_unit}"
+        for q in model.quantities
+        if q.ignorance and q.may_vanish and not any(getattr(at.values, q.name) for at in fits)
     )
-    return tuple(f"{one[0].upper()}{one[1:]}." for one in said)
+    return tuple(f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences)
 
 
 def _elsewhere(
@@ -150,14 +153,14 @@ def _elsewhere(
 ) -> str:
     """Return what a number of a valve is in layouts that the logs do not exclude."""
     return "".join(
-        f"; {_range([shown(times * one) for one in values])} in a {layout}"
+        f"; {_range([shown(times * value) for value in values])} in a {layout}"
         for layout, times in in_other_layouts(layouts, model, name)
     )
 
 
 def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
     """Return what a gas volume that was found says of what was declared, if one was found."""
-    known = [one for one in _determined(fits, "gas_volume") if one != model.gas_volume]
+    known = [value for value in _determined(fits, "gas_volume") if value != model.gas_volume]
     if not known:
         return []
     times = model.gas_volume / float(np.median(known))
@@ -167,14 +170,16 @@ def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
         others.append(f"an exponent of {exponent:.2f}")
     others.append(f"a rod {times**0.25:.3g} times as thick")
     same = f"{', '.join(others[:-1])} or {others[-1]} would do the same"
-    found = f"{_range([1e6 * one for one in known])} cm3 at {1e-5 * model.gas_pressure:.4g} bar"
+    fitted = f"{_range([1e6 * x for x in known])} cm3 at {1e-5 * model.gas_pressure:.4g} bar"
     taken = f"[damper] has {1e6 * model.gas_volume:.3g} cm3"
-    return [f"the gas spring is that of {found}; {taken}; {same}: measure with gauge and callipers"]
+    return [
+        f"the gas spring is that of {fitted}; {taken}; {same}: measure with gauge and callipers"
+    ]
 
 
 def _determined(fits: Sequence[LawFit | SeenAt], name: str) -> list[float]:
     """Return the values at the settings whose logs determine it."""
-    return [float(getattr(one.values, name)) for one in fits if _is_determined(one, name)]
+    return [float(getattr(fit.values, name)) for fit in fits if _is_determined(fit, name)]
 
 
 def _is_determined(fit: LawFit | SeenAt, name: str) -> bool:
@@ -183,7 +188,7 @@ def _is_determined(fit: LawFit | SeenAt, name: str) -> bool:
 
 def _where(fits: Sequence[LawFit | SeenAt], name: str) -> str:
     """Return at which settings that is, where those of the others do not determine it."""
-    known = [one.setting for one in fits if _is_determined(one, name)]
+    known = [fit.setting for fit in fits if _is_determined(fit, name)]
     if len(known) == len(fits):
         return ""
     few = f"setting{'s' if len(known) > 1 else ''} {', '.join(map(str, known))}"
@@ -253,13 +258,13 @@ def undecided(
 
     Of parts alone: those of the law that may be taken for each other.
     """
-    stretches = [part for one in evidence for log in one.fitted for part in log.stretches]
+    stretches = [part for logs in evidence for log in logs.fitted for part in log.stretches]
     if not stretches:
         return ()
-    speeds = [one.peak_speed for one in stretches]
-    frequencies = [one.frequency for one in stretches]
-    longest = max(one.amplitude for one in stretches)
-    repeats = not any(one.kind == "moving" for one in stretches)
+    speeds = [segment.peak_speed for segment in stretches]
+    frequencies = [segment.frequency for segment in stretches]
+    longest = max(segment.amplitude for segment in stretches)
+    repeats = not any(segment.kind == "moving" for segment in stretches)
     tests = _Tests(min(speeds), max(speeds), min(frequencies), max(frequencies), longest, repeats)
     parts = (
         *_of_other_structures(search, tests),
@@ -284,7 +289,7 @@ def _of_other_structures(search: LawSearch, tests: _Tests) -> Iterator[str]:
     if search.alike:
         model, test = search.chosen.fits[0].model, tests.faster
         names = [model.name, *search.alike]
-        listed = " or ".join(one.replace("_", " ") for one in names)
+        listed = " or ".join(name.replace("_", " ") for name in names)
         if "monotube" in names and isinstance(model, ValveDamper):
             force = float(f"{model.gas_pressure * model.annulus_area:.2g}")
             test = (
@@ -298,13 +303,13 @@ def _of_other_structures(search: LawSearch, tests: _Tests) -> Iterator[str]:
             f"drawing decides it (damper.model, or a layout for models), or {test}."
         )
     others: dict[str, list[Exchange]] = defaultdict(list)
-    for one in search.exchanges:
-        others[one.part].append(one)
+    for exchange in search.exchanges:
+        others[exchange.part].append(exchange)
     for part, known in others.items():
-        times = max(one.times for one in known)
+        times = max(exchange.times for exchange in known)
         fits = f"fits with {times:.2g} times the MSE" if times > 1.05 else "fits as well"
         yield (
-            f"Whether it is {part}: with {' or '.join(one.instead for one in known)} instead the "
+            f"Whether it is {part}: with {' or '.join(x.instead for x in known)} instead the "
             f"model {fits}, and the intervals cover both. {tests.faster[0].upper()}"
             f"{tests.faster[1:]}, another gas pressure, or a rigid bar in the damper's place would "
             "decide it."
@@ -332,12 +337,12 @@ def _of_moving_mass(fit: LawFit, evidence: Sequence[SettingLogs]) -> Iterator[st
         return
     felt = [
         (_a_kilogram(part) / deviation, part)
-        for one in evidence
-        for log in one.fitted
+        for logs in evidence
+        for log in logs.fitted
         for part in log.stretches
         if part.kind == "steady" and (deviation := float(np.std(log.force[part.window]))) > 0.0
     ]
-    share, part = max(felt, key=lambda one: one[0], default=(0.0, None))
+    share, part = max(felt, key=lambda item: item[0], default=(0.0, None))
     if part is not None and share > _FELT:
         yield (
             f"Which mass moves between load cell and damper: at {part.frequency:.3g} Hz a kilogram "
@@ -356,7 +361,7 @@ def _of_quantities(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
     where: dict[tuple[str, str], list[Setting]] = defaultdict(list)
     for fit in fits:
         known = (_asked(fit, name, tests) for name in (*fit.undetermined, *fit.at_bound))
-        for asked in dict.fromkeys(one for one in known if one is not None):
+        for asked in dict.fromkeys(question for question in known if question is not None):
             where[asked].append(fit.setting)
     for (what, test), settings in where.items():
         place = f" at {of_settings(settings)}" if len(fits) > 1 else ""

@@ -104,14 +104,14 @@ class SettingLogs:
     def __post_init__(self) -> None:
         """Hold out run-up, coast-down and changes of speed where nothing else is."""
         if not self.held_out:
-            beside = tuple(one for one in map(transients, self.fitted) if one is not None)
+            beside = tuple(trace for trace in map(transients, self.fitted) if trace is not None)
             object.__setattr__(self, "held_out", beside)
 
     @property
     def is_part(self) -> bool:
         """Whether what is predicted is the rest of the logs that are fitted."""
-        names = {one.name for one in self.fitted}
-        return all(one.name in names and not one.n_cycles for one in self.held_out)
+        names = {trace.name for trace in self.fitted}
+        return all(trace.name in names and not trace.n_cycles for trace in self.held_out)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,24 +151,24 @@ def fit_law(
     start is a `SimulationError`.
     """
     held = {
-        one.name: one.default
-        for one in model.quantities
-        if one.default is not None and one.name not in freed
+        quantity.name: quantity.default
+        for quantity in model.quantities
+        if quantity.default is not None and quantity.name not in freed
     } | {name: x for name, x in evidence.fixed.items() if name in model.names}
     free = tuple(name for name in model.names if name not in held)
     misfit = Block(model, evidence.fitted, free, solver, is_candidate=True)
     ended = descended(misfit.on_cycles(), held, evidence.more_start, near)
-    spent = ended.evaluations
+    evaluations = ended.evaluations
     if is_whole:
         ended = misfit.descend(ended.extra, COMPARING)
-        spent += ended.evaluations
+        evaluations += ended.evaluations
     return fit_at(
         misfit,
         evidence,
         ended.extra,
-        evaluations=spent,
+        evaluations=evaluations,
         undetermined=_undetermined(
-            ended, model, free, sum(len(one.stretches) for one in evidence.fitted)
+            ended, model, free, sum(len(trace.stretches) for trace in evidence.fitted)
         ),
     )
 
@@ -218,11 +218,11 @@ def descended(
 ) -> Minimum[Values]:
     """Where the law's own starts, what was given and the same law elsewhere lead."""
     starts = misfit.model.start(misfit.traces, held)
-    said = {name: more_start[name] for name in misfit.free if name in more_start}
-    if said:
+    given = {name: more_start[name] for name in misfit.free if name in more_start}
+    if given:
         # The valves as the loops show them beside the friction and the mounting that are known.
-        beside = misfit.model.start(misfit.traces, {**held, **said})
-        starts = (starts[0].replace(said), *beside, *starts)
+        beside = misfit.model.start(misfit.traces, {**held, **given})
+        starts = (starts[0].replace(given), *beside, *starts)
     if near is None:
         return best_of_starts(misfit, starts)
     known = {name: getattr(near, name) for name in misfit.free if name in near.names}
@@ -276,7 +276,7 @@ class Tried:
     @property
     def mse_percent(self) -> float:
         """Geometric mean over the settings of eq. (22)."""
-        return _mean([one.mse_percent for one in self.fits])
+        return _mean([fit.mse_percent for fit in self.fits])
 
     @property
     def held_out_percent(self) -> float:
@@ -287,11 +287,11 @@ class Tried:
     @property
     def left_over(self) -> float:
         """What it leaves, times what is enough: MSE, a force at a speed, a held-out log."""
-        forces = [one.worst_force_percent / ENOUGH_FORCE_PERCENT for one in self.fits]
-        logs = [one.held_out_percent for one in self.fits if one.held_out == "logs"]
-        logs = [one / ENOUGH_HELD_OUT_PERCENT for one in logs]
+        forces = [fit.worst_force_percent / ENOUGH_FORCE_PERCENT for fit in self.fits]
+        logs = [fit.held_out_percent for fit in self.fits if fit.held_out == "logs"]
+        logs = [percent / ENOUGH_HELD_OUT_PERCENT for percent in logs]
         # NaN, of what was not looked at, is less than anything.
-        known = [one for one in (*forces, *logs) if not math.isnan(one)]
+        known = [share for share in (*forces, *logs) if not math.isnan(share)]
         return max([self.mse_percent / ENOUGH_PERCENT, *known])
 
     @property
@@ -307,14 +307,14 @@ class Tried:
     @property
     def at_bound(self) -> tuple[str, ...]:
         """What ran into an edge of its range in every setting."""
-        names = set(self.fits[0].at_bound).intersection(*(one.at_bound for one in self.fits[1:]))
+        names = set(self.fits[0].at_bound).intersection(*(fit.at_bound for fit in self.fits[1:]))
         return tuple(name for name in self.fits[0].free if name in names)
 
     @property
     def freed(self) -> tuple[str, ...]:
         """What is free although the model has a default for it."""
-        one = self.fits[0]
-        return tuple(name for name in one.free if one.model.quantity(name).default is not None)
+        first = self.fits[0]
+        return tuple(name for name in first.free if first.model.quantity(name).default is not None)
 
     @property
     def score(self) -> float:
@@ -343,7 +343,7 @@ def are_alike(best: Tried, other: Tried) -> bool:
 
 
 def _mean(values: Sequence[float]) -> float:
-    return math.exp(float(np.mean([math.log(max(one, 1e-12)) for one in values])))
+    return math.exp(float(np.mean([math.log(max(value, 1e-12)) for value in values])))
 
 
 # What a search has tried, law by law, and the one that it took.

@@ -56,26 +56,28 @@ class OneModel(FitProblem):
 
         What is left counts as `least` at least, and as much as the cycles differ.
         """
-        found = self.blocks.items()
-        left = {setting: max(one.cost(at[setting]), one.scatter, least) for setting, one in found}
-        return replace(self, weights={setting: 1.0 / one for setting, one in left.items()})
+        blocks = self.blocks.items()
+        left = {setting: max(b.cost(at[setting]), b.scatter, least) for setting, b in blocks}
+        return replace(self, weights={setting: 1.0 / cost for setting, cost in left.items()})
 
     def cost(self, at: Mapping[Setting, Values]) -> float:
         """Return the weighed sum of squares; infinite where the law cannot be simulated."""
         weights = self.weights or {}
         try:
-            return sum(weights[s] * one.cost(at[s]) for s, one in self.blocks.items())
+            return sum(weights[s] * block.cost(at[s]) for s, block in self.blocks.items())
         except SimulationError:
             return math.inf
 
     def with_common(self, at: Mapping[Setting, Values]) -> dict[Setting, Values]:
         """Return values with what settings have in common at the mean of theirs."""
         means = {}
-        for one in self.border:
-            own = np.array([getattr(at[s], one.name) for s in self.settings if one.holds_at(s)])
-            is_positive = self.model.quantity(one.name).is_logarithmic and own.min() > 0.0
+        for unknown in self.border:
+            own = np.array(
+                [getattr(at[s], unknown.name) for s in self.settings if unknown.holds_at(s)]
+            )
+            is_positive = self.model.quantity(unknown.name).is_logarithmic and own.min() > 0.0
             mean = math.exp(np.mean(np.log(own))) if is_positive else float(np.mean(own))
-            means[one] = mean
+            means[unknown] = mean
         return self._with(at, means)
 
     def starts(self, at: Mapping[Setting, Values]) -> Iterator[dict[Setting, Values]]:
@@ -89,25 +91,25 @@ class OneModel(FitProblem):
             permutations(settings)
             if len(settings) <= _FEW
             else (
-                (one, *(two for two in settings if two != one))
-                for one in sorted(settings, key=lambda s: -weights[s])[:_FIRST]
+                (setting, *(other for other in settings if other != setting))
+                for setting in sorted(settings, key=lambda s: -weights[s])[:_FIRST]
             )
         )
         for order in orders:
             first = {
-                one: getattr(at[next(s for s in order if one.holds_at(s))], one.name)
-                for one in self.border
+                unknown: getattr(at[next(s for s in order if unknown.holds_at(s))], unknown.name)
+                for unknown in self.border
             }
             yield self._with(at, first)
 
     def _with(
         self, at: Mapping[Setting, Values], numbers: Mapping[Unknown, float]
     ) -> dict[Setting, Values]:
-        found = {}
+        values = {}
         for s in self.settings:
             own = {name: numbers[unknown_at(name, self.follows, s)] for name in self.free}
-            found[s] = kept_within(at[s].replace(own), self.free)
-        return found
+            values[s] = kept_within(at[s].replace(own), self.free)
+        return values
 
     def best_of(self, starts: Sequence[Mapping[Setting, Values]]) -> Minimum[Point]:
         """Where the best of some starts leads; a `SimulationError` where none can be simulated."""
@@ -120,19 +122,19 @@ class OneModel(FitProblem):
                 f"{self.model.name} cannot be simulated at all settings at once.",
                 code="not-integrated",
             )
-        seen.sort(key=lambda one: one.cost)
-        ends = [self.minimise(one.extra.values, _END) for one in seen[:_FOLLOWED]]
-        return min(ends, key=lambda one: one.cost)
+        seen.sort(key=lambda look: look.cost)
+        ends = [self.minimise(look.extra.values, _END) for look in seen[:_FOLLOWED]]
+        return min(ends, key=lambda end: end.cost)
 
     def errors(self, ended: Minimum[Point]) -> dict[Unknown, float]:
         """Return the standard errors of the logarithms, to first order; 0 of what has no logarithm.
 
         What a law leaves over is not white: a stretch counts as `FEWEST_SAMPLES`, not as thousands.
         """
-        traces = (trace for one in self.blocks.values() for trace in one.traces)
+        traces = (trace for block in self.blocks.values() for trace in block.traces)
         n = FEWEST_SAMPLES * sum(len(trace.stretches) for trace in traces)
         errors = np.sqrt(np.diag(inverse_information(ended.jacobian)) * ended.cost / n)
         return {
-            one: error if self.model.quantity(one.name).is_logarithmic else 0.0
-            for one, error in zip(self.border, errors.tolist(), strict=True)
+            unknown: error if self.model.quantity(unknown.name).is_logarithmic else 0.0
+            for unknown, error in zip(self.border, errors.tolist(), strict=True)
         }

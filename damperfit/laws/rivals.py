@@ -33,28 +33,28 @@ def rank_rivals(
     """
 
     def fit(job: tuple[type[Rival], SettingLogs]) -> LawFit | None:
-        kind, one = job
+        kind, logs = job
         model = kind()
         if (
             kind is RestoringForceSurface
         ):  # laid over strokes and speeds of the logs that are fitted
-            widest = max(float(np.max(np.abs(t.displacement[t.compared]))) for t in one.fitted)
-            fastest = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in one.fitted)
+            widest = max(float(np.max(np.abs(t.displacement[t.compared]))) for t in logs.fitted)
+            fastest = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in logs.fitted)
             model = RestoringForceSurface(half_stroke=widest, top_speed=fastest)
         try:
-            return fit_law(model, one, solver=solver)
+            return fit_law(model, logs, solver=solver)
         except SimulationError:
             return None
 
     with executor(jobs) as pool:
-        fits = list(pool.map(fit, [(kind, one) for kind in RIVALS for one in evidence]))
-    found = []
+        fits = list(pool.map(fit, [(kind, logs) for kind in RIVALS for logs in evidence]))
+    ranked = []
     for place, kind in enumerate(RIVALS):
-        own = [one for one in fits[place * len(evidence) :][: len(evidence)] if one is not None]
+        own = [fit for fit in fits[place * len(evidence) :][: len(evidence)] if fit is not None]
         if len(own) == len(evidence):
-            found.append(Tried(kind.title, tuple(own)))
-            on_rival(found[-1])
-    return tuple(sorted(found, key=_rank))
+            ranked.append(Tried(kind.title, tuple(own)))
+            on_rival(ranked[-1])
+    return tuple(sorted(ranked, key=_rank))
 
 
 def _rank(rival: Tried) -> tuple[float, float]:
@@ -108,12 +108,17 @@ def unbelievable(law: Tried) -> str:
     as steel at another.
     """
     for fit in law.fits:
-        for one in fit.model.quantities:
-            is_told = one.name in fit.free and one.name not in (*fit.undetermined, *fit.at_bound)
-            low, high = one.believable
-            if is_told and not low <= (value := getattr(fit.values, one.name)) <= high:
-                shown = f"{10.0**-one.power * value:.3g} {one.shown_unit or one.unit}"
-                return f"{one.symbol}, {shown} at setting {fit.setting}, no damper has"
+        for quantity in fit.model.quantities:
+            is_told = quantity.name in fit.free and quantity.name not in (
+                *fit.undetermined,
+                *fit.at_bound,
+            )
+            low, high = quantity.believable
+            if is_told and not low <= (value := getattr(fit.values, quantity.name)) <= high:
+                shown = (
+                    f"{10.0**-quantity.power * value:.3g} {quantity.shown_unit or quantity.unit}"
+                )
+                return f"{quantity.symbol}, {shown} at setting {fit.setting}, no damper has"
     return ""
 
 
@@ -147,11 +152,13 @@ def _numbers(fits: Sequence[LawFit]) -> str:
     model = fits[0].model
     first = ["f_r", "f_b"] if isinstance(model, Biviscous) else ["alpha"]
     names = (*first, *(name for name in model.names if name in {"c", "c_r", "c_b"}))
-    said = []
+    parts = []
     for name in names:
-        values = [float(getattr(one.values, name)) for one in fits]
-        one = model.quantity(name)
+        values = [float(getattr(fit.values, name)) for fit in fits]
+        quantity = model.quantity(name)
         low, high = f"{min(values):.3g}", f"{max(values):.3g}"
-        said.append(f"{one.label} {low if low == high else f'{low} to {high}'} {one.unit}")
-    text = ", ".join(said)
+        parts.append(
+            f"{quantity.label} {low if low == high else f'{low} to {high}'} {quantity.unit}"
+        )
+    text = ", ".join(parts)
     return text[0].upper() + text[1:]

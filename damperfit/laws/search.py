@@ -160,7 +160,7 @@ class _Fit:
     @cached_property
     def percent(self) -> dict[Setting, float]:
         """MSE of each setting on its mean cycles."""
-        return {s: 100.0 * one.cost(self.values[s]) for s, one in self.model.blocks.items()}
+        return {s: 100.0 * block.cost(self.values[s]) for s, block in self.model.blocks.items()}
 
 
 class _Search:
@@ -181,7 +181,9 @@ class _Search:
         self.first_layouts: dict[str, float] = {}
         self.held_share, self.is_held_by_some = math.nan, False
         self.also, self.doubt, self.may_tie = "", "", False
-        self.evidence = {one.setting: one for one in sorted(evidence, key=lambda one: one.setting)}
+        self.evidence = {
+            logs.setting: logs for logs in sorted(evidence, key=lambda logs: logs.setting)
+        }
         self.follows, self.solver, self.on_law, self.jobs = follows, solver, on_law, jobs
         self.compared = _most_unlike(list(self.evidence.values()))
         self.n_eff: dict[Setting, float] = {}
@@ -205,8 +207,8 @@ class _Search:
             fixed = {*logs.fixed}
             free = tuple(n for n in structure.damper.names if n not in held and n not in fixed)
             if setting not in self._misfits:
-                one = Block(structure.damper, logs.fitted, free, self.solver, is_candidate=True)
-                self._misfits[setting] = one.on_cycles()
+                block = Block(structure.damper, logs.fitted, free, self.solver, is_candidate=True)
+                self._misfits[setting] = block.on_cycles()
             misfits[setting] = replace(self._misfits[setting], model=structure.damper, free=free)
         free = misfits[settings[0]].free
         follows = self.follows(structure.damper, free)
@@ -234,16 +236,16 @@ class _Search:
             for start in spread_starts(misfit, ended.extra, setting, self.n_starts - 1):
                 with suppress(SimulationError):
                     other = misfit.descend(start, _END)
-                    ended = min(ended, other, key=lambda one: one.cost)
+                    ended = min(ended, other, key=lambda end: end.cost)
             return ended.extra
 
         with executor(self.jobs) as pool:
-            apart = dict(zip(settings, pool.map(own, settings), strict=True))
-        model = model.weighed_at(apart, least=_LEAST)
-        found = model.best_of(list(model.starts(apart)))
-        return self.lent(_Fit(structure, model, found))
+            alone = dict(zip(settings, pool.map(own, settings), strict=True))
+        model = model.weighed_at(alone, least=_LEAST)
+        best = model.best_of(list(model.starts(alone)))
+        return self.restarted(_Fit(structure, model, best))
 
-    def lent(self, fit: _Fit) -> _Fit:
+    def restarted(self, fit: _Fit) -> _Fit:
         """The fit with settings started again from the numbers of others, if that is better."""
         model, values = fit.model, fit.values
         if len(model.settings) < 2:
@@ -259,11 +261,11 @@ class _Search:
                     continue
                 lending = {n: getattr(values[other], n) for n in own}
                 try:
-                    found = misfit.descend(values[setting].replace(lending), _GLANCE)
+                    ended = misfit.descend(values[setting].replace(lending), _GLANCE)
                 except SimulationError:
                     continue
-                if found.cost < 0.9 * least:
-                    best, least = found.extra, found.cost
+                if ended.cost < 0.9 * least:
+                    best, least = ended.extra, ended.cost
             return best
 
         if own:
@@ -294,7 +296,7 @@ class _Search:
             if "breakaway" in own.names and "breakaway" not in structure.damper.names:
                 # All friction that it has at rest: next to nothing may slide beside it, and what is
                 # nothing has no slope, and no descent leads back.
-                name = next(one.name for one in own.quantities if one.is_friction)
+                name = next(quantity.name for quantity in own.quantities if quantity.is_friction)
                 own = own.replace({name: getattr(own, name) + own.breakaway})
             start = self.start(structure, setting)
             known = {n: x for n in model.free if n in own.names and (x := getattr(own, n))}
@@ -304,11 +306,11 @@ class _Search:
             little[setting] = full[setting].replace(half)
             beside = {n: x for n, x in known.items() if not n.startswith(changed or "-")}
             anew[setting] = start.replace(beside)
-        found = {"full": full}
+        begun = {"full": full}
         for words, at in (("little", little), ("anew", anew)):
-            if at not in found.values():
-                found[words] = at
-        return {words: model.with_common(at) for words, at in found.items()}
+            if at not in begun.values():
+                begun[words] = at
+        return {words: model.with_common(at) for words, at in begun.items()}
 
     def start(self, structure: Structure, setting: Setting) -> Values:
         """The model's own first start at a setting."""
@@ -333,50 +335,50 @@ class _Search:
             starts = self.starts(structure, model, near)
         except (SimulationError, ValueError):
             return None
-        found: list[_Fit] = []
+        fits: list[_Fit] = []
         for words, at in starts.items():
             if began in starts and words != began:
                 continue
             with suppress(SimulationError, np.linalg.LinAlgError):
-                found.append(_Fit(structure, model, model.minimise(at, _GLANCE), words))
-                if found[-1].minimum.cost < near.minimum.cost:
+                fits.append(_Fit(structure, model, model.minimise(at, _GLANCE), words))
+                if fits[-1].minimum.cost < near.minimum.cost:
                     break  # the others are for where this one leads away
-        return min(found, key=lambda one: one.promised, default=None)
+        return min(fits, key=lambda fit: fit.promised, default=None)
 
     # the criterion
 
     def criterion(self, fit: _Fit, *, is_screening: bool = False) -> float:
         """C of the module's text; without what was held out while candidates are screened."""
         percent, n = fit.percent, self.n_eff
-        found = sum(n[s] * math.log(p + FLOOR_PERCENT) for s, p in percent.items())
-        found += self.price(fit.structure, fit.model.settings) + self.unbelieved(fit)
-        return found if is_screening else found + self.of_held_out(fit)
+        cost = sum(n[s] * math.log(p + FLOOR_PERCENT) for s, p in percent.items())
+        cost += self.price(fit.structure, fit.model.settings) + self.unbelieved(fit)
+        return cost if is_screening else cost + self.of_held_out(fit)
 
     def price(self, structure: Structure, settings: Sequence[Setting]) -> float:
         """What the numbers and parts of a structure cost: a number by the samples that see it."""
         unknowns = self.model(structure, settings).border
-        seen = [sum(self.n_eff[s] for s in settings if one.holds_at(s)) for one in unknowns]
+        seen = [sum(self.n_eff[s] for s in settings if unknown.holds_at(s)) for unknown in unknowns]
         return sum(map(math.log, seen)) + _NEEDLESS * structure.n_needless
 
     def unbelieved(self, fit: _Fit) -> float:
         """The part of C for a friction that seals hardly have, and for defaults that were freed."""
         values = list(fit.values.values())
         frictions = [
-            math.log(max(getattr(at, one.name), 1e-9) / BELIEVED_FRICTION) / FRICTION_SPREAD
+            math.log(max(getattr(at, quantity.name), 1e-9) / BELIEVED_FRICTION) / FRICTION_SPREAD
             for at in values
-            for one in at.quantities
-            if one.is_friction and one.name in fit.model.free
+            for quantity in at.quantities
+            if quantity.is_friction and quantity.name in fit.model.free
         ]
-        found = float(np.mean([min(x**2, _MOST_UNBELIEVED) for x in frictions] or [0.0]))
-        for one in (values[0].quantity(name) for name in fit.structure.freed):
-            if one.ignorance and one.default is not None:
-                away = [one.away_from_default(getattr(at, one.name)) for at in values]
-                found += float(np.mean([min((x / _FREED) ** 2, _MOST_UNBELIEVED) for x in away]))
-        return found
+        price = float(np.mean([min(x**2, _MOST_UNBELIEVED) for x in frictions] or [0.0]))
+        for quantity in (values[0].quantity(name) for name in fit.structure.freed):
+            if quantity.ignorance and quantity.default is not None:
+                away = [quantity.away_from_default(getattr(at, quantity.name)) for at in values]
+                price += float(np.mean([min((x / _FREED) ** 2, _MOST_UNBELIEVED) for x in away]))
+        return price
 
     def of_held_out(self, fit: _Fit) -> float:
         """The part of C that what was held out adds."""
-        known = [one.held_out_percent for one in self.judged(fit).fits]
+        known = [result.held_out_percent for result in self.judged(fit).fits]
         return sum(
             _HELD_SAMPLES * math.log(min(x, 100.0) + _HELD_FLOOR_PERCENT)
             for x in known
@@ -398,9 +400,9 @@ class _Search:
                 values[setting],
                 evaluations=fit.minimum.evaluations,
                 undetermined=tuple(
-                    one.name
-                    for one, error in errors.items()
-                    if one.holds_at(setting) and error > math.log(UNDETERMINED)
+                    unknown.name
+                    for unknown, error in errors.items()
+                    if unknown.holds_at(setting) and error > math.log(UNDETERMINED)
                 ),
             )
 
@@ -421,9 +423,9 @@ class _Search:
         rises: dict[str, float] = {}  # by move, when it was last screened
         refused = set[str]()
         for _ in range(_ROUNDS):
-            known = {w: one for w, one in moves(fit.structure).items() if self.may_gain(one, fit)}
+            known = {w: c for w, c in moves(fit.structure).items() if self.may_gain(c, fit)}
             size = len(fit.structure.free)
-            removals = {w: known.pop(w) for w, one in [*known.items()] if len(one.free) < size}
+            removals = {w: known.pop(w) for w, c in [*known.items()] if len(c.free) < size}
             margin = self.margin(fit)
             near = {w for w in known if w not in refused and rises.get(w, 0.0) <= margin}
             hopeful = {w for w in known if rises.get(w, 0.0) <= _HOPELESS * margin}
@@ -443,21 +445,21 @@ class _Search:
     def between(self, fit: _Fit) -> dict[Setting, dict[str, float]]:
         """Deviation of each ln y over the structures that were tried, by what each is likely."""
         here, likely = self.criterion(fit), dict[Structure, tuple[float, _Fit]]()
-        for one in (one for one in self.ends if one.model.settings == fit.model.settings):
-            weight = math.exp(-0.5 * max(self.criterion(one) - here, 0.0))
-            if weight > max(_UNLIKELY, likely.get(one.structure, (0.0, one))[0]):
-                likely[one.structure] = weight, one
-        total, found = 1.0 + sum(weight for weight, _ in likely.values()), {}
+        for end in (end for end in self.ends if end.model.settings == fit.model.settings):
+            weight = math.exp(-0.5 * max(self.criterion(end) - here, 0.0))
+            if weight > max(_UNLIKELY, likely.get(end.structure, (0.0, end))[0]):
+                likely[end.structure] = weight, end
+        total, spreads = 1.0 + sum(weight for weight, _ in likely.values()), {}
         for setting, values in fit.values.items():
             squares = dict.fromkeys(fit.model.free, 0.0)
-            for weight, one in likely.values():
-                there = one.values[setting]
-                for name in (n for n in squares if n in one.model.free):
+            for weight, end in likely.values():
+                there = end.values[setting]
+                for name in (n for n in squares if n in end.model.free):
                     if values.quantity(name).is_logarithmic:
                         away = math.log(getattr(there, name) / getattr(values, name))
                         squares[name] += weight / total * away**2
-            found[setting] = {name: math.sqrt(one) for name, one in squares.items()}
-        return found
+            spreads[setting] = {name: math.sqrt(square) for name, square in squares.items()}
+        return spreads
 
     def margin(self, fit: _Fit) -> float:
         """By how much a screened candidate may promise to be worse, and is followed."""
@@ -471,12 +473,12 @@ class _Search:
         What is better beside the best is tried on top of it.
         """
         began: Mapping[str, str] = {}
-        candidates = {words: one for words, one in known.items() if words in which}
+        candidates = {words: structure for words, structure in known.items() if words in which}
         pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
         if len(fit.values) > len(pair) and candidates:
             few = self.screened(candidates, self.at(fit, pair, _ONE), fit, {})
             rises |= {words: rise for rise, words, _ in few}
-            near = {w: one.began for rise, w, one in few[:_LOOKED_AT] if rise <= self.margin(fit)}
+            near = {w: g.began for rise, w, g in few[:_LOOKED_AT] if rise <= self.margin(fit)}
             candidates, began = {words: candidates[words] for words in near}, near
         screened = self.screened(candidates, fit, fit, began)
         rises |= {words: rise for rise, words, _ in screened}
@@ -486,7 +488,7 @@ class _Search:
                 break
             if (ended := self.candidate(glance, fit, words)) is not None:
                 ends.append((self.criterion(ended), words, ended))
-        ends = sorted(ends, key=lambda one: one[0])
+        ends = sorted(ends, key=lambda end: end[0])
         if not ends or ends[0][0] >= self.criterion(fit) - 1e-6:
             return None
         before, best = self.criterion(fit), ends[0][2]
@@ -507,7 +509,7 @@ class _Search:
             ended = self.ended_at(glance)
             values = ended.values.values()
             more = (name for name in ended.model.free if name not in beside.model.free)
-            if any(all(is_at_edge(one, name) for one in values) for name in more):
+            if any(all(is_at_edge(at, name) for at in values) for name in more):
                 return None
             gain = self.criterion(beside) - self.criterion(ended)
         except SimulationError:
@@ -543,23 +545,25 @@ class _Search:
         All after a few evaluations beside the fit, which may be at fewer settings, the first of
         them after some more.
         """
-        found: list[tuple[float, str, _Fit]] = []
+        glances: list[tuple[float, str, _Fit]] = []
         rises: dict[ValveDamper, float] = {}
         for words, structure in candidates.items():
-            halves = [rises[one] for one in structure.strokes_beside(fit.structure) if one in rises]
+            halves = [
+                rises[half] for half in structure.strokes_beside(fit.structure) if half in rises
+            ]
             if min(halves, default=-math.inf) > self.margin(fit):
                 continue  # what neither stroke gains both do not
             glance = self.glanced(structure, near, began.get(words, ""))
             if glance is not None:
-                found.append((self.rise(glance, near, fit), words, glance))
-                rises[structure.damper] = found[-1][0]
-        found.sort(key=lambda one: one[0])
-        for k, (rise, words, glance) in enumerate(found[:_LOOKED_AT]):
+                glances.append((self.rise(glance, near, fit), words, glance))
+                rises[structure.damper] = glances[-1][0]
+        glances.sort(key=lambda item: item[0])
+        for k, (rise, words, glance) in enumerate(glances[:_LOOKED_AT]):
             if rise <= 0.0 and glance.minimum.status == 0:
                 minimum = glance.model.minimise(glance.values, _LOOK)
                 again = replace(glance, minimum=minimum)
-                found[k] = (self.rise(again, near, fit), words, again)
-        return sorted(found, key=lambda one: one[0])
+                glances[k] = (self.rise(again, near, fit), words, again)
+        return sorted(glances, key=lambda item: item[0])
 
     def rise(self, glance: _Fit, near: _Fit, fit: _Fit) -> float:
         """By how much the criterion, without what was held out, promises to rise.
@@ -573,44 +577,39 @@ class _Search:
         )
         promised = max(glance.promised, 1e-6 * near.minimum.cost)
         here = near.minimum.cost
-        shares = [FLOOR_PERCENT / max(one, 1e-9) for one in near.percent.values()]
+        shares = [FLOOR_PERCENT / max(percent, 1e-9) for percent in near.percent.values()]
         floor = here * float(np.mean(shares))
         return n * math.log((promised + floor) / (here + floor)) + price
 
     def record(self, fit: _Fit, beside: _Fit, words: str, gain: float, *, is_taken: bool) -> None:
         """Keep a candidate, and say it to who waits for it."""
-        one, other = self.judged(fit), self.judged(beside)
+        tried, other = self.judged(fit), self.judged(beside)
         small, large = (
-            (one, other) if len(fit.model.border) < len(beside.model.border) else (other, one)
+            (tried, other) if len(fit.model.border) < len(beside.model.border) else (other, tried)
         )
-        is_larger = large is one
-        moved = f"MSE {other.mse_percent:.2g} to {one.mse_percent:.2g} %"
-        held = other.held_out_percent, one.held_out_percent
+        is_larger = large is tried
+        moved = f"MSE {other.mse_percent:.2g} to {tried.mse_percent:.2g} %"
+        held = other.held_out_percent, tried.held_out_percent
         if not math.isnan(held[1]):
             moved += f", held out {held[0]:.2g} to {held[1]:.2g} %"
-        self.laws.append(
-            JudgedLaw(
-                one, is_taken, f"{moved}; criterion {'lower' if gain > 0.0 else 'higher'} by "
-                f"{abs(gain):.0f}",
-                bic=gain if is_larger else -gain,
-                change=words,
-                gain=small.mse_percent / max(large.mse_percent, 1e-300),
-            )
+        self.judge(
+            tried, f"{moved}; criterion {'lower' if gain > 0.0 else 'higher'} by {abs(gain):.0f}",
+            is_taken=is_taken, change=words, bic=gain if is_larger else -gain,
+            gain=small.mse_percent / max(large.mse_percent, 1e-300),
         )  # fmt: skip
-        self.on_law(self.laws[-1])
 
     def judge(
-        self, tried: Tried, reason: str, *, is_taken: bool, change: str = "", **said: float
+        self, tried: Tried, reason: str, *, is_taken: bool, change: str = "", **figures: float
     ) -> None:
         """Keep what was judged beside another than its neighbour."""
-        self.laws.append(JudgedLaw(tried, is_taken, reason, change=change, **said))
+        self.laws.append(JudgedLaw(tried, is_taken, reason, change=change, **figures))
         self.on_law(self.laws[-1])
 
     # layouts
 
     def best_layout(self, layouts: Sequence[ValveDamper]) -> _Fit | None:
         """Bleed and blow-off in each stroke and everything that a mounting may have."""
-        found: list[_Fit] = []
+        fits: list[_Fit] = []
         pair = _most_unlike([self.evidence[s] for s in self.compared], 2)
         for layout in layouts:
             whole = replace(
@@ -618,20 +617,22 @@ class _Search:
             )
             structure = Structure(whole)
             with suppress(SimulationError):
-                found.append(self.first(structure, pair))
-        if not found:
+                fits.append(self.first(structure, pair))
+        if not fits:
             return None
-        tried = [self.judged(one) for one in found]
-        best = min(tried, key=lambda one: one.score)
+        tried = [self.judged(fit) for fit in fits]
+        best = min(tried, key=lambda candidate: candidate.score)
         near = []
-        for one, told in zip(found, tried, strict=True):
-            times = times_worse(best, told)
-            self.first_layouts[one.structure.damper.name] = times
-            reason = _of_layout(best, told, is_alone=len(found) == 1, is_near=times < SEEN_APART)
-            self.judge(told, reason, is_taken=told is best, change="layout")
-            near += [one] if times < SEEN_APART else []
-        near = [self.extended(one, self.compared) for one in near]
-        taken = min(near, key=lambda one: self.judged(one).score)
+        for fit, candidate in zip(fits, tried, strict=True):
+            times = times_worse(best, candidate)
+            self.first_layouts[fit.structure.damper.name] = times
+            reason = _of_layout(
+                best, candidate, is_alone=len(fits) == 1, is_near=times < SEEN_APART
+            )
+            self.judge(candidate, reason, is_taken=candidate is best, change="layout")
+            near += [fit] if times < SEEN_APART else []
+        near = [self.extended(fit, self.compared) for fit in near]
+        taken = min(near, key=lambda fit: self.judged(fit).score)
         for law in self.judged(taken).fits:  # the effective samples of what it leaves
             stretches = [x for trace in self.evidence[law.setting].fitted for x in trace.stretches]
             self.n_eff[law.setting] = sum(
@@ -655,19 +656,19 @@ class _Search:
             with suppress(SimulationError):
                 other = self.laid_out(fit, layout)
                 others[id(self.judged(other))] = other
-        told = [self.judged(one) for one in others.values()]
-        best = min((law, *told), key=lambda one: one.score)
+        tried = [self.judged(other) for other in others.values()]
+        best = min((law, *tried), key=lambda candidate: candidate.score)
         best = law if are_alike(best, law) else best
-        alike = [one for one in (law, *told) if one is not best and are_alike(best, one)]
-        for one in told:
-            reason = _of_layout(best, one, is_alone=False, is_near=one in alike)
-            self.judge(one, reason, is_taken=one is best, change="layout")
+        alike = [c for c in (law, *tried) if c is not best and are_alike(best, c)]
+        for candidate in tried:
+            reason = _of_layout(best, candidate, is_alone=False, is_near=candidate in alike)
+            self.judge(candidate, reason, is_taken=candidate is best, change="layout")
         fits = {id(law): fit, **others}
-        near = [fits[id(one)] for one in (best, *alike)]
+        near = [fits[id(candidate)] for candidate in (best, *alike)]
         # Of layouts that do as well, that which takes the least for it.
         taken = min(near, key=self.criterion)
-        self.fits_alike = [one for one in near if one is not taken]
-        self.alike = tuple(one.structure.damper.name for one in self.fits_alike)
+        self.fits_alike = [other for other in near if other is not taken]
+        self.alike = tuple(other.structure.damper.name for other in self.fits_alike)
         if taken is fit or is_again:
             return taken
         return self.in_its_layout(self.improved(taken), layouts, is_again=True)
@@ -689,7 +690,7 @@ class _Search:
             }
             start[setting] = self.start(structure, setting).replace(known)
         ended = model.minimise(model.with_common(start), _END)
-        return self.lent(_Fit(structure, model, ended))
+        return self.restarted(_Fit(structure, model, ended))
 
     # against what is no candidate of the search
 
@@ -700,12 +701,12 @@ class _Search:
         """
         offsets = tuple(q.name for q in plain.quantities if q.is_offset and q.default is not None)
         ends = _most_unlike(list(self.evidence.values()), 2)
-        found = self.apart(plain, ends)
-        if offsets and (found is None or found.leaves_something):
-            found = self.apart(plain, ends, freed=offsets)
-        return found
+        tried = self.separately(plain, ends)
+        if offsets and (tried is None or tried.leaves_something):
+            tried = self.separately(plain, ends, freed=offsets)
+        return tried
 
-    def apart(
+    def separately(
         self,
         model: Model,
         settings: Sequence[Setting],
@@ -715,7 +716,7 @@ class _Search:
         is_whole: bool = False,
     ) -> Tried | None:
         """A model at some settings, each by itself; None where it cannot be simulated at one."""
-        known = {} if near is None else {one.setting: one for one in near.fits}
+        known = {} if near is None else {result.setting: result for result in near.fits}
 
         def fit(setting: Setting) -> LawFit | None:
             beside = known.get(setting) or known.get(nearest_setting(setting, known) or setting)
@@ -728,15 +729,15 @@ class _Search:
                 return None
 
         with executor(self.jobs) as pool:
-            fits = [one for one in pool.map(fit, settings) if one is not None]
+            fits = [result for result in pool.map(fit, settings) if result is not None]
         complete = len(fits) == len(settings) or (known and fits)
         return Tried(in_words(model, freed), tuple(fits)) if complete else None
 
     def held_against_paper(self, simplest: Tried, fit: _Fit) -> Tried:
         """The paper's model where the valves are not worth their numbers."""
-        settings = [one.setting for one in simplest.fits]
+        settings = [result.setting for result in simplest.fits]
         law = self.judged(fit)
-        beside = Tried(law.title, tuple(one for one in law.fits if one.setting in settings))
+        beside = Tried(law.title, tuple(r for r in law.fits if r.setting in settings))
         n, more = sum(self.n_eff.values()), law.n_quantities - simplest.n_quantities
         gain = simplest.mse_percent / max(beside.mse_percent, 1e-300)
         bic = n * math.log(gain) - more * len(law.fits) * math.log(n)
@@ -763,9 +764,9 @@ class _Search:
         """A law at the weakest and the strongest force, and there the models that yield."""
         ends = _most_unlike(list(self.evidence.values()), 2)
         if self._yielding is None:
-            tried = (self.apart(kind(), ends) for kind in YIELDING)
-            self._yielding = [one for one in tried if one is not None]
-        fits = tuple(one for one in law.fits if one.setting in ends)
+            tried = (self.separately(kind(), ends) for kind in YIELDING)
+            self._yielding = [candidate for candidate in tried if candidate is not None]
+        fits = tuple(result for result in law.fits if result.setting in ends)
         return Tried(law.title, fits), self._yielding
 
     def is_hopeless(self, fit: _Fit) -> bool:
@@ -775,8 +776,8 @@ class _Search:
         """
 
         def is_far(fit: _Fit) -> bool:
-            beside, found = self.beside_yielding(self.judged(fit))
-            return any(times_worse(one, beside) > _FAR_WORSE for one in found)
+            beside, others = self.beside_yielding(self.judged(fit))
+            return any(times_worse(other, beside) > _FAR_WORSE for other in others)
 
         if not is_far(fit):
             return False
@@ -794,16 +795,16 @@ class _Search:
         self.held_share = share
         if math.isnan(share):
             return law
-        beside, found = self.beside_yielding(law)
-        best = min(found, key=lambda one: one.score, default=beside)
+        beside, others = self.beside_yielding(law)
+        best = min(others, key=lambda other: other.score, default=beside)
         taken = law
-        for one in found:
-            is_better, reason = held_against(beside, one, share)
-            taken = one if is_better and one is best else taken
-            self.judge(one, reason, is_taken=is_better and one is best, change="what yields")
+        for other in others:
+            is_better, reason = held_against(beside, other, share)
+            taken = other if is_better and other is best else taken
+            self.judge(other, reason, is_taken=is_better and other is best, change="what yields")
         if taken is not law:
             self.alike = ()
-        elif found and is_open_to(beside, best):
+        elif others and is_open_to(beside, best):
             self.also = best.title
         else:
             self.doubt = unbelievable(beside)
@@ -815,23 +816,23 @@ class _Search:
         whole: Tried | None = chosen
         if not is_of_one_model:
             free = chosen.freed
-            whole = self.apart(
+            whole = self.separately(
                 chosen.fits[0].model, list(self.evidence), freed=free, near=chosen, is_whole=True
             )
         whole = whole or chosen
-        laws = [replace(one, is_taken=False) for one in self.laws if one.tried is not chosen]
-        last = next((one for one in reversed(self.laws) if one.tried is chosen), None)
+        laws = [replace(law, is_taken=False) for law in self.laws if law.tried is not chosen]
+        last = next((law for law in reversed(self.laws) if law.tried is chosen), None)
         last = last or JudgedLaw(whole, True, "the lowest criterion of all settings together")
         laws.append(replace(last, tried=whole, is_taken=True))
         n_eff = float(sum(self.n_eff.values())) or math.nan
-        found = LawSearch(
+        search = LawSearch(
             tuple(laws), whole, n_eff, self.alike, self.held_share, self.also,
             is_held_by_some=self.is_held_by_some, doubt=self.doubt,
         )  # fmt: skip
         if fit is None or not is_of_one_model:
-            return found
+            return search
         return replace(
-            found, is_of_one_model=True, follows=fit.model.follows, offsets=self.offsets(whole),
+            search, is_of_one_model=True, follows=fit.model.follows, offsets=self.offsets(whole),
             exchanges=tuple(self.exchanged(fit)), spread=self.spread,
         )  # fmt: skip
 
@@ -851,7 +852,7 @@ class _Search:
 
     def offsets(self, law: Tried) -> dict[str, float]:
         """By how much each log's offset lies beside the mean one of its setting."""
-        found: dict[str, float] = {}
+        beside: dict[str, float] = {}
         for fit in law.fits:
             logs = self.evidence[fit.setting].fitted
             if len(logs) < 2 or not any(fit.model.quantity(n).is_offset for n in fit.free):
@@ -861,8 +862,8 @@ class _Search:
                 model = compare(fit.values, log, fit.model, solver=self.solver)
                 missing[log.name] = float(np.mean((log.force - model.force)[log.compared]))
             mean = float(np.mean([*missing.values()]))
-            found |= {name: one - mean for name, one in missing.items()}
-        return found
+            beside |= {name: own - mean for name, own in missing.items()}
+        return beside
 
     # ties
 
@@ -896,19 +897,21 @@ class _Search:
         self.follows, before = follows, fit.model
         if self.model(fit.structure, before.settings).border == before.border:
             return fit
-        found = []
-        for one in (fit, *self.fits_alike):
+        candidates = []
+        for near in (fit, *self.fits_alike):
             with suppress(SimulationError):
-                known = self.extended(one, before.settings)
+                known = self.extended(near, before.settings)
                 model = self.model(known.structure, before.settings)
                 model = model.weighed_at(known.values, least=_LEAST)
                 ended = model.best_of(list(model.starts(known.values)))
-                found.append(self.ended_at(_Fit(known.structure, model, ended)))
+                candidates.append(self.ended_at(_Fit(known.structure, model, ended)))
                 # A part that single settings do without may be what all of them need.
-                damper = replace(one.structure.damper, rebound=BOTH, compression=BOTH)
-                found.append(self.first(Structure(damper, one.structure.freed), before.settings))
-        best = min(found, key=self.criterion, default=fit)
-        names = [one.structure.damper.name for one in (fit, *self.fits_alike)]
+                damper = replace(near.structure.damper, rebound=BOTH, compression=BOTH)
+                candidates.append(
+                    self.first(Structure(damper, near.structure.freed), before.settings)
+                )
+        best = min(candidates, key=self.criterion, default=fit)
+        names = [near.structure.damper.name for near in (fit, *self.fits_alike)]
         self.alike = tuple(name for name in names if name != best.structure.damper.name)
         return self.improved(best)
 
@@ -959,23 +962,23 @@ class _Search:
             misfit = replace(model.blocks[setting], free=own)
             common = {n: getattr(near, n) for n in near.names if n not in own}
             starts = fit.structure.damper.start(self.evidence[setting].fitted, common)
-            found = []
+            ends = []
             for start in (near, *starts[:2]):
                 with suppress(SimulationError):
                     at = near.replace({n: getattr(start, n) for n in own})
-                    found.append(misfit.descend(at, _END))
-            if not found:
+                    ends.append(misfit.descend(at, _END))
+            if not ends:
                 raise SimulationError(
                     f"{fit.structure.title} cannot be simulated at {setting}.",
                     code="not-integrated",
                 )
-            return min(found, key=lambda one: one.cost).extra
+            return min(ends, key=lambda end: end.cost).extra
 
         with executor(self.jobs) as pool:
             values = dict(fit.values) | dict(zip(missing, pool.map(at, missing), strict=True))
         values = model.with_common(values)
         model = model.weighed_at(values, least=_LEAST)
-        return self.lent(_Fit(fit.structure, model, model.minimise(values, _END)))
+        return self.restarted(_Fit(fit.structure, model, model.minimise(values, _END)))
 
 
 class _Linear:
@@ -997,7 +1000,7 @@ class _Linear:
         here = self.minimum.cost, self.minimum.variables
         self.quadratic = Quadratic(*here, slope, curvature)
         self.whose = [
-            (one.name, next(s for s in base.settings if one.holds_at(s))) for one in base.border
+            (u.name, next(s for s in base.settings if u.holds_at(s))) for u in base.border
         ]
         per_cost = sum(search.n_eff[s] for s in base.settings) / max(self.minimum.cost, 1e-300)
         errors = np.sqrt(np.diag(inverse_information(jacobian)) / per_cost)
@@ -1016,7 +1019,7 @@ class _Linear:
         cost, _, unknowns = self.solved(ties)
         search, settings = self.search, self.base.settings
         n = {s: search.n_eff[s] for s in settings}
-        price = sum(math.log(sum(n[s] for s in settings if one.holds_at(s))) for one in unknowns)
+        price = sum(math.log(sum(n[s] for s in settings if u.holds_at(s))) for u in unknowns)
         here = self.minimum.cost
         floor = here * float(
             np.mean([FLOOR_PERCENT / max(x, 1e-9) for x in self.fit.percent.values()])
@@ -1054,36 +1057,36 @@ class _Linear:
     def values(self, ties: Mapping[str, tuple[str, ...]]) -> dict[Setting, Values]:
         """The values at the linear minimum."""
         variables, base = self.solved(ties)[1], self.base
-        found = {}
+        values = {}
         for setting in base.settings:
             own = {
-                one.name: math.exp(min(max(u, -600.0), 600.0))
-                for one, u in zip(base.border, variables.tolist(), strict=True)
-                if one.holds_at(setting) and base.model.quantity(one.name).is_logarithmic
+                unknown.name: math.exp(min(max(u, -600.0), 600.0))
+                for unknown, u in zip(base.border, variables.tolist(), strict=True)
+                if unknown.holds_at(setting) and base.model.quantity(unknown.name).is_logarithmic
             }
-            found[setting] = self.fit.values[setting].replace(own)
-        return found
+            values[setting] = self.fit.values[setting].replace(own)
+        return values
 
 
 def _most_unlike(evidence: Sequence[SettingLogs], most: int = _MOST_COMPARED) -> list[Setting]:
     """Settings to compare at: the weakest and the strongest force, and some between them."""
 
-    def strength(one: SettingLogs) -> float:
-        return float(np.std(np.concatenate([t.force[t.compared] for t in one.fitted])))
+    def strength(logs: SettingLogs) -> float:
+        return float(np.std(np.concatenate([t.force[t.compared] for t in logs.fitted])))
 
     ranked = sorted(evidence, key=strength)
     if len(ranked) > most:
         places = np.linspace(0, len(ranked) - 1, most).round().astype(int)
         ranked = [ranked[k] for k in places]
-    return sorted(one.setting for one in ranked)
+    return sorted(logs.setting for logs in ranked)
 
 
-def _of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:
+def _of_layout(best: Tried, candidate: Tried, *, is_alone: bool, is_near: bool) -> str:
     """Say why a layout is taken, or is not, beside the best."""
     what = "fits" if math.isnan(best.held_out_percent) else "fits and predicts"
     if is_alone:
         return "the only layout that was tried"
-    if one is best:
+    if candidate is best:
         return f"the layout that {what} best"
     words = best.fits[0].model.name.replace("_", " ")
     return f"{words} {what} {'hardly ' if is_near else ''}better"
@@ -1092,7 +1095,7 @@ def _of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str
 def follows_by_scope(model: Model, free: Sequence[str], adjusters: tuple[str, ...]) -> Follows:
     """Return what each quantity follows: all adjusters, unless it is the damper's or the rig's."""
     of = {name: model.quantity(name) for name in free}
-    return {name: adjusters for name, one in of.items() if one.is_offset or not one.is_shared}
+    return {name: adjusters for name, q in of.items() if q.is_offset or not q.is_shared}
 
 
 @one_blas_thread()
@@ -1145,7 +1148,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     SimulationError
         No structure can be simulated on these logs.
     """
-    adjusters = min(one.setting for one in evidence).adjusters
+    adjusters = min(logs.setting for logs in evidence).adjusters
 
     def by_scope(model: Model, free: Sequence[str]) -> Follows:
         return follows_by_scope(model, free, adjusters)

@@ -48,7 +48,7 @@ def everything(declared: Mounting) -> Mounting:
     A moving mass is not: at low frequencies it does nothing, and at a single one it looks like a
     softer gas spring.
     """
-    names = (one.name for one in fields(declared) if one.name not in _NOT_AT_FIRST)
+    names = (field.name for field in fields(declared) if field.name not in _NOT_AT_FIRST)
     known = {name: getattr(declared, name) for name in names}
     fitted = {name: FIT for name, value in known.items() if isinstance(value, str)}
     return replace(declared, **fitted)
@@ -58,7 +58,7 @@ def with_part(damper: ValveDamper, name: str) -> ValveDamper:
     """The damper with a part more of rig or friction; as it is where it has or cannot have it."""
     owner, names, _ = PARTS[name]
     own = getattr(damper, owner)
-    more = {one: FIT for one in names if getattr(own, one) == NONE}
+    more = {field: FIT for field in names if getattr(own, field) == NONE}
     is_loose = name in {"play", "rubber"} and damper.mounting.series_stiffness == NONE
     turns_already = name in _TURNS and getattr(damper.friction, _TURNS[name]) != NONE
     if is_loose or turns_already or not more:
@@ -73,7 +73,7 @@ def without_part(damper: ValveDamper, name: str) -> ValveDamper:
     """
     owner, names, _ = PARTS.get(name, ("mounting", (), ""))
     own = getattr(damper, owner)
-    if {getattr(own, one) for one in names} != {FIT}:
+    if {getattr(own, field) for field in names} != {FIT}:
         return damper
     less = replace(own, **dict.fromkeys(names, NONE))
     return replace(damper, **{owner: less})
@@ -105,7 +105,7 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
     )
     rig = ", ".join(word for word, kind in parts if kind != NONE) or "rigid mounting"
     words = [f"{law.name.replace('_', ' ')}: {valves}", rig]
-    words += [said for part, said in _FRICTION.items() if getattr(law.friction, part) != NONE]
+    words += [text for part, text in _FRICTION.items() if getattr(law.friction, part) != NONE]
     if freed:
         words.append("also " + ", ".join(law.quantity(name).label for name in freed))
     return "; ".join(words)
@@ -116,7 +116,7 @@ def _of_valve(valve: Valve) -> str:
     return " and ".join(word for word in words if word)
 
 
-_FRICTION = {part: said for part, (owner, _, said) in PARTS.items() if owner == "friction"}
+_FRICTION = {part: text for part, (owner, _, text) in PARTS.items() if owner == "friction"}
 
 
 # A stroke with only one of the two has the other in its place: neither may be missing meanwhile.
@@ -148,7 +148,7 @@ class Structure:
     @property
     def held(self) -> dict[str, float]:
         """What stays at its default."""
-        known = ((one.name, one.default) for one in self.damper.quantities)
+        known = ((quantity.name, quantity.default) for quantity in self.damper.quantities)
         return {name: x for name, x in known if x is not None and name not in self.freed}
 
     @property
@@ -179,22 +179,22 @@ class Structure:
 
     def ties_of(self, other: Structure) -> tuple[tuple[str, tuple[str, ...]], ...]:
         """Return the ties of another structure, without those of parts that this one has not."""
-        own = {name for one in self.free for name in (one, self._beside(one))}
+        own = {name for number in self.free for name in (number, self._beside(number))}
         return tuple(tie for tie in other.ties if tie[0] in own)
 
     def _beside(self, name: str) -> str:
         """What a number of a valve follows where nothing is said of it."""
-        one = self.damper.quantity(name)
-        return one.beside(_BESIDE.get(one.part, ""))
+        quantity = self.damper.quantity(name)
+        return quantity.beside(_BESIDE.get(quantity.part, ""))
 
     def follows(self, by_scope: Follows) -> Follows:
         """Return what each free quantity follows: by its scope, but for what is tied or untied."""
         ties, names = dict(self.ties), self.free
-        found = {}
+        follows = {}
         for name in names:
             beside = ties.get(self._beside(name), by_scope.get(name, ()))
-            found[name] = ties.get(name, beside)
-        return {name: adjusters for name, adjusters in found.items() if adjusters}
+            follows[name] = ties.get(name, beside)
+        return {name: adjusters for name, adjusters in follows.items() if adjusters}
 
 
 # What a number of a valve follows where nothing is said of it: what that one is tied to.
@@ -203,30 +203,30 @@ _BESIDE = {"leak": "bleed"}
 
 def moves(structure: Structure) -> dict[str, Structure]:
     """Return the structures that are one move away, by what was changed, in words."""
-    found: dict[str, Structure] = {}
+    candidates: dict[str, Structure] = {}
     seen = {(structure.damper, frozenset(structure.freed))}
     for words, other in _all_moves(structure):
         known = other.damper, frozenset(other.freed)
         if known not in seen:
             seen.add(known)
-            found[words] = replace(other, ties=other.ties_of(structure))
-    return found
+            candidates[words] = replace(other, ties=other.ties_of(structure))
+    return candidates
 
 
 def _all_moves(structure: Structure) -> Iterator[tuple[str, Structure]]:
     damper, freed = structure.damper, structure.freed
     # Those of a declared network are its passages.
-    if all(one.init for one in fields(damper) if one.name in STROKES):
+    if all(field.init for field in fields(damper) if field.name in STROKES):
         for words, valves in _other_valves(damper):
             yield words, _without_lost(replace(damper, **valves), freed)
-    for name, (_, _, said) in PARTS.items():
+    for name, (_, _, text) in PARTS.items():
         less, more = without_part(damper, name), with_part(damper, name)
         if name == "play" and damper.mounting.series_stiffness == NONE:
             more = damper
         if less != damper:
-            yield f"without {said}", _without_lost(less, freed)
+            yield f"without {text}", _without_lost(less, freed)
         elif more != damper:
-            yield f"with {said}", Structure(more, freed)
+            yield f"with {text}", Structure(more, freed)
     mounting = damper.mounting
     if mounting.series_stiffness == FIT and mounting.play == mounting.rubber == NONE:
         rigid = replace(damper, mounting=replace(mounting, series_stiffness=NONE))
@@ -234,7 +234,7 @@ def _all_moves(structure: Structure) -> Iterator[tuple[str, Structure]]:
     elif mounting.series_stiffness == NONE:
         elastic = replace(damper, mounting=replace(mounting, series_stiffness=FIT))
         yield "with elasticity of the mounting", Structure(elastic, freed)
-    oil = [one.name for one in damper.quantities if one.role == STIFFNESS]
+    oil = [quantity.name for quantity in damper.quantities if quantity.role == STIFFNESS]
     for name in (*_FREED, *oil):
         if name in freed:
             label = damper.quantity(name).label
@@ -249,7 +249,7 @@ def exchanges(structure: Structure) -> Iterator[tuple[str, str, Structure]]:
     The mounting, oil and chambers, the gas, and return checks that are late look alike.
     """
     damper, freed = structure.damper, structure.freed
-    oil = next(one for one in damper.quantities if one.role == STIFFNESS)
+    oil = next(quantity for quantity in damper.quantities if quantity.role == STIFFNESS)
     mounting, words = damper.mounting, "elasticity of the mounting"
     if mounting.series_stiffness == FIT and mounting.play == mounting.rubber == NONE:
         rigid = replace(damper, mounting=replace(mounting, series_stiffness=NONE))
@@ -271,20 +271,20 @@ def _other_valves(damper: ValveDamper) -> Iterator[tuple[str, dict[str, Any]]]:
         for kind, (_, words) in kinds.items():
             beside = "bleed" if part == "blow_off" else "blow_off"
             usable = {
-                stroke: replace(one, **{part: kind})
-                for stroke, one in valves.items()
-                if getattr(one, part) != kind and (kind, getattr(one, beside)) != (NONE, NONE)
+                stroke: replace(valve, **{part: kind})
+                for stroke, valve in valves.items()
+                if getattr(valve, part) != kind and (kind, getattr(valve, beside)) != (NONE, NONE)
             }
-            for stroke, one in usable.items():
-                yield f"{words} in {STROKES[stroke]}", {stroke: one}
+            for stroke, valve in usable.items():
+                yield f"{words} in {STROKES[stroke]}", {stroke: valve}
             if len(usable) == len(valves):
                 yield f"{words} in both strokes", usable
     for words, other in _INSTEAD.items():
         is_bleed = other.bleed == NONE
         usable = {
             stroke: other
-            for stroke, one in valves.items()
-            if (one.blow_off if is_bleed else one.bleed) == NONE
+            for stroke, valve in valves.items()
+            if (valve.blow_off if is_bleed else valve.bleed) == NONE
         }
         for stroke in usable:
             yield f"{words} in {STROKES[stroke]}", {stroke: other}
@@ -327,7 +327,7 @@ def times_in(layout: str, model: ValveDamper, name: str, power: float = 1.0) -> 
     quantity = model.quantity(name)
     if quantity.stroke not in PLACES:
         return 1.0
-    known = {one.name: getattr(model, one.name) for one in fields(model) if one.init}
+    known = {field.name: getattr(model, field.name) for field in fields(model) if field.init}
     other = LAYOUTS[layout](**known)
     place = PLACES.index(quantity.stroke)
     area_power = quantity.area_power

@@ -359,7 +359,7 @@ def _freeing_friction(campaign: Campaign) -> Option:
     if sharing.jointly:
         shared = (n for n in sharing.jointly if n not in frictions)
         return Option("share", ",".join(shared), is_aside=True)
-    held, idle = {*frictions, *sharing.found}, {Status.FIXED, Status.SHARED}
+    held, idle = {*frictions, *sharing.estimated}, {Status.FIXED, Status.SHARED}
     own = [name for name, how in fit.status.items() if name not in held and how not in idle]
     return Option("free", ",".join((*own, *frictions)), is_aside=True)
 

@@ -94,33 +94,33 @@ def with_least_openings(
 
     That of all settings that have the same number.
     """
-    by_setting = {one.fit.setting: one for one in linearised}
+    by_setting = {linear.fit.setting: linear for linear in linearised}
     judged = []
     for errors in known:
         highest, mine = {}, by_setting[errors.setting]
         for name in mine.pressed:
             alike = [mine]
-            if name in sharing.found_at(errors.setting):
+            if name in sharing.estimated_at(errors.setting):
                 own = unknown_at(name, sharing.follows, errors.setting)
-                alike += [one for one in linearised if own.holds_at(one.fit.setting)]
-            if all(one.pressed[name] < _passes_from(name, one, damper) for one in alike):
-                highest[name] = max(one.pressed[name] for one in alike)
+                alike += [linear for linear in linearised if own.holds_at(linear.fit.setting)]
+            if all(linear.pressed[name] < _passes_from(name, linear, damper) for linear in alike):
+                highest[name] = max(linear.pressed[name] for linear in alike)
         judged.append(replace(errors, unopened=highest))
     return tuple(judged)
 
 
-def _passes_from(name: str, one: Linearisation, damper: Model) -> float:
+def _passes_from(name: str, linear: Linearisation, damper: Model) -> float:
     """The pressure above which a blow-off passes oil that a fit could notice, Pa."""
     from damperfit.damper.valve_dampers import ValveDamper
 
-    opening, own = float(getattr(one.fit.parameters, name)), damper.plain
+    opening, own = float(getattr(linear.fit.parameters, name)), damper.plain
     stroke = name.removesuffix("_opening")
     # A slope that lets nothing through is one way in which a fit tells that it does not open.
-    slope: float | None = getattr(one.fit.parameters, f"{stroke}_slope", None)
+    slope: float | None = getattr(linear.fit.parameters, f"{stroke}_slope", None)
     if slope is None or not isinstance(own, ValveDamper):
         return opening
     area = own.pressed_areas[0 if stroke == "rebound" else 1]
-    speed = max(part.peak_speed for log in one.fit.logs for part in log.trace.stretches)
+    speed = max(part.peak_speed for log in linear.fit.logs for part in log.trace.stretches)
     return opening + _UNNOTICED * own.oil_density * area * speed * slope
 
 
@@ -146,27 +146,27 @@ def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
         """Whether the printed error of noise is so large a share of the value."""
         if known is None or name not in known.names:
             return False
-        one, error = values.quantity(name), known.error(name)
-        error = error if one.is_logarithmic else error / one.size
-        return is_loose(one, getattr(values, name), error, share)
+        quantity, error = values.quantity(name), known.error(name)
+        error = error if quantity.is_logarithmic else error / quantity.size
+        return is_loose(quantity, getattr(values, name), error, share)
 
     def is_unlimited(name: str) -> bool:
         """Whether it has no limit, or an interval as wide as of what no log tells."""
         if name in profiles:
             return profiles[name].is_flat
-        (low, high), one = assessment.limits(fit.setting, name), values.quantity(name)
-        if not (low and high and one.is_logarithmic):
+        (low, high), quantity = assessment.limits(fit.setting, name), values.quantity(name)
+        if not (low and high and quantity.is_logarithmic):
             return False
-        return is_loose(one, 1.0, math.log(high / low) / (2.0 * NORMAL_95), NOT_FOUND)
+        return is_loose(quantity, 1.0, math.log(high / low) / (2.0 * NORMAL_95), NOT_FOUND)
 
     def named(*statuses: Status) -> list[str]:
         return [name for name, status in fit.status.items() if status in statuses]
 
     lost = {name for name in named(Status.FITTED, Status.SHARED) if is_unlimited(name)}
-    shared = (name for name in named(Status.SHARED) if name in sharing.found)
+    shared = (name for name in named(Status.SHARED) if name in sharing.estimated)
     lost |= {name for name in shared if is_unfit(name, NOT_FIT_TO_SHARE)}
     # What a setting finds only beside a shared slope of either sign that the logs do not tell.
-    slopes = {n for n in sharing.found if n in lost or fit.status[n] == Status.NOT_IDENTIFIABLE}
+    slopes = {n for n in sharing.estimated if n in lost or fit.status[n] == Status.NOT_IDENTIFIABLE}
     if not all(values.quantity(name).is_logarithmic for name in slopes):
         lost |= {name for name in named(Status.FITTED) if is_unfit(name, NOT_FOUND)}
     at_bound = {*named(Status.AT_BOUND)}
@@ -221,9 +221,9 @@ def gas_in_offset(campaign: Campaign, damper: Model) -> Iterator[Problem]:
     volumes: list[float] = []
     offsets: list[float] = []
     for fit in campaign.fits:
-        for one in fit.parameters.quantities:
-            if fit.status[one.name] in determined and (one.is_offset or one.name == "gas_volume"):
-                (offsets if one.is_offset else volumes).append(getattr(fit.parameters, one.name))
+        for q in fit.parameters.quantities:
+            if fit.status[q.name] in determined and (q.is_offset or q.name == "gas_volume"):
+                (offsets if q.is_offset else volumes).append(getattr(fit.parameters, q.name))
     if gas is None or not volumes or not offsets:
         return
     area, pressure, volume, _, ambient = gas
@@ -253,22 +253,23 @@ def gas_in_offset(campaign: Campaign, damper: Model) -> Iterator[Problem]:
 
 def shared_apart(linearised: Sequence[Linearisation], sharing: Sharing) -> Iterator[Problem]:
     """Yield what the logs of two settings, each alone, would have otherwise than all together."""
-    mine = [one for one in linearised if one.fit.setting in sharing.settings]
+    mine = [linear for linear in linearised if linear.fit.setting in sharing.settings]
     for name in sharing.common if sharing.jointly and len(mine) > 1 else ():
         quantity, alone = mine[0].fit.parameters.quantity(name), []
-        for one in mine:
-            row = solved(one, (*own_names(one.fit, sharing), name))[-1]
-            step, error = float(row @ one.gradient), math.sqrt(abs(float(row @ one.scores @ row)))
+        for linear in mine:
+            row = solved(linear, (*own_names(linear.fit, sharing), name))[-1]
+            step = float(row @ linear.gradient)
+            error = math.sqrt(abs(float(row @ linear.scores @ row)))
             if quantity.is_logarithmic and 0.0 < error < _TELLING:
-                n = sum(log.trace.n_samples for log in one.fit.logs)
-                fall = step**2 / float(row[one.places([name])[0]]) * one.precision / n
-                alone.append((step, error, fall, one.fit))
+                n = sum(log.trace.n_samples for log in linear.fit.logs)
+                fall = step**2 / float(row[linear.places([name])[0]]) * linear.precision / n
+                alone.append((step, error, fall, linear.fit))
         if not alone:
             continue
         low, high = (end(alone, key=itemgetter(0)) for end in (min, max))
-        apart, fall = high[0] - low[0], 0.5 * (low[2] + high[2])
-        is_sure = apart > _SURELY * math.hypot(low[1], high[1]) and fall > _MOST_OF_IT
-        if is_sure and apart > math.log(_UNLIKE):
+        distance, fall = high[0] - low[0], 0.5 * (low[2] + high[2])
+        is_sure = distance > _SURELY * math.hypot(low[1], high[1]) and fall > _MOST_OF_IT
+        if is_sure and distance > math.log(_UNLIKE):
             first, second = (
                 getattr(fit.parameters, name) / 10.0**quantity.power * math.exp(min(step, 5.0))
                 for step, *_, fit in (low, high)
@@ -313,7 +314,7 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
             return "no interval: the fit did not converge to a minimum"
         closed = closed or f"these logs cannot distinguish it from none{limit}"
         return f"{closed}: the law may as well lack this part"
-    whose = sharing.whose(name, fit.setting) if name in sharing.found_at(fit.setting) else ""
+    whose = sharing.whose(name, fit.setting) if name in sharing.estimated_at(fit.setting) else ""
     where = _span(interval.low, interval.high, quantity)
     if profile is not None and profile.is_complete and (profile.is_flat or not interval.misfit):
         where = seen
@@ -326,8 +327,8 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
                 f" (standard errors: {interval.error:.2g} {unit} from noise, "
                 f"{interval.misfit:.2g} {unit} from lack of fit)"
             )
-        found = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
-        return f"{found}, {where}{tied}"
+        origin = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
+        return f"{origin}, {where}{tied}"
     used = f"; {value:.4g} {unit} is used"
     used_for = f"{used} for {whose}" if whose else ""
     if profile is not None and profile.shape == "flat upward":
@@ -413,7 +414,7 @@ class Assessment:
 
     @cached_property
     def _known(self) -> dict[Setting, Uncertainty]:
-        return {one.setting: one for one in self.uncertainties}
+        return {errors.setting: errors for errors in self.uncertainties}
 
     def uncertainty(self, setting: Setting) -> Uncertainty | None:
         """Return the errors of a setting; None where none are known."""
@@ -421,13 +422,13 @@ class Assessment:
 
     def telling(self, setting: Setting) -> dict[str, MisfitProfile]:
         """Return the closest finished profiles that tell of a setting: its own, R_m3's source."""
-        found = {p.name: p for p in self.profiles if p.name == TAKEN and p.is_shared}
+        profiles = {p.name: p for p in self.profiles if p.name == TAKEN and p.is_shared}
         mine = [p for p in self.profiles if p.setting == setting]
         for name in {p.name for p in mine}:
             own = (p for p in mine if p.name == name)
             closest = max(own, key=lambda p: (p.is_complete, len(p.points)))
-            found |= {} if closest.is_partial else {name: closest}
-        return found
+            profiles |= {} if closest.is_partial else {name: closest}
+        return profiles
 
     def limits(self, setting: Setting, name: str) -> tuple[float | None, float | None]:
         """Return the 95 % limits to print, SI; None where the logs set none.
@@ -473,37 +474,37 @@ class Assessment:
     def verdicts(self, campaign: Campaign) -> dict[Setting, dict[str, str]]:
         """Return a sentence on each parameter, by setting: how it was found, how well, and ties."""
         fits = {fit.setting: fit for fit in campaign.fits}
-        found = {}
+        sentences = {}
         for known in self.uncertainties:
             fit, profiles = fits[known.setting], self.telling(known.setting)
             ties: dict[str, str] = {}
-            for one, other, value in sorted(known.ties, key=lambda tie: abs(tie[2])):
-                ties[one] = f", correlated with {other} ({value:+.2f})"
-                ties[other] = f", correlated with {one} ({value:+.2f})"
-            found[fit.setting] = {
+            for name, other, value in sorted(known.ties, key=lambda tie: abs(tie[2])):
+                ties[name] = f", correlated with {other} ({value:+.2f})"
+                ties[other] = f", correlated with {name} ({value:+.2f})"
+            sentences[fit.setting] = {
                 n: _verdict(n, fit, known, profiles.get(n), campaign.sharing, ties.get(n, ""))
                 for n in fit.parameters.names
             }
-        return found
+        return sentences
 
     def doubts(self, campaign: Campaign) -> tuple[Problem, ...]:
         """Return what a reader must know of the parameters first: the undetermined, and ties."""
         fitted = {fit.setting for fit in campaign.fits}
         ties: dict[tuple[str, str], list[tuple[Setting, float]]] = defaultdict(list)
         for known in (known for known in self.uncertainties if known.setting in fitted):
-            for one, other, value in known.ties:
-                ties[one, other].append((known.setting, value))
+            for name, other, value in known.ties:
+                ties[name, other].append((known.setting, value))
         problems = list(self.undetermined(campaign))
         symbol_of = {quantity.name: quantity.symbol for quantity in campaign.quantities}
-        for (one, other), where in ties.items():
+        for (name, other), where in ties.items():
             low, high = min(value for _, value in where), max(value for _, value in where)
             spread = f"{low:+.2f} to {high:+.2f}" if high - low > 0.005 else f"{low:+.2f}"
             text = (
                 "{symbols} are strongly correlated at {settings} ({correlation}): "
                 "the logs determine their combination better than each"
             )
-            values = {"quantity": one, "other": other, "correlation": spread}
-            values["symbols"] = f"{symbol_of[one]} and {symbol_of[other]}"
+            values = {"quantity": name, "other": other, "correlation": spread}
+            values["symbols"] = f"{symbol_of[name]} and {symbol_of[other]}"
             values["settings"] = of_settings(setting for setting, _ in where)
             problems.append(warning("correlated", text, **values))
         return tuple(problems)
@@ -513,7 +514,7 @@ class Assessment:
         where: dict[tuple[str, Status, str], list[Setting]] = defaultdict(list)
         for fit in (fit for fit in campaign.fits if fit.setting in self._known):
             known, profiles = self._known[fit.setting], self.telling(fit.setting)
-            for name, status in ((name, one) for name, one in fit.status.items() if one.has_failed):
+            for name, status in ((name, s) for name, s in fit.status.items() if s.has_failed):
                 words = _verdict(name, fit, known, profiles.get(name), campaign.sharing, "")
                 where[name, status, words].append(fit.setting)
         return tuple(
@@ -534,16 +535,17 @@ class Assessment:
         A misfit without a cause is one where it is 1 % of the force; the report has smaller ones.
         """
         groups: dict[str, list[Diagnosis]] = defaultdict(list)
-        for one in self.diagnoses:
-            if one.is_structured and (one.hints or one.repeating_percent > _MATTERS):
-                groups[one.hints[0].name if one.hints else ""].append(one)
+        for diagnosis in self.diagnoses:
+            hints, is_much = diagnosis.hints, diagnosis.repeating_percent > _MATTERS
+            if diagnosis.is_structured and (hints or is_much):
+                groups[hints[0].name if hints else ""].append(diagnosis)
         return (*self.apart, *(group_warning(group) for group in groups.values()))
 
     @property
     def cycle_check(self) -> str:
         """How the errors compare with a jackknife over whole cycles; empty with nothing to say."""
-        every = (one for known in self.uncertainties for one in known.intervals.values())
-        ratios = [one.cycle_ratio for one in every if math.isfinite(one.cycle_ratio)]
+        every = (interval for known in self.uncertainties for interval in known.intervals.values())
+        ratios = [interval.cycle_ratio for interval in every if math.isfinite(interval.cycle_ratio)]
         if not ratios:
             return ""
         low, middle, high = percentiles(ratios, 5.0, 50.0, 95.0)
@@ -560,14 +562,14 @@ class Assessment:
         """Noise and lack of fit: one for each structured setting, one for all the others."""
         single = [d for d in self.diagnoses if math.isnan(d.noise_percent)]
         quiet = [d for d in self.diagnoses if not d.is_structured and d not in single]
-        told = [d for d in self.diagnoses if d.is_structured]
-        sentences = [f"setting {one.setting}: {one.sentence}" for one in (*told, *single)]
+        loud = [d for d in self.diagnoses if d.is_structured]
+        sentences = [f"setting {d.setting}: {d.sentence}" for d in (*loud, *single)]
         if quiet:
             least = min(100.0 * d.noise_percent / max(d.mse_percent, 1e-300) for d in quiet)
             text = (
                 f"{of_settings(d.setting for d in quiet)}: no misfit repeats from cycle to cycle; "
             )
-            sentences.insert(len(told), f"{text}noise makes up {least:.0f} % of the MSE or more")
+            sentences.insert(len(loud), f"{text}noise makes up {least:.0f} % of the MSE or more")
         return tuple(sentences)
 
 
@@ -581,29 +583,27 @@ class _Alone(NamedTuple):
 
 
 def _with_hidden_friction(
-    found: Sequence[_Alone],
+    settings: Sequence[_Alone],
 ) -> tuple[list[Linearisation], tuple[Problem, ...]]:
     """The settings with a friction by speed that they show together, no other misfit beside it."""
-    linearised, name = [one.linearised for one in found], "friction_with_speed"
-    is_other = any(
-        one.diagnosis.is_structured and name not in one.linearised.flawed for one in found
-    )
-    known = [one.friction for one in found if one.friction is not None]
+    linearised, name = [setting.linearised for setting in settings], "friction_with_speed"
+    is_other = any(s.diagnosis.is_structured and name not in s.linearised.flawed for s in settings)
+    known = [setting.friction for setting in settings if setting.friction is not None]
     place, amount = hidden_friction(known)
-    if is_other or len(known) < len(found) or not amount:
+    if is_other or len(known) < len(settings) or not amount:
         return linearised, ()
     with_friction = [
-        replace(one, flawed={name: amount * friction.pulls[place], **one.flawed})
-        for one, friction in zip(linearised, known, strict=True)
+        replace(linear, flawed={name: amount * friction.pulls[place], **linear.flawed})
+        for linear, friction in zip(linearised, known, strict=True)
     ]
-    if any(name in one.flawed for one in linearised):
+    if any(name in linear.flawed for linear in linearised):
         return with_friction, ()
     text = "{settings}: a small misfit is as from {words}; the intervals allow for it."
-    where = of_settings(one.diagnosis.setting for one in found)
-    told = warning(
+    where = of_settings(setting.diagnosis.setting for setting in settings)
+    problem = warning(
         "misfit-of-all", text, settings=where, words=FLAWS[name].words(amount), flaw=name
     )
-    return with_friction, (told,)
+    return with_friction, (problem,)
 
 
 def assess(
@@ -635,49 +635,49 @@ def assess(
     on_error : callable, optional
         Told of a setting and the error that judging it has met; without it such an error is raised.
     """
-    frictions = tuple(one.name for one in damper.quantities if one.is_friction)
+    frictions = tuple(quantity.name for quantity in damper.quantities if quantity.is_friction)
     sharing = campaign.sharing
     doubted = frictions if sharing.friction_varies else ()
     take = None if on_error is None else raised_in_copy(on_error)
 
     def alone(fit: Fit) -> _Alone | None:
         own = replace(campaign, fits=(fit,))
-        for one in linearise_settings(own, damper, solver=solver, on_error=take):
+        for linear in linearise_settings(own, damper, solver=solver, on_error=take):
             with sparing(fit.setting, take):
-                diagnosis, pulls = diagnose(one, doubted=doubted)
+                diagnosis, pulls = diagnose(linear, doubted=doubted)
                 is_structured = diagnosis.is_structured
-                over_speed = speed_forces(one, is_structured=is_structured)
-                seen = one.summed(is_structured=is_structured, pulls=pulls)
-                return _Alone(seen, diagnosis, over_speed, friction_by_speed(one))
+                over_speed = speed_forces(linear, is_structured=is_structured)
+                seen = linear.summed(is_structured=is_structured, pulls=pulls)
+                return _Alone(seen, diagnosis, over_speed, friction_by_speed(linear))
         return None
 
     each = in_copies(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
-    found = [one for one in each if one is not None]
-    everywhere, told_together = _with_hidden_friction(found)
+    judged = [setting for setting in each if setting is not None]
+    everywhere, told_together = _with_hidden_friction(judged)
     errors = uncertainties(everywhere, sharing, on_error=on_error)
-    known = {one.setting: one for one in with_least_openings(errors, everywhere, sharing, damper)}
-    linearised = [one for one in everywhere if one.fit.setting in known]
+    known = {e.setting: e for e in with_least_openings(errors, everywhere, sharing, damper)}
+    linearised = [linear for linear in everywhere if linear.fit.setting in known]
     bench = Bench(damper, solver, cancelled, jobs, sharing, known)
 
-    def doubtful(one: Linearisation) -> tuple[MisfitProfile, ...]:
-        setting = one.fit.setting
+    def doubtful(linear: Linearisation) -> tuple[MisfitProfile, ...]:
+        setting = linear.fit.setting
         with sparing(setting, on_error), suppress(SimulationError, FitCancelledError):
-            return doubtful_profiles(one, bench)
+            return doubtful_profiles(linear, bench)
         return ()
 
     with executor(jobs) as pool, one_blas_thread():
         profiles = tuple(p for several in pool.map(doubtful, linearised) for p in several)
     return Assessment(
         uncertainties=tuple(known.values()),
-        diagnoses=reconciled(one.diagnosis for one in found if one.diagnosis.setting in known),
+        diagnoses=reconciled(s.diagnosis for s in judged if s.diagnosis.setting in known),
         profiles=(*profiles, *shared_limits(linearised, bench)),
         gas=gas_content(linearised, sharing),
         forces=tuple(
-            beside_the_rig(force, slopes, one.linearised.fit, known[setting], damper)
-            if (setting := one.diagnosis.setting) in known
+            beside_the_rig(force, slopes, seen.linearised.fit, known[setting], damper)
+            if (setting := seen.diagnosis.setting) in known
             else force
-            for one in found
-            for force, slopes in one.forces
+            for seen in judged
+            for force, slopes in seen.forces
         ),
         apart=(
             *motions_apart(campaign),
@@ -704,37 +704,37 @@ def profile_campaign(
     `on_error`, or raised; a ConfigurationError: a name is not known.
     """
     check_profile_names(names, bench.damper.names)
-    sharing, known = campaign.sharing, {one.setting: one for one in assessment.uncertainties}
+    sharing, known = campaign.sharing, {e.setting: e for e in assessment.uncertainties}
     bench = bench._replace(sharing=sharing, known=known)
     judged = tuple(fit for fit in campaign.fits if fit.setting in known)
-    structured = {one.setting for one in assessment.diagnoses if one.is_structured}
+    structured = {d.setting for d in assessment.diagnoses if d.is_structured}
 
     def seen(fit: Fit) -> list[Linearisation]:
         own = replace(campaign, fits=(fit,))
-        found = linearise_settings(own, bench.damper, solver=bench.solver)
-        return [one.summed(is_structured=fit.setting in structured) for one in found]
+        linearised = linearise_settings(own, bench.damper, solver=bench.solver)
+        return [linear.summed(is_structured=fit.setting in structured) for linear in linearised]
 
     each = in_copies(seen, judged, jobs=bench.jobs, known=(*judged, bench.damper))
-    linearised = {one.fit.setting: one for few in each for one in few}
-    found: list[MisfitProfile] = []
+    linearised = {linear.fit.setting: linear for few in each for linear in few}
+    finished: list[MisfitProfile] = []
 
-    def traced(name: str, one: Linearisation) -> MisfitProfile | None:
-        with sparing(one.fit.setting, on_error), suppress(SimulationError, FitCancelledError):
-            return profile_at(name, one, bench, stride)
+    def traced(name: str, linear: Linearisation) -> MisfitProfile | None:
+        with sparing(linear.fit.setting, on_error), suppress(SimulationError, FitCancelledError):
+            return profile_at(name, linear, bench, stride)
         return None
 
     with executor(bench.jobs) as pool, one_blas_thread():
         for name in dict.fromkeys(names):
             for unknown in sharing.unknowns if name in sharing.jointly else ():
-                first = next((one for one in sharing.settings if unknown.holds_at(one)), None)
+                first = next((s for s in sharing.settings if unknown.holds_at(s)), None)
                 if unknown.name != name or first is None:
                     continue
                 with sparing(first, on_error), suppress(SimulationError, FitCancelledError):
-                    for one in profile_jointly(unknown, [*linearised.values()], bench, stride):
-                        is_so = bench.is_doubtful(name, linearised[one.setting].fit)
-                        found.append(replace(one, is_doubtful=is_so))
+                    for profile in profile_jointly(unknown, [*linearised.values()], bench, stride):
+                        is_so = bench.is_doubtful(name, linearised[profile.setting].fit)
+                        finished.append(replace(profile, is_doubtful=is_so))
             if name not in sharing.jointly:
                 settings = [linearised[setting] for setting in sorted(linearised)]
-                profiles = pool.map(lambda one, name=name: traced(name, one), settings)
-                found.extend(one for one in profiles if one is not None)
-    return replace(assessment, profiles=(*assessment.profiles, *found))
+                profiles = pool.map(lambda linear, name=name: traced(name, linear), settings)
+                finished.extend(profile for profile in profiles if profile is not None)
+    return replace(assessment, profiles=(*assessment.profiles, *finished))

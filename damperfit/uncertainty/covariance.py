@@ -148,8 +148,9 @@ class Uncertainty:
 
     def whole_error(self, name: str) -> float:
         """Return the same with the share of the misfit."""
-        one, noise = self.intervals[name], self.error(name)
-        return noise * math.hypot(1.0, one.misfit / one.error) if one.error > 0.0 else noise
+        interval, noise = self.intervals[name], self.error(name)
+        share = interval.misfit / interval.error if interval.error > 0.0 else 0.0
+        return noise * math.hypot(1.0, share)
 
 
 def make_interval(
@@ -175,25 +176,25 @@ def uncertainties(
     """Return errors and intervals by setting; one that meets an error is told to `on_error`."""
     both = list(zip(_shared_rows(linearised, sharing), linearised, strict=True))
     nothing = np.zeros((len(sharing.variables),) * 2)
-    noise = [row @ one.scores @ row.T for row, one in both]
-    misfit = [nothing if one.misfit is None else row @ one.misfit @ row.T for row, one in both]
-    supposed = sum(row @ one.supposed for row, one in both if one.supposed is not None)
+    noise = [row @ at.scores @ row.T for row, at in both]
+    misfit = [nothing if at.misfit is None else row @ at.misfit @ row.T for row, at in both]
+    supposed = sum(row @ at.supposed for row, at in both if at.supposed is not None)
     flawed: dict[str, FloatArray] = {}
-    repeating = sum(row @ one.repeating.T for row, one in both if one.repeating is not None)
+    repeating = sum(row @ at.repeating.T for row, at in both if at.repeating is not None)
     pulls = np.asarray(repeating), np.asarray(supposed)
-    for row, one in both:
-        for name, pull in one.flawed.items():
+    for row, linear in both:
+        for name, pull in linear.flawed.items():
             flawed[name] = flawed.get(name, 0.0) + row @ pull
     others = zip(_sums_of_others(noise, nothing), _sums_of_others(misfit, nothing), strict=True)
-    found = []
-    for (row, one), of_others in zip(both, others, strict=True):
-        with sparing(one.fit.setting, on_error):
-            found.append(_of_setting(one, row, sharing, of_others, pulls, flawed))
-    return tuple(found)
+    errors = []
+    for (row, linear), of_others in zip(both, others, strict=True):
+        with sparing(linear.fit.setting, on_error):
+            errors.append(_of_setting(linear, row, sharing, of_others, pulls, flawed))
+    return tuple(errors)
 
 
 def _of_setting(
-    one: Linearisation,
+    linear: Linearisation,
     rows: FloatArray,
     sharing: Sharing,
     others: tuple[FloatArray, FloatArray],
@@ -205,41 +206,41 @@ def _of_setting(
     `others` are T M T^T summed over all but it, `pulls` T of what repeats in each block of phase
     and of defaults, `flawed` T of each flaw, summed over all.
     """
-    fit, values = one.fit, one.fit.parameters
-    own, shared = own_names(fit, sharing), sharing.found_at(fit.setting)
+    fit, values = linear.fit, linear.fit.parameters
+    own, shared = own_names(fit, sharing), sharing.estimated_at(fit.setting)
     common = tuple(name for name in shared if name in sharing.common)
     names = (*own, *(name for name in shared if name not in common), *common)
-    places = one.places(names)
-    whole = np.zeros((len(one.names),) * 2)
-    whole[one.places(own)] = solved(one, own)
+    places = linear.places(names)
+    whole = np.zeros((len(linear.names),) * 2)
+    whole[linear.places(own)] = solved(linear, own)
     slopes = _shared_slopes(fit, sharing)
-    direct, by_shared = whole[places], (slopes - whole @ one.information @ slopes)[places]
+    direct, by_shared = whole[places], (slopes - whole @ linear.information @ slopes)[places]
     of_own = direct + by_shared @ rows
-    noise = of_own @ one.scores @ of_own.T + by_shared @ others[0] @ by_shared.T
+    noise = of_own @ linear.scores @ of_own.T + by_shared @ others[0] @ by_shared.T
     misfit = by_shared @ others[1] @ by_shared.T
-    if one.misfit is not None:
-        misfit = misfit + of_own @ one.misfit @ of_own.T
+    if linear.misfit is not None:
+        misfit = misfit + of_own @ linear.misfit @ of_own.T
 
     def shifts(of_all: FloatArray, mine: FloatArray | None) -> FloatArray:
         return by_shared @ of_all if mine is None else by_shared @ of_all + direct @ mine
 
     repeating, supposed = pulls
     if repeating.ndim:  # the same law misses every setting alike
-        alike = shifts(repeating, None if one.repeating is None else one.repeating.T)
+        alike = shifts(repeating, None if linear.repeating is None else linear.repeating.T)
         squares, own_squares = np.sum(alike**2, axis=1), misfit.diagonal()
         # Nothing but rounding is not made wider: it may be of either sign.
         is_any = own_squares > 0.0
         ratios = np.divide(squares, own_squares, out=np.ones_like(squares), where=is_any)
         wider = np.sqrt(np.maximum(ratios, 1.0))
         misfit = misfit * np.outer(wider, wider)
-    if one.supposed is not None:
-        defaults = shifts(supposed, one.supposed)
+    if linear.supposed is not None:
+        defaults = shifts(supposed, linear.supposed)
         misfit = misfit + defaults @ defaults.T
     for name, of_all in flawed.items():
-        shift = shifts(of_all, one.flawed.get(name))
+        shift = shifts(of_all, linear.flawed.get(name))
         misfit = misfit + np.outer(shift, shift)
     by_cycles, by_lags = (
-        np.diag(direct @ scores @ direct.T) for scores in (one.cycle_scores, one.scores)
+        np.diag(direct @ scores @ direct.T) for scores in (linear.cycle_scores, linear.scores)
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         ratios = np.sqrt(by_cycles / by_lags)
@@ -270,7 +271,7 @@ def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
     """Return what a setting's own fit found or sought, but at a bound; none beside a minimum."""
     if not fit.outcome.is_minimum:
         return ()
-    shared = sharing.found_at(fit.setting)
+    shared = sharing.estimated_at(fit.setting)
     return tuple(
         name
         for name in fit.parameters.names
@@ -282,9 +283,9 @@ def _shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
     """A = du/dtheta of a setting, shape (n, k): what its u move with the shared variables."""
     names = fit.parameters.names
     slopes = np.zeros((len(names), len(sharing.variables)))
-    for k, one in enumerate(sharing.unknowns):
-        if one.name in names and one.holds_at(fit.setting):
-            slopes[names.index(one.name), k] = 1.0
+    for k, unknown in enumerate(sharing.unknowns):
+        if unknown.name in names and unknown.holds_at(fit.setting):
+            slopes[names.index(unknown.name), k] = 1.0
     if sharing.gas is not None and fit.setting in sharing.gas.pressures:
         share = sharing.gas.share(fit.setting)
         slopes[names.index(GAS_FOLLOWER), -len(GAS_NAMES) :] = (-share, 1.0 - share)
@@ -311,35 +312,35 @@ def _shared_rows(linearised: Sequence[Linearisation], sharing: Sharing) -> list[
     if sharing.jointly:
         inverse, rows = _joint_rows(linearised, sharing)
         return [np.asarray(inverse @ row) for row in rows]
-    by_setting = {one.fit.setting: one for one in linearised}
+    by_setting = {linear.fit.setting: linear for linear in linearised}
     tables: dict[str, dict[Setting, FloatArray]] = {}
 
-    def row_of(one: Linearisation, free: tuple[str, ...], name: str) -> FloatArray:
-        return np.asarray(solved(one, free)[free.index(name)])
+    def row_of(linear: Linearisation, free: tuple[str, ...], name: str) -> FloatArray:
+        return np.asarray(solved(linear, free)[free.index(name)])
 
     for name, settings in sharing.means.items():
         used = [by_setting[setting] for setting in settings if setting in by_setting]
         tables[name] = {
-            one.fit.setting: row_of(one, sharing.free, name) / len(used) for one in used
+            linear.fit.setting: row_of(linear, sharing.free, name) / len(used) for linear in used
         }
     for name, setting in sharing.taken.items():
         tables[name] = {}
         if (source := by_setting.get(setting)) is None:
             continue
         # What one setting gave has its own row, and the means that were held there move it.
-        row = row_of(source, tuple(one for one in sharing.free if one not in sharing.held), name)
+        row = row_of(source, tuple(name for name in sharing.free if name not in sharing.held), name)
         moved = {setting: row}
         for held in sharing.held:
             carried = -float(row @ source.information[:, source.names.index(held)])
             for other, mean in tables.get(held, {}).items():
                 moved[other] = moved.get(other, np.zeros(len(row))) + carried * mean
         tables[name] = moved
-    nothing = [np.zeros(len(one.names)) for one in linearised]
+    nothing = [np.zeros(len(linear.names)) for linear in linearised]
     return [
-        np.array([tables[name].get(one.fit.setting, none) for name in sharing.found]).reshape(
-            -1, len(none)
-        )
-        for one, none in zip(linearised, nothing, strict=True)
+        np.array(
+            [tables[name].get(linear.fit.setting, none) for name in sharing.estimated]
+        ).reshape(-1, len(none))
+        for linear, none in zip(linearised, nothing, strict=True)
     ]
 
 
@@ -348,20 +349,20 @@ def _joint_rows(
 ) -> tuple[FloatArray, list[FloatArray]]:
     """S^-1 of a joint fit and S T, in which each setting has the weight of its own residual."""
     rows, complement = [], np.zeros((len(sharing.variables),) * 2)
-    for one in linearised:
-        own, slopes = own_names(one.fit, sharing), _shared_slopes(one.fit, sharing)
-        carried = one.information[:, one.places(own)] @ solved(one, own)
-        weight = one.precision if one.fit.setting in sharing.settings else 0.0
-        rows.append(weight * slopes.T @ (np.eye(len(one.names)) - carried))
-        complement += rows[-1] @ one.information @ slopes
+    for linear in linearised:
+        own, slopes = own_names(linear.fit, sharing), _shared_slopes(linear.fit, sharing)
+        carried = linear.information[:, linear.places(own)] @ solved(linear, own)
+        weight = linear.precision if linear.fit.setting in sharing.settings else 0.0
+        rows.append(weight * slopes.T @ (np.eye(len(linear.names)) - carried))
+        complement += rows[-1] @ linear.information @ slopes
     return _inverse(0.5 * (complement + complement.T)), rows
 
 
 def shared_covariance(linearised: Sequence[Linearisation], sharing: Sharing) -> FloatArray:
     """Return the covariance of the logarithms of ``sharing.variables`` by noise, shape (k, k)."""
     covariance = np.zeros((len(sharing.variables),) * 2)
-    for row, one in zip(_shared_rows(linearised, sharing), linearised, strict=True):
-        covariance += row @ one.scores @ row.T
+    for row, linear in zip(_shared_rows(linearised, sharing), linearised, strict=True):
+        covariance += row @ linear.scores @ row.T
     return covariance
 
 
@@ -555,22 +556,22 @@ def _frequency_weights(taps: bytes, length: int) -> FloatArray:
     return np.repeat(weight, 2)
 
 
-def larger(one: FloatArray, other: FloatArray) -> FloatArray:
+def larger(own: FloatArray, other: FloatArray) -> FloatArray:
     """Return the larger of two covariances in each direction in which both are independent."""
-    scale = np.sqrt(np.maximum(np.diag(one), np.diag(other)))
+    scale = np.sqrt(np.maximum(np.diag(own), np.diag(other)))
     scale = np.where(scale > 0.0, scale, 1.0)
     unit = np.outer(scale, scale)
     values, vectors = np.linalg.eigh(other / unit)
     is_known = values > _NOTHING * max(float(values[-1]), 1e-300)
     if not is_known.any():
-        return one
+        return own
     root = vectors[:, is_known] * np.sqrt(values[is_known])
     inverse = vectors[:, is_known] / np.sqrt(values[is_known])
-    ratios, turned = np.linalg.eigh(inverse.T @ (one / unit) @ inverse)
+    ratios, turned = np.linalg.eigh(inverse.T @ (own / unit) @ inverse)
     axes = root @ turned
     # What `one` has beyond the other is added to it, so that nothing of it is lost.
     more = (axes * np.maximum(1.0 - ratios, 0.0)) @ axes.T
-    return np.asarray(one + unit * more)
+    return np.asarray(own + unit * more)
 
 
 def cycle_covariance(sums: Sequence[FloatArray]) -> FloatArray:
@@ -738,11 +739,11 @@ def linearise_settings(
 
     One that cannot be simulated is left out, another error is told to `on_error`, or raised.
     """
-    found = []
+    linearised = []
     for fit in campaign.fits:
         with sparing(fit.setting, on_error), suppress(SimulationError):
-            found.append(linearise_at_fit(fit, damper, solver=solver))
-    return tuple(found)
+            linearised.append(linearise_at_fit(fit, damper, solver=solver))
+    return tuple(linearised)
 
 
 def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best read whole
@@ -750,28 +751,28 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
 ) -> Linearisation:
     """Take the derivative of a fit's logs by every parameter, on mean cycles where they repeat."""
     values = fit.parameters
-    own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
+    own = [getattr(values, q.name) if q.is_logarithmic else 1.0 for q in values.quantities]
     scales = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
     n, errors = len(own), np.zeros(len(own))
     # One standard error of what stands at a default that nobody has measured.
-    for row, one in enumerate(values.quantities):
-        value = getattr(values, one.name)
-        if fit.status[one.name] is Status.FIXED and value == one.default:
-            errors[row] = one.ignorance * (1.0 if one.may_vanish else value)
+    for row, quantity in enumerate(values.quantities):
+        value = getattr(values, quantity.name)
+        if fit.status[quantity.name] is Status.FIXED and value == quantity.default:
+            errors[row] = quantity.ignorance * (1.0 if quantity.may_vanish else value)
     seen_logs: list[LogLinearisation] = []
     unknowns: list[list[FloatArray]] = []  # of each log and stretch, what nobody has measured
     network = getattr(damper.plain, "network", None)
     passages = () if network is None else network.passages
     # One that lifts gradually lets oil through below its opening.
-    pressed = {one.opening: 0.0 for one in passages if one.opening and not one.width}
+    pressed = {p.opening: 0.0 for p in passages if p.opening and not p.width}
     for log, weight in zip(fit.logs, weights([log.trace for log in fit.logs]), strict=True):
         trace, part = log.trace, log.trace.compared
         seen, names = log.cycles_of(values, damper, solver), (*damper.names, *damper.conditions)
         force, pressures, rows, rounding = _responses(log, seen, values, damper, solver, names)
         others = _other_frictions(log, seen, values, damper, solver, rows)
-        for one in (one for one in passages if one.opening in pressed):
-            here = pressures[one.start - 1, part] - pressures[one.end - 1, part]
-            pressed[one.opening] = max(float(here.max()), pressed[one.opening])
+        for passage in (passage for passage in passages if passage.opening in pressed):
+            here = pressures[passage.start - 1, part] - pressures[passage.end - 1, part]
+            pressed[passage.opening] = max(float(here.max()), pressed[passage.opening])
         is_known = others is None and not errors.any()
         unknown = [] if is_known else [errors[:, None] * slopes[1 : n + 1] for slopes in rows]
         if others is not None:
@@ -831,13 +832,13 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
 
 def _beside_own_offsets(logs: Sequence[LogLinearisation]) -> list[LogLinearisation]:
     """The logs of a setting without what an offset of each beside their mean one takes up."""
-    found = []
+    linearised = []
     counts = [float(seen.weights @ seen.weights) for seen in logs]
     means = [seen.weights**2 @ seen.jacobian / n for seen, n in zip(logs, counts, strict=True)]
     common = sum(means) / sum(1.0 / n for n in counts)
     for seen, n, mean in zip(logs, counts, means, strict=True):
-        found.append(seen._replace(jacobian=seen.jacobian - (mean - common / n)))
-    return found
+        linearised.append(seen._replace(jacobian=seen.jacobian - (mean - common / n)))
+    return linearised
 
 
 def _responses(
@@ -918,7 +919,7 @@ def _other_frictions(
     for into, now in zip(more, here, strict=True):
         into[0] -= now[0] if turns else 0.0
     if pressed is not None:
-        own = next(place for place, one in enumerate(values.quantities) if one.is_friction)
+        own = next(place for place, q in enumerate(values.quantities) if q.is_friction)
         at_rest = pressed[1].seal_area * values.gas_pressure
         seen = _responses(log, cycles, pressed[1], pressed[0], solver)[2]
         for into, there, now in zip(more, seen, here, strict=True):

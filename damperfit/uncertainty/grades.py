@@ -108,23 +108,23 @@ def objections(
     Without `gas` the offset is not looked at. `assumed` are dimensions that nobody declared, in
     words, as in "[damper] is not declared, and with the dimensions of a generic damper".
     """
-    diagnoses = {one.setting: one for one in assessment.diagnoses}
+    diagnoses = {diagnosis.setting: diagnosis for diagnosis in assessment.diagnoses}
     doubted = _doubted_dimensions(campaign, diagnoses, assumed)
     reasons = {
         fit.setting: (*_of_fit(fit, diagnoses.get(fit.setting), gas), *doubted.get(fit.setting, ()))
         for fit in campaign.fits
     }
-    errors = {one.setting: one.intervals for one in assessment.uncertainties}
+    errors = {errors.setting: errors.intervals for errors in assessment.uncertainties}
     for fit in campaign.fits:
         if gas is not None and (turned := _turned_gas(fit, errors.get(fit.setting, {}), gas)):
             reasons[fit.setting] = (*reasons[fit.setting], turned)
     return {setting: why for setting, why in reasons.items() if why}
 
 
-def doubted_cavitation(said: Mapping[Setting, Sequence[Objection]]) -> frozenset[Setting]:
+def doubted_cavitation(objections: Mapping[Setting, Sequence[Objection]]) -> frozenset[Setting]:
     """Return the settings whose grade is withheld for a chamber that is empty without need."""
     return frozenset(
-        setting for setting, why in said.items() if any(one.kind == "cavitation" for one in why)
+        setting for setting, why in objections.items() if any(x.kind == "cavitation" for x in why)
     )
 
 
@@ -133,30 +133,31 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
 ) -> Iterator[Objection]:
     values = fit.parameters
     findings = [(f, log.trace) for log in fit.logs for f in log.trace.findings]
-    for one in values.quantities:
-        if fit.status[one.name] == Status.AT_BOUND:
-            side, edge = edge_of(values, one.name)
-            text = f"{one.symbol} is at a bound of its range ({side} {edge:.3g} {one.unit})"
-            yield Objection("bound", one.name, text)
-    found = [one for one in values.quantities if fit.status[one.name] in _FOUND]
-    for one in found:
-        value, scale, unit = values[one.name], 10.0**-one.power, one.shown_unit
-        if not one.believable[0] <= value <= one.believable[1]:
-            low, high = (scale * edge for edge in one.believable)
+    for quantity in values.quantities:
+        if fit.status[quantity.name] == Status.AT_BOUND:
+            side, edge = edge_of(values, quantity.name)
+            where = f"{side} {edge:.3g} {quantity.unit}"
+            text = f"{quantity.symbol} is at a bound of its range ({where})"
+            yield Objection("bound", quantity.name, text)
+    fitted = [quantity for quantity in values.quantities if fit.status[quantity.name] in _FOUND]
+    for quantity in fitted:
+        value, scale, unit = values[quantity.name], 10.0**-quantity.power, quantity.shown_unit
+        if not quantity.believable[0] <= value <= quantity.believable[1]:
+            low, high = (scale * edge for edge in quantity.believable)
             most = f" to {high:g} {unit}" if math.isfinite(high) else f" {unit} or more"
-            because = f": {one.belief}" if one.belief else ""
-            text = f"{one.symbol} = {scale * value:.3g} {unit} is beyond {low:g}{most}{because}"
-            yield Objection("beyond", one.name, text)
+            because = f": {quantity.belief}" if quantity.belief else ""
+            text = f"{scale * value:.3g} {unit} is beyond {low:g}{most}{because}"
+            yield Objection("beyond", quantity.name, f"{quantity.symbol} = {text}")
     cut = [
-        (one.value, one.name.partition("_")[0], trace.name)
-        for one, trace in findings
-        if one.name in _CLIPPINGS and (one.value or 0.0) > LIMITS.clipped_percent
+        (finding.value, finding.name.partition("_")[0], trace.name)
+        for finding, trace in findings
+        if finding.name in _CLIPPINGS and (finding.value or 0.0) > LIMITS.clipped_percent
     ]
     if cut:
         share, channel, name = max(cut)
         text = f"the {channel} of {name} is clipped at {share:.2g} % of its samples: the numbers "
         yield Objection("clipping", "", f"{text}lack what was cut off")
-    contradicted = [trace.name for one, trace in findings if one.name == CONTRADICTED]
+    contradicted = [trace.name for finding, trace in findings if finding.name == CONTRADICTED]
     if contradicted:
         text = f"the gas force in {contradicted[0]} contradicts the signs of its channels"
         yield Objection("direction", "", f"{text}: check and declare which way they are counted")
@@ -181,33 +182,33 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
         yield Objection("cavitation", "", text)
     if not is_missed:
         return
-    for one in values.quantities:
-        apart = offset_mismatch(fit, one.name, gas) if one.is_offset and gas is not None else None
-        if apart is not None and apart[0] > LIMITS.offset:
-            text = f"{one.symbol} is {values[one.name]:.0f} N where the log shows {apart[1]:.0f} N"
-            yield Objection("offset", one.name, text)
-    for one in found:
-        value = values[one.name]
-        if one.is_friction and (ratio := jump_ratio(fit, value)) > LIMITS.jump:
-            text = f"{one.symbol} = {value:.3g} N would need a jump of the force at each reversal "
-            yield Objection("friction", one.name, f"{text}{ratio:.2g} times that of the log")
+    for q in values.quantities:
+        off = offset_mismatch(fit, q.name, gas) if q.is_offset and gas is not None else None
+        if off is not None and off[0] > LIMITS.offset:
+            text = f"{q.symbol} is {values[q.name]:.0f} N where the log shows {off[1]:.0f} N"
+            yield Objection("offset", q.name, text)
+    for q in fitted:
+        value = values[q.name]
+        if q.is_friction and (ratio := jump_ratio(fit, value)) > LIMITS.jump:
+            text = f"{q.symbol} = {value:.3g} N would need a jump of the force at each reversal "
+            yield Objection("friction", q.name, f"{text}{ratio:.2g} times that of the log")
 
 
 def _turned_gas(fit: Fit, intervals: Mapping[str, Interval], gas: GasFacts) -> Objection | None:
     """Where an offset turns the gas force round, as signs do that are both declared wrongly."""
-    for one in fit.parameters.quantities:
-        error = intervals.get(one.name)
-        if not one.is_offset or error is None or gas.force < _LEAST_GAS:
+    for quantity in fit.parameters.quantities:
+        error = intervals.get(quantity.name)
+        if not quantity.is_offset or error is None or gas.force < _LEAST_GAS:
             continue
-        value = fit.parameters[one.name]
+        symbol, value = quantity.symbol, fit.parameters[quantity.name]
         level, doubt = value - gas.force, math.hypot(error.error, error.misfit)
         if abs(level / gas.force - 1.0) < _TURNED and level > _CERTAIN * doubt:
             text = (
-                f"{one.symbol} = {value:.0f} N turns the gas force of {-gas.force:.0f} N round, as "
+                f"{symbol} = {value:.0f} N turns the gas force of {-gas.force:.0f} N round, as "
                 "if both channels were positive in compression: check the signs; hold "
-                f"{one.symbol} if the load cell has such a zero"
+                f"{symbol} if the load cell has such a zero"
             )
-            return Objection("direction", one.name, text)
+            return Objection("direction", quantity.name, text)
     return None
 
 
@@ -222,41 +223,42 @@ def _doubted_dimensions(
 ) -> dict[Setting, tuple[Objection]]:
     """Where what repeats is that of other dimensions, or of dimensions that nobody gave."""
 
-    def is_of_gas(one: Diagnosis, *names: str) -> bool:
+    def is_of_gas(diagnosis: Diagnosis, *names: str) -> bool:
         """Whether nearly all that repeats is as of another gas spring."""
-        is_named = bool(one.hints) and one.hints[0].name.startswith(("gas_", *names))
-        return is_named and one.hints[0].share > LIMITS.dimensions
+        is_named = bool(diagnosis.hints) and diagnosis.hints[0].name.startswith(("gas_", *names))
+        return is_named and diagnosis.hints[0].share > LIMITS.dimensions
 
     # Dimensions are the damper's: where one setting has shown them to be wrong, the others in which
     # the same repeats are bent by them too, however little it is there.
     missed = (f.setting for f in campaign.fits if f.mse_percent > LIMITS.nothing_percent)
     bent = [diagnoses[s] for s in missed if s in diagnoses and _repeats(diagnoses[s])]
     # What a wrong gas pressure does is an offset at soft settings.
-    is_gas_wrong = any(is_of_gas(one, "offset") for one in bent)
-    found = {}
-    for setting, one in diagnoses.items() if bent else ():
-        if not one.is_structured or not (assumed or (is_gas_wrong and is_of_gas(one))):
+    is_gas_wrong = any(is_of_gas(diagnosis, "offset") for diagnosis in bent)
+    doubted = {}
+    for setting, diagnosis in diagnoses.items() if bent else ():
+        if not diagnosis.is_structured or not (assumed or (is_gas_wrong and is_of_gas(diagnosis))):
             continue
-        text = f"the MSE is {one.mse_percent:.2g} %, of which only {one.noise_percent:.2g} % is "
-        because = "noise" if assumed else f"noise, and the rest is as from {one.hints[0].words}"
+        whole, noise = diagnosis.mse_percent, diagnosis.noise_percent
+        text = f"the MSE is {whole:.2g} %, of which only {noise:.2g} % is noise"
+        because = "" if assumed else f", and the rest is as from {diagnosis.hints[0].words}"
         text = f"{assumed} {text}{because}: declare the damper as it is".lstrip()
-        found[setting] = (Objection("dimensions", "", text),)
-    return found
+        doubted[setting] = (Objection("dimensions", "", text),)
+    return doubted
 
 
 def offset_mismatch(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] | None:
     """Return an offset's distance from the logs', over what that may be wrong by, and that, N."""
     value = getattr(fit.parameters, name)
-    found = []
+    distances = []
     # Of the log that is farthest, of those that hide it least.
     levels = [force_level(log.trace, gas) for log in fit.logs if log.trace.n_cycles]
-    most = _AS_CLEAR * min((one.doubt for one in levels), default=0.0)
-    for level in (one for one in levels if one.doubt <= most):
+    most = _AS_CLEAR * min((level.doubt for level in levels), default=0.0)
+    for level in (level for level in levels if level.doubt <= most):
         seen = level.force - level.expected
         allowed = _OF_UNCERTAINTY * level.uncertainty + level.held + _OF_GAS * gas.inside
         if math.isfinite(seen) and allowed > 0.0:
-            found.append((abs(value - seen) / allowed, seen))
-    return max(found, default=None)
+            distances.append((abs(value - seen) / allowed, seen))
+    return max(distances, default=None)
 
 
 def jump_ratio(fit: Fit, friction: float) -> float:
@@ -291,7 +293,7 @@ def what_spreads(fit: Fit) -> str:
     """Say what spreads the jump of a friction beyond what it is read over; empty where nothing."""
     lag = _lag(fit)
     late = f"the force channel lags by {1e3 * lag:.2g} ms" if lag else ""
-    if any(one.unit == "N/m" for one in fit.parameters.quantities):
+    if any(quantity.unit == "N/m" for quantity in fit.parameters.quantities):
         also = f" and {late}" if lag else ""
         return f"the mounting is elastic{also}, which spreads the jump at a reversal"
     return f"{late}, which spreads the jump at a reversal" if lag > _REVERSAL else ""
@@ -299,7 +301,7 @@ def what_spreads(fit: Fit) -> str:
 
 def _lag(fit: Fit) -> float:
     """Lag of the force channel, s; 0 in a model without one."""
-    lags = [one.name for one in fit.parameters.quantities if one.unit == "s"]
+    lags = [quantity.name for quantity in fit.parameters.quantities if quantity.unit == "s"]
     return sum(float(getattr(fit.parameters, name)) for name in lags)
 
 
@@ -323,7 +325,7 @@ def air_objections(
 
     They are fitted again with 1.013 bar of air; nothing where a free offset takes its place.
     """
-    offsets = {one.name for one in damper.quantities if one.is_offset}
+    offsets = {quantity.name for quantity in damper.quantities if quantity.is_offset}
     has_offset = any(fit.status[name] != Status.FIXED for fit in campaign.fits for name in offsets)
     if damper.name != PURDY_DAMPER.name or has_offset or not campaign.fits:
         return {}
@@ -344,7 +346,7 @@ def air_objections(
         return {}
     others = {fit.setting: fit for fit in again.fits}
     pairs = [(fit, others[fit.setting]) for fit in campaign.fits if fit.setting in others]
-    noise = {one.setting: one.noise_percent for one in assessment.diagnoses}
+    noise = {diagnosis.setting: diagnosis.noise_percent for diagnosis in assessment.diagnoses}
 
     def squares(fit: Fit, log: LogFit, law: Model) -> FloatArray:
         modelled = log.compared(fit.parameters, law, options.solver).force
@@ -356,8 +358,8 @@ def air_objections(
             continue
         for first, second in zip(fit.logs, other.logs, strict=True):
             fall = squares(fit, first, damper) - squares(other, second, with_air)
-            for one in first.trace.stretches:
-                cycles = np.array_split(fall[one.window], max(one.n_cycles, 1))
+            for segment in first.trace.stretches:
+                cycles = np.array_split(fall[segment.window], max(segment.n_cycles, 1))
                 gains += [float(np.sum(cycle)) for cycle in cycles]
     if not is_certain(gains):
         return {}
@@ -407,12 +409,12 @@ class SegmentRange:
         number = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
         for dimension, units in (("frequency", "k?Hz"), ("velocity", "m?m/s|in/s")):
             limit = f"({number} ?(?:{units}))?"
-            found = re.fullmatch(f"{limit} ?- ?{limit}", text.strip(), re.IGNORECASE)
-            if found is None or not any(found.groups()):
+            match = re.fullmatch(f"{limit} ?- ?{limit}", text.strip(), re.IGNORECASE)
+            if match is None or not any(match.groups()):
                 continue
             low, high = (
                 parse_quantity(end, dimension) if end else default
-                for end, default in zip(found.groups(), (0.0, math.inf), strict=True)
+                for end, default in zip(match.groups(), (0.0, math.inf), strict=True)
             )
             if low > high:
                 raise ConfigurationError(
@@ -610,8 +612,8 @@ def predict(
     fits = {fit.setting: fit for fit in campaign.fits}
     parameters = {setting: fit.parameters for setting, fit in fits.items()}
     # Nothing is known of the scatter of a single cycle: then all of the misfit is lack of fit.
-    known = (one for one in assessment.diagnoses if not math.isnan(one.noise_percent))
-    noise = {one.setting: one.noise_percent for one in known}
+    known = (d for d in assessment.diagnoses if not math.isnan(d.noise_percent))
+    noise = {diagnosis.setting: diagnosis.noise_percent for diagnosis in known}
     unlimited = {fit.setting: assessment.unlimited(fit) for fit in campaign.fits}
     lacks = [max(fit.mse_percent - noise.get(fit.setting, 0.0), 0.0) for fit in campaign.fits]
     predictions = []
@@ -630,7 +632,7 @@ def predict(
             predictions.append(_prediction(fit, trace, seen, noise.get(fit.setting, 0.0)))
             continue
         measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
-        if any(one.is_offset for one in values.quantities):
+        if any(quantity.is_offset for quantity in values.quantities):
             simulated = simulated + float(np.mean(measured - simulated))
         expected = float(np.mean(lacks)) + _noise(trace, measured - simulated, 0.0)
         predictions.append(
@@ -658,8 +660,8 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
     is_same_motion = _is_same_motion(fit, trace)
     # An offset that the fit has found is that of its own logs, and no number of the damper.
     is_tared = any(
-        one.is_offset and fit.status[one.name] in {Status.FITTED, Status.SHARED}
-        for one in fit.parameters.quantities
+        quantity.is_offset and fit.status[quantity.name] in {Status.FITTED, Status.SHARED}
+        for quantity in fit.parameters.quantities
     )
     offset, share = 0.0, 1.0
     if is_tared and not is_part and not is_same_motion:
@@ -704,8 +706,8 @@ def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
 
 def _tested(trace: Trace) -> NDArray[np.bool_]:
     """Return the compared samples whose speed is beyond its noise, which turns friction there."""
-    found = (one.value for one in trace.findings if one.name == "displacement_noise")
-    displacement = 1e-6 * (next(found, None) or 0.0)
+    noises = (finding.value for finding in trace.findings if finding.name == "displacement_noise")
+    displacement = 1e-6 * (next(noises, None) or 0.0)
     corner = min(trace.drive.corner, 0.5 / trace.interval)
     passed = math.sqrt(2.0 * corner * trace.interval) * 2.0 * math.pi * corner / math.sqrt(3.0)
     speed = np.abs(trace.drive.velocity[trace.compared])
@@ -714,15 +716,15 @@ def _tested(trace: Trace) -> NDArray[np.bool_]:
 
 def _is_same_motion(fit: Fit, trace: Trace, *, has_same_stroke: bool = True) -> bool:
     """Whether every stretch of a log has the speed of a fitted one, and its stroke; no road has."""
-    fitted = [one for log in fit.logs for one in log.trace.stretches if one.n_cycles]
+    fitted = [segment for log in fit.logs for segment in log.trace.stretches if segment.n_cycles]
     return all(
-        one.n_cycles
+        segment.n_cycles
         and any(
-            (not has_same_stroke or abs(one.amplitude / other.amplitude - 1.0) < _SAME_MOTION)
-            and abs(one.peak_speed / other.peak_speed - 1.0) < _SAME_MOTION
+            (not has_same_stroke or abs(segment.amplitude / other.amplitude - 1.0) < _SAME_MOTION)
+            and abs(segment.peak_speed / other.peak_speed - 1.0) < _SAME_MOTION
             for other in fitted
         )
-        for one in trace.stretches
+        for segment in trace.stretches
     )
 
 
@@ -731,17 +733,17 @@ def _is_same_motion(fit: Fit, trace: Trace, *, has_same_stroke: bool = True) -> 
 
 def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[Problem, ...]:
     """Return one problem for all predictions that fail, led by the worst; none where none does."""
-    failed = [one for one in predictions if one.is_failed]
+    failed = [prediction for prediction in predictions if prediction.is_failed]
     if not failed:
         return ()
-    worst = max(failed, key=lambda one: one.ratio)
+    worst = max(failed, key=lambda prediction: prediction.ratio)
     code, what = "not-predicted", "the parameters hold for the tests that were fitted, not for the "
     what += "damper"
     if worst.is_same_motion:
         code = "drifted"
         what = "repeats of fitted tests differ from them: the rig or the damper has drifted"
     which = "{n_failed} of {n} held-out logs are predicted worse than the fitted ones, most {log}: "
-    if all(one.cycles == TRANSIENTS for one in failed):
+    if all(prediction.cycles == TRANSIENTS for prediction in failed):
         which = (
             "transients, which are not fitted, are predicted worse than the steady cycles in "
             "{n_failed} of {n} logs, most in {log}: "
@@ -757,21 +759,22 @@ def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objec
     Of fitted settings and of other motions: a repeat that is missed tells of drift, not of the law.
     """
     missed = {}
-    for one in sorted(predictions, key=lambda missed: missed.mse_percent):
-        is_much = one.mse_percent > LIMITS.predicted_percent and one.ratio > LIMITS.predicted_times
-        if not is_much or one.is_same_motion or one.is_unseen:
+    for prediction in sorted(predictions, key=lambda missed: missed.mse_percent):
+        bars = LIMITS.predicted_percent, LIMITS.predicted_times
+        is_much = prediction.mse_percent > bars[0] and prediction.ratio > bars[1]
+        if not is_much or prediction.is_same_motion or prediction.is_unseen:
             continue
-        what, was, is_missed = one.trace.name, "was", "is"
-        if one.cycles == TRANSIENTS:
+        what, was, is_missed = prediction.trace.name, "was", "is"
+        if prediction.cycles == TRANSIENTS:
             what = f"the run-up, coast-down or changes of speed of {what}"
             was, is_missed = "were", "are"
         there, expected = (  # two digits, and no power of ten
             f"{x:.2g}" if x < 100.0 else f"{float(f'{x:.2g}'):.0f}"
-            for x in (one.mse_percent, one.expected_mse_percent)
+            for x in (prediction.mse_percent, prediction.expected_mse_percent)
         )
         text = (
             f"{what}, which {was} not fitted, {is_missed} predicted with an MSE of {there} % where "
             f"{expected} % is expected: the numbers hold for the motion that was fitted"
         )
-        missed[one.setting] = Objection("prediction", "", text)  # the worst, last, stands
+        missed[prediction.setting] = Objection("prediction", "", text)  # the worst, last, stands
     return missed

@@ -272,8 +272,8 @@ class _Walk:
                 if self.spent >= stride.budget:
                     return limit, limit is not None
                 along = side * min(abs(along) + step, abs(edge))
-                found = self.look(along, stride)
-                if limit is None and found >= NORMAL_95:
+                root_there = self.look(along, stride)
+                if limit is None and root_there >= NORMAL_95:
                     # Between the outermost points around it, nearer and nearer.
                     for looks in range(_MAX_LOOKS + 1):
                         places = [point[:2] for point in self.points]
@@ -282,10 +282,10 @@ class _Walk:
                             break
                         self.look(limit, stride)
                 # Aim for the wanted distance in sqrt(rise), a few times as far at most.
-                aimed = min(stride.step, max(stride.reach - found, 0.2 * stride.step) * 1.05)
-                grown = aimed / max(found - root, 1e-3)
+                aimed = min(stride.step, max(stride.reach - root_there, 0.2 * stride.step) * 1.05)
+                grown = aimed / max(root_there - root, 1e-3)
                 step = min(step * min(max(grown, 0.2), _LONGEST_GROWTH), _LONGEST_STRIDE)
-                root = found
+                root = root_there
         except SimulationError:
             self.spent += 1
             return limit, limit is not None
@@ -377,18 +377,18 @@ def _full_step(system: LinearSystem) -> Step:
 
 
 def profile_at(
-    name: str, one: Linearisation, bench: Bench, stride: Stride = Stride()
+    name: str, linear: Linearisation, bench: Bench, stride: Stride = Stride()
 ) -> MisfitProfile | None:
     """Return the profile of a parameter at a setting; None where it is not told there.
 
     One of a joint fit has none here. A SimulationError: the best fit cannot be simulated; a
     FitCancelledError: the caller asked to stop.
     """
-    fit, setting, sharing = one.fit, one.fit.setting, bench.sharing
+    fit, setting, sharing = linear.fit, linear.fit.setting, bench.sharing
     own, known = own_names(fit, sharing), bench.known[setting]
     variance = known.error(name) ** 2 if name in known.names else None
-    if name not in sharing.found:
-        at_bound = {n for n in one.names if fit.status[n] == Status.AT_BOUND}
+    if name not in sharing.estimated:
+        at_bound = {n for n in linear.names if fit.status[n] == Status.AT_BOUND}
         is_at_bound = name in at_bound or _is_no_friction(fit, name)
         if not own or (name not in own and not is_at_bound):
             return None
@@ -403,32 +403,32 @@ def profile_at(
     else:
         return None
     # The scale belongs to the variance of noise as printed, else to that of the sandwich here.
-    ordered = tuple(n for n in one.names if n in beside)
-    row = solved(one, ordered)[ordered.index(name)]
+    ordered = tuple(n for n in linear.names if n in beside)
+    row = solved(linear, ordered)[ordered.index(name)]
     if variance is None:
-        variance = float(row @ one.scores @ row)
-    if one.misfit is not None:
-        variance += float(row @ one.misfit @ row)
-    if one.supposed is not None:
-        variance += float(np.sum((row @ one.supposed) ** 2))
+        variance = float(row @ linear.scores @ row)
+    if linear.misfit is not None:
+        variance += float(row @ linear.misfit @ row)
+    if linear.supposed is not None:
+        variance += float(np.sum((row @ linear.supposed) ** 2))
     scale, error = 0.0, math.inf
     if variance > 0.0 and math.isfinite(variance):
-        scale = float(row[one.names.index(name)]) / variance
+        scale = float(row[linear.names.index(name)]) / variance
         error = math.sqrt(variance) / _unit(fit, name)
     misfit = bench.misfit(fit, tuple(free))
     walk = _own_walk(fit, name, misfit, scale, error, stride.budget)
     return replace(
         walk.profiles(stride)[setting],
-        is_shared=name in sharing.found,
+        is_shared=name in sharing.estimated,
         is_partial=sharing.is_mean(name),
         is_doubtful=bench.is_doubtful(name, fit),
     )
 
 
-def doubtful_profiles(one: Linearisation, bench: Bench) -> tuple[MisfitProfile, ...]:
+def doubtful_profiles(linear: Linearisation, bench: Bench) -> tuple[MisfitProfile, ...]:
     """Return short profiles of what the quadratic approximation leaves in doubt at a setting."""
-    fit, budget = one.fit, max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
-    found = []
+    fit, budget = linear.fit, max(_QUICK_LEAST, int(_QUICK_SHARE * linear.fit.evaluations))
+    profiles = []
     # What has failed first: the budget may not reach for all.
     positive = [q.name for q in fit.parameters.quantities if q.is_logarithmic]
     for name in sorted(positive, key=lambda name: not fit.status[name].has_failed):
@@ -437,11 +437,11 @@ def doubtful_profiles(one: Linearisation, bench: Bench) -> tuple[MisfitProfile, 
             continue
         if budget < _QUICK_LEAST // 2:
             break
-        profile = profile_at(name, one, bench, Stride(_QUICK_STEP, _QUICK_REACH, budget))
+        profile = profile_at(name, linear, bench, Stride(_QUICK_STEP, _QUICK_REACH, budget))
         if profile is not None:
             budget -= profile.evaluations
-            found.append(profile)
-    return tuple(found)
+            profiles.append(profile)
+    return tuple(profiles)
 
 
 def profile_jointly(
@@ -453,9 +453,9 @@ def profile_jointly(
     """
     sharing, name = bench.sharing, unknown.name
     fits = [
-        one.fit
-        for one in linearised
-        if one.fit.setting in sharing.settings and one.fit.outcome.is_minimum
+        linear.fit
+        for linear in linearised
+        if linear.fit.setting in sharing.settings and linear.fit.outcome.is_minimum
     ]
     whole = FitProblem(
         {fit.setting: bench.misfit(fit, sharing.free) for fit in fits},
@@ -469,7 +469,7 @@ def profile_jointly(
     held = replace(whole, held=frozenset({unknown}), weights=centre.extra.weights)
     first = next(values for setting, values in at.items() if unknown.holds_at(setting))
     quantity, best = first.quantity(name), float(getattr(first, name))
-    having = (one.fit.setting for one in linearised if unknown.holds_at(one.fit.setting))
+    having = (linear.fit.setting for linear in linearised if unknown.holds_at(linear.fit.setting))
     error = bench.known[next(having)].whole_error(name)
     scale = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)] / error**2
 
@@ -496,11 +496,11 @@ def shared_limits(linearised: Sequence[Linearisation], bench: Bench) -> Iterator
     nothing: the quadratic approximation then excludes no value. Softer ones do fit worse, and a
     short walk with all settings refitted says from where on.
     """
-    budget = int(_SHARED_SHARE * sum(one.fit.evaluations for one in linearised))
+    budget = int(_SHARED_SHARE * sum(linear.fit.evaluations for linear in linearised))
     # The law of K_e has numbers of the gas, which are none of a setting.
-    for unknown in (one for one in bench.sharing.unknowns if one.name in bench.sharing.jointly):
+    for unknown in (u for u in bench.sharing.unknowns if u.name in bench.sharing.jointly):
         name = unknown.name
-        having = [one.fit for one in linearised if unknown.holds_at(one.fit.setting)]
+        having = [linear.fit for linear in linearised if unknown.holds_at(linear.fit.setting)]
         if not having or not having[0].parameters.quantity(name).is_logarithmic:
             continue
         own = bench.known[having[0].setting]
@@ -511,7 +511,7 @@ def shared_limits(linearised: Sequence[Linearisation], bench: Bench) -> Iterator
         stride = Stride(_SHARED_STEP, _SHARED_REACH, budget, first)
         with suppress(SimulationError, FitCancelledError):
             profiles = profile_jointly(unknown, linearised, bench, stride)
-            by_setting = {one.setting: one for one in profiles}
+            by_setting = {profile.setting: profile for profile in profiles}
             for fit in having:  # also one that was no part of it, for it has the same value
-                one = by_setting.get(fit.setting, profiles[0])
-                yield replace(one, setting=fit.setting, is_doubtful=True)
+                profile = by_setting.get(fit.setting, profiles[0])
+                yield replace(profile, setting=fit.setting, is_doubtful=True)

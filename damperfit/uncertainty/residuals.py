@@ -164,7 +164,7 @@ def _at_low_speed(trace: Trace) -> list[FloatArray]:
     """Friction of 1 N at rest that falls over each of `_STRIBECK_SPEEDS`."""
     v = trace.velocity
     falling = (np.tanh(v / 1e-3) * np.exp(-np.abs(v) / speed) for speed in _STRIBECK_SPEEDS)
-    return [apply_filter(trace.model_filter, one)[trace.compared] for one in falling]
+    return [apply_filter(trace.model_filter, column)[trace.compared] for column in falling]
 
 
 def gain(column: FloatArray, absorbed: FloatArray, residuals: FloatArray) -> tuple[float, float]:
@@ -206,10 +206,10 @@ def seek_flaws(
     # Parameters that nothing in the logs has set may be held at a wrong value, but for an offset,
     # which is among the flaws already. Of a law that does not fit none can be said to be the cause.
     fixed = [q for q in quantities if fit.status[q.name] == Status.FIXED and not q.is_offset]
-    held = [one.name for one in fixed if fit.mse_percent < EXCELLENT]
+    held = [quantity.name for quantity in fixed if fit.mse_percent < EXCELLENT]
     for name in (*held, *doubted):
         columns[name] = [linearised.jacobian[:, linearised.names.index(name)]]
-    found = []
+    pairs = []
     for name, candidates in columns.items():
         basis = own if name in {*doubted, "force_gain"} else absorbed
         gains = [gain(column * counts, basis, residuals) for column in candidates]
@@ -224,22 +224,22 @@ def seek_flaws(
         size = amount * flaw.unit
         explained = min(share / (repeats * len(counts)), 1.0)
         hint = Hint(name, flaw.family, explained, size, flaw.words(size))
-        found.append((hint, None if name in doubted else amount * candidates[best]))
-    found.sort(key=lambda pair: -pair[0].share)
+        pairs.append((hint, None if name in doubted else amount * candidates[best]))
+    pairs.sort(key=lambda pair: -pair[0].share)
     # Nearly all that is wrong looks a little like a gain: it is named where nothing else is near.
-    rivals = [pair for pair in found if pair[0].name != "force_gain"]
-    if rivals and (found[0] is rivals[0] or rivals[0][0].share > _TIE * found[0][0].share):
-        found = rivals
-    if not found or found[0][0].share < _NAMED:
+    rivals = [pair for pair in pairs if pair[0].name != "force_gain"]
+    if rivals and (pairs[0] is rivals[0] or rivals[0][0].share > _TIE * pairs[0][0].share):
+        pairs = rivals
+    if not pairs or pairs[0][0].share < _NAMED:
         return (), {}
-    found[0] = (_as_stiffness(found[0][0]), found[0][1])
+    pairs[0] = (_as_stiffness(pairs[0][0]), pairs[0][1])
     half_range, friction = 0.5 * float(np.ptp(force)), _friction(linearised)
     unlikely = _OF_VALVES if has_yielded else frozenset()
     # What stands far behind a best one that is beyond reason leaves most of the misfit unexplained.
-    bar = max(_TIE * found[0][0].share, _NAMED)
+    bar = max(_TIE * pairs[0][0].share, _NAMED)
     likely = {
         hint: column
-        for hint, column in found
+        for hint, column in pairs
         if hint.share >= bar
         and hint.name not in unlikely
         and _is_reasonable(hint, half_range, friction)
@@ -261,11 +261,11 @@ def _columns(linearised: Linearisation) -> dict[str, list[FloatArray]]:
     quantities, tables = linearised.fit.parameters.quantities, []
     for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
         slopes = list(zip(quantities, seen.jacobian.T, strict=True))
-        stiff = [column for one, column in slopes if one.is_open]
+        stiff = [column for quantity, column in slopes if quantity.is_open]
         # In ln y the derivative is the force itself.
-        friction = sum(column for one, column in slopes if one.is_friction)
-        found = signatures(log.trace, seen.force, stiff, friction)
-        table = {name: rows for name, rows in found.items() if name in linearised.flaws}
+        friction = sum(column for quantity, column in slopes if quantity.is_friction)
+        rows_by_flaw = signatures(log.trace, seen.force, stiff, friction)
+        table = {name: rows for name, rows in rows_by_flaw.items() if name in linearised.flaws}
         conditions = zip(linearised.conditions, seen.gas.T, strict=False)
         tables.append(table | {name: [column] for name, column in conditions})
     return {
@@ -277,8 +277,8 @@ def _columns(linearised: Linearisation) -> dict[str, list[FloatArray]]:
 def _friction(linearised: Linearisation) -> float:
     """Friction that was found, N; without an end where the model has none to compare with."""
     values = linearised.fit.parameters
-    found = [float(getattr(values, one.name)) for one in values.quantities if one.is_friction]
-    return sum(found) if found else math.inf
+    frictions = [float(getattr(values, q.name)) for q in values.quantities if q.is_friction]
+    return sum(frictions) if frictions else math.inf
 
 
 def _absorbed(linearised: Linearisation, statuses: set[str]) -> FloatArray:
@@ -335,7 +335,7 @@ def friction_by_speed(linearised: Linearisation) -> BySpeed | None:
     """Return what a setting says of friction that depends on velocity; None where it has none."""
     fit, counts, residuals = linearised.fit, linearised.counts, linearised.residuals
     sought = {Status.FITTED, Status.SHARED}
-    frictions = [one.name for one in fit.parameters.quantities if one.is_friction]
+    frictions = [quantity.name for quantity in fit.parameters.quantities if quantity.is_friction]
     if not any(fit.status[name] in sought for name in frictions):
         return None
     basis = _absorbed(linearised, {*sought, Status.NOT_IDENTIFIABLE})
@@ -346,7 +346,7 @@ def friction_by_speed(linearised: Linearisation) -> BySpeed | None:
     if not np.all(power > 1e-9 * np.sum(columns * columns, axis=1)):
         return None
     edges, first = [], 0
-    for stretch in (one for log in fit.logs for one in log.trace.stretches):
+    for stretch in (segment for log in fit.logs for segment in log.trace.stretches):
         ends = np.linspace(0.0, stretch.n_samples, _BLOCKS + 1)[:-1]
         if stretch.n_cycles > 2:
             ends = stretch.cycle_starts[:-1] - stretch.first
@@ -369,14 +369,14 @@ def hidden_friction(each: Sequence[BySpeed]) -> tuple[int, float]:
     """Return place of the speed, and newtons, of what all settings show together; or 0 N."""
     if not each:
         return 0, 0.0
-    variances = np.array([one.variances for one in each])
-    whole, total = variances.sum(axis=0), np.sum([one.sums for one in each], axis=0)
+    variances = np.array([setting.variances for setting in each])
+    whole, total = variances.sum(axis=0), np.sum([setting.sums for setting in each], axis=0)
     sureness = total / np.sqrt(np.maximum(whole, 1e-300))
     best = int(np.argmax(np.abs(sureness)))
-    amount = float(total[best] / sum(one.powers[best] for one in each))
+    amount = float(total[best] / sum(setting.powers[best] for setting in each))
     # Degrees of freedom of a sum of variances: Satterthwaite, Biometrics Bulletin 2 (1946).
     shares = variances[:, best] / max(whole[best], 1e-300)
-    freedom = 1.0 / max(float(np.sum(shares**2 / [one.freedom for one in each])), 1e-300)
+    freedom = 1.0 / max(float(np.sum(shares**2 / [setting.freedom for setting in each])), 1e-300)
     least = student_quantile(freedom, 1.0 - 0.5 * _CHANCE)
     fitted = each[0].fitted
     is_sure = abs(sureness[best]) > least and _LEAST * fitted < abs(amount) < _MOST * fitted
@@ -479,11 +479,11 @@ def diagnose(
     pulls: dict[str, FloatArray] = {}
     if is_structured:
         hints, pulls = seek_flaws(linearised, repeats, doubted=doubted, has_yielded=share >= YIELDS)
-    findings = [one for log in fit.logs for one in log.trace.findings]
+    findings = [finding for log in fit.logs for finding in log.trace.findings]
     skews = [
-        0.0 if one.is_correction else 1e3 * one.value
-        for one in findings
-        if one.name == "skew" and one.value is not None
+        0.0 if finding.is_correction else 1e3 * finding.value
+        for finding in findings
+        if finding.name == "skew" and finding.value is not None
     ]
 
     def is_contradicted(hint: Hint) -> bool:
@@ -502,7 +502,7 @@ def diagnose(
             power = max(float(rest @ rest), 1e-300)
             repeated = float(rest[:-period] @ rest[period:]) / power * n / (n - period)
             correlations.append(repeated)
-    found = Diagnosis(
+    diagnosis = Diagnosis(
         setting=fit.setting,
         mse_percent=fit.mse_percent,
         noise_percent=float(min(100.0 * noise / variance, fit.mse_percent)),
@@ -514,8 +514,8 @@ def diagnose(
         held_share=share,
         modelled_share=modelled,
     )
-    found = replace(found, sentence=_sentence(found) + _warned(linearised, found))
-    return found, {one.name: pulls[one.name] for one in hints if one.name in pulls}
+    diagnosis = replace(diagnosis, sentence=_sentence(diagnosis) + _warned(linearised, diagnosis))
+    return diagnosis, {hint.name: pulls[hint.name] for hint in hints if hint.name in pulls}
 
 
 # The residuals of each stretch, and their power
@@ -600,20 +600,20 @@ def reconciled(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
     The rig's delay and the damper's gas are one for all settings: where a few settings want the
     opposite of what most want, theirs is none, and where opinions are divided, nobody's is.
     """
-    found = list(diagnoses)
+    of_run = list(diagnoses)
     for name in (*_IN_COMMON, "force_gain"):
-        signs = [h.amount > 0.0 for one in found for h in one.hints if h.name == name]
+        signs = [h.amount > 0.0 for d in of_run for h in d.hints if h.name == name]
         n_up = sum(signs)
         few, many = sorted((n_up, len(signs) - n_up))
         kept = None if many < _MOST_RESIDUALS * few else n_up > few
         if name == "force_gain":  # half of the logs have none beside the others
-            few, kept = int(2 * len(signs) >= len(found)), None
-        for place, one in enumerate(found) if few else ():
-            hints = tuple(h for h in one.hints if h.name != name or (h.amount > 0.0) is kept)
-            pointer = one.sentence[len(_sentence(one)) :]
-            left = replace(one, hints=hints)
-            found[place] = replace(left, sentence=_sentence(left) + pointer)
-    return tuple(found)
+            few, kept = int(2 * len(signs) >= len(of_run)), None
+        for place, diagnosis in enumerate(of_run) if few else ():
+            hints = tuple(h for h in diagnosis.hints if h.name != name or (h.amount > 0.0) is kept)
+            pointer = diagnosis.sentence[len(_sentence(diagnosis)) :]
+            left = replace(diagnosis, hints=hints)
+            of_run[place] = replace(left, sentence=_sentence(left) + pointer)
+    return tuple(of_run)
 
 
 def _warned(linearised: Linearisation, diagnosis: Diagnosis) -> str:
@@ -627,51 +627,51 @@ def _warned(linearised: Linearisation, diagnosis: Diagnosis) -> str:
         "direction": not is_known or any(h.family == "position" for h in diagnosis.hints),
     }
     warnings = [
-        (one.name, log.trace.name)
+        (finding.name, log.trace.name)
         for log in linearised.fit.logs
-        for one in log.trace.findings
-        if one.severity == "warning"
+        for finding in log.trace.findings
+        if finding.severity == "warning"
     ]
-    found = [
+    faults = [
         f"{name} of {log}"
         for fault in _FAULTS_OF_LOGS
         for name, log in warnings
         if name.endswith(fault) and may_be.get(fault, True)
     ]
-    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-    return f"; see the warning {found[0]}{more}" if found else ""
+    more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
+    return f"; see the warning {faults[0]}{more}" if faults else ""
 
 
-def _sentence(one: Diagnosis) -> str:
-    text = f"MSE {one.mse_percent:.2g} %"
-    if math.isnan(one.noise_percent):
+def _sentence(diagnosis: Diagnosis) -> str:
+    text = f"MSE {diagnosis.mse_percent:.2g} %"
+    if math.isnan(diagnosis.noise_percent):
         return f"{text}; a single cycle cannot separate noise from lack of fit"
-    text += f", of which {one.noise_percent:.2g} % is noise"
-    if not one.is_structured:
+    text += f", of which {diagnosis.noise_percent:.2g} % is noise"
+    if not diagnosis.is_structured:
         return f"{text}: no misfit repeats"
     yields = unexplained = "a misfit repeats, and its cause was not found"
-    if not one.is_met or one.modelled_share < min(YIELDS, 0.9 * one.held_share):
+    if not diagnosis.is_met or diagnosis.modelled_share < min(YIELDS, 0.9 * diagnosis.held_share):
         yields = (
-            f"the damper holds {100.0 * one.held_share:.0f} % of its force down to a tenth of its "
-            "speed: it yields before it slides, like a preloaded valve, dry friction or a "
+            f"the damper holds {100.0 * diagnosis.held_share:.0f} % of its force down to a tenth "
+            "of its speed: it yields before it slides, like a preloaded valve, dry friction or a "
             "magneto-rheological fluid, and the model misses that"
         )
-    if not one.hints:
-        return f"{text}: {yields if one.has_yielded else unexplained}"
-    named = " or ".join(hint.words for hint in one.hints)
-    share = f"{100.0 * one.hints[0].share:.0f} %"
+    if not diagnosis.hints:
+        return f"{text}: {yields if diagnosis.has_yielded else unexplained}"
+    named = " or ".join(hint.words for hint in diagnosis.hints)
+    share = f"{100.0 * diagnosis.hints[0].share:.0f} %"
     text = f"{text}: a misfit repeats, {share} of it explained by {named}"
-    return f"{text}; {yields}" if one.has_yielded and not one.is_met else text
+    return f"{text}; {yields}" if diagnosis.has_yielded and not diagnosis.is_met else text
 
 
 def group_warning(group: Sequence[Diagnosis]) -> Problem:
     """Return what is said of the setting with the largest misfit, for all settings of its kind."""
-    worst = max(group, key=lambda one: one.mse_percent)
+    worst = max(group, key=lambda diagnosis: diagnosis.mse_percent)
     is_alone = len(group) == 1
     return warning(
         "misfit",
         f"setting{'' if is_alone else 's {settings}, most at'} {{setting}}: {{words}}.",
-        settings=listed_settings(one.setting for one in group),
+        settings=listed_settings(diagnosis.setting for diagnosis in group),
         setting=worst.setting,
         words=worst.sentence,
         mse_percent=worst.mse_percent,

@@ -175,7 +175,7 @@ def speed_forces(
     linearised: Linearisation, *, is_structured: bool
 ) -> tuple[tuple[SpeedForces, Slopes], ...]:
     """Return the forces of a setting in rebound and in bump; none where no cycle repeats."""
-    segments = sorted(_segments(linearised), key=lambda one: one.stretch.peak_speed)
+    segments = sorted(_segments(linearised), key=lambda segment: segment.stretch.peak_speed)
     if not segments:
         return ()
     tests: list[list[_Segment]] = []
@@ -184,21 +184,21 @@ def speed_forces(
         if not tests or top > (1.0 + _SAME_MOTION) * tests[-1][0].stretch.peak_speed:
             tests.append([])
         tests[-1].append(segment)
-    half_range = 0.5 * max(float(np.ptp(one.force)) for one in segments)
+    half_range = 0.5 * max(float(np.ptp(segment.force)) for segment in segments)
     is_loop = len(tests) == 1
 
     def misfit(speed: float, sign: float) -> float:
         """The root mean square of what repeats in a stroke at speeds like this, N."""
         squares = []
-        for one in segments if is_structured else ():
-            along = sign * one.velocity
-            alike = one.residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
-            squares += [float(np.mean(alike**2)) - one.noise] if len(alike) else []
+        for segment in segments if is_structured else ():
+            along = sign * segment.velocity
+            alike = segment.residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
+            squares += [float(np.mean(alike**2)) - segment.noise] if len(alike) else []
         return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0
 
     forces = []
     for place, (stroke, sign) in enumerate((("rebound", 1.0), ("bump", -1.0))):
-        peaks = [_mean([one.peaks[place] for one in test])[:, None] for test in tests]
+        peaks = [_mean([segment.peaks[place] for segment in test])[:, None] for test in tests]
         loops = [
             _known(_of_loop(test, sign), peak) for test, peak in zip(tests, peaks, strict=True)
         ]
@@ -225,9 +225,9 @@ def speed_forces(
 
 def _known(*rows: FloatArray) -> FloatArray:
     """Rows of several passages as columns, by rising speed, of those that have been read."""
-    found = np.hstack(rows)
-    found = found[:, np.isfinite(found[[_SPEED, _FORCE, _DIFFERENCE]]).all(axis=0)]
-    return np.asarray(found[:, np.argsort(found[_SPEED], kind="stable")])
+    columns = np.hstack(rows)
+    columns = columns[:, np.isfinite(columns[[_SPEED, _FORCE, _DIFFERENCE]]).all(axis=0)]
+    return np.asarray(columns[:, np.argsort(columns[_SPEED], kind="stable")])
 
 
 def _mean_slopes(loops: Sequence[FloatArray]) -> Slopes:
@@ -278,17 +278,18 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
     for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
         trace = log.trace
         corner = corner_of(trace.model_filter, sample_rate=1.0 / trace.interval)
-        for one, place, rounding in zip(trace.stretches, trace.places, seen.rounding, strict=True):
-            if not one.n_cycles:
+        segments = zip(trace.stretches, trace.places, seen.rounding, strict=True)
+        for segment, place, rounding in segments:
+            if not segment.n_cycles:
                 continue
-            velocity, force = trace.velocity[one.window], trace.force[one.window]
+            velocity, force = trace.velocity[segment.window], trace.force[segment.window]
             residuals = seen.residuals[place]
-            noise = residual_scatter(residuals, one)
+            noise = residual_scatter(residuals, segment)
             # The change of speed in a sample where it passes zero.
             turns = np.flatnonzero(velocity[:-1] * velocity[1:] <= 0.0)
             slope = median(np.abs(np.diff(velocity)[turns])) if len(turns) else 0.0
             slowest = slope / trace.interval * _NEAR_A_REVERSAL / corner
-            edges = counted_edges(one) - one.first
+            edges = counted_edges(segment) - segment.first
             clean = slice(max(int(edges[0]), 0), int(edges[-1]))
             jacobian = seen.jacobian[place]
             signals = np.vstack([force, residuals, jacobian.T])[:, clean]
@@ -304,22 +305,22 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
                 peaks.append([*numbers, *slopes])
             noise = noise if math.isfinite(noise) else 0.0
             read = velocity, force, residuals, noise, rounding, slowest
-            yield _Segment(one, *read, jacobian, np.array(peaks))
+            yield _Segment(segment, *read, jacobian, np.array(peaks))
 
 
 def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
     """Return the rows of a loop at named speeds and shares of its peak speed, below the peak."""
-    strokes = median([one.stretch.amplitude for one in test])
-    alike = [one for one in test if abs(one.stretch.amplitude / strokes - 1.0) <= _SAME_MOTION]
-    top = min(float(one.peaks[:, _SPEED].min()) for one in alike)
-    slowest = math.ceil(1e6 * max(one.slowest for one in alike)) / 1e6
+    strokes = median([segment.stretch.amplitude for segment in test])
+    alike = [x for x in test if abs(x.stretch.amplitude / strokes - 1.0) <= _SAME_MOTION]
+    top = min(float(segment.peaks[:, _SPEED].min()) for segment in alike)
+    slowest = math.ceil(1e6 * max(segment.slowest for segment in alike)) / 1e6
     asked = {slowest, *NAMED_SPEEDS, *(round(share * top, 6) for share in _SHARES)}
     speeds = sorted(speed for speed in asked if slowest <= speed < 0.99 * top)
     rows = []
-    for one in alike:
-        signals = np.vstack([one.force, one.residuals, one.jacobian.T])
-        counts, means, squares = at_speeds(one.velocity, signals, speeds, sign=sign)
-        velocity, taken = one.rounding
+    for segment in alike:
+        signals = np.vstack([segment.force, segment.residuals, segment.jacobian.T])
+        counts, means, squares = at_speeds(segment.velocity, signals, speeds, sign=sign)
+        velocity, taken = segment.rounding
         back = at_speeds(velocity, taken[None], speeds, sign=sign)[1][..., 0]
         with np.errstate(invalid="ignore", divide="ignore"):  # one passage has no scatter
             variances = squares[..., 1] / (counts - 1.0) / counts
