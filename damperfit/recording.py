@@ -21,9 +21,9 @@ from damperfit.tested.setting import Setting
 from damperfit.tested.setting import natural_order as natural_order  # noqa: PLC0414 - also from here
 
 _SPEEDS = ("peak_speed_rebound", "peak_speed_bump", "hysteresis_speed")
-_FIGURES = {one: f"{one}_m_per_s" for one in _SPEEDS}
+_FIGURES = {name: f"{name}_m_per_s" for name in _SPEEDS}
 _FIGURES |= {"energy": "energy_J", "energy_se": "energy_se_J"}
-_FIGURES |= {one: f"figures_{one}_s" for one in ("start", "stop")}  # all others are forces
+_FIGURES |= {name: f"figures_{name}_s" for name in ("start", "stop")}  # all others are forces
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +137,7 @@ class StretchFigures:
 
     def describe(self) -> dict[str, float | None]:
         """Return the figures for run.json."""
-        named = {_FIGURES.get(one, f"{one}_N"): getattr(self, one) for one in self.__slots__}
+        named = {_FIGURES.get(name, f"{name}_N"): getattr(self, name) for name in self.__slots__}
         return {key: value if math.isfinite(value) else None for key, value in named.items()}
 
 
@@ -227,7 +227,7 @@ class Trace:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What makes the log's parameters doubtful, one plain sentence each."""
-        return tuple(one.sentence for one in self.findings if one.severity == "warning")
+        return tuple(finding.sentence for finding in self.findings if finding.severity == "warning")
 
     @property
     def fastest(self) -> Stretch:
@@ -259,7 +259,7 @@ class Trace:
         """What picks the compared samples out of the trace's, in order of time."""
         if len(self.stretches) == 1:
             return self.stretches[0].window
-        return np.concatenate([np.arange(one.first, one.stop) for one in self.stretches])
+        return np.concatenate([np.arange(x.first, x.stop) for x in self.stretches])
 
     @property
     def places(self) -> tuple[slice, ...]:
@@ -282,5 +282,5 @@ class Trace:
             "temperature_degC": self.temperature,
             "notes": list(self.notes),
             "warnings": list(self.warnings),
-            "findings": [one.describe() for one in self.findings],
+            "findings": [finding.describe() for finding in self.findings],
         }

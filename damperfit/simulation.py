@@ -135,8 +135,8 @@ def _as_numbers(name: str, channel: object) -> FloatArray:
 def motion_of(trace: Trace) -> Motion:
     """Return the motion that drives a model for a trace."""
     drive, start = trace.drive, trace.start_time
-    told = start, trace.gas_pressure, trace.temperature, drive.jumps
-    return Motion(trace.interval, drive.displacement, drive.velocity, *told)
+    beside = start, trace.gas_pressure, trace.temperature, drive.jumps
+    return Motion(trace.interval, drive.displacement, drive.velocity, *beside)
 
 
 def refuse_amplitude(amplitude: float, room: float) -> None:

@@ -160,7 +160,7 @@ def _gamma_ratio(x: float, more: float) -> float:
 def _beta_fraction(a: float, b: float, x: float) -> float:
     """The continued fraction of the incomplete beta function, by Lentz."""
     c, d = 1.0, 1.0 / _off_zero(1.0 - (a + b) * x / (a + 1.0))
-    found = d
+    fraction = d
     for m in range(1, _FOREVER):
         even = m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m))
         odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))
@@ -169,10 +169,10 @@ def _beta_fraction(a: float, b: float, x: float) -> float:
             d = 1.0 / _off_zero(1.0 + term * d)
             c = _off_zero(1.0 + term / c)
             change *= c * d
-        found *= change
+        fraction *= change
         if abs(change - 1.0) < _EXACT:
             break
-    return found
+    return fraction
 
 
 def _gamma_beyond(a: float, x: float, power: float) -> float:
@@ -187,15 +187,15 @@ def _gamma_beyond(a: float, x: float, power: float) -> float:
         return 1.0 - power * total
     b = x + 1.0 - a
     c, d = 1.0 / _TINY, 1.0 / b
-    found = d
+    fraction = d
     for n in range(1, _FOREVER):
         term, b = -n * (n - a), b + 2.0
         d = 1.0 / _off_zero(term * d + b)
         c = _off_zero(b + term / c)
-        found *= c * d
+        fraction *= c * d
         if abs(c * d - 1.0) < _EXACT:
             break
-    return power * found
+    return power * fraction
 
 
 def _off_zero(value: float) -> float:

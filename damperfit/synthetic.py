@@ -193,9 +193,9 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
         flow = _THROUGH_BLEED * damper.oil_density * area * speed
         opening, bleed = _OPENS * highest, math.sqrt(highest) / flow
         slope = (highest - opening) / flow
-        parts = {p: one.guess(opening, slope, highest, flow) for p, one in PARTS.items()}
+        parts = {p: part.guess(opening, slope, highest, flow) for p, part in PARTS.items()}
         numbers |= {f"{stroke}_{p}": number for p, number in (parts | {"bleed": bleed}).items()}
-    return damper.values({name: one for name, one in numbers.items() if name in damper.names})
+    return damper.values({name: value for name, value in numbers.items() if name in damper.names})
 
 
 _MADE_UP = "# rig: synthetic (damperfit samples)"
@@ -243,14 +243,14 @@ class SampleOptions:
         return round(self.cycles * self.sample_rate / self.frequency)
 
 
-def _expect(name: str, found: object, wanted: str, is_fine: bool) -> None:  # noqa: FBT001
+def _expect(name: str, value: object, wanted: str, is_fine: bool) -> None:  # noqa: FBT001
     if not is_fine:
         if name in {"amplitude", "frequency"}:
             raise ConfigurationError(
-                f"found {found}, expected {wanted}", where=Key(("rig", name)), code="out-of-range"
+                f"found {value}, expected {wanted}", where=Key(("rig", name)), code="out-of-range"
             )
         raise ConfigurationError(
-            f"expected {wanted}", where=Option(name, found), code="out-of-range"
+            f"expected {wanted}", where=Option(name, value), code="out-of-range"
         )
 
 
@@ -465,8 +465,8 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
                 on_log(paths[setting])
         readme = _readme_text(options, is_reference=parameters is None)
         files.path("README.md").write_bytes(readme.encode())
-        numbers = {one: map(repr, map(float, true.numbers)) for one, true in truth.items()}
-        rows = [("setting", *damper.names), *((str(one), *own) for one, own in numbers.items())]
+        numbers = {setting: map(repr, map(float, true.numbers)) for setting, true in truth.items()}
+        rows = [("setting", *damper.names), *((str(s), *own) for s, own in numbers.items())]
         lines = "".join(",".join(row) + "\n" for row in rows)
         files.path("truth.csv").write_bytes(lines.encode())  # every digit, SI
     return tuple(paths.values())

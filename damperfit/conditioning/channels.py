@@ -302,7 +302,7 @@ def _spikes(channel: _Channel, usual: float) -> Iterator[Finding]:
 
 def bridge_spikes(recording: Recording, period: float) -> Recording:
     """Return the recording with its spikes replaced by straight lines, and a finding of that."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     bridged: dict[str, Any] = {}
     for name in ("displacement", "force"):
         channel = _Channel(recording, name, slice(None), period)
@@ -315,8 +315,8 @@ def bridge_spikes(recording: Recording, period: float) -> Recording:
                 f"{len(rows)} spike{'s' * (len(rows) > 1)} in the {name} bridged as declared, the "
                 f"first in {channel.place(int(rows[0]))}"
             )
-            found.append(Finding(f"{name}_spikes_bridged", "note", text, float(len(rows))))
-    return replace(recording, findings=(*recording.findings, *found), **bridged)
+            findings.append(Finding(f"{name}_spikes_bridged", "note", text, float(len(rows))))
+    return replace(recording, findings=(*recording.findings, *findings), **bridged)
 
 
 def _find_spikes(channel: _Channel, usual: float) -> tuple[IntArray, FloatArray]:

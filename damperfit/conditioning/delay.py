@@ -82,8 +82,8 @@ def find_delay(
         text = f"force and displacement are together: {text}"
         return 0.0, (*declared, Finding("skew", "note", text, delay, "s"))
     if is_auto:
-        found = Finding("skew", "note", f"{text}; corrected", delay, "s", is_correction=True)
-        return delay, (found,)
+        finding = Finding("skew", "note", f"{text}; corrected", delay, "s", is_correction=True)
+        return delay, (finding,)
     # What was declared is no longer in the log looked at.
     setting = f"rig.skew = '{1e3 * (delay + known):.1f}ms'"
     if delay < 0.0:

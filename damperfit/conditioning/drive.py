@@ -97,7 +97,7 @@ def dwells_of(displacement: FloatArray, interval: float) -> list[tuple[slice, fl
         places = np.flatnonzero(far & np.append(far[1:], True))
         return int(places[0]) if len(places) else len(far)
 
-    found = []
+    dwells = []
     for first, stop in pairwise([0, *breaks, len(still)] if still else []):
         begin, end = still[first], still[stop - 1] + n
         # With the samples beside it that lie at its level too.
@@ -110,8 +110,8 @@ def dwells_of(displacement: FloatArray, interval: float) -> list[tuple[slice, fl
         sides = (x[max(rest.start - half, 0) : rest.start], x[rest.stop : rest.stop + half])
         far = [bool(np.any(np.abs(side - level) >= _GONE * noise)) for side in sides if len(side)]
         if _is_level(x[rest], noise) and far and all(far):
-            found.append((rest, level))
-    return found
+            dwells.append((rest, level))
+    return dwells
 
 
 def dwell_lengths(velocity: FloatArray) -> list[int]:
@@ -154,17 +154,17 @@ _Spectrum = tuple["FloatArray", "FloatArray", "FloatArray"]
 
 
 def make_drive(
-    seen: FilteredLog, found: Sequence[FoundStretch], options: ConditionOptions
+    seen: FilteredLog, parts_of: Sequence[FoundStretch], options: ConditionOptions
 ) -> Drive:
     """Return the displacement and velocity that drive the model; at the level where it rests."""
     if not options.is_ours:
         return Drive(seen.displacement, seen.velocity, math.inf)
     log = seen.log
-    drive = _least_in_error(seen, found, options)
+    drive = _least_in_error(seen, parts_of, options)
     rests = [
         (part, level)
         for part, level in dwells_of(log.displacement, log.interval)
-        if any(one.stretch.first < part.stop and part.start < one.stretch.stop for one in found)
+        if any(one.stretch.first < part.stop and part.start < one.stretch.stop for one in parts_of)
     ]
     if not rests:
         return drive
@@ -175,12 +175,12 @@ def make_drive(
 
 
 def _least_in_error(
-    seen: FilteredLog, found: Sequence[FoundStretch], options: ConditionOptions
+    seen: FilteredLog, parts_of: Sequence[FoundStretch], options: ConditionOptions
 ) -> Drive:
     log, rate, lowest = seen.log, 1.0 / seen.log.interval, options.filter_corner
     left_out = log.displacement - seen.displacement
-    corners = [_corner(left_out, seen.velocity, one.stretch, options, rate) for one in found]
-    is_whole = all(math.isinf(one.begin) and math.isinf(one.end) for one in found)
+    corners = [_corner(left_out, seen.velocity, part.stretch, options, rate) for part in parts_of]
+    is_whole = all(math.isinf(part.begin) and math.isinf(part.end) for part in parts_of)
     if is_whole and max(corners) <= lowest:
         return Drive(seen.displacement, seen.velocity, lowest)
     wide = max(corners)
@@ -203,12 +203,12 @@ def _least_in_error(
     passed = {lowest: (seen.displacement, seen.velocity)}
     reach = fading_samples(design(lowest))
     x, v = behind(max(wide, lowest))
-    for one, corner in zip(found, corners, strict=True):
+    for part, corner in zip(parts_of, corners, strict=True):
         if corner not in passed:
             passed[corner] = behind(corner)
         # Far enough from what went before and comes behind.
-        first = max(0, math.ceil(one.begin) + reach) if math.isfinite(one.begin) else 0
-        stop = math.floor(one.end) - reach if math.isfinite(one.end) else len(x)
+        first = max(0, math.ceil(part.begin) + reach) if math.isfinite(part.begin) else 0
+        stop = math.floor(part.end) - reach if math.isfinite(part.end) else len(x)
         inside = slice(first, max(first, stop))
         x[inside], v[inside] = (channel[inside] for channel in passed[corner])
     return Drive(x, v, max(corners))
@@ -302,7 +302,7 @@ def _of_motion(left_out: FloatArray, interval: float) -> _Spectrum:
 
 def _hum(spacing: float, n_lines: int) -> list[int]:
     """Return the places of the mains and its multiples among lines that lie so far apart, Hz."""
-    places = (round(k * one / spacing) for one in _MAINS for k in range(1, _MULTIPLES + 1))
+    places = (round(k * mains / spacing) for mains in _MAINS for k in range(1, _MULTIPLES + 1))
     return sorted({place for place in places if 0 < place < n_lines})
 
 
@@ -316,8 +316,8 @@ def unclear_turns(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -
     # Of a slow turn several in a row are: there the noise is not what decides.
     alone = np.zeros(len(unclear), dtype=np.bool_)
     alone[1:-1] = unclear[1:-1] & ~unclear[:-2] & ~unclear[2:]
-    n = sum(int(np.count_nonzero(alone[one.window])) for one in stretches)
-    if n < _ON_SAMPLES * sum(one.n_samples for one in stretches):
+    n = sum(int(np.count_nonzero(alone[segment.window])) for segment in stretches)
+    if n < _ON_SAMPLES * sum(segment.n_samples for segment in stretches):
         return []
     return np.flatnonzero(alone).tolist()
 
@@ -433,9 +433,9 @@ def _at(lines: FloatArray, sample: Any) -> FloatArray:
 def _beside(lines: FloatArray, turns: IntArray) -> FloatArray:
     """Return how far behind turns each line crosses the next; infinite: nowhere."""
     step = np.diff(lines[2])
-    apart = _at(lines[:, :-1], turns) - _at(lines[:, 1:], turns)
+    gap = _at(lines[:, :-1], turns) - _at(lines[:, 1:], turns)
     nowhere = np.full(len(step), math.inf)
-    return np.asarray(np.divide(apart, step, out=nowhere, where=step != 0.0))
+    return np.asarray(np.divide(gap, step, out=nowhere, where=step != 0.0))
 
 
 def _crossings(

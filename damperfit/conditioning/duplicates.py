@@ -57,22 +57,22 @@ def copies_in(traces: Sequence[Trace], files: Mapping[str, str]) -> dict[str, li
     return dict(copies)
 
 
-def is_same_test(one: Trace, other: Trace) -> bool:
+def is_same_test(first: Trace, other: Trace) -> bool:
     """Whether two logs hold the same signals."""
-    if len(one.force) != len(other.force):
+    if len(first.force) != len(other.force):
         return False
-    if not math.isclose(one.interval, other.interval, rel_tol=1e-6):
+    if not math.isclose(first.interval, other.interval, rel_tol=1e-6):
         return False
-    span = float(np.ptp(one.force)) or 1.0
-    noise = min(trace.fastest.noise for trace in (one, other))
+    span = float(np.ptp(first.force)) or 1.0
+    noise = min(trace.fastest.noise for trace in (first, other))
     limits = {
         "force": _SAME * span,
-        "displacement": _SAME * (float(np.ptp(one.displacement)) or 1.0),
+        "displacement": _SAME * (float(np.ptp(first.displacement)) or 1.0),
     }
     if noise > 0.0:
         limits["force"] = min(limits["force"], max(_OF_NOISE * noise, _DIGITS * span))
     return all(
-        math.sqrt(float(np.mean((getattr(one, name) - getattr(other, name)) ** 2))) <= limit
+        math.sqrt(float(np.mean((getattr(first, name) - getattr(other, name)) ** 2))) <= limit
         for name, limit in limits.items()
     )
 
@@ -90,7 +90,7 @@ def are_unlike(first: Trace, second: Trace) -> bool:
 
 def _common_motions(first: Trace, second: Trace) -> list[tuple[Stretch, Stretch]]:
     steady = [
-        [one for one in trace.stretches if one.kind == "steady" and one.figures is not None]
+        [x for x in trace.stretches if x.kind == "steady" and x.figures is not None]
         for trace in (first, second)
     ]
     return [
@@ -135,7 +135,7 @@ class Contradiction(NamedTuple):
 
 def contradiction(traces: Sequence[Trace], *, has_temperature_law: bool) -> Contradiction | None:
     """Return the largest difference between a setting's tests of one motion beyond scatter."""
-    found = (
+    differences = (
         difference
         for first, second in combinations(traces, 2)
         if first.gas_pressure == second.gas_pressure
@@ -143,22 +143,22 @@ def contradiction(traces: Sequence[Trace], *, has_temperature_law: bool) -> Cont
         for a, b in _common_motions(first, second)
         for difference in _differences(first, second, a, b)
     )
-    return max(found, key=lambda one: (one.excess, one.beyond_scatter), default=None)
+    return max(differences, key=lambda pair: (pair.excess, pair.beyond_scatter), default=None)
 
 
 def _differences(first: Trace, second: Trace, a: Stretch, b: Stretch) -> Iterator[Contradiction]:
-    figures = [one for one in (a.figures, b.figures) if one is not None]
+    figures = [figure for figure in (a.figures, b.figures) if figure is not None]
     # A quarter of both ranges is half of their mean.
-    scale = 0.25 * sum(one.peak_force_rebound - one.peak_force_bump for one in figures)
+    scale = 0.25 * sum(figure.peak_force_rebound - figure.peak_force_bump for figure in figures)
     noise = math.hypot(*(0.0 if math.isnan(s.noise) else s.noise for s in (a, b)))
     for stroke in ("rebound", "bump"):
-        forces = [getattr(one, f"peak_force_{stroke}") for one in figures]
-        speeds = [getattr(one, f"peak_speed_{stroke}") for one in figures]
+        forces = [getattr(figure, f"peak_force_{stroke}") for figure in figures]
+        speeds = [getattr(figure, f"peak_speed_{stroke}") for figure in figures]
         # A force grows with the square of the speed at most.
         by_speed = 2.0 * abs(math.log(speeds[0] / speeds[1])) * max(map(abs, forces))
-        apart = abs(forces[0] - forces[1])
+        gap = abs(forces[0] - forces[1])
         excess, beyond = (
-            apart / (max(SCATTERS * noise, share * scale) + by_speed) for share in (REPEATS, _TOLD)
+            gap / (max(SCATTERS * noise, share * scale) + by_speed) for share in (REPEATS, _TOLD)
         )
         if beyond > 1.0:
             pair = (forces[0], forces[1])

@@ -335,5 +335,5 @@ def with_corner(
     frequency = fastest_frequency(log.displacement, options.steadiness) / log.interval
     corner = fitting_corner(frequency, 1.0 / log.interval)
     text = f"filter corner {corner:g} Hz, to fit the fastest motion of {frequency:.3g} Hz"
-    found = Finding("filter_corner", "note", text, corner, "Hz")
-    return options.but(filter_corner=corner, auto_corner=False), (found,)
+    finding = Finding("filter_corner", "note", text, corner, "Hz")
+    return options.but(filter_corner=corner, auto_corner=False), (finding,)

@@ -84,7 +84,7 @@ def rows_of(recording: Recording, start_time: float, interval: float, *stretches
 def examine(seen: Seen) -> tuple[Finding, ...]:
     """Return what is remarkable in a log, and in its cycles where it is one steady run."""
     recording, log, trace, cycles, _ = seen
-    found = [
+    findings = [
         *recording.findings,
         *log.findings,
         *_rows(seen),
@@ -97,9 +97,9 @@ def examine(seen: Seen) -> tuple[Finding, ...]:
         *_filtered_in_the_rig(seen),
         *_lines_off_harmonics(seen),
     ]
-    warned = {finding.name for finding in found if finding.severity == "warning"}
+    warned = {finding.name for finding in findings if finding.severity == "warning"}
     beside = set().union(*(_MADE_BY[name] for name in warned & _MADE_BY.keys()))
-    return tuple(finding for finding in found if finding.name not in beside)
+    return tuple(finding for finding in findings if finding.name not in beside)
 
 
 # What else a fault of the record looks like: it is told once, by its cause.
@@ -253,7 +253,7 @@ def _drive(seen: Seen) -> Iterator[Finding]:
         )
         yield Finding("drive", "note", text, drive.corner, "Hz")
 
-    rests = [n for one in trace.stretches for n in dwell_lengths(drive.velocity[one.window])]
+    rests = [n for x in trace.stretches for n in dwell_lengths(drive.velocity[x.window])]
     if rests:
         text = (
             f"the motion rests {len(rests)} time{'s' * (len(rests) > 1)} where it is compared, "
@@ -276,20 +276,20 @@ def _stretches(seen: Seen) -> Iterator[Finding]:
     """What is compared; a run that something broke; a motion that comes back with another force."""
     trace, stretches = seen.trace, seen.trace.stretches
     parts = ", ".join(
-        f"{one.n_cycles} cycles of {one.frequency:.3g} Hz to {one.peak_speed:.3g} m/s"
-        if one.n_cycles
-        else f"{one.n_samples * trace.interval:.3g} s of motion that does not repeat, to "
-        f"{one.peak_speed:.3g} m/s"
-        for one in stretches
+        f"{segment.n_cycles} cycles of {segment.frequency:.3g} Hz to {segment.peak_speed:.3g} m/s"
+        if segment.n_cycles
+        else f"{segment.n_samples * trace.interval:.3g} s of motion that does not repeat, to "
+        f"{segment.peak_speed:.3g} m/s"
+        for segment in stretches
     )
     n = len(stretches)
     text = f"{n} segment{'s' * (n > 1)} evaluated: {parts}"
     yield Finding("stretches", "note", text, float(n))
 
     peaks = {
-        one.first: (one.figures.peak_force_rebound, one.figures.peak_force_bump)
-        for one in stretches
-        if one.figures
+        segment.first: (segment.figures.peak_force_rebound, segment.figures.peak_force_bump)
+        for segment in stretches
+        if segment.figures
     }
 
     def is_one_motion(first: Stretch, other: Stretch) -> bool:
@@ -316,7 +316,7 @@ def _stretches(seen: Seen) -> Iterator[Finding]:
     for first, other in combinations(stretches, 2):
         if is_one_motion(first, other) and is_other_force(first, other):
             time = trace.start_time + other.first * trace.interval
-            forces = ["{:.4g} and {:.4g} N".format(*peaks[one.first]) for one in (other, first)]
+            forces = ["{:.4g} and {:.4g} N".format(*peaks[x.first]) for x in (other, first)]
             text = (
                 f"the motion of {first.frequency:.4g} Hz comes back at time {time:.4g} s with "
                 f"another force, {' for '.join(forces)}: two settings in one record are two tests; "
@@ -337,14 +337,14 @@ def _one_run(seen: Seen, cycles: Cycles) -> Iterator[Finding]:
     fault = "; one cycle cannot show how well the test repeats; record a longer log" * (n <= 1)
     yield _judged("cycles", text, float(n), fault=fault)
 
-    steady, found = len(cycles.rising) - 1, cycles.n_found
-    if steady + 1 < 0.5 * found:  # one more: the cycles at the log's ends may be cut
+    steady, whole = len(cycles.rising) - 1, cycles.n_found
+    if steady + 1 < 0.5 * whole:  # one more: the cycles at the log's ends may be cut
         begin = trace.start_time + trace.fastest.cycle_starts[0] * trace.interval
         text = (
-            f"only {steady} of {found} cycles in a row are steady, from time {begin:.6g} s; "
+            f"only {steady} of {whole} cycles in a row are steady, from time {begin:.6g} s; "
             "amplitude or period wander in the others; hold the test steady, or log one test a file"
         )
-        yield Finding("unsteady_cycles", "warning", text, 100.0 * (1.0 - steady / found), "%")
+        yield Finding("unsteady_cycles", "warning", text, 100.0 * (1.0 - steady / whole), "%")
     elif cycles.n_elsewhere >= _MANY_ELSEWHERE:
         time = seen.log.start_time + cycles.break_at * seen.log.interval
         text = (
@@ -647,7 +647,7 @@ def _temperature(seen: Seen) -> Iterator[Finding]:
     trace, test = seen.trace, seen.options.nominal
     tolerance, nominal = test.temperature_tolerance, test.temperature or 0.0
     pairs = ((trace.frequency, test.frequency), (trace.amplitude, test.amplitude))
-    is_other = any(meant and abs(found / meant - 1.0) > _NEAR for found, meant in pairs)
+    is_other = any(meant and abs(value / meant - 1.0) > _NEAR for value, meant in pairs)
     is_asked = test.temperature is not None and tolerance < math.inf
     is_asked = is_asked and not (test.is_of_motion and is_other)
     wanted = f"{nominal - tolerance:g} to {nominal + tolerance:g} degC"

@@ -96,7 +96,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     if skew != 0.0 or signs.reversed_channels:
         level = level_of(traced.trace, options)
     trace = traced.trace
-    figured = tuple(replace(one, figures=figures_in(trace, one)) for one in trace.stretches)
+    figured = tuple(replace(x, figures=figures_in(trace, x)) for x in trace.stretches)
     trace = replace(trace, stretches=figured)
     _refuse_stroke(trace, options)
     findings = (
@@ -128,7 +128,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     part = choose_compared(recording.name, log, options)
     keep, displacement = part.keep, part.seen.displacement
     seen, drive = _driven(part.seen, part.found, keep, options)
-    stretches = [one.stretch for one in part.found]
+    stretches = [part_of.stretch for part_of in part.found]
     sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
     middle = part.cycles.centre if part.cycles else _middle_of(displacement, stretches)
     centre = middle if options.centre is None else sign * options.centre
@@ -169,14 +169,14 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
 
 
 def _driven(
-    seen: FilteredLog, found: Sequence[FoundStretch], part: slice, options: ConditionOptions
+    seen: FilteredLog, parts: Sequence[FoundStretch], part: slice, options: ConditionOptions
 ) -> tuple[FilteredLog, Drive]:
     """What drives the model over a part of the log: lines, where its motion is straight."""
-    drive = make_drive(seen, found, options)
+    drive = make_drive(seen, parts, options)
     if options.filter != "zero_phase":
         return seen, drive
     if drive.displacement is seen.displacement:
-        at = unclear_turns(drive, seen.log, [one.stretch for one in found])
+        at = unclear_turns(drive, seen.log, [part.stretch for part in parts])
     else:
         lines = drive_of_lines(seen.log.displacement, seen.log.interval, part)
         if lines is None:
@@ -185,7 +185,7 @@ def _driven(
         at = [int(jump) for jump in lines.jumps[:, 0].tolist() if jump == round(jump)]
     # A sample at a jump of the speed may have the friction of before it or of after it, and so may
     # one at which a sine turns: it is bridged, of the measured and of the simulated force.
-    inside = tuple(one for one in at if 0 < one < len(seen.force) - 1)
+    inside = tuple(sample for sample in at if 0 < sample < len(seen.force) - 1)
     if not inside:
         return seen, drive
     design = seen.model_filter._replace(bridged=inside)
@@ -209,13 +209,13 @@ def _with_whole(
     )
     beside = transients(whole)
     first, stop, _ = keep.indices(len(x))
-    if beside is None or all(first <= one.first and one.stop <= stop for one in beside.stretches):
+    if beside is None or all(first <= x.first and x.stop <= stop for x in beside.stretches):
         return trace
     # Each part has the corner that errs least there, so far out as the filter reaches.
     reach = fading_samples(trace.model_filter)
-    parts = (*(one.stretch for one in part.found), *beside.stretches)
-    found = [FoundStretch(one, one.first - reach - 1.0, one.stop + reach + 1.0) for one in parts]
-    seen, own = _driven(seen, found, slice(None), options)
+    parts = (*(part_of.stretch for part_of in part.found), *beside.stretches)
+    parts_of = [FoundStretch(x, x.first - reach - 1.0, x.stop + reach + 1.0) for x in parts]
+    seen, own = _driven(seen, parts_of, slice(None), options)
     whole = replace(
         whole, force=seen.force, model_filter=seen.model_filter, drive=own.part(slice(None), centre)
     )

@@ -112,18 +112,18 @@ def peak_velocity_forces(
     starts, stops = fast[is_first], fast[np.append(is_first[1:], True)]
     halves = 0.25 * median(stops - starts + 1)
     middles = (0.5 * (starts + stops))[stops - starts + 1 >= halves]
-    few = [np.arange(math.ceil(one - halves), math.floor(one + halves) + 1) for one in middles]
+    few = [np.arange(math.ceil(m - halves), math.floor(m + halves) + 1) for m in middles]
     at = np.clip(np.concatenate(few), 0, len(speed) - 1)
-    which = np.repeat(np.arange(len(few)), [len(one) for one in few])
+    which = np.repeat(np.arange(len(few)), [len(places) for places in few])
     offsets = (at - middles[which]) / max(halves, 1.0)
     n_places = len(set(offsets.round(3).tolist()))  # np.unique would load numpy.ma
     powers = np.vander(offsets, min(3, n_places), increasing=True)
     rows = np.vstack([speed[at], signals[:, at]])
-    found = np.linalg.lstsq(powers, rows.T, rcond=None)[0]
-    left_over = rows - (powers @ found).T
+    parabolas = np.linalg.lstsq(powers, rows.T, rcond=None)[0]
+    left_over = rows - (powers @ parabolas).T
     counts = np.bincount(which)
     means = np.array([np.bincount(which, row) for row in left_over[1:]])[:, counts > 0]
     means /= counts[counts > 0]
     n = means.shape[1]
     errors = np.std(means, axis=1, ddof=1) / math.sqrt(n) if n > 1 else nothing
-    return float(found[0, 0]), found[0, 1:], errors
+    return float(parabolas[0, 0]), parabolas[0, 1:], errors

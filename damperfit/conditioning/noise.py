@@ -40,26 +40,29 @@ def noise_floor(trace: Trace) -> float:
     if not variance > 0.0:
         return math.nan
     noise = 0.0
-    for one in trace.stretches:
+    for segment in trace.stretches:
         # `with_noise` has folded the cycles already; three times a log was a tenth of conditioning.
-        is_known = one.noise_source == _BY_CYCLES and one.n_cycles > 1
-        scatter = one.noise**2 if is_known else _scatter_between_cycles(trace, one)
+        is_known = segment.noise_source == _BY_CYCLES and segment.n_cycles > 1
+        scatter = segment.noise**2 if is_known else _scatter_between_cycles(trace, segment)
         # A log of a single cycle and no more is not called known by its spectrum alone.
-        is_single = one.n_cycles == 1 and len(trace.stretches) == 1
-        noise += one.n_samples * (scatter if is_single or math.isfinite(scatter) else one.noise**2)
+        is_single = segment.n_cycles == 1 and len(trace.stretches) == 1
+        scatter = scatter if is_single or math.isfinite(scatter) else segment.noise**2
+        noise += segment.n_samples * scatter
     return 100.0 * noise / trace.n_samples / variance
 
 
 def with_noise(trace: Trace, left_out: FloatArray) -> Trace:
     """Return a trace with the noise of each stretch, of some by what the filter has left out."""
     stretches, design = [], trace.model_filter
-    for one in trace.stretches:
-        noise, source = math.sqrt(_scatter_between_cycles(trace, one)), _BY_CYCLES
+    for segment in trace.stretches:
+        noise, source = math.sqrt(_scatter_between_cycles(trace, segment)), _BY_CYCLES
         if not math.isfinite(noise) and len(left_out):
             passed = float(np.sum(impulse_of(design, settling_samples(design) + 1) ** 2))
-            noise, source = noise_of(left_out[one.window]) * math.sqrt(passed), "above the filter"
-        is_known = math.isfinite(noise) or len(left_out)
-        stretches.append(replace(one, noise=noise, noise_source=source) if is_known else one)
+            noise = noise_of(left_out[segment.window]) * math.sqrt(passed)
+            source = "above the filter"
+        if math.isfinite(noise) or len(left_out):
+            segment = replace(segment, noise=noise, noise_source=source)  # noqa: PLW2901
+        stretches.append(segment)
     return replace(trace, stretches=tuple(stretches))
 
 

@@ -83,8 +83,8 @@ def held_shares(trace: Trace, forces: FloatArray) -> tuple[float, ...]:
     NaN where none passes that speed both ways.
     """
     shares = []
-    for one, place in zip(trace.stretches, trace.places, strict=True):
-        v, part = trace.velocity[one.window], forces[:, place]
+    for segment, place in zip(trace.stretches, trace.places, strict=True):
+        v, part = trace.velocity[segment.window], forces[:, place]
         slow = (_SLOW * float(max(v.max(), -v.min())),)
         out, into = in_both_strokes(v, part, slow)[1][:, 1, 0]
         shares.append((out - into) / np.maximum(np.ptp(part, axis=1), 1e-300))
@@ -176,8 +176,8 @@ def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> For
         return whole
     # The motion that hides it least tells the level: valves that open below a tenth of the highest
     # speed look like a level there. The curvature is that of all of them.
-    alone = (replace(trace, stretches=(one,)) for one in trace.stretches)
-    clearest = min((_level_of(one, gas, corner) for one in alone), key=lambda level: level.doubt)
+    alone = (replace(trace, stretches=(segment,)) for segment in trace.stretches)
+    clearest = min((_level_of(log, gas, corner) for log in alone), key=lambda level: level.doubt)
     curvature = {name: getattr(whole, name) for name in ("rebound_curvature", "bump_curvature")}
     return clearest._replace(**curvature)
 
@@ -198,9 +198,9 @@ def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
     sizes, ways = np.linalg.eigh(columns @ columns.T)
     is_there = np.abs(sizes) > _MADE_UP * np.abs(sizes).max()
     inverse = (ways[:, is_there] / sizes[is_there]) @ ways[:, is_there].T
-    found = inverse @ (columns @ f)
-    found += inverse @ (columns @ (f - found @ columns))
-    constant, rebound, bump = float(found[0]), float(found[5]), -float(found[6])
+    solution = inverse @ (columns @ f)
+    solution += inverse @ (columns @ (f - solution @ columns))
+    constant, rebound, bump = float(solution[0]), float(solution[5]), -float(solution[6])
     # Force and displacement at the ends of rebound and of bump.
     before, part, is_out = reversals(v)
     (force_out, force_in), (x_out, x_in) = (
@@ -210,8 +210,8 @@ def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
     hysteresis = 0.5 * abs(force_out - force_in)
     curved = mean_of(gas_force(gas, np.array([x_out, x_in]))) + gas.force
     at_reversals = float(np.mean([force_out, force_in])) - curved
-    sizes = np.array([one.n_samples for one in trace.stretches], dtype=np.float64)
-    rates = np.array([one.frequency for one in trace.stretches])
+    sizes = np.array([segment.n_samples for segment in trace.stretches], dtype=np.float64)
+    rates = np.array([segment.frequency for segment in trace.stretches])
     frequency = float(sizes @ rates / np.sum(sizes))
     # What a filter that passes few harmonics may take.
     lost = _OF_HARMONICS * max(frequency / corner - 1.0 / _ENOUGH_HARMONICS, 0.0)
@@ -416,11 +416,11 @@ def _doubtful(level: ForceLevel, *, is_declared: bool) -> Signs:
 
 def reversed_in(recording: Recording, trace: Trace) -> list[str]:
     """Return the channels of a log that count bump positive, as declared or as found."""
-    found = {one.name for one in trace.findings if one.is_correction}
+    corrected = {finding.name for finding in trace.findings if finding.is_correction}
     return [
         name
         for name in _CHANNELS
-        if getattr(recording, f"reverse_{name}") or f"{name}_polarity" in found
+        if getattr(recording, f"reverse_{name}") or f"{name}_polarity" in corrected
     ]
 
 

@@ -115,27 +115,27 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
         motion = _Motion(name, log, options)
     except ConditioningError as error:
         raise ConditioningError(f"{error}", subject=name, code="no-cycles") from None
-    one = _one_run(motion) if motion.is_one_run else None
-    if one and _n_cycles(one.found) >= MIN_CYCLES:
-        return one
-    found, n_found, cycles = _steady_runs(motion), motion.n_cycles, motion.cycles
-    if not found:
+    single = _one_run(motion) if motion.is_one_run else None
+    if single and _n_cycles(single.found) >= MIN_CYCLES:
+        return single
+    parts, n_found, cycles = _steady_runs(motion), motion.n_cycles, motion.cycles
+    if not parts:
         # Noise of a sensor at rest is no motion: nearly all of its speed is far up.
         corner = min(0.5 * options.declared_corner, 0.1 / log.interval)
         if content_beyond(motion.seen.displacement, log.interval, corner) <= _NOISE:
-            found = _moving(motion)
-    several = _kept(motion.seen, found, n_found, None) if found else None
-    is_moving = bool(found) and found[0].stretch.kind == "moving"
-    if one is None:
+            parts = _moving(motion)
+    several = _kept(motion.seen, parts, n_found, None) if parts else None
+    is_moving = bool(parts) and parts[0].stretch.kind == "moving"
+    if single is None:
         if several and is_moving:
             return several
-        if several and len(found) > 1:
-            return _continued(motion, found, n_found, None) or several
-        one = _one_run(motion)
+        if several and len(parts) > 1:
+            return _continued(motion, parts, n_found, None) or several
+        single = _one_run(motion)
     # A run between its breaks may have more cycles than behind a run-in and edges.
-    is_longer = len(found) == 1 and not is_moving and n_found >= MIN_CYCLES
-    if one and not (is_longer and _n_cycles(found) > _n_cycles(one.found)):
-        return one
+    is_longer = len(parts) == 1 and not is_moving and n_found >= MIN_CYCLES
+    if single and not (is_longer and _n_cycles(parts) > _n_cycles(single.found)):
+        return single
     if cycles and cycles.n_found >= MIN_CYCLES:
         longer = _continued(motion, (), cycles.n_found, cycles)
         if longer:
@@ -147,20 +147,20 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     return several
 
 
-def _n_cycles(found: tuple[FoundStretch, ...]) -> int:
-    return sum(one.stretch.n_cycles for one in found)
+def _n_cycles(parts: tuple[FoundStretch, ...]) -> int:
+    return sum(part.stretch.n_cycles for part in parts)
 
 
 def _kept(
-    seen: FilteredLog, found: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
+    seen: FilteredLog, parts: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
 ) -> ComparedPart:
     """Add what the model runs through: from where the motion begins, or a cycle before."""
-    first, last = found[0].stretch, found[-1].stretch
-    ahead = first.first - math.floor(max(found[0].begin, 0.0))
+    first, last = parts[0].stretch, parts[-1].stretch
+    ahead = first.first - math.floor(max(parts[0].begin, 0.0))
     if cycles is not None:
         ahead = math.ceil(cycles.period) + 1
     keep = slice(max(0, first.first - seen.edge - ahead), last.stop + seen.edge + 2)
-    return ComparedPart(seen, found, n_found, cycles, keep)
+    return ComparedPart(seen, parts, n_found, cycles, keep)
 
 
 def _one_run(motion: _Motion) -> ComparedPart | None:
@@ -172,21 +172,21 @@ def _one_run(motion: _Motion) -> ComparedPart | None:
         return None
     assert cycles is not None
     _refuse_fast(motion, cycles)
-    found = (FoundStretch(_steady_stretch(starts, motion.seen, cycles.amplitude)),)
+    parts = (FoundStretch(_steady_stretch(starts, motion.seen, cycles.amplitude)),)
     longer = None
-    if _n_cycles(found) < MIN_CYCLES:
-        longer = _continued(motion, found, cycles.n_found, cycles)
-    return longer or _kept(motion.seen, found, cycles.n_found, cycles)
+    if _n_cycles(parts) < MIN_CYCLES:
+        longer = _continued(motion, parts, cycles.n_found, cycles)
+    return longer or _kept(motion.seen, parts, cycles.n_found, cycles)
 
 
 def _continued(
-    motion: _Motion, found: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
+    motion: _Motion, parts: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
 ) -> ComparedPart | None:
     """Return what is compared when the log is continued by its cycles; None where no more is."""
     log, options = motion.log, motion.options
     begin, end = ends_in_motion(log.displacement, options.steadiness)
-    at_begin = found[0].stretch.n_cycles if found and math.isinf(found[0].begin) else 0
-    at_end = found[-1].stretch.n_cycles if found and math.isinf(found[-1].end) else 0
+    at_begin = parts[0].stretch.n_cycles if parts and math.isinf(parts[0].begin) else 0
+    at_end = parts[-1].stretch.n_cycles if parts and math.isinf(parts[-1].end) else 0
     begin = begin if at_begin < MIN_CYCLES else None
     end = end if at_end < MIN_CYCLES else None
     if begin is None and end is None:
@@ -195,7 +195,7 @@ def _continued(
     logged = None if begin is None else first, None if end is None else stop
     continued = _Motion(motion.name, longer, options, logged)
     more = _steady_runs(continued)
-    if _n_cycles(more) <= _n_cycles(found):
+    if _n_cycles(more) <= _n_cycles(parts):
         return None
     single = None
     if cycles is not None and len(more) == 1:
@@ -217,15 +217,15 @@ def _window(motion: _Motion) -> FloatArray:
     n, h = len(motion.log.force), motion.log.interval
     length = f"the log is {n * h:.3g} s long"
     if cycles is None or cycles.n_found < MIN_CYCLES:
-        found, longest = motion.n_cycles * (motion.n_cycles < MIN_CYCLES), 0.0
+        n_cycles, longest = motion.n_cycles * (motion.n_cycles < MIN_CYCLES), 0.0
         if cycles is not None:
-            found, longest = cycles.n_found, cycles.period
-        elif found > 1:
+            n_cycles, longest = cycles.n_found, cycles.period
+        elif n_cycles > 1:
             longest = float(motion.turns.period.max())
         needed = f" ({MIN_CYCLES * longest * h:.3g} s)" if longest else ""
         stroke = 1e3 * float(np.ptp(motion.log.displacement))
         raise ConditioningError(
-            f"found {found} whole steady cycle{'s' * (found != 1)} in the displacement "
+            f"found {n_cycles} whole steady cycle{'s' * (n_cycles != 1)} in the displacement "
             f"(it spans {stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{needed}; "
             "record a longer log",
             subject=motion.name,
@@ -281,20 +281,20 @@ def _refuse_fast(motion: _Motion, cycles: Cycles) -> None:
 
 def _steady_runs(motion: _Motion) -> tuple[FoundStretch, ...]:
     """Return the steady runs of a log in order of time; none where hardly anything repeats."""
-    found: list[FoundStretch] = []
+    parts: list[FoundStretch] = []
     for run in motion.runs if motion.repeats else ():
         part = _of_run(run, motion)
         if part is None:
             continue
-        if found:
-            first, stop = part.stretch.first, found[-1].stretch.stop
+        if parts:
+            first, stop = part.stretch.first, parts[-1].stretch.stop
             if stop - first > 2.0 * _ROUNDING * run.period + 1.0:
                 # Two runs may both claim the cycle that leads over from one to the other.
-                part = max(part, found.pop(), key=lambda each: each.stretch.n_samples)
+                part = max(part, parts.pop(), key=lambda each: each.stretch.n_samples)
             else:  # the same passage may be a little off in both
                 part = part._replace(stretch=replace(part.stretch, first=max(first, stop)))
-        found.append(part)
-    return tuple(found)
+        parts.append(part)
+    return tuple(parts)
 
 
 def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
@@ -403,7 +403,7 @@ def _moving(motion: _Motion) -> tuple[FoundStretch, ...]:
     fastest = percentiles(np.abs(seen.velocity), 99.0)[0]
     starts, stops = _moving_parts(seen.velocity, _SLOW * fastest, interval)
     pause = round(_PAUSE / interval)
-    found = []
+    parts = []
     for start, end in zip(starts.tolist(), stops.tolist(), strict=True):
         # The log's own ends: a turn there is no rest.
         low = 0 if start == starts[0] <= pause else start
@@ -420,8 +420,8 @@ def _moving(motion: _Motion) -> tuple[FoundStretch, ...]:
             n_turns = max(int(np.count_nonzero((inside >= first) & (inside < stop))), 1)
             stretch = _moving_stretch(seen, first, stop, interval, n_turns)
             begin = -math.inf if low == 0 else float(low)
-            found.append(FoundStretch(stretch, begin, math.inf if high == n else float(high)))
-    return tuple(found)
+            parts.append(FoundStretch(stretch, begin, math.inf if high == n else float(high)))
+    return tuple(parts)
 
 
 # The part of a log that nobody fits: run-up, coast-down, changes of speed.
@@ -458,17 +458,17 @@ def transients(trace: Trace) -> Trace | None:
         counts[stretch.window] = False
     if not _lasting(counts, seen.interval):  # most logs: no look at each passage
         return None
-    found = []
+    parts = []
     for first, stop in _lasting(counts & ~_is_steady(seen), seen.interval):
         n_turns = int(np.count_nonzero(np.diff(np.signbit(seen.velocity[first:stop]))))
         stretch = _moving_stretch(seen, first, stop, seen.interval, n_turns)
         if stretch.amplitude >= _MOVES * longest:
-            found.append(stretch)
-    if not found:
+            parts.append(stretch)
+    if not parts:
         return None
     names = ("name", "setting", "gas_pressure", "temperature", "findings")
     of_trace = {name: getattr(trace, name) for name in names}
-    return replace(seen, **of_trace, stretches=tuple(found), whole=None)
+    return replace(seen, **of_trace, stretches=tuple(parts), whole=None)
 
 
 def _lasting(counts: BoolArray, interval: float) -> list[tuple[int, int]]:

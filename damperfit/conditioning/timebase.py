@@ -70,8 +70,8 @@ def make_uniform(recording: Recording) -> UniformLog:
     if is_even or is_rounded:
         start = float(recording.time[0]) + offset
         text = f"time stamps are rounded to {rounding:g} s; sampled at {1.0 / interval:.6g} Hz"
-        found = () if is_even else (Finding("rounded_time", "note", text, rounding, "s"),)
-        return UniformLog(start, interval, recording.displacement, recording.force, found)
+        findings = () if is_even else (Finding("rounded_time", "note", text, rounding, "s"),)
+        return UniformLog(start, interval, recording.displacement, recording.force, findings)
 
     from scipy.interpolate import CubicSpline
 

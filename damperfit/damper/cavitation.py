@@ -70,29 +70,31 @@ def describe_cavitation(
     its empty chamber is no evidence, and nothing is advised against it.
     """
     sentences = []
-    for setting, one in sorted((s, one) for s, one in settings.items() if one.fraction > 0.0):
-        text = f"setting {setting}: {_share(one.fraction)} of the cycle with chamber {one.chamber} "
-        text += f"at zero pressure, from {one.moment}"
+    for setting, state in sorted(settings.items()):
+        if not state.fraction > 0.0:
+            continue
+        text = f"setting {setting}: {_share(state.fraction)} of the cycle with chamber "
+        text += f"{state.chamber} at zero pressure, from {state.moment}"
         if setting in doubted:
             text += "; the model does not match these logs, so the damper itself may be full"
-        elif not math.isnan(one.safe_gas_pressure):
-            text += f"; it takes a gas pressure of {one.safe_gas_pressure / 1e5:.2f} bar absolute"
-            if not math.isnan(one.r_m3_margin):
-                text += f", or R_m3 lower by {_share(-one.r_m3_margin)},"
+        elif not math.isnan(state.safe_gas_pressure):
+            text += f"; it takes a gas pressure of {state.safe_gas_pressure / 1e5:.2f} bar absolute"
+            if not math.isnan(state.r_m3_margin):
+                text += f", or R_m3 lower by {_share(-state.r_m3_margin)},"
             text += " to keep it full"
         sentences.append(text)
-    full = {setting: one for setting, one in settings.items() if one.fraction == 0.0}
+    full = {setting: state for setting, state in settings.items() if state.fraction == 0.0}
     if full:  # by the one that is nearest to it
-        setting, one = min(full.items(), key=lambda item: item[1].lowest_pressure)
+        setting, state = min(full.items(), key=lambda item: item[1].lowest_pressure)
         text = (
             f"{'elsewhere none does' if sentences else 'no chamber cavitates'}; lowest pressure "
-            f"{one.lowest_pressure / 1e5:.2f} bar absolute, in chamber {one.chamber} of setting "
-            f"{setting}, at {one.moment}"
+            f"{state.lowest_pressure / 1e5:.2f} bar absolute, in chamber {state.chamber} of "
+            f"setting {setting}, at {state.moment}"
         )
-        if not math.isnan(one.r_m3_margin + one.safe_gas_pressure):
+        if not math.isnan(state.r_m3_margin + state.safe_gas_pressure):
             text += (
-                f"; there R_m3 may rise by {_share(one.r_m3_margin)}, or the gas pressure "
-                f"fall to {one.safe_gas_pressure / 1e5:.2f} bar absolute, until a chamber "
+                f"; there R_m3 may rise by {_share(state.r_m3_margin)}, or the gas pressure "
+                f"fall to {state.safe_gas_pressure / 1e5:.2f} bar absolute, until a chamber "
                 "cavitates on this motion"
             )
         sentences.append(text)
@@ -148,7 +150,7 @@ def examine_cavitation(
     line = max(float(np.max(nearness)), 1e-300)
     # The motion that leads there: of steady cycles the last, and as much before as it takes to
     # forget the start.
-    stretch = next(one for one in trace.stretches if one.first <= moment < one.stop)
+    stretch = next(segment for segment in trace.stretches if segment.first <= moment < segment.stop)
     first, n = 0, stretch.n_samples
     if stretch.n_cycles:
         n = round(n / stretch.n_cycles)

@@ -258,7 +258,7 @@ class Valve:
         """Return its passages; a bleed lets oil back, a blow-off does not."""
         bleed = Passage.of_parts(start, end, stroke, BLEEDS[self.bleed], is_two_way=is_two_way)
         blow_off = Passage.of_parts(start, end, stroke, BLOW_OFFS[self.blow_off])
-        return tuple(one for one in (bleed, blow_off) if any(one.numbers))
+        return tuple(passage for passage in (bleed, blow_off) if any(passage.numbers))
 
 
 @lru_cache(maxsize=8)  # a fit asks for it at every simulation

@@ -101,13 +101,13 @@ def quasi_static(
     if values.quantities != damper.quantities and values.names == damper.names:
         # Those of an older run do not say what is ideal.
         values = damper.values(dict(values))
-    offsets = [one.name for one in values.quantities if one.is_offset]
+    offsets = [quantity.name for quantity in values.quantities if quantity.is_offset]
     gas = damper.rest_force(displacement)
     # Where the model knows no gas the rig's offset holds the gas force, and stays in any case.
     is_out = dict.fromkeys(offsets, 0.0) if gas is not None and not with_tare else {}
-    is_out |= {one.name: one.ideal for one in damper.quantities if one.ideal is not None}
+    is_out |= {q.name: q.ideal for q in damper.quantities if q.ideal is not None}
     ideal = values.replace(is_out)
-    seals = [one.name for one in values.quantities if one.role == FRICTION]
+    seals = [quantity.name for quantity in values.quantities if quantity.role == FRICTION]
     seals += [name for name in _FRICTION_PARTS if name in values.names]
     wanted = tuple(dict.fromkeys((*(n for n in sensitivities if n not in is_out), *seals)))
     forces, pressures = np.empty(len(asked)), np.empty((3, len(asked)))

@@ -29,7 +29,7 @@ class Step(Motion):
 
 def without_rig(values: Values) -> Values:
     """Return the values of the damper alone, as it is in a car: without mounting and tare."""
-    rig = [one.name for one in values.quantities if one.scope == RIG or one.is_offset]
+    rig = [q.name for q in values.quantities if q.scope == RIG or q.is_offset]
     return values.replace(dict.fromkeys({*rig, *OF_LOAD_CELL}.intersection(values.names), 0.0))
 
 

@@ -85,7 +85,7 @@ class WithTemperature(Model):
     @property
     def viscous(self) -> tuple[str, ...]:
         """Names of what follows the temperature."""
-        return tuple(one.name for one in self.damper.quantities if one.role == VISCOUS)
+        return tuple(q.name for q in self.damper.quantities if q.role == VISCOUS)
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -123,8 +123,8 @@ class WithTemperature(Model):
 
     def _above(self, temperature: float | None) -> float:
         """Return how far a temperature is above T_ref, K."""
-        told = self.temperature if temperature is None else temperature
-        return 0.0 if told is None or math.isnan(self.reference) else told - self.reference
+        known = self.temperature if temperature is None else temperature
+        return 0.0 if known is None or math.isnan(self.reference) else known - self.reference
 
     def simulate(
         self, values: Values, motion: Motion, *, sensitivities: Names, options: SolverOptions
@@ -147,8 +147,8 @@ class WithTemperature(Model):
     def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
         """Return where the damper itself would start; the temperature does nothing there."""
         own = {name: value for name, value in fixed.items() if name != BETA.name}
-        beta = fixed.get(BETA.name, 0.0)
-        return tuple(self.values(dict(one), beta=beta) for one in self.damper.start(traces, own))
+        beta, starts = fixed.get(BETA.name, 0.0), self.damper.start(traces, own)
+        return tuple(self.values(dict(start), beta=beta) for start in starts)
 
     def further_starts(
         self, start: Values, traces: Sequence[Trace], free: Names

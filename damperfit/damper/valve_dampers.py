@@ -417,7 +417,7 @@ class DeclaredNetwork(ValveDamper):
     def __post_init__(self) -> None:
         """Refuse what is no damper."""
         Cylinder.__post_init__(self)
-        ends, code, fault = [{one.start, one.end} for one in self.passages], "bad-passage", ""
+        ends, code, fault = [{p.start, p.end} for p in self.passages], "bad-passage", ""
         if self.floating_piston and {2, 3} in ends:
             place = ends.index({2, 3}) + 1
             fault = f"passage {place} joins 2 and 3, which are one behind a floating piston"
@@ -440,14 +440,14 @@ class DeclaredNetwork(ValveDamper):
     def valves_said(self) -> str:
         """Its passages in words."""
         return ", ".join(
-            f"{one.start} to {one.end}{' and back' * one.is_two_way} {one.name} ({one.law})"
-            for one in self.passages
+            f"{p.start} to {p.end}{' and back' * p.is_two_way} {p.name} ({p.law})"
+            for p in self.passages
         )
 
     @property
     def _preset(self) -> ValveDamper:
         """The preset that presses alike: from its loops the valves are read."""
-        joins_both = any({one.start, one.end} == {1, 2} for one in self.passages)
+        joins_both = any({passage.start, passage.end} == {1, 2} for passage in self.passages)
         kind = Monotube if self.floating_piston else TwinTube if joins_both else ThroughFlow
         return kind(
             **{name: getattr(self, name) for name in (*VALVE_RANGES, "mounting", "friction")}

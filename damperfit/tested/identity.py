@@ -58,7 +58,7 @@ class Identity:
         return identity_sentence(self.describe())
 
 
-IDENTITY_KEYS = tuple(one.name for one in fields(Identity) if one.name != "more")
+IDENTITY_KEYS = tuple(field.name for field in fields(Identity) if field.name != "more")
 
 
 def identity_sentence(stated: Mapping[str, str]) -> str:
@@ -84,11 +84,11 @@ def identity_in(metadata: Mapping[str, str]) -> Identity:
     'serial 1234; rig: hall 2'
     """
     words = {_plain(key): value for key, value in metadata.items()}
-    found: dict[str, Any] = {}
+    facts: dict[str, Any] = {}
     for key, known in _WORDS.items():
         stated = next((words[word] for word in known if words.get(word, "").strip()), "")
-        found[key] = " ".join(stated.split())[:_LONGEST]
-    return Identity(**found)
+        facts[key] = " ".join(stated.split())[:_LONGEST]
+    return Identity(**facts)
 
 
 def common_identity(identities: Iterable[Identity]) -> Identity:
@@ -100,7 +100,7 @@ def common_identity(identities: Iterable[Identity]) -> Identity:
         more = f" and {len(distinct) - _MANY} more" if len(distinct) > _MANY else ""
         return ", ".join(distinct[:_MANY]) + more
 
-    named = {key: listed(getattr(one, key) for one in known) for key in IDENTITY_KEYS}
-    others = dict.fromkeys(name for one in known for name, _ in one.more)
-    more = tuple((name, listed(dict(one.more).get(name, "") for one in known)) for name in others)
+    named = {key: listed(getattr(value, key) for value in known) for key in IDENTITY_KEYS}
+    others = dict.fromkeys(name for value in known for name, _ in value.more)
+    more = tuple((name, listed(dict(x.more).get(name, "") for x in known)) for name in others)
     return Identity(**named, more=more)

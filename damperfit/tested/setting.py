@@ -190,10 +190,10 @@ def adjuster_of(word: str) -> str:
 
 def letters_of(label: str) -> list[str]:
     """Return the letters of a label that is letters with numbers throughout; none of another."""
-    one = r"([^\W\d_]{1,4})[ _=:]?[+-]?\d+(?:\.\d+)?"
-    if not re.fullmatch(rf"(?:{one}[ _,;/|-]*)+", label):
+    pattern = r"([^\W\d_]{1,4})[ _=:]?[+-]?\d+(?:\.\d+)?"
+    if not re.fullmatch(rf"(?:{pattern}[ _,;/|-]*)+", label):
         return []
-    return [found.casefold() for found in re.findall(one, label)]
+    return [letters.casefold() for letters in re.findall(pattern, label)]
 
 
 def _adjuster_by_word(adjusters: Sequence[str]) -> dict[str, str]:
@@ -203,7 +203,7 @@ def _adjuster_by_word(adjusters: Sequence[str]) -> dict[str, str]:
     other words of its stroke, as bump for compression.
     """
     shorts = short_names(adjusters)
-    found: dict[str, str] = {}
+    adjuster_by_word: dict[str, str] = {}
     for pairs in (
         [(name.casefold(), name) for name in adjusters],
         [(shorts[name].casefold(), name) for name in adjusters],
@@ -213,8 +213,8 @@ def _adjuster_by_word(adjusters: Sequence[str]) -> dict[str, str]:
         counts = Counter(word for word, _ in pairs)
         # A word of two adjusters names neither, nor does it name a third.
         for word, name in pairs:
-            found.setdefault(word, name if counts[word] == 1 else "")
-    return {word: name for word, name in found.items() if name}
+            adjuster_by_word.setdefault(word, name if counts[word] == 1 else "")
+    return {word: name for word, name in adjuster_by_word.items() if name}
 
 
 # Labels.
@@ -264,7 +264,7 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
         lettered = [match for part in parts if (match := _LETTERED.fullmatch(part))]
         if len(lettered) == len(parts):
             raise ValueError(
-                f"the letters {', '.join(one[1] or one[2] for one in lettered)} name none of the "
+                f"the letters {', '.join(m[1] or m[2] for m in lettered)} name none of the "
                 f"adjusters {', '.join(adjusters)}, or several; expected {_example(adjusters)}, or "
                 "names in [adjusters] that begin with these letters"
             )
@@ -294,8 +294,8 @@ def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str]:
         rf"(?<![^\W\d_])({known})(?:\s*[=:]\s*([^\s,;/|]+)|[\s_]*([+-]?\d+(?:\.\d+)?))",
         re.IGNORECASE,
     )
-    found = [(m[1].casefold(), m[2] or m[3]) for m in mark.finditer(text)]
-    if len(found) < len(adjusters):
+    pairs = [(m[1].casefold(), m[2] or m[3]) for m in mark.finditer(text)]
+    if len(pairs) < len(adjusters):
         # As in 12r/8c: the number first.
         ahead = re.compile(
             rf"(?<![\w.])([+-]?\d+(?:\.\d+)?) ?({known})(?![^\W_])|"
@@ -303,10 +303,10 @@ def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str]:
             re.IGNORECASE,
         )
         turned = [((m[2] or m[4]).casefold(), m[1] or m[3]) for m in ahead.finditer(text)]
-        found = turned if len(turned) == len(adjusters) else found
-    if len({names[word] for word, _ in found}) < len(found):
+        pairs = turned if len(turned) == len(adjusters) else pairs
+    if len({names[word] for word, _ in pairs}) < len(pairs):
         raise ValueError("one adjuster is named twice")
-    return {names[word]: place for word, place in found}
+    return {names[word]: place for word, place in pairs}
 
 
 def _example(adjusters: Sequence[str]) -> str:
@@ -327,14 +327,14 @@ class SettingLine(NamedTuple):
     @property
     def numbers(self) -> Mapping[Setting, float]:
         """Where each setting stands on the line."""
-        return {one: float(one.place(self.adjuster)) for one in self.settings}
+        return {setting: float(setting.place(self.adjuster)) for setting in self.settings}
 
 
 def clicks_between(first: Setting | Place, second: Setting | Place) -> float | None:
     """Return by how many clicks the only adjuster that differs does; None where there is none."""
-    one, other = Setting.of(first), Setting.of(second)
-    turned = [name for name in one.adjusters if one.place(name) != other.place(name)]
-    ends = [side.number(name) for name in turned for side in (one, other)]
+    here, other = Setting.of(first), Setting.of(second)
+    turned = [name for name in here.adjusters if here.place(name) != other.place(name)]
+    ends = [side.number(name) for name in turned for side in (here, other)]
     if len(turned) != 1 or ends[0] is None or ends[1] is None:
         return None
     return ends[1] - ends[0]
@@ -346,13 +346,13 @@ def nearest_setting(wanted: Setting | Place, known: Iterable[Setting]) -> Settin
     Of two alike it is the one that comes first in their order.
     """
 
-    def distance(one: Setting) -> tuple[int, float, Setting]:
-        if one.adjusters != here.adjusters:
-            return len(here.places), 0.0, one
-        ends = [(here.place(name), one.place(name)) for name in here.adjusters]
+    def distance(setting: Setting) -> tuple[int, float, Setting]:
+        if setting.adjusters != here.adjusters:
+            return len(here.places), 0.0, setting
+        ends = [(here.place(name), setting.place(name)) for name in here.adjusters]
         clicks = [abs(a - b) for a, b in ends if not isinstance(a, str) and not isinstance(b, str)]
         words = [a != b for a, b in ends if isinstance(a, str) or isinstance(b, str)]
-        return sum(words), float(sum(clicks)), one
+        return sum(words), float(sum(clicks)), setting
 
     here = Setting.of(wanted)
     return min(known, key=distance, default=None)
@@ -367,7 +367,7 @@ def lines_of(settings: Iterable[Setting | Place]) -> tuple[SettingLine, ...]:
     >>> [(line.adjuster, line.held, len(line.settings)) for line in lines_of([1, 2, 3])]
     [('setting', '', 3)]
     """
-    known = sorted({Setting.of(one) for one in settings})
+    known = sorted({Setting.of(setting) for setting in settings})
     return tuple(_lines(known)) if known else ()
 
 
@@ -375,9 +375,9 @@ def _lines(known: Sequence[Setting]) -> Iterator[SettingLine]:
     adjusters = known[0].adjusters
     for name in adjusters:
         groups: dict[tuple[tuple[str, Place], ...], list[Setting]] = defaultdict(list)
-        for one in known:
-            if one.number(name) is not None:
-                groups[tuple(pair for pair in one.places if pair[0] != name)].append(one)
+        for setting in known:
+            if setting.number(name) is not None:
+                groups[tuple(pair for pair in setting.places if pair[0] != name)].append(setting)
         if len(adjusters) == 1 and not groups:
             yield SettingLine(name, "", ())
         for held, settings in groups.items():

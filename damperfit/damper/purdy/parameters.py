@@ -78,7 +78,7 @@ QUANTITIES = (
     replace(F_0, default=0.0),
 )  # fmt: skip
 
-DAMPER_RANGES = {name: found for name, found in RANGES.items() if name != "gas_volume"}
+DAMPER_RANGES = {name: limits for name, limits in RANGES.items() if name != "gas_volume"}
 
 
 @dataclass(frozen=True, slots=True)
