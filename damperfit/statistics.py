@@ -82,7 +82,7 @@ def student_quantile(freedom: float, share: float) -> float:
     if beyond == 1.0:
         return 0.0
     # t^2 is Fisher's F of one freedom; from the tail, for a share near 1 keeps no digits of it.
-    return math.sqrt(_fisher_beyond(1.0, freedom, beyond))
+    return math.sqrt(math.exp(_where(_fisher_tail(1.0, freedom), beyond, 0.0)))
 
 
 def fisher_chance(above: float, below: float, ratio: float) -> float:
@@ -104,11 +104,6 @@ def chi_squared_quantile(freedom: float, share: float) -> float:
         return _gamma_beyond(half, x, power), power
 
     return math.exp(_where(beyond, 1.0 - share, math.log(freedom)))
-
-
-def _fisher_beyond(above: float, below: float, chance: float) -> float:
-    """What F exceeds by a chance."""
-    return math.exp(_where(_fisher_tail(above, below), chance, 0.0))
 
 
 def _fisher_tail(above: float, below: float) -> Callable[[float], tuple[float, float]]:

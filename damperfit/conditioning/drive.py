@@ -164,7 +164,7 @@ def make_drive(
     rests = [
         (part, level)
         for part, level in dwells_of(log.displacement, log.interval)
-        if any(one.stretch.first < part.stop and part.start < one.stretch.stop for one in parts_of)
+        if any(run.stretch.first < part.stop and part.start < run.stretch.stop for run in parts_of)
     ]
     if not rests:
         return drive

@@ -127,8 +127,8 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     log = without_delay(logged, delay) if delay else logged
     part = choose_compared(recording.name, log, options)
     keep, displacement = part.keep, part.seen.displacement
-    seen, drive = _driven(part.seen, part.found, keep, options)
-    stretches = [part_of.stretch for part_of in part.found]
+    seen, drive = _driven(part.seen, part.parts, keep, options)
+    stretches = [part_of.stretch for part_of in part.parts]
     sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
     middle = part.cycles.centre if part.cycles else _middle_of(displacement, stretches)
     centre = middle if options.centre is None else sign * options.centre
@@ -213,7 +213,7 @@ def _with_whole(
         return trace
     # Each part has the corner that errs least there, so far out as the filter reaches.
     reach = fading_samples(trace.model_filter)
-    parts = (*(part_of.stretch for part_of in part.found), *beside.stretches)
+    parts = (*(part_of.stretch for part_of in part.parts), *beside.stretches)
     parts_of = [FoundStretch(x, x.first - reach - 1.0, x.stop + reach + 1.0) for x in parts]
     seen, own = _driven(seen, parts_of, slice(None), options)
     whole = replace(

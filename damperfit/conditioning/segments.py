@@ -62,7 +62,7 @@ class ComparedPart(NamedTuple):
     """What is compared of a log."""
 
     seen: FilteredLog  # may be longer than what was logged
-    found: tuple[FoundStretch, ...]
+    parts: tuple[FoundStretch, ...]
     n_found: int  # whole cycles
     cycles: Cycles | None  # None where the log is no single steady run
     keep: slice  # samples that the model runs through
@@ -116,7 +116,7 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     except ConditioningError as error:
         raise ConditioningError(f"{error}", subject=name, code="no-cycles") from None
     single = _one_run(motion) if motion.is_one_run else None
-    if single and _n_cycles(single.found) >= MIN_CYCLES:
+    if single and _n_cycles(single.parts) >= MIN_CYCLES:
         return single
     parts, n_found, cycles = _steady_runs(motion), motion.n_cycles, motion.cycles
     if not parts:
@@ -134,7 +134,7 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
         single = _one_run(motion)
     # A run between its breaks may have more cycles than behind a run-in and edges.
     is_longer = len(parts) == 1 and not is_moving and n_found >= MIN_CYCLES
-    if single and not (is_longer and _n_cycles(parts) > _n_cycles(single.found)):
+    if single and not (is_longer and _n_cycles(parts) > _n_cycles(single.parts)):
         return single
     if cycles and cycles.n_found >= MIN_CYCLES:
         longer = _continued(motion, (), cycles.n_found, cycles)

@@ -105,7 +105,7 @@ def _share(fraction: float) -> str:
     return f"{100.0 * fraction:.2g} %"
 
 
-def seen_cavitation(
+def cavitation_in(
     seen: Sequence[tuple[Trace, Response]],
 ) -> tuple[Cavitation, Trace, Response, int]:
     """Return what the pressures of a setting's logs show, the log of the lowest, and its sample."""
@@ -137,7 +137,7 @@ def examine_cavitation(
 
     The one with the lowest pressure is looked at closely.
     """
-    shown, trace, response, moment = seen_cavitation(seen)
+    shown, trace, response, moment = cavitation_in(seen)
     # Largest (P_3 - P_2)/P_3 of the cycle: 1 at the onset of cavitation, small far from it.
     p_2, p_3 = response.pressures[1:, trace.compared]
     if float(p_2.min()) > 0.0:

@@ -229,10 +229,10 @@ class Model(ABC):
         self, values: Values, seen: Sequence[tuple[Trace, Response]], *, solver: SolverOptions
     ) -> Cavitation:
         """Return whether a chamber was empty in a setting's logs, and how far from it they are."""
-        from damperfit.damper.cavitation import Cavitation, seen_cavitation
+        from damperfit.damper.cavitation import Cavitation, cavitation_in
 
         del values, solver
-        return seen_cavitation(seen)[0] if self.signals else Cavitation()
+        return cavitation_in(seen)[0] if self.signals else Cavitation()
 
     def valve_characteristics(
         self, values: Values, traces: Sequence[Trace]

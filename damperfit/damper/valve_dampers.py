@@ -186,11 +186,11 @@ class ValveDamper(Cylinder):
             f"{1e3 * self.piston_diameter:g} mm, chambers {1e3 * self.chamber_1_length:g} and "
             f"{1e3 * self.chamber_2_length:g} mm, gas {1e6 * self.gas_volume:g} cm3 at "
             f"{self.gas_pressure / 1e5:.5g} bar absolute, exponent {self.gas_exponent:g}, oil "
-            f"{self.oil_density:g} kg/m3; {self.valves_said}"
+            f"{self.oil_density:g} kg/m3; {self.valves_in_words}"
         )
 
     @property
-    def valves_said(self) -> str:
+    def valves_in_words(self) -> str:
         """What its valves are, in words."""
         return ", ".join(
             f"{stroke} {valve.bleed} bleed and {valve.blow_off} blow-off".replace("none ", "no ")
@@ -437,7 +437,7 @@ class DeclaredNetwork(ValveDamper):
         return self._preset.pressed_areas
 
     @property
-    def valves_said(self) -> str:
+    def valves_in_words(self) -> str:
         """Its passages in words."""
         return ", ".join(
             f"{p.start} to {p.end}{' and back' * p.is_two_way} {p.name} ({p.law})"

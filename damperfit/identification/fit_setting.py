@@ -42,7 +42,7 @@ from damperfit.identification.logs import (
     compare,
     inseparable,
     normalised_mse,
-    said_of_speeds,
+    speed_warnings,
 )
 from damperfit.identification.outcome import Outcome, Status, attempted
 from damperfit.identification.sharing import of_settings
@@ -340,7 +340,7 @@ def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
-    warnings = list(said_of_speeds(block.facts, block.free, block.model.quantities))
+    warnings = list(speed_warnings(block.facts, block.free, block.model.quantities))
     if result.failed_trials:
         where = ", ".join(
             f"{quantity.symbol} {getattr(values, quantity.name):.3g}"

@@ -189,7 +189,7 @@ def inseparable(
     return tuple(free) if len(unknown) > _LEVELS and facts.holds_one_speed else ()
 
 
-def said_of_speeds(
+def speed_warnings(
     facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[Problem, ...]:
     """What is to be said of logs that hold one speed, or too few for what is fitted."""

@@ -15,7 +15,7 @@ from damperfit.errors import (
 from damperfit.problem import Failure
 from damperfit.tested.setting import Setting
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 
 class Status(StrEnum):
@@ -90,7 +90,7 @@ class SettingError(SimulationError):
         self.failure = failure
 
 
-def attempted(setting: Setting | None, fit: Callable[[], Found]) -> Found | Failure:
+def attempted(setting: Setting | None, fit: Callable[[], Result]) -> Result | Failure:
     """What a fit of one setting finds (None: of all together), or why it finds nothing."""
     try:
         return fit()

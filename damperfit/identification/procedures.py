@@ -62,8 +62,6 @@ from damperfit.workers import executor, in_copies
 
 # The settings of a campaign fitted side by side; one that cannot be fitted costs itself alone.
 
-SettingFailure = Failure  # of a setting that has no fit
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Campaign:
@@ -71,7 +69,7 @@ class Campaign:
 
     procedure: str  # how they were made
     fits: tuple[Fit, ...]  # by rising setting
-    failures: tuple[SettingFailure, ...] = ()  # settings without a fit, and why
+    failures: tuple[Failure, ...] = ()  # settings without a fit, and why
     warnings: tuple[Problem, ...] = ()
     is_complete: bool = True  # False: the caller asked to stop before every setting was done
     sharing: Sharing = Sharing()  # how the shared parameters were estimated
@@ -143,11 +141,11 @@ def fit_every_setting(
     fit: Callable[[Setting], tuple[Fit, Search | None]],
     warnings: Iterable[Problem] = (),
     *,
-    known: Mapping[Setting, SettingFailure] = MappingProxyType({}),
+    known: Mapping[Setting, Failure] = MappingProxyType({}),
 ) -> Campaign:
     """Run the fit at every setting, side by side; those `known` to have failed are left alone."""
 
-    def of(setting: Setting) -> tuple[Fit, Search | None] | SettingFailure | None:
+    def of(setting: Setting) -> tuple[Fit, Search | None] | Failure | None:
         if setting in known:
             return known[setting]
         try:

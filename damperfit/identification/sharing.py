@@ -178,11 +178,6 @@ class Sharing:
         return unknowns_of((*self.jointly, *GAS_NAMES), self.follows, self.settings)
 
     @property
-    def variables(self) -> tuple[str, ...]:
-        """Labels of the unknowns; of what all settings share, the name."""
-        return tuple(unknown.label for unknown in self.unknowns)
-
-    @property
     def sentence(self) -> str:
         """What follows which adjuster, without a full stop; empty where that was not asked.
 

@@ -28,7 +28,7 @@ _SHOWN_FLOW = 1e-5  # m3/s, at which people are told what a laminar passage cost
 
 
 @dataclass(frozen=True, slots=True)
-class SeenAt:
+class FittedLaw:
     """A law at one setting, as far as sentences say it."""
 
     setting: Setting
@@ -38,13 +38,13 @@ class SeenAt:
     at_bound: tuple[str, ...]
 
 
-def seen_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> dict[str, Any]:
+def described_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> dict[str, Any]:
     """Return what is kept of a choice, with the physics in the numbers of the fits after it.
 
     The search knows its law at a few settings and a coarser tolerance; tables are of the fits.
     """
     fits = [
-        SeenAt(
+        FittedLaw(
             fit.setting,
             model,
             fit.parameters,
@@ -54,7 +54,7 @@ def seen_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> d
     ]
     alike = choice.get("layouts_alike") or ()
     is_told = choice.get("sentences") and not choice.get("doubt")
-    again = physics_seen(fits, alike) if fits and is_told else ()
+    again = physics_sentences(fits, alike) if fits and is_told else ()
     return {**choice, "sentences": list(again)} if again else dict(choice)
 
 
@@ -62,7 +62,9 @@ def _with(status: Mapping[str, Status], wanted: frozenset[Status]) -> tuple[str,
     return tuple(name for name, state in status.items() if state in wanted)
 
 
-def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -> tuple[str, ...]:
+def physics_sentences(
+    fits: Sequence[LawFit | FittedLaw], layouts: Sequence[str] = ()
+) -> tuple[str, ...]:
     """Return one sentence for each part that the law has.
 
     With what the valves' numbers are in layouts that the logs do not tell from its own.
@@ -134,7 +136,7 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
             numbers = _range([1e-9 * value for value in known])
             where = _where(fits, quantity.name)
             sentences.append(f"the bulk modulus of oil and chambers is {numbers} GPa{where}")
-    sentences.extend(_gas_seen(model, fits))
+    sentences.extend(_of_gas(model, fits))
     sentences.extend(
         f"the {q.label} is not determined: none is taken, and the intervals allow for up to "
         f"{2.0 * q.ignorance:.2g} {q.shown_unit}"
@@ -158,7 +160,7 @@ def _elsewhere(
     )
 
 
-def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
+def _of_gas(model: ValveDamper, fits: Sequence[LawFit | FittedLaw]) -> list[str]:
     """Return what a gas volume that was found says of what was declared, if one was found."""
     known = [value for value in _determined(fits, "gas_volume") if value != model.gas_volume]
     if not known:
@@ -177,16 +179,16 @@ def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
     ]
 
 
-def _determined(fits: Sequence[LawFit | SeenAt], name: str) -> list[float]:
+def _determined(fits: Sequence[LawFit | FittedLaw], name: str) -> list[float]:
     """Return the values at the settings whose logs determine it."""
     return [float(getattr(fit.values, name)) for fit in fits if _is_determined(fit, name)]
 
 
-def _is_determined(fit: LawFit | SeenAt, name: str) -> bool:
+def _is_determined(fit: LawFit | FittedLaw, name: str) -> bool:
     return name not in fit.undetermined and name not in fit.at_bound
 
 
-def _where(fits: Sequence[LawFit | SeenAt], name: str) -> str:
+def _where(fits: Sequence[LawFit | FittedLaw], name: str) -> str:
     """Return at which settings that is, where those of the others do not determine it."""
     known = [fit.setting for fit in fits if _is_determined(fit, name)]
     if len(known) == len(fits):

@@ -262,8 +262,6 @@ SEEN_APART = 1.5
 # The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
 _NOTHING_APART = 4.0
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
-# Two predictions this near each other differ by noise.
-NO_WORSE = 1.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -300,11 +298,6 @@ class Tried:
         return self.left_over > 1.0
 
     @property
-    def n_quantities(self) -> int:
-        """Free quantities of one setting."""
-        return len(self.fits[0].free)
-
-    @property
     def at_bound(self) -> tuple[str, ...]:
         """What ran into an edge of its range in every setting."""
         names = set(self.fits[0].at_bound).intersection(*(fit.at_bound for fit in self.fits[1:]))
@@ -323,11 +316,6 @@ class Tried:
         # Where no law can be simulated on what was held out, the fit alone ranks them.
         known = 1.0 if math.isnan(held) else min(held, _NOTHING_PREDICTED)
         return math.log(self.mse_percent) + math.log(known)
-
-
-def predicted_worse(before: Tried, after: Tried) -> bool:
-    """Whether a law predicts worse than before; not where nothing was held out."""
-    return after.held_out_percent > NO_WORSE * before.held_out_percent
 
 
 def times_worse(best: Tried, other: Tried) -> float:

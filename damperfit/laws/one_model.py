@@ -83,7 +83,8 @@ class OneModel(FitProblem):
     def starts(self, at: Mapping[Setting, Values]) -> Iterator[dict[Setting, Values]]:
         """Yield starts: what is common at its mean, then as single settings have it, in turn.
 
-        One setting in a wrong valley, where bleed and blow-off have changed places, spoils a mean.
+        One setting in a wrong local minimum, where bleed and blow-off have changed places, spoils
+        a mean.
         """
         yield self.with_common(at)
         settings, weights = self.settings, self.weights or {}

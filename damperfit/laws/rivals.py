@@ -122,7 +122,7 @@ def unbelievable(law: Tried) -> str:
     return ""
 
 
-def yielding_seen(search: LawSearch, fits: Sequence[LawFit]) -> tuple[str, ...]:
+def yielding_sentences(search: LawSearch, fits: Sequence[LawFit]) -> tuple[str, ...]:
     """Return what is told of a damper that yields; nothing of one whose valves are told."""
     model = fits[0].model
     up_to = "up to " if search.is_held_by_some else ""

@@ -71,7 +71,6 @@ from damperfit.laws.law_fit import (
     descended,
     fit_at,
     fit_law,
-    predicted_worse,
     times_worse,
 )
 from damperfit.laws.one_model import OneModel
@@ -131,6 +130,8 @@ _END = Stopping(cost_tolerance=1e-3, step_tolerance=_STEP, max_evaluations=40, r
 _LEAST = 2e-6
 # The first fit of a layout that did so many times worse is not followed up.
 _FAR_WORSE = 8.0
+# Two predictions this near each other differ by noise.
+_NO_WORSE = 1.1
 # A setting that was not compared is missed where it leaves so many times what is usual.
 _MISSED, _MOST_MISSED = 4.0, 2
 
@@ -295,7 +296,7 @@ class _Search:
             own = near.values[setting]
             if "breakaway" in own.names and "breakaway" not in structure.damper.names:
                 # All friction that it has at rest: next to nothing may slide beside it, and what is
-                # nothing has no slope, and no descent leads back.
+                # nothing has no slope: no fit finds it again.
                 name = next(quantity.name for quantity in own.quantities if quantity.is_friction)
                 own = own.replace({name: getattr(own, name) + own.breakaway})
             start = self.start(structure, setting)
@@ -679,12 +680,12 @@ class _Search:
         model = replace(self.model(structure, fit.model.settings), weights=fit.model.weights)
         start = {}
         for setting, values in fit.values.items():
-
-            def power(name: str, values: Values = values) -> float:
-                return float(getattr(values, f"{name.partition('_')[0]}_power", 1.0))
-
+            powers = {stroke: getattr(values, f"{stroke}_power", 1.0) for stroke in STROKES}
             known = {
-                n: getattr(values, n) * times_in(layout.name, fit.structure.damper, n, power(n))
+                n: getattr(values, n)
+                * times_in(
+                    layout.name, fit.structure.damper, n, powers.get(n.partition("_")[0], 1.0)
+                )
                 for n in model.free
                 if n in values.names
             }
@@ -738,10 +739,11 @@ class _Search:
         settings = [result.setting for result in simplest.fits]
         law = self.judged(fit)
         beside = Tried(law.title, tuple(r for r in law.fits if r.setting in settings))
-        n, more = sum(self.n_eff.values()), law.n_quantities - simplest.n_quantities
+        n, more = sum(self.n_eff.values()), len(law.fits[0].free) - len(simplest.fits[0].free)
         gain = simplest.mse_percent / max(beside.mse_percent, 1e-300)
         bic = n * math.log(gain) - more * len(law.fits) * math.log(n)
-        is_taken = gain < GAIN or bic <= 0.0 or predicted_worse(simplest, beside)
+        is_worse = beside.held_out_percent > _NO_WORSE * simplest.held_out_percent
+        is_taken = gain < GAIN or bic <= 0.0 or is_worse
         if more <= 0:
             is_taken = simplest.score < beside.score
         reason = f"MSE {simplest.mse_percent:.2g} to {beside.mse_percent:.2g} % with valves"

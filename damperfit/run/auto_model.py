@@ -17,7 +17,7 @@ from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.identification.options import DETECT, FitOptions, GivenStart, shared_names
 from damperfit.identification.sharing import Follows
-from damperfit.laws.description import physics_seen, undecided
+from damperfit.laws.description import physics_sentences, undecided
 from damperfit.laws.law_fit import (
     UNDETERMINED,
     JudgedLaw,
@@ -26,7 +26,7 @@ from damperfit.laws.law_fit import (
     SettingLogs,
     Tried,
 )
-from damperfit.laws.rivals import rank_rivals, yielding_seen
+from damperfit.laws.rivals import rank_rivals, yielding_sentences
 from damperfit.laws.search import FLOOR_PERCENT, follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import Failure, Problem, as_subject, failure_lines, in_a_row, note
@@ -239,8 +239,8 @@ class LawChoice(Answer):
         """The physics that the chosen law sees; none where something else does as well."""
         if self.search.also:
             return ()
-        yielding = yielding_seen(self.search, self.fits)
-        return yielding or physics_seen(self.fits, self.layouts_alike)
+        yielding = yielding_sentences(self.search, self.fits)
+        return yielding or physics_sentences(self.fits, self.layouts_alike)
 
     @property
     def sentence(self) -> str:  # type: ignore[override]

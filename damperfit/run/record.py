@@ -546,9 +546,9 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     warned: list[Problem] = list(warnings_of(configuration, batch, campaign, judgement))
     law = configuration.chosen_law
     if law:
-        from damperfit.laws.description import seen_again
+        from damperfit.laws.description import described_again
 
-        law = seen_again(law, campaign, configuration.damper)
+        law = described_again(law, campaign, configuration.damper)
     method = (METHOD, assessment.cycle_check) if campaign.fits else ()
     gas = () if assessment.gas is None else (assessment.gas.sentence,)
     cavitation = describe_cavitation(

@@ -256,8 +256,8 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     if len(adjusters) == 1:
         named, numbered = _ways_to_say(adjusters[0])
         plain = named.sub("", text)
-        found = numbered.fullmatch(plain.strip())
-        return Setting(((adjusters[0], parse_place(found[1] or found[2] if found else plain)),))
+        number = numbered.fullmatch(plain.strip())
+        return Setting(((adjusters[0], parse_place(number[1] or number[2] if number else plain)),))
     stated = _named_places(text, adjusters)
     if not stated:
         parts = re.split(r"\s*[/;|,]\s*|\s+", text.strip())

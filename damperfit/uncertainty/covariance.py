@@ -60,7 +60,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.conditioning.filters import apply_filter
+from damperfit.conditioning.filters import apply_filter, impulse_of
 from damperfit.damper.model import Model, Values
 from damperfit.damper.mounting import other_turns, with_pressed_seal
 from damperfit.errors import SimulationError, sparing
@@ -175,7 +175,7 @@ def uncertainties(
 ) -> tuple[Uncertainty, ...]:
     """Return errors and intervals by setting; one that meets an error is told to `on_error`."""
     both = list(zip(_shared_rows(linearised, sharing), linearised, strict=True))
-    nothing = np.zeros((len(sharing.variables),) * 2)
+    nothing = np.zeros((len(sharing.unknowns),) * 2)
     noise = [row @ at.scores @ row.T for row, at in both]
     misfit = [nothing if at.misfit is None else row @ at.misfit @ row.T for row, at in both]
     supposed = sum(row @ at.supposed for row, at in both if at.supposed is not None)
@@ -282,7 +282,7 @@ def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
 def _shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
     """A = du/dtheta of a setting, shape (n, k): what its u move with the shared variables."""
     names = fit.parameters.names
-    slopes = np.zeros((len(names), len(sharing.variables)))
+    slopes = np.zeros((len(names), len(sharing.unknowns)))
     for k, unknown in enumerate(sharing.unknowns):
         if unknown.name in names and unknown.holds_at(fit.setting):
             slopes[names.index(unknown.name), k] = 1.0
@@ -348,7 +348,7 @@ def _joint_rows(
     linearised: Sequence[Linearisation], sharing: Sharing
 ) -> tuple[FloatArray, list[FloatArray]]:
     """S^-1 of a joint fit and S T, in which each setting has the weight of its own residual."""
-    rows, complement = [], np.zeros((len(sharing.variables),) * 2)
+    rows, complement = [], np.zeros((len(sharing.unknowns),) * 2)
     for linear in linearised:
         own, slopes = own_names(linear.fit, sharing), _shared_slopes(linear.fit, sharing)
         carried = linear.information[:, linear.places(own)] @ solved(linear, own)
@@ -359,8 +359,8 @@ def _joint_rows(
 
 
 def shared_covariance(linearised: Sequence[Linearisation], sharing: Sharing) -> FloatArray:
-    """Return the covariance of the logarithms of ``sharing.variables`` by noise, shape (k, k)."""
-    covariance = np.zeros((len(sharing.variables),) * 2)
+    """Return the covariance of the logarithms of ``sharing.unknowns`` by noise, shape (k, k)."""
+    covariance = np.zeros((len(sharing.unknowns),) * 2)
     for row, linear in zip(_shared_rows(linearised, sharing), linearised, strict=True):
         covariance += row @ linear.scores @ row.T
     return covariance
@@ -474,9 +474,7 @@ def independent_samples(design: FilterDesign, n: int) -> float:
 def _behind(sections: bytes, n: int, is_zero_phase: bool) -> FloatArray:  # noqa: FBT001
     """Autocorrelation of white noise behind a filter, (n,)."""
     design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
-    impulse = np.zeros(2 * n + 1)
-    impulse[n] = 1.0
-    rho = autocorrelation(apply_filter(design, impulse), n - 1)
+    rho = autocorrelation(impulse_of(design, n), n - 1)
     rho.flags.writeable = False
     return rho
 

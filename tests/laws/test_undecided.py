@@ -15,7 +15,7 @@ from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import _statuses
 from damperfit.identification.least_squares import DenseSystem, Minimum
 from damperfit.identification.logs import FEWEST_SAMPLES
-from damperfit.laws.description import physics_seen, seen_again, undecided
+from damperfit.laws.description import described_again, physics_sentences, undecided
 from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, SettingLogs, Tried, _undetermined
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
@@ -198,7 +198,7 @@ def test_a_fit_tells_nothing_of_a_blow_off_whose_opening_it_does_not_tell(
 
 
 def test_sentences_are_in_the_numbers_of_the_fits_that_follow() -> None:
-    searched = {"chosen": "a law", "sentences": list(physics_seen([found(1, 5e5)]))}
+    searched = {"chosen": "a law", "sentences": list(physics_sentences([found(1, 5e5)]))}
     assert "(5 bar)" in searched["sentences"][0]
 
     def fit(setting: int, opening: float, status: Status) -> SimpleNamespace:
@@ -210,14 +210,16 @@ def test_sentences_are_in_the_numbers_of_the_fits_that_follow() -> None:
         )
 
     fits = (fit(1, 5.4e5, Status.FITTED), fit(2, 7e5, Status.SHARED))
-    again = seen_again(searched, SimpleNamespace(fits=fits), PLAIN)
+    again = described_again(searched, SimpleNamespace(fits=fits), PLAIN)
     assert "(5.4 to 7 bar)" in again["sentences"][0]
     assert (again["chosen"], "(5 bar)" in searched["sentences"][0]) == ("a law", True)
     for status in (Status.NOT_IDENTIFIABLE, Status.ABSENT, Status.AT_BOUND):
         open_at_one = (fits[0], fit(2, 7e5, status))
-        said = seen_again(searched, SimpleNamespace(fits=open_at_one), PLAIN)["sentences"][0]
+        said = described_again(searched, SimpleNamespace(fits=open_at_one), PLAIN)["sentences"][0]
         assert "(5.4 bar) at setting 1; the logs of the others do not determine it" in said
     # What had none, as where another law does as well, gets none; nor does a run without a fit.
-    assert seen_again({"sentences": []}, SimpleNamespace(fits=fits), PLAIN) == {"sentences": []}
-    assert seen_again(searched, SimpleNamespace(fits=()), PLAIN) == searched
-    assert seen_again(searched, SimpleNamespace(fits=fits), PURDY_DAMPER) == searched
+    assert described_again({"sentences": []}, SimpleNamespace(fits=fits), PLAIN) == {
+        "sentences": []
+    }
+    assert described_again(searched, SimpleNamespace(fits=()), PLAIN) == searched
+    assert described_again(searched, SimpleNamespace(fits=fits), PURDY_DAMPER) == searched
