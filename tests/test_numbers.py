@@ -47,7 +47,7 @@ from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import DamperfitError
 from damperfit.fleets.parts import part_path, write_part
-from damperfit.laws.description import FittedLaw, physics_sentences
+from damperfit.laws.description import LawAt, physics_in
 from damperfit.laws.structures import LAYOUTS, Structure, exchanges, moves
 from damperfit.problem import Problem
 from damperfit.recording import Finding, Recording
@@ -832,9 +832,7 @@ def valve_kinds() -> Any:
                 asdict(one) for one in model.further_starts([trace], {"f_f": 20.0}, model.names)
             ],
             "read": model.valve_characteristics(values, [trace]),
-            "said": physics_sentences(
-                [FittedLaw(Setting.of(3), model, values, (), ())], tuple(LAYOUTS)
-            ),
+            "said": physics_in([LawAt(Setting.of(3), model, values, (), ())], tuple(LAYOUTS)),
             "structures": [
                 {"free": len(one.free), "needless": one.n_needless, "held": sum(one.held.values())}
                 for one in (*moves(law).values(), *(other for *_, other in exchanges(law)))

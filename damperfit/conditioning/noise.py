@@ -60,9 +60,9 @@ def with_noise(trace: Trace, left_out: FloatArray) -> Trace:
             passed = float(np.sum(impulse_of(design, settling_samples(design) + 1) ** 2))
             noise = noise_of(left_out[segment.window]) * math.sqrt(passed)
             source = "above the filter"
-        if math.isfinite(noise) or len(left_out):
-            segment = replace(segment, noise=noise, noise_source=source)  # noqa: PLW2901
-        stretches.append(segment)
+        is_known = math.isfinite(noise) or len(left_out)
+        noisy = replace(segment, noise=noise, noise_source=source)
+        stretches.append(noisy if is_known else segment)
     return replace(trace, stretches=tuple(stretches))
 
 

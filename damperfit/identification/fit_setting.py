@@ -154,7 +154,7 @@ class Fit:
     warnings: tuple[Problem, ...] = ()
 
 
-def minimised(block: Block, start: Values, *, evaluations: int = 0) -> FitResult:
+def minimised(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
     """The minimum that a start leads to, with the evaluations made before it."""
     result = _ended(block, start)
     cost, n, jacobian = result.mse_percent / 100.0, result.n_independent, result.jacobian
@@ -177,7 +177,7 @@ def minimised(block: Block, start: Values, *, evaluations: int = 0) -> FitResult
         Outcome.NO_DESCENT: True,
     }
     outcome = next(outcome for outcome, is_so in applies.items() if is_so)
-    return replace(result, status=status, outcome=outcome, errors=by_name).after(evaluations)
+    return replace(result, status=status, outcome=outcome, errors=by_name).after(nfev)
 
 
 def _ended(block: Block, start: Values) -> FitResult:
@@ -434,14 +434,14 @@ def with_given(
 # Further starts: from a minimum that is not sound.
 
 
-def fit_setting(block: Block, start: Values, *, evaluations: int = 0) -> FitResult:
+def fit_setting(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
     """Fit the free parameters of one setting.
 
     One that ends unsound is tried again from the model's further starts. The paper's lie below the
     onset of cavitation, and the better sound minimum is kept; where that gives neither a sound one
     nor a good one that cavitates, others lie beyond the onset.
     """
-    best = minimised(block, start, evaluations=evaluations)
+    best = minimised(block, start, nfev=nfev)
     if names := inseparable(block.facts, block.free, block.model.quantities):
         loose = {Status.FITTED, Status.AT_BOUND}  # at a bound one is by accident
         lost = {name: Status.NOT_IDENTIFIABLE for name in names if best.status[name] in loose}
@@ -468,8 +468,8 @@ def fit_setting(block: Block, start: Values, *, evaluations: int = 0) -> FitResu
             is_better = is_much_better
         elif other.is_sound:
             is_better = not (is_much_worse and is_cavitating)
-        evaluations = best.evaluations + other.evaluations
-        best = replace(other if is_better else best, evaluations=evaluations)
+        nfev = best.evaluations + other.evaluations
+        best = replace(other if is_better else best, evaluations=nfev)
     return best
 
 
@@ -481,15 +481,15 @@ def fit_in_stages(
     has_further_starts: bool = False,
 ) -> FitResult:
     """Fit after rough descents that hold some at the start, stage by stage."""
-    evaluations, rough = 0, block
+    nfev, rough = 0, block
     if block.cycles is None:  # the log with the strongest force determines the valves best
         strongest = max(block.traces, key=lambda trace: float(np.std(trace.force[trace.compared])))
         rough = replace(block, traces=(strongest,))
     for held in stages:
         free = tuple(name for name in block.free if name not in held)
         near = descended(replace(rough, free=free), start, ROUGH)
-        start, evaluations = near.values, evaluations + near.evaluations
-    return (fit_setting if has_further_starts else minimised)(block, start, evaluations=evaluations)
+        start, nfev = near.values, nfev + near.evaluations
+    return (fit_setting if has_further_starts else minimised)(block, start, nfev=nfev)
 
 
 def lacks_stiffness_alone(result: FitResult) -> bool:
@@ -509,7 +509,7 @@ def from_neighbours(
 ) -> tuple[dict[Setting, Values], int]:
     """Each setting's values; one that ended at a bound starts again from its sound neighbours'."""
     sound = [setting for setting, fit in fits.items() if fit.outcome is Outcome.CONVERGED]
-    evaluations = dict.fromkeys(fits, 0)
+    nfev = dict.fromkeys(fits, 0)
 
     def steps(setting: Setting, other: Setting) -> int:
         return sum(setting.place(a) != other.place(a) for a in setting.adjusters)
@@ -523,14 +523,14 @@ def from_neighbours(
             result = attempted(setting, partial(minimised, blocks[setting], best.replace(known)))
             if isinstance(result, Failure):
                 continue
-            evaluations[setting] += result.evaluations
+            nfev[setting] += result.evaluations
             if result.mse_percent < least:
                 best, least = result.values, result.mse_percent
         return best
 
     with executor(jobs) as pool:
         values = dict(zip(fits, pool.map(helped, fits), strict=True))
-    return values, max(evaluations.values())
+    return values, max(nfev.values())
 
 
 # A Latin cube around a result.
@@ -595,10 +595,10 @@ def describe_searches(searches: Iterable[Search]) -> tuple[str, ...]:
 
 
 def fit_from(
-    setting: Setting, block: Block, start: Values, *, starts: int, evaluations: int = 0
+    setting: Setting, block: Block, start: Values, *, starts: int, nfev: int = 0
 ) -> tuple[FitResult, Search | None]:
     """Fit from a start, and from as many more as the options ask for; the best sound result."""
-    first = fit_setting(block, start, evaluations=evaluations)
+    first = fit_setting(block, start, nfev=nfev)
     if starts < 2 or not block.free:
         return first, None
     others = spread_starts(block, first.values, setting, starts - 1)
@@ -615,8 +615,8 @@ def fit_from(
     is_ambiguous = len(sound) > 1 and sound[0] is best and _is_level(sound[0], sound[1])
     n_failed = starts - len(ends)
     search = Search(setting, block.free, minima, starts, n_failed, is_improved, is_ambiguous)
-    evaluations = sum(end.evaluations for end in ends)
-    return replace(best if is_improved else first, evaluations=evaluations), search
+    nfev = sum(end.evaluations for end in ends)
+    return replace(best if is_improved else first, evaluations=nfev), search
 
 
 def unless_failed(fit: Callable[[], FitResult]) -> FitResult | None:
@@ -710,10 +710,10 @@ def best_of_starts(
         raise SimulationError(
             f"{block.model.name} cannot be simulated from any of its starts.", code="no-start"
         )
-    evaluations = sum(look.evaluations for look in looks)
+    nfev = sum(look.evaluations for look in looks)
     best, *others = sorted(looks, key=lambda look: look.cost)
     ended = block.descend(best.extra, COMPARING)
-    evaluations += ended.evaluations
+    nfev += ended.evaluations
     further = [(look.extra, False) for look in others if is_thorough]
     for start, is_next in (*further, *((start, True) for start in ranked[many : many + 1])):
         # The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
@@ -721,9 +721,9 @@ def best_of_starts(
             break
         with suppress(SimulationError):
             other = block.descend(start, COMPARING)
-            evaluations += other.evaluations
+            nfev += other.evaluations
             ended = min(ended, other, key=lambda end: end.cost)
-    return replace(ended, evaluations=evaluations)
+    return replace(ended, evaluations=nfev)
 
 
 def _lost_a_valve(block: Block, ended: Minimum[Values]) -> bool:

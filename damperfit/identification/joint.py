@@ -117,21 +117,17 @@ def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> Minimu
     if any(block.cycles is None for block in problem.blocks.values()):
         return _minimised(problem, starts)
     logs = replace(problem, blocks={s: block.whole for s, block in problem.blocks.items()})
-    evaluations = 0
+    nfev = 0
     if problem.weights is None:
         # Weights are of the logs at the start, whichever way the descent takes.
         weights = _minimised(logs, starts, max_evaluations=1).extra.weights
-        problem, logs, evaluations = (
-            replace(problem, weights=weights),
-            replace(logs, weights=weights),
-            1,
-        )
+        problem, logs, nfev = replace(problem, weights=weights), replace(logs, weights=weights), 1
     try:
         near = _minimised(problem, starts)
     except SettingError:
         return _minimised(logs, starts)
     ended = _minimised(replace(logs, gas=near.extra.gas), near.extra.values)
-    return replace(ended, evaluations=ended.evaluations + near.evaluations + evaluations)
+    return replace(ended, evaluations=ended.evaluations + near.evaluations + nfev)
 
 
 def _minimised(
@@ -219,11 +215,11 @@ def detected_sharing(
     """
     first = blocks[min(blocks)]
     adjusters, moving = min(blocks).adjusters, first.free
-    search, evaluations = _Search(blocks, single, None), 1
+    search, nfev = _Search(blocks, single, None), 1
     own: dict[str, tuple[str, ...]] = dict.fromkeys(moving, adjusters)
     if declared is not None:
         shared = dict.fromkeys(declared.jointly, ()) | {**declared.follows}
-        return declared, search.starts(own | shared), evaluations
+        return declared, search.starts(own | shared), nfev
     known = _known(first.model, moving, adjusters)
     known |= {name: way for name, way in own.items() if name in untied}
     ends = (dict.fromkeys(moving, ()) | known, own | known)
@@ -237,11 +233,11 @@ def detected_sharing(
         tried.append(follows)
         sharing = replace(_sharing(moving, follows, adjusters), is_detected=True)
         if not sharing.jointly:
-            return sharing, single, evaluations
+            return sharing, single, nfev
         weights, tied = search.weights, (sharing.jointly, sharing.follows)
         problem = FitProblem(blocks, *tied, weights=weights, jobs=jobs)
         ended = fit_jointly(problem, search.starts(follows))
-        evaluations += ended.evaluations + 1
+        nfev += ended.evaluations + 1
         at, left = ended.extra.values, ended.extra.mean_squares
         if any(left[s] < _CLEARLY_BETTER * before for s, before in search.mean_squares.items()):
             results, tried = [], []
@@ -250,7 +246,7 @@ def detected_sharing(
             search = _Search(blocks, at, search)
         results.append((search.cost + search.price(follows), sharing, at))
     _, sharing, at = min(results, key=lambda result: result[0])
-    return sharing, at, evaluations
+    return sharing, at, nfev
 
 
 class _Search:
@@ -415,18 +411,18 @@ def _fit_sound(
     sharing: Sharing | None,
     moving: tuple[str, ...],
 ) -> JointResult | None:
-    options, evaluations = given.options, 0
+    options, nfev = given.options, 0
     is_gas = options.bulk_modulus == "appendix1"
     if len(sound) < 2 or not (sharing is None or sharing.jointly or is_gas):
         return None
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
     blocks = {setting: given.block(setting, free) for setting in sound}
     if sharing is None or options.is_detecting or options.follows:
-        single, evaluations = from_neighbours(blocks, sound, jobs=given.jobs)
+        single, nfev = from_neighbours(blocks, sound, jobs=given.jobs)
         sharing, starts, more = detected_sharing(
             blocks, single, sharing, untied=options.untied, jobs=given.jobs
         )
-        evaluations += more
+        nfev += more
         if not sharing.jointly:
             return None
     else:
@@ -434,10 +430,10 @@ def _fit_sound(
     problem = FitProblem(blocks, sharing.jointly, sharing.follows, jobs=given.jobs)
     alone = _fairly_weighed(problem, fit_jointly(problem, starts))
     if not is_gas:
-        return _result(problem, alone, sharing, free, evaluations)
+        return _result(problem, alone, sharing, free, nfev)
     ended, more = _with_gas(given, problem, alone.extra.values)
-    evaluations += alone.evaluations + more - ended.evaluations
-    result = _result(problem, ended, sharing, free, evaluations)
+    nfev += alone.evaluations + more - ended.evaluations
+    result = _result(problem, ended, sharing, free, nfev)
     rises = {
         setting: n * (ended.extra.mean_squares[setting] / alone.extra.mean_squares[setting] - 1.0)
         for setting, n in alone.extra.n_independent.items()
@@ -467,7 +463,7 @@ def _result(
     ended: Minimum[Point],
     sharing: Sharing,
     free: tuple[str, ...],
-    evaluations: int,
+    nfev: int,
 ) -> JointResult:
     """What a joint fit has reached, and what it has not."""
     system, at, status = cast("BorderedSystem", ended.system), ended.extra, {}
@@ -489,7 +485,7 @@ def _result(
     checks = ((_NO_MINIMUM, is_converged), (_WEIGHTS_MOVE, at.is_fairly_weighed))
     warnings = tuple(problem for problem, is_well in checks if not is_well)
     sharing = replace(sharing, free=free, settings=tuple(sorted(at.values)))
-    return JointResult(at, status, sharing, evaluations + ended.evaluations, warnings)
+    return JointResult(at, status, sharing, nfev + ended.evaluations, warnings)
 
 
 def _common_starts(
@@ -528,15 +524,15 @@ def _with_gas(
     moduli = {setting: getattr(start, GAS_FOLLOWER) for setting, start in starts.items()}
     gas = first_law(moduli, pressures_at(starts), cast("Damper", given.damper).gas_exponent)
     ended = fit_jointly(replace(problem, gas=gas), starts)
-    evaluations = ended.evaluations + 1
+    nfev = ended.evaluations + 1
     for _ in range(_MAX_ROUNDS):
         law, again = cast("GasLaw", ended.extra.gas), pressures_at(ended.extra.values)
         # Once more in any case: the weights of the first round are those of a rough law.
         ended = fit_jointly(replace(problem, gas=law._replace(pressures=again)), ended.extra.values)
-        evaluations += ended.evaluations + 1
+        nfev += ended.evaluations + 1
         if max(abs(again[s] / law.pressures[s] - 1.0) for s in again) < _SAME_PRESSURE:
             break
-    return ended, evaluations
+    return ended, nfev
 
 
 def working_pressure(block: Block, parameters: Values) -> float:

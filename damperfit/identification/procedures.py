@@ -215,13 +215,9 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
         block, first = given.block(setting, free), stages.judged.get(setting)
         is_good = first is not None and _is_good(first)
         start = first.values if first and is_good else own_start(given, setting, block, held)
-        evaluations = 0 if first is None else first.evaluations
+        nfev = 0 if first is None else first.evaluations
         result, search = fit_from(
-            setting,
-            block,
-            start.replace(held),
-            starts=given.options.starts,
-            evaluations=evaluations,
+            setting, block, start.replace(held), starts=given.options.starts, nfev=nfev
         )
         named = dict.fromkeys(stages.sharing.estimated, Status.SHARED) | stages.status
         return describe_fit(setting, result.with_status(named), block), search
@@ -453,7 +449,7 @@ def _with_mean_friction(block: Block, judged: FitResult, f_f: float, r_m3: float
     if not _tells_r_m3(judged):  # it starts from a value that can be seen
         limit = cavitation_limit(block.traces, cast("Damper", block.model))
         start = start.replace(r_m3=min(r_m3, limit))
-    again = unless_failed(lambda: fit_setting(rest, start, evaluations=judged.evaluations))
+    again = unless_failed(lambda: fit_setting(rest, start, nfev=judged.evaluations))
     if again is None:
         return judged
     is_better = again.is_sound if judged.is_sound else again.outcome.is_minimum
@@ -656,11 +652,9 @@ def _each_beside(
         lost = {*shared, *([GAS_FOLLOWER] if together.at.gas else [])}
         block = given.block(setting, (name for name in sharing.free if name not in lost))
         first = alone.get(setting)
-        evaluations = together.evaluations + (0 if first is None else first.evaluations)
+        nfev = together.evaluations + (0 if first is None else first.evaluations)
         start = together.start(setting, block, first)
-        result, search = fit_from(
-            setting, block, start, starts=given.options.starts, evaluations=evaluations
-        )
+        result, search = fit_from(setting, block, start, starts=given.options.starts, nfev=nfev)
         result = result.with_status({name: together.status[u] for name, u in shared.items()})
         return describe_fit(setting, result, block), search
 
@@ -748,7 +742,7 @@ def _without_idle_parts(fit: Fit, block: Block) -> Fit:
         rest = replace(block, free=tuple(name for name in block.free if name not in lost))
         has_edges = {name: fit.parameters.quantity(name).has_own_edges for name in lost}
         left = {n: Status.FIXED if has_edges[n] else Status.ABSENT for n in lost}
-        result = minimised(rest, start, evaluations=fit.evaluations).with_status(left)
+        result = minimised(rest, start, nfev=fit.evaluations).with_status(left)
         fit = describe_fit(fit.setting, result, rest)
     return replace(fit, warnings=tuple(warnings)) if lost else fit
 

@@ -28,7 +28,7 @@ _SHOWN_FLOW = 1e-5  # m3/s, at which people are told what a laminar passage cost
 
 
 @dataclass(frozen=True, slots=True)
-class FittedLaw:
+class LawAt:
     """A law at one setting, as far as sentences say it."""
 
     setting: Setting
@@ -44,17 +44,14 @@ def described_again(choice: Mapping[str, Any], campaign: Campaign, model: Model)
     The search knows its law at a few settings and a coarser tolerance; tables are of the fits.
     """
     fits = [
-        FittedLaw(
-            fit.setting,
-            model,
-            fit.parameters,
-            *(_with(fit.status, names) for names in _UNDETERMINED),
+        LawAt(
+            fit.setting, model, fit.parameters, *(_with(fit.status, few) for few in _UNDETERMINED)
         )
         for fit in campaign.fits
     ]
     alike = choice.get("layouts_alike") or ()
     is_told = choice.get("sentences") and not choice.get("doubt")
-    again = physics_sentences(fits, alike) if fits and is_told else ()
+    again = physics_in(fits, alike) if fits and is_told else ()
     return {**choice, "sentences": list(again)} if again else dict(choice)
 
 
@@ -62,9 +59,7 @@ def _with(status: Mapping[str, Status], wanted: frozenset[Status]) -> tuple[str,
     return tuple(name for name, state in status.items() if state in wanted)
 
 
-def physics_sentences(
-    fits: Sequence[LawFit | FittedLaw], layouts: Sequence[str] = ()
-) -> tuple[str, ...]:
+def physics_in(fits: Sequence[LawFit | LawAt], layouts: Sequence[str] = ()) -> tuple[str, ...]:
     """Return one sentence for each part that the law has.
 
     With what the valves' numbers are in layouts that the logs do not tell from its own.
@@ -160,7 +155,7 @@ def _elsewhere(
     )
 
 
-def _of_gas(model: ValveDamper, fits: Sequence[LawFit | FittedLaw]) -> list[str]:
+def _of_gas(model: ValveDamper, fits: Sequence[LawFit | LawAt]) -> list[str]:
     """Return what a gas volume that was found says of what was declared, if one was found."""
     known = [value for value in _determined(fits, "gas_volume") if value != model.gas_volume]
     if not known:
@@ -172,23 +167,21 @@ def _of_gas(model: ValveDamper, fits: Sequence[LawFit | FittedLaw]) -> list[str]
         others.append(f"an exponent of {exponent:.2f}")
     others.append(f"a rod {times**0.25:.3g} times as thick")
     same = f"{', '.join(others[:-1])} or {others[-1]} would do the same"
-    fitted = f"{_range([1e6 * x for x in known])} cm3 at {1e-5 * model.gas_pressure:.4g} bar"
+    seen = f"{_range([1e6 * x for x in known])} cm3 at {1e-5 * model.gas_pressure:.4g} bar"
     taken = f"[damper] has {1e6 * model.gas_volume:.3g} cm3"
-    return [
-        f"the gas spring is that of {fitted}; {taken}; {same}: measure with gauge and callipers"
-    ]
+    return [f"the gas spring is that of {seen}; {taken}; {same}: measure with gauge and callipers"]
 
 
-def _determined(fits: Sequence[LawFit | FittedLaw], name: str) -> list[float]:
+def _determined(fits: Sequence[LawFit | LawAt], name: str) -> list[float]:
     """Return the values at the settings whose logs determine it."""
     return [float(getattr(fit.values, name)) for fit in fits if _is_determined(fit, name)]
 
 
-def _is_determined(fit: LawFit | FittedLaw, name: str) -> bool:
+def _is_determined(fit: LawFit | LawAt, name: str) -> bool:
     return name not in fit.undetermined and name not in fit.at_bound
 
 
-def _where(fits: Sequence[LawFit | FittedLaw], name: str) -> str:
+def _where(fits: Sequence[LawFit | LawAt], name: str) -> str:
     """Return at which settings that is, where those of the others do not determine it."""
     known = [fit.setting for fit in fits if _is_determined(fit, name)]
     if len(known) == len(fits):

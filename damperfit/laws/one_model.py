@@ -72,10 +72,9 @@ class OneModel(FitProblem):
         """Return values with what settings have in common at the mean of theirs."""
         means = {}
         for unknown in self.border:
-            own = np.array(
-                [getattr(at[s], unknown.name) for s in self.settings if unknown.holds_at(s)]
-            )
-            is_positive = self.model.quantity(unknown.name).is_logarithmic and own.min() > 0.0
+            name, having = unknown.name, [s for s in self.settings if unknown.holds_at(s)]
+            own = np.array([getattr(at[s], name) for s in having])
+            is_positive = self.model.quantity(name).is_logarithmic and own.min() > 0.0
             mean = math.exp(np.mean(np.log(own))) if is_positive else float(np.mean(own))
             means[unknown] = mean
         return self._with(at, means)
@@ -83,8 +82,7 @@ class OneModel(FitProblem):
     def starts(self, at: Mapping[Setting, Values]) -> Iterator[dict[Setting, Values]]:
         """Yield starts: what is common at its mean, then as single settings have it, in turn.
 
-        One setting in a wrong local minimum, where bleed and blow-off have changed places, spoils
-        a mean.
+        One setting in a wrong local minimum, with bleed and blow-off changed over, spoils a mean.
         """
         yield self.with_common(at)
         settings, weights = self.settings, self.weights or {}

@@ -108,17 +108,12 @@ def unbelievable(law: Tried) -> str:
     as steel at another.
     """
     for fit in law.fits:
-        for quantity in fit.model.quantities:
-            is_told = quantity.name in fit.free and quantity.name not in (
-                *fit.undetermined,
-                *fit.at_bound,
-            )
-            low, high = quantity.believable
-            if is_told and not low <= (value := getattr(fit.values, quantity.name)) <= high:
-                shown = (
-                    f"{10.0**-quantity.power * value:.3g} {quantity.shown_unit or quantity.unit}"
-                )
-                return f"{quantity.symbol}, {shown} at setting {fit.setting}, no damper has"
+        for q in fit.model.quantities:
+            is_known = q.name in fit.free and q.name not in (*fit.undetermined, *fit.at_bound)
+            low, high = q.believable
+            if is_known and not low <= (value := getattr(fit.values, q.name)) <= high:
+                shown = f"{10.0**-q.power * value:.3g} {q.shown_unit or q.unit}"
+                return f"{q.symbol}, {shown} at setting {fit.setting}, no damper has"
     return ""
 
 
@@ -157,8 +152,7 @@ def _numbers(fits: Sequence[LawFit]) -> str:
         values = [float(getattr(fit.values, name)) for fit in fits]
         quantity = model.quantity(name)
         low, high = f"{min(values):.3g}", f"{max(values):.3g}"
-        parts.append(
-            f"{quantity.label} {low if low == high else f'{low} to {high}'} {quantity.unit}"
-        )
+        span = low if low == high else f"{low} to {high}"
+        parts.append(f"{quantity.label} {span} {quantity.unit}")
     text = ", ".join(parts)
     return text[0].upper() + text[1:]

@@ -182,9 +182,7 @@ class _Search:
         self.first_layouts: dict[str, float] = {}
         self.held_share, self.is_held_by_some = math.nan, False
         self.also, self.doubt, self.may_tie = "", "", False
-        self.evidence = {
-            logs.setting: logs for logs in sorted(evidence, key=lambda logs: logs.setting)
-        }
+        self.evidence = {x.setting: x for x in sorted(evidence, key=lambda logs: logs.setting)}
         self.follows, self.solver, self.on_law, self.jobs = follows, solver, on_law, jobs
         self.compared = _most_unlike(list(self.evidence.values()))
         self.n_eff: dict[Setting, float] = {}
@@ -549,9 +547,7 @@ class _Search:
         glances: list[tuple[float, str, _Fit]] = []
         rises: dict[ValveDamper, float] = {}
         for words, structure in candidates.items():
-            halves = [
-                rises[half] for half in structure.strokes_beside(fit.structure) if half in rises
-            ]
+            halves = [rises[d] for d in structure.strokes_beside(fit.structure) if d in rises]
             if min(halves, default=-math.inf) > self.margin(fit):
                 continue  # what neither stroke gains both do not
             glance = self.glanced(structure, near, began.get(words, ""))
@@ -627,11 +623,10 @@ class _Search:
         for fit, candidate in zip(fits, tried, strict=True):
             times = times_worse(best, candidate)
             self.first_layouts[fit.structure.damper.name] = times
-            reason = _of_layout(
-                best, candidate, is_alone=len(fits) == 1, is_near=times < SEEN_APART
-            )
+            is_alone, is_near = len(fits) == 1, times < SEEN_APART
+            reason = _of_layout(best, candidate, is_alone=is_alone, is_near=is_near)
             self.judge(candidate, reason, is_taken=candidate is best, change="layout")
-            near += [fit] if times < SEEN_APART else []
+            near += [fit] if is_near else []
         near = [self.extended(fit, self.compared) for fit in near]
         taken = min(near, key=lambda fit: self.judged(fit).score)
         for law in self.judged(taken).fits:  # the effective samples of what it leaves
@@ -680,15 +675,11 @@ class _Search:
         model = replace(self.model(structure, fit.model.settings), weights=fit.model.weights)
         start = {}
         for setting, values in fit.values.items():
-            powers = {stroke: getattr(values, f"{stroke}_power", 1.0) for stroke in STROKES}
-            known = {
-                n: getattr(values, n)
-                * times_in(
-                    layout.name, fit.structure.damper, n, powers.get(n.partition("_")[0], 1.0)
-                )
-                for n in model.free
-                if n in values.names
-            }
+            known = {}
+            for name in (name for name in model.free if name in values.names):
+                power = getattr(values, f"{name.partition('_')[0]}_power", 1.0)
+                times = times_in(layout.name, fit.structure.damper, name, power)
+                known[name] = times * getattr(values, name)
             start[setting] = self.start(structure, setting).replace(known)
         ended = model.minimise(model.with_common(start), _END)
         return self.restarted(_Fit(structure, model, ended))
@@ -909,9 +900,8 @@ class _Search:
                 candidates.append(self.ended_at(_Fit(known.structure, model, ended)))
                 # A part that single settings do without may be what all of them need.
                 damper = replace(near.structure.damper, rebound=BOTH, compression=BOTH)
-                candidates.append(
-                    self.first(Structure(damper, near.structure.freed), before.settings)
-                )
+                whole = Structure(damper, near.structure.freed)
+                candidates.append(self.first(whole, before.settings))
         best = min(candidates, key=self.criterion, default=fit)
         names = [near.structure.damper.name for near in (fit, *self.fits_alike)]
         self.alike = tuple(name for name in names if name != best.structure.damper.name)

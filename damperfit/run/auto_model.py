@@ -17,7 +17,7 @@ from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.identification.options import DETECT, FitOptions, GivenStart, shared_names
 from damperfit.identification.sharing import Follows
-from damperfit.laws.description import physics_sentences, undecided
+from damperfit.laws.description import physics_in, undecided
 from damperfit.laws.law_fit import (
     UNDETERMINED,
     JudgedLaw,
@@ -240,7 +240,7 @@ class LawChoice(Answer):
         if self.search.also:
             return ()
         yielding = yielding_sentences(self.search, self.fits)
-        return yielding or physics_sentences(self.fits, self.layouts_alike)
+        return yielding or physics_in(self.fits, self.layouts_alike)
 
     @property
     def sentence(self) -> str:  # type: ignore[override]

@@ -136,9 +136,8 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
     for quantity in values.quantities:
         if fit.status[quantity.name] == Status.AT_BOUND:
             side, edge = edge_of(values, quantity.name)
-            where = f"{side} {edge:.3g} {quantity.unit}"
-            text = f"{quantity.symbol} is at a bound of its range ({where})"
-            yield Objection("bound", quantity.name, text)
+            text = f"is at a bound of its range ({side} {edge:.3g} {quantity.unit})"
+            yield Objection("bound", quantity.name, f"{quantity.symbol} {text}")
     fitted = [quantity for quantity in values.quantities if fit.status[quantity.name] in _FOUND]
     for quantity in fitted:
         value, scale, unit = values[quantity.name], 10.0**-quantity.power, quantity.shown_unit

@@ -201,7 +201,7 @@ class _Place(NamedTuple):
     state: Any
     rise: float
     at: Mapping[Setting, Values]
-    evaluations: int  # simulations
+    nfev: int  # simulations
 
 
 class _Walk:
@@ -216,18 +216,13 @@ class _Walk:
         refit: Callable[[Any, float, int], _Place],  # from a state, to a place, with so many left
     ) -> None:
         self.quantity, self.best, self.error = quantity, best, error
-        self.centre, self.here, self.refit, self.evaluations = (
-            centre,
-            centre,
-            refit,
-            centre.evaluations,
-        )
+        self.centre, self.here, self.refit, self.nfev = centre, centre, refit, centre.nfev
         self.points: list[tuple[float, float, Mapping[Setting, Values]]] = [(0.0, 0.0, centre.at)]
 
     def look(self, along: float, stride: Stride) -> float:
         """Refit, going on from the place before; return the sqrt(rise) there."""
-        self.here = self.refit(self.here.state, along, stride.budget - self.evaluations)
-        self.evaluations += self.here.evaluations
+        self.here = self.refit(self.here.state, along, stride.budget - self.nfev)
+        self.nfev += self.here.nfev
         root = math.copysign(math.sqrt(abs(self.here.rise)), self.here.rise)
         self.points.append((along, root, self.here.at))
         return root
@@ -255,7 +250,7 @@ class _Walk:
                 low=None if low_at is None else _moved(self.quantity, self.best, low_at),
                 high=None if high_at is None else _moved(self.quantity, self.best, high_at),
                 is_complete=is_low_known and is_high_known,
-                evaluations=self.evaluations,
+                evaluations=self.nfev,
             )
             for setting in points[0][2]
         }
@@ -274,7 +269,7 @@ class _Walk:
             step = max(step, abs(other_edge))
         try:
             while root < stride.reach and along != edge:
-                if self.evaluations >= stride.budget:
+                if self.nfev >= stride.budget:
                     return limit, limit is not None
                 along = side * min(abs(along) + step, abs(edge))
                 root_there = self.look(along, stride)
@@ -283,7 +278,7 @@ class _Walk:
                     for looks in range(_MAX_LOOKS + 1):
                         places = [point[:2] for point in self.points]
                         limit, is_near = _interpolated_limit(places, side)
-                        if is_near or looks == _MAX_LOOKS or self.evaluations >= stride.budget:
+                        if is_near or looks == _MAX_LOOKS or self.nfev >= stride.budget:
                             break
                         self.look(limit, stride)
                 # Aim for the wanted distance in sqrt(rise), a few times as far at most.
@@ -292,7 +287,7 @@ class _Walk:
                 step = min(step * min(max(grown, 0.2), _LONGEST_GROWTH), _LONGEST_STRIDE)
                 root = root_there
         except SimulationError:
-            self.evaluations += 1
+            self.nfev += 1
             return limit, limit is not None
         return limit, True
 
@@ -357,9 +352,7 @@ def _own_walk(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
 
     # From the edge of its range the profiled one would leave it.
     moving = others if is_at_edge(fit.parameters, name) else every
-    centre, least, evaluations = settled(
-        packing.pack(values_of(free, fit.parameters)), moving, budget
-    )
+    centre, least, nfev = settled(packing.pack(values_of(free, fit.parameters)), moving, budget)
 
     def refit(state: _State, along: float, left: int) -> _Place:
         """Go along the line, the others along their tangent, and settle there."""
@@ -370,11 +363,11 @@ def _own_walk(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
         change = _full_step(DenseSystem(ahead, state.jacobian[:, others])).change
         length = float(np.max(np.abs(change), initial=0.0))
         moved[others] += change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
-        ended, cost, evaluations = settled(moved, others, left)
-        return _Place(ended, scale * (cost - least), {fit.setting: ended.parameters}, evaluations)
+        ended, cost, nfev = settled(moved, others, left)
+        return _Place(ended, scale * (cost - least), {fit.setting: ended.parameters}, nfev)
 
     best = float(getattr(centre.parameters, name))
-    start = _Place(centre, 0.0, {fit.setting: centre.parameters}, evaluations)
+    start = _Place(centre, 0.0, {fit.setting: centre.parameters}, nfev)
     return _Walk(quantity, best, error, start, refit)
 
 

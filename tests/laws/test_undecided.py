@@ -15,7 +15,7 @@ from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import _statuses
 from damperfit.identification.least_squares import DenseSystem, Minimum
 from damperfit.identification.logs import FEWEST_SAMPLES
-from damperfit.laws.description import described_again, physics_sentences, undecided
+from damperfit.laws.description import described_again, physics_in, undecided
 from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, SettingLogs, Tried, _undetermined
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
@@ -198,7 +198,7 @@ def test_a_fit_tells_nothing_of_a_blow_off_whose_opening_it_does_not_tell(
 
 
 def test_sentences_are_in_the_numbers_of_the_fits_that_follow() -> None:
-    searched = {"chosen": "a law", "sentences": list(physics_sentences([found(1, 5e5)]))}
+    searched = {"chosen": "a law", "sentences": list(physics_in([found(1, 5e5)]))}
     assert "(5 bar)" in searched["sentences"][0]
 
     def fit(setting: int, opening: float, status: Status) -> SimpleNamespace:
