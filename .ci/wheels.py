@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).parents[1]
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]
 (CORE,) = SETTINGS["ext-modules"]
-BACKEND = ROOT / ".ci" / "build_backend.py"
+BACKEND = ROOT / "damperfit" / "damper" / "core" / "build_backend.py"
 
 
 class Platform(NamedTuple):

@@ -167,8 +167,8 @@ def _find_msvc() -> str | None:
         return shutil.which("cl")
     options = f"-latest -products * -requires {_MSVC} -property displayName"
     command = [str(finder), *options.split()]
-    answer = subprocess.run(command, capture_output=True, text=True, check=False)
-    return answer.stdout.strip() or shutil.which("cl")
+    finder_answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    return finder_answer.stdout.strip() or shutil.which("cl")
 
 
 def _compile_with_zig(ext: Extension, target: Path) -> None:
