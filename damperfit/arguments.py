@@ -546,10 +546,7 @@ def assignments(
 
 
 def _rig_keys(given: Any) -> dict[str, Any]:
-    """Return keys of [rig]: of a mapping, or of KEY=VALUE texts, whose KEY may be dotted.
-
-    A value is what it would be in TOML; what is no TOML (kN, or nothing) is text.
-    """
+    """Return keys of [rig]: of a mapping, or of KEY=VALUE texts, in TOML or (kN, nothing) text."""
     option = Option("rig")
     if not isinstance(given, list | tuple):
         return dict(_mapping(given, option))

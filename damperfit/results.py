@@ -1286,10 +1286,7 @@ def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:
 def _errors(
     values: Values, row: Mapping[str, Any], entry: Mapping[str, Any]
 ) -> tuple[tuple[str, ...], tuple[str, ...], Any]:
-    """Return the setting's own names with an error, the shared ones, and the covariance of ln y.
-
-    It is made of standard errors and correlations; None where they are not told.
-    """
+    """Return the setting's own names with an error, the shared ones, and the covariance of ln y."""
     try:
         names = [str(name) for name in entry["parameters"]]
         status = {name: row[f"{name}_status"] for name in values.names}

@@ -95,10 +95,7 @@ class Between:
         return tuple(named)
 
     def _modelled(self, at: FloatArray, kind: str, only: str = "") -> FloatArray:
-        """Forces of the damper at some places; NaN where no damper has the values of one of them.
-
-        Of one quantity only by that way, if it is named.
-        """
+        """Return the forces of the damper at some places, NaN where none; `only`: one quantity."""
         forces = np.full(len(at), math.nan)
         if self.damper is None or not self.values:
             return forces

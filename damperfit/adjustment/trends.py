@@ -275,11 +275,9 @@ def _criterion(points: Points, curve: Curve, left_out: Sequence[int]) -> float:
 
 
 def _is_jump(points: Points, curve: Curve, place: int, left_out: Sequence[int]) -> bool:
-    """Whether a setting at an end breaks off, and does not just go on getting steeper.
-
-    A curve that grows without bound towards its end is no polynomial on any scale. There the third
-    divided difference of ln y grows, threefold at most with ln; at a jump it comes from nothing.
-    """
+    """Whether a setting at an end breaks off, and does not just go on getting steeper."""
+    # A curve that grows without bound towards its end is no polynomial on any scale. There the
+    # third divided difference of ln y grows, threefold at most with ln; at a jump from nothing.
 
     def third_difference(settings: FloatArray, values: FloatArray) -> float:
         for k in range(1, 4):

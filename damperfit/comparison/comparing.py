@@ -460,12 +460,10 @@ def _has_one_set_of_logs(runs: Sequence[Run], setting: Setting) -> bool:
 
 
 def _mean(topic: Topic, readings: Sequence[Reading]) -> Reading:
-    """Return the mean of repeats of the reference, with their scatter as its error.
-
-    A damper taken off the rig and put on again differs by more than its cycles do. With n runs of
-    the reference, itself among them, a further one falls within t s sqrt(1 + 1/n) of their mean in
-    95 of 100, where s is their standard deviation and t has n - 1 degrees of freedom.
-    """
+    """Return the mean of repeats of the reference, with their scatter as its error."""
+    # A damper taken off the rig and put on again differs by more than its cycles do. Of n runs with
+    # standard deviation s a further one falls within t s sqrt(1 + 1/n) of their mean in 95 of 100;
+    # t has n - 1 degrees of freedom.
     values, n = [reading.value for reading in readings], len(readings)
     objection = next((reading.objection for reading in readings if reading.objection), "")
     if not all(map(math.isfinite, values)):

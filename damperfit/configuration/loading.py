@@ -177,12 +177,9 @@ def _read(path: Path) -> _Layer:
 
 
 def _model_of(layers: Sequence[_Layer], *, is_law_open: bool) -> str:
-    """Return the model that the last layer names which names one.
-
-    Where none does and the logs choose the law, keys of real valves are as good as a name.
-    """
+    """Return the model that the last layer names which names one."""
     name = _PAPERS
-    if is_law_open:
+    if is_law_open:  # keys of real valves are as good as a name
         keys = {key for layer in layers for key in layer.values.get("damper", {})}
         if keys & set(damper_defaults(_OF_VALVES)) - set(damper_defaults(name)):
             name = _OF_VALVES
@@ -208,11 +205,9 @@ def _merge(document: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 
 def _put_over_profiles(rig: dict[str, Any], typed: Mapping[str, Any]) -> None:
-    """Give what the command line says to every profile that says otherwise.
-
-    In the document and not beside it, so that what `configuration_toml` prints reads logs alike.
-    --skew is of all logs: what [rig] and its profiles say of single ones is left out.
-    """
+    """Give what the command line says to every profile that says otherwise."""
+    # In the document, so that what `configuration_toml` prints reads logs in the same way. --skew
+    # is of all logs: what [rig] and its profiles say of single ones is left out.
     profiles = rig["profiles"] if isinstance(rig["profiles"], dict) else {}
     inner = [profile for profile in profiles.values() if isinstance(profile, dict)]
     for section in (rig, *inner):

@@ -212,11 +212,7 @@ def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on t
 
 
 class _Places:
-    """What places hold: raw logs, where measured curves are compared, or results.
-
-    `groups` are the runs of logs by damper, no damper where they are of one; `remarks` tell of
-    folders of which no log can be used.
-    """
+    """What places hold: raw logs, where measured curves are compared, or results."""
 
     def __init__(
         self,
@@ -226,8 +222,8 @@ class _Places:
         reading: Configuration | None,
     ) -> None:
         self.config, self.is_measured = config, options.is_measured
-        self.groups: dict[Path, dict[str, Path]] = {}
-        self.remarks: list[str] = []
+        self.groups: dict[Path, dict[str, Path]] = {}  # runs of logs by damper; none: of one
+        self.remarks: list[str] = []  # folders of which no log can be used
         self._runs: dict[Path, Run] = {}
         if options.is_measured:
             configuration = reading or load_configuration(config)

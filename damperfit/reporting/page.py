@@ -218,11 +218,7 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
 
 
 def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]]:
-    """Yield what the page shows of each log.
-
-    The anchor is where the page can be entered: ``setting-12``, a second log of the setting has
-    ``setting-12-log-2``.
-    """
+    """Yield what the page shows of each log; its anchor is ``setting-12``, ``setting-12-log-2``."""
     run, units = shown.run, shown.units
     rows = {row["setting"]: row for row in run.rows("parameters")}
     counts: Counter[str] = Counter()

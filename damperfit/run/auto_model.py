@@ -608,10 +608,8 @@ def _softest_and_stiffest(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs,
 
 
 def _held_share(evidence: Sequence[SettingLogs]) -> float:
-    """Of their force that the logs hold down to low speed where they yield; NaN where they do not.
-
-    Every setting has to: valves hold more of it the more they are preloaded.
-    """
+    """Return the share of the force that all logs hold at low speed where they yield; else NaN."""
+    # Every setting has to: valves hold more of it the more they are preloaded.
     shares = [held_share(log) for logs in evidence for log in logs.fitted]
     finite = [share for share in shares if math.isfinite(share)]
     least = min(finite, default=math.nan)

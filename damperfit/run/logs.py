@@ -517,10 +517,8 @@ def add_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | None
 def _with_common_signs(
     logs: list[Log], names: Mapping[Path, str], configuration: Configuration, labels: Labels
 ) -> list[Log]:
-    """Read logs that do not show their signs again, with those that the others of the rig show.
-
-    A rig has one convention. Where a sign is declared, or logs disagree, nothing is changed.
-    """
+    """Read logs that do not show their signs again, with those that the others of the rig show."""
+    # A rig has one convention. Where a sign is declared, or logs disagree, nothing is changed.
     reading = configuration.reading
     if {reading.reverse_displacement, reading.reverse_force} != {"detect"}:
         return logs
