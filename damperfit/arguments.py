@@ -22,12 +22,7 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
 
-from damperfit.errors import (
-    UNWRITTEN,
-    ConfigurationError,
-    DamperfitError,
-    refuse_wrong_arguments,
-)
+from damperfit.errors import UNWRITTEN, ConfigurationError, DamperfitError, refuse_wrong_arguments
 from damperfit.problem import FilePlace, Option, Words
 from damperfit.sections import SECTIONS
 from damperfit.store import path_of
@@ -600,10 +595,7 @@ def _is_there(text: str) -> bool:
 
 
 def configured(
-    command: str,
-    given: Mapping[str, Any],
-    *more: tuple[str, str, Any],
-    is_law_open: bool = False,
+    command: str, given: Mapping[str, Any], *more: tuple[str, str, Any], is_law_open: bool = False
 ) -> Configuration:
     """Return the configuration that the arguments of a command ask for, by keyword.
 

@@ -406,9 +406,9 @@ def _bends(
     if not between:
         return bends
     signs = np.sign(curve.speeds)
-    ends = [signs[k] * speed for k, pair in between.items() for speed in pair]
-    at_ends = quasi_static(damper, stage.parameters, ends).forces.reshape(-1, 2)
-    for (k, pair), forces in zip(between.items(), at_ends, strict=True):
+    measured = [signs[k] * speed for k, pair in between.items() for speed in pair]
+    there = quasi_static(damper, stage.parameters, measured).forces.reshape(-1, 2)
+    for (k, pair), forces in zip(between.items(), there, strict=True):
         bends[k] = abs(curve.forces[k] - np.interp(abs(curve.speeds[k]), pair, forces))
     return bends
 

@@ -344,8 +344,8 @@ def zero_shift(first: Run, second: Run, settings: Sequence[Setting]) -> tuple[fl
     (a, error_a, n_a), (b, error_b, n_b) = offsets
     reach = student_quantile(n_a + n_b, 1.0 - 0.5 * _SURE)
     shift, error = 0.5 * (a + b), math.hypot(error_a, error_b)
-    is_one = abs(a - b) <= max(reach * error, _LEAST * abs(shift))
-    if is_one and abs(shift) > max(0.5 * reach * error, _NO_SHIFT):
+    is_common = abs(a - b) <= max(reach * error, _LEAST * abs(shift))
+    if is_common and abs(shift) > max(0.5 * reach * error, _NO_SHIFT):
         return shift, 0.5 * error
     return 0.0, 0.0
 

@@ -126,8 +126,8 @@ def _refuse_unknown(keys: Mapping[str, Any], allowed: Iterable[str], *section: s
         raise unknown_key(unknown[0], allowed, *section)
 
 
-def _wrong(expected: str, found: object, *path: str) -> ConfigurationError:
-    text = f"expected {expected}, found {found!r}"
+def _wrong(expected: str, value: object, *path: str) -> ConfigurationError:
+    text = f"expected {expected}, found {value!r}"
     return ConfigurationError(text, where=Key(("damper", *path)), code="wrong-value")
 
 

@@ -84,11 +84,7 @@ class Comparison(Answer):
 
         if out is not None and (self.comparisons or self.points):
             document = json.dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False)
-            texts = {
-                "html": comparison_page(self),
-                "md": self.markdown,
-                "json": f"{document}\n",
-            }
+            texts = {"html": comparison_page(self), "md": self.markdown, "json": f"{document}\n"}
             tables = {"differences": shown.comparison_table(self.comparisons)}
             if self.points:
                 tables["tolerance"] = shown.tolerance_table(self.points)

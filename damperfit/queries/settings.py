@@ -175,10 +175,7 @@ class SettingForces(_Forces):
         ]
         document: dict[str, Any] = json_values(
             {
-                "motion": {
-                    "amplitude_m": self.sine.amplitude,
-                    "frequency_Hz": self.sine.frequency,
-                },
+                "motion": {"amplitude_m": self.sine.amplitude, "frequency_Hz": self.sine.frequency},
                 "source": self.source,
                 "question": to_record(self.question) if self.wanted else None,
                 "sentence": self.sentence or None,

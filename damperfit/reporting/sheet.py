@@ -284,12 +284,7 @@ def _decimals(value: float, digits: int) -> int:
 
 
 def with_interval(
-    value: float | None,
-    low: float | None,
-    high: float | None,
-    *,
-    digits: int = 5,
-    plus: str = "",
+    value: float | None, low: float | None, high: float | None, *, digits: int = 5, plus: str = ""
 ) -> str:
     """Return a value and half of its interval, both to the place that the interval tells.
 

@@ -18,14 +18,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification.options import DETECT, FitOptions, GivenStart, shared_names
 from damperfit.identification.sharing import Follows
 from damperfit.laws.description import physics_in, undecided
-from damperfit.laws.law_fit import (
-    UNDETERMINED,
-    JudgedLaw,
-    LawFit,
-    LawSearch,
-    SettingLogs,
-    Tried,
-)
+from damperfit.laws.law_fit import UNDETERMINED, JudgedLaw, LawFit, LawSearch, SettingLogs, Tried
 from damperfit.laws.rivals import rank_rivals, yielding_sentences
 from damperfit.laws.search import FLOOR_PERCENT, follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS

@@ -632,11 +632,7 @@ def _facts_of_trace(
 
 
 def _failed(
-    log: Log,
-    error: Exception,
-    findings: tuple[Finding, ...] = (),
-    *,
-    task: str = "reading the log",
+    log: Log, error: Exception, findings: tuple[Finding, ...] = (), *, task: str = "reading the log"
 ) -> Log:
     """Return a log as one that cannot be used, with why."""
     failure = failure_of(error, task)

@@ -24,13 +24,7 @@ from damperfit.adjustment.clicks import Adjustment, compare_settings
 from damperfit.checks import Check, Subject, missed_gates, run_checks, unchecked
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.damper.model import Model
-from damperfit.errors import (
-    ConfigurationError,
-    InstallationError,
-    OutputError,
-    failure_of,
-    sparing,
-)
+from damperfit.errors import ConfigurationError, InstallationError, OutputError, failure_of, sparing
 from damperfit.identification.fit_setting import describe_searches
 from damperfit.identification.outcome import Status
 from damperfit.identification.procedures import Campaign
@@ -435,8 +429,8 @@ def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[Pro
         if not frictions:
             continue
         (low, low_error, where_low), (high, high_error, where_high) = frictions[0], frictions[-1]
-        is_apart = high - low > _ERRORS_APART * math.hypot(low_error, high_error)
-        if is_apart and high > _TIMES_APART * low:
+        is_separate = high - low > _ERRORS_APART * math.hypot(low_error, high_error)
+        if is_separate and high > _TIMES_APART * low:
             yield warning(
                 "unlike-frictions",
                 f"{quantity.symbol} is {low:.3g} N at setting {where_low} and {high:.3g} N at "
