@@ -72,23 +72,25 @@ def declared_dimensions(
     return {name: value for name, value in values.items() if name in declared}
 
 
+def _declared(configuration: Configuration) -> set[str]:
+    """What is declared of what any layout takes from the damper."""
+    if isinstance(configuration.damper, Damper):
+        return {*declared_dimensions(configuration, configuration.damper)}
+    return {name.removeprefix("damper.") for name in configuration.declared}
+
+
 def is_monotube_open(configuration: Configuration, search: LawSearch, layout: str | None) -> bool:
     """Whether a monotube is excluded only by a gas pressure that nobody has declared.
 
     Its rod side is empty in bump at the gas pressure times the annulus.
     """
-    damper, taken = configuration.damper, search.chosen.fits[0].model
-    declared = (
-        declared_dimensions(configuration, damper)
-        if isinstance(damper, Damper)
-        else configuration.declared
-    )
+    taken = search.chosen.fits[0].model
     return (
         layout is None
         and "damper.model" not in configuration.declared
         and isinstance(taken, ValveDamper)
         and Monotube.name not in {taken.name, *search.alike}
-        and not {"gas_pressure", "damper.gas_pressure"} & {*declared}
+        and "gas_pressure" not in _declared(configuration)
     )
 
 
@@ -126,9 +128,7 @@ def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...
     damper = configuration.damper
     if not isinstance(fit.model, ValveDamper) or not isinstance(damper, Damper | ValveDamper):
         return ()
-    declared = {key.removeprefix("damper.") for key in configuration.declared}
-    if isinstance(damper, Damper):
-        declared = {*declared_dimensions(configuration, damper)}
+    declared = _declared(configuration)
     missing = [words for name, words in _DIMENSIONS.items() if name not in declared]
     parts = [words for name, words in _OF_RIG.items() if name in fit.free]
     if not missing or not parts:
@@ -400,7 +400,11 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
             "them",
             code="no-log",
         )
-    options = configuration.identification
+    options, declaring = configuration.identification, configuration
+    if all(log.gas_pressure is not None for own in evidence for log in own.fitted):
+        declaring = replace(
+            configuration, declared=configuration.declared | {"damper.gas_pressure"}
+        )
     extremes, adjusters = _softest_and_stiffest(evidence), evidence[0].setting.adjusters
     search = search_laws(
         _plain(configuration),
@@ -421,10 +425,10 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         rivals = rank_rivals(extremes, solver=options.solver, on_rival=on_rival, jobs=workers)
     fits = search.chosen.fits
     fitted, best = {fit.setting for fit in fits}, fits[0]
-    is_open = is_monotube_open(configuration, search, layout)
+    is_open = is_monotube_open(declaring, search, layout)
     doubts = (
         *open_layout(configuration, best, layout, is_open=is_open),
-        *open_dimensions(configuration, best),
+        *open_dimensions(declaring, best),
     )
     return LawChoice(
         search,
@@ -435,7 +439,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         rivals=rivals,
         remarks=(
             *batch.remarks,
-            *assumed_gas(configuration, [law.tried for law in search.laws]),
+            *assumed_gas(declaring, [law.tried for law in search.laws]),
             *_tied_still(options.untied, best),
         ),
         undecided=(*doubts, *undecided(search, fits, evidence)),

@@ -6,9 +6,9 @@
 
 Five valvings given by two adjusters, 50 to 150 psi, 0.2, 1.05 and 1.26 Hz from a slider-crank, one
 log each, two of a warm damper; a mounting that is elastic, holds like rubber, or has play; a cell
-zeroed anew before each log. Layout, valves, stroke and friction are drawn. `rig.c` steps the
-damper, which has nothing of the library's core; the forces of the truth are its passages at a
-constant speed. The slow log of the last valving is held out.
+zeroed anew before each log; gas as declared where the crank counts 0. Layout, valves, stroke and
+friction are drawn. `rig.c` steps the damper, which has nothing of the library's core; the forces of
+the truth are its passages at a constant speed. The slow log of the last valving is held out.
 """
 
 import argparse
@@ -188,7 +188,7 @@ def written(folder: Path, campaign: Campaign, seed: int) -> Path:
             ("rod_diameter", body.rod), ("piston_diameter", body.piston),
             ("chamber_1_length", body.length), ("chamber_2_length", body.length))),
          f'gas_volume = "{body.gas_volume:.6g}m3"', f"gas_exponent = {body.gas_exponent}",
-         f'oil_density = "{body.density}kg/m3"', ""]
+         f'oil_density = "{body.density}kg/m3"', "[rig]", 'centre = "0mm"', ""]
     )  # fmt: skip
     (folder / "damper.toml").write_text(toml, encoding="utf-8")
     return folder
@@ -211,7 +211,7 @@ def truth_of(campaign: Campaign) -> dict[str, dict[str, float]]:
 
 def logs_of(place: int, seed: int) -> Path:
     """The folder of a campaign's logs, made once on a machine."""
-    source = Path(rig.__file__).with_suffix(".c").read_bytes()
+    source = Path(rig.__file__).with_suffix(".c").read_bytes() + Path(__file__).read_bytes()
     known = repr((drawn(place, seed), TESTS)).encode()
     name = hashlib.sha256(known + source).hexdigest()[:12]
     base = Path(tempfile.gettempdir()) / f"damperfit_campaigns_{os.getuid()}"
@@ -245,7 +245,8 @@ def told(campaign: Campaign, out: Path, cpu_s: float) -> tuple[list[str], int, i
     model = record["configuration"]["damper"]["model"]
     body = campaign.bodies[0]
     alike = ", ".join(record["law_choice"].get("layouts_alike", []))
-    lines.append(f"  {'  ' if model == body.layout else '! '}{model} for {body.layout}"
+    is_right = model == body.layout and "gas pressure is" not in str(record["law_choice"])
+    lines.append(f"  {'  ' if is_right else '! '}{model} for {body.layout}"
                  f"{f', alike {alike}' if alike else ''}: {' '.join(free)}")  # fmt: skip
     mse = {row["log"]: row for row in _rows(out / "mse.csv") if row["log"]}
     for test, (name, row) in zip(TESTS, sorted(mse.items()), strict=True):
