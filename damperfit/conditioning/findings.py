@@ -62,13 +62,12 @@ class Seen(NamedTuple):
         """Return the rows from the beginning of the first stretch to the end of the last."""
         return rows_of(self.recording, self.trace.start_time, self.trace.interval, *stretches)
 
-    def longest_run(self, *, fewest: int) -> FloatArray | None:
-        """Return where the cycles of the longest stretch of so many begin, samples of the log."""
+    def runs(self, *, fewest: int) -> list[FloatArray]:
+        """Return where the cycles of each stretch of so many begin, samples of the log."""
         steady = [stretch for stretch in self.trace.stretches if stretch.n_cycles >= fewest]
-        if not steady:
-            return None
         ahead = round((self.trace.start_time - self.log.start_time) / self.log.interval)
-        return max(steady, key=lambda stretch: stretch.n_samples).cycle_starts + ahead
+        longest_first = sorted(steady, key=lambda stretch: -stretch.n_samples)
+        return [stretch.cycle_starts + ahead for stretch in longest_first]
 
 
 def rows_of(recording: Recording, start_time: float, interval: float, *stretches: Stretch) -> slice:
@@ -687,18 +686,18 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
     log = seen.log
     if seen.options.rig_filter != "none":
         return
-    starts = seen.longest_run(fewest=1)
+    runs = seen.runs(fewest=1)
     text = (
         "both channels look as if the rig had filtered them: if so, set rig.filter = "
         "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
     )
-    if starts is None:
+    if not runs:
         if falls_off(log.displacement, log.force, log.interval):
             text += ", and errors are too small: noise is read where that filter takes it away"
             yield Finding("rig_filter", "warning", text)
         return
     motion, force = (
-        noise_ratio(channel, starts, log.interval) for channel in (log.displacement, log.force)
+        noise_ratio(channel, runs[0], log.interval) for channel in (log.displacement, log.force)
     )
     if math.isnan(motion) or math.isnan(force):
         text = "whether the rig has filtered a channel cannot be judged: "
@@ -709,7 +708,7 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
     elif (
         force > _SMOOTHED
         and motion < _NOT_SMOOTHED
-        and noise_ratio(log.force, starts, log.interval, beyond=_HARMFUL_BAND) > _HARMFUL
+        and noise_ratio(log.force, runs[0], log.interval, beyond=_HARMFUL_BAND) > _HARMFUL
     ):
         text = (
             f"the force is smoothed and the displacement is not: its noise is {force:.0f} times "
@@ -720,26 +719,28 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
 
 
 _TONE_SIZE = 0.01  # of half the range
-_FEWEST_FOR_TONES = 5  # cycles
+_FEWEST_FOR_TONES = 3  # cycles
 
 
 def _lines_off_harmonics(seen: Seen) -> Iterator[Finding]:
     log, options = seen.log, seen.options
-    starts = seen.longest_run(fewest=_FEWEST_FOR_TONES)
-    if starts is None or options.rig_filter != "none":
+    if options.rig_filter != "none":
         return
-    run = slice(round(starts[0]), round(starts[-1]))
     corner = options.filter_corner if options.is_ours else _HARMFUL_BAND[0]
     for name, unit, factor in (("displacement", "mm", 1e3), ("force", "N", 1.0)):
         signal = getattr(log, name)
-        frequency, size = tone(signal, starts, log.interval, corner)
-        if size > _TONE_SIZE * 0.5 * float(np.ptp(signal[run])):
-            text = (
-                f"the {name} has a line at {frequency:.3g} Hz, {factor * size:.2g} {unit}, which "
-                "is no harmonic of the motion: hum, a pump or a resonance of the rig; find its "
-                "source, for errors of what is fitted count it as noise"
-            )
-            yield Finding(f"{name}_line", "warning", text, frequency, "Hz")
+        # A line that is a harmonic of one speed is none of another.
+        for starts in seen.runs(fewest=_FEWEST_FOR_TONES):
+            run = slice(round(starts[0]), round(starts[-1]))
+            frequency, size = tone(signal, starts, log.interval, corner)
+            if size > _TONE_SIZE * 0.5 * float(np.ptp(signal[run])):
+                text = (
+                    f"the {name} has a line at {frequency:.3g} Hz, {factor * size:.2g} {unit}, "
+                    "which is no harmonic of the motion: hum, a pump or a resonance of the rig; "
+                    "find its source, for errors of what is fitted count it as noise"
+                )
+                yield Finding(f"{name}_line", "warning", text, frequency, "Hz")
+                break
 
 
 # The logged velocity beside the slope of the displacement: checked, never used.

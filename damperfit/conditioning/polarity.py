@@ -267,6 +267,8 @@ _REST_TIME, _REST_PERIODS = 0.3, 0.1
 _REST_FRICTION = 0.1
 _REST_LIMIT = 4.0  # times the gas force: pressures are often guessed
 _CHANNELS = ("displacement", "force")
+_AS_REVERSED = "as if both channels were positive in compression"
+_KEPT = "the declared signs are kept; check them again"
 _ASK = (
     "declare rig.reverse_displacement and rig.reverse_force: true where the log counts compression "
     "(rod in) as positive, else false"
@@ -332,8 +334,11 @@ def find_signs(  # noqa: PLR0911 - one return a case, in the order of the text a
         return Signs(findings=(Finding("force_polarity", "warning", text, share),))
     if share > 0.0:
         is_free = len(free) == len(_CHANNELS)
-        if rest is not None and at_rest < 0 and is_free:
-            return _reversed(_CHANNELS, f"{rest.sentence}, and the loop absorbs energy")
+        if rest is not None and at_rest < 0:
+            text = f"{rest.sentence}, {_AS_REVERSED}; {_KEPT}"
+            kept = Signs(findings=(Finding(CONTRADICTED, "warning", text, -1.0),))
+            why = f"{rest.sentence}, and the loop absorbs energy"
+            return _reversed(_CHANNELS, why) if is_free else kept
         if at_rest > 0 or level is None or level.ratio > _TARED:
             # Unlike preloads rather hide a gas force that is there with its sign.
             is_there = level is not None and (
@@ -404,12 +409,12 @@ def _doubtful(level: ForceLevel, *, is_declared: bool) -> Signs:
     """Return the signs as they are, with a warning; of declared ones the opposite is certain."""
     name, sees = "direction", "so no gas force distinguishes rebound from compression"
     if level.ratio <= -_TARED and abs(level.force) > level.uncertainty + level.held:
-        sees = "as if both channels were positive in compression, but that is not certain"
+        sees = f"{_AS_REVERSED}, but that is not certain"
         # Progressive valves curve more in rebound: where these do, a tare explains the level.
         is_tared = level.rebound_curvature > max(level.bump_curvature, 0.0)
         if not is_tared and abs(level.force) > _OF_DOUBT * level.doubt:
             name = CONTRADICTED
-    advice = "the declared signs are kept; check them again" if is_declared else ""
+    advice = _KEPT if is_declared else ""
     text = f"{level.sentence}, {sees}; {advice or f'taken as logged; {_ASK}'}"
     return Signs(findings=(Finding(name, "warning", text, level.ratio),))
 

@@ -319,11 +319,14 @@ def _of_mounting(fit: LawFit, tests: _Tests) -> Iterator[str]:
             f"A second speed decides it, at {0.3 * tests.lowest_frequency:.2g} or "
             f"{3.0 * tests.highest_frequency:.3g} Hz beside the {tests.highest_frequency:.3g} Hz."
         )
-    if "moving_mass" in fit.free and tests.has_one_frequency:
+    if "moving_mass" in fit.free:
+        spring, second = "", ""
+        if tests.has_one_frequency:
+            spring = " or the gas spring is softer"
+            second = f", or a second speed, at {0.3 * tests.lowest_frequency:.2g} Hz"
         yield (
-            "Whether a mass moves with the load cell or the gas spring is softer: at one frequency "
-            "they look alike. Weighing the mass decides it, or a second speed, at "
-            f"{0.3 * tests.lowest_frequency:.2g} Hz."
+            f"Whether a mass moves with the load cell, the displacement is read late{spring}: they "
+            f"look alike. Weighing the mass decides it{second}."
         )
 
 

@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import itemgetter
+from statistics import mode
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -73,8 +74,9 @@ if TYPE_CHECKING:
 
 
 # Rigs repeat frequency and stroke to parts in a thousand: one log of at least so many that is off
-# by more than so much, and by so many times what the others differ by, was logged otherwise.
-_ENOUGH_LOGS, _APART, _FAR = 4, 5e-3, 10.0
+# by more than so much, but not as much as another test, and by so many times what the others differ
+# by, was logged otherwise.
+_ENOUGH_LOGS, _APART, _ANOTHER, _FAR = 3, 1e-2, 0.2, 10.0
 # Settings disagree about a shared value from this factor and so many errors on, of those whose own
 # logs tell it better than by this error of its logarithm, where that is half of what they miss.
 _UNLIKE, _SURELY, _TELLING, _MOST_OF_IT = 1.5, 3.0, 0.3, 0.5
@@ -181,25 +183,24 @@ def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
 
 def motions_apart(campaign: Campaign) -> Iterator[Problem]:
     """Yield the one log whose clock or stroke is off those of all others, which agree."""
-    motions = [
-        (log.trace.name, stretch.frequency, log.trace.amplitude)
-        for fit in campaign.fits
-        for log in fit.logs
-        for stretch in log.trace.stretches
-        if stretch.n_cycles and len(log.trace.stretches) == 1
-    ]
-    if len(motions) < _ENOUGH_LOGS:
+    traces = [log.trace for fit in campaign.fits for log in fit.logs]
+    usual = mode([len(trace.stretches) for trace in traces] or [1])
+    traces = [trace for trace in traces if len(trace.stretches) == usual and trace.fastest.n_cycles]
+    if len(traces) < _ENOUGH_LOGS:
         return
-    names, *columns = zip(*motions, strict=True)
+    names = [trace.name for trace in traces]
     kinds = (
-        ("clock-apart", "Hz", 1.0, "clock"),
-        ("stroke-apart", "mm", 1e3, "displacement channel"),
+        ("clock-apart", "Hz", 1.0, "clock", "frequency"),
+        ("stroke-apart", "mm", 1e3, "displacement channel", "amplitude"),
     )
-    for (code, unit, scale, what), values in zip(kinds, columns, strict=True):
-        middle = float(np.median(values))
-        off = np.abs(np.array(values) / middle - 1.0)
+    for code, unit, scale, what, name in kinds:
+        # By log and stretch; of a stepped test all steps are off alike.
+        values = np.array([[getattr(part, name) for part in trace.stretches] for trace in traces])
+        middles = np.median(values, axis=0)
+        ratios = np.median(values / middles, axis=1) - 1.0
+        off, values, middle = np.abs(ratios), values[:, 0], float(middles[0])
         *_, second, most = np.sort(off).tolist()
-        if most > _APART and most > _FAR * second:
+        if _APART < most < _ANOTHER and most > _FAR * second:
             place = int(np.argmax(off))
             yield warning(
                 code,

@@ -189,7 +189,7 @@ def seek_flaws(
     A pull, (k,), is what the flaw adds to the summed scores. Flaws that cannot be told from the
     best stand beside it; none where the best explains less than half. `doubted` are shared
     parameters of which one value for all settings is known not to hold; where a damper yields
-    before it slides nothing of valves, oil or gas is named.
+    before it slides, and the model does not, nothing of valves, oil or gas is named.
     """
     fit, quantities = linearised.fit, linearised.fit.parameters.quantities
     # Beside a jump of the speed nothing counts.
@@ -226,10 +226,13 @@ def seek_flaws(
         hint = Hint(name, flaw.family, explained, size, flaw.words(size))
         pairs.append((hint, None if name in doubted else amount * candidates[best]))
     pairs.sort(key=lambda pair: -pair[0].share)
-    # Nearly all that is wrong looks a little like a gain: it is named where nothing else is near.
-    rivals = [pair for pair in pairs if pair[0].name != "force_gain"]
-    if rivals and (pairs[0] is rivals[0] or rivals[0][0].share > _TIE * pairs[0][0].share):
-        pairs = rivals
+    # Nearly all that is wrong looks a little like a gain: it is named where nothing else is near,
+    # but for what all settings have in common, which the others then show too (`reconciled`).
+    is_gain = bool(pairs) and pairs[0][0].name == "force_gain"
+    beside = {"force_gain", *_IN_COMMON} if is_gain else {"force_gain"}
+    rivals = [pair for pair in pairs if pair[0].name not in beside]
+    if rivals and rivals[0][0].share > _TIE * pairs[0][0].share:
+        pairs = [pair for pair in pairs if pair[0].name != "force_gain"]
     if not pairs or pairs[0][0].share < _NAMED:
         return (), {}
     pairs[0] = (_as_stiffness(pairs[0][0]), pairs[0][1])
@@ -478,7 +481,8 @@ def diagnose(
     hints: tuple[Hint, ...] = ()
     pulls: dict[str, FloatArray] = {}
     if is_structured:
-        hints, pulls = seek_flaws(linearised, repeats, doubted=doubted, has_yielded=share >= YIELDS)
+        is_missed = share >= YIELDS and _misses_yield(share, modelled)
+        hints, pulls = seek_flaws(linearised, repeats, doubted=doubted, has_yielded=is_missed)
     findings = [finding for log in fit.logs for finding in log.trace.findings]
     skews = [
         0.0 if finding.is_correction else 1e3 * finding.value
@@ -610,10 +614,17 @@ def reconciled(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
             few, kept = int(2 * len(signs) >= len(of_run)), None
         for place, diagnosis in enumerate(of_run) if few else ():
             hints = tuple(h for h in diagnosis.hints if h.name != name or (h.amount > 0.0) is kept)
-            pointer = diagnosis.sentence[len(_sentence(diagnosis)) :]
-            left = replace(diagnosis, hints=hints)
-            of_run[place] = replace(left, sentence=_sentence(left) + pointer)
+            of_run[place] = _with_hints(diagnosis, hints)
+    for place, diagnosis in enumerate(of_run):
+        if any(hint.name == "force_gain" for hint in diagnosis.hints):  # of this log, of no other
+            hints = tuple(hint for hint in diagnosis.hints if hint.name not in _IN_COMMON)
+            of_run[place] = _with_hints(diagnosis, hints)
     return tuple(of_run)
+
+
+def _with_hints(diagnosis: Diagnosis, hints: tuple[Hint, ...]) -> Diagnosis:
+    pointer, left = diagnosis.sentence[len(_sentence(diagnosis)) :], replace(diagnosis, hints=hints)
+    return replace(left, sentence=_sentence(left) + pointer)
 
 
 def _warned(linearised: Linearisation, diagnosis: Diagnosis) -> str:
@@ -642,6 +653,10 @@ def _warned(linearised: Linearisation, diagnosis: Diagnosis) -> str:
     return f"; see the warning {faults[0]}{more}" if faults else ""
 
 
+def _misses_yield(held_share: float, modelled_share: float) -> bool:
+    return modelled_share < min(YIELDS, 0.9 * held_share)
+
+
 def _sentence(diagnosis: Diagnosis) -> str:
     text = f"MSE {diagnosis.mse_percent:.2g} %"
     if math.isnan(diagnosis.noise_percent):
@@ -650,7 +665,7 @@ def _sentence(diagnosis: Diagnosis) -> str:
     if not diagnosis.is_structured:
         return f"{text}: no misfit repeats"
     yields = unexplained = "a misfit repeats, and its cause was not found"
-    if not diagnosis.is_met or diagnosis.modelled_share < min(YIELDS, 0.9 * diagnosis.held_share):
+    if not diagnosis.is_met or _misses_yield(diagnosis.held_share, diagnosis.modelled_share):
         yields = (
             f"the damper holds {100.0 * diagnosis.held_share:.0f} % of its force down to a tenth "
             "of its speed: it yields before it slides, like a preloaded valve, dry friction or a "

@@ -79,9 +79,10 @@ def test_a_moving_mass_and_a_softer_gas_spring_ask_for_a_second_frequency() -> N
     values = model.values({one.name: one.default or 1e5 for one in model.quantities})
     one = fit(model=model, values=values, free=free)
     (said,) = told([one], 1.0, 1.24)
-    assert said.startswith("Whether a mass moves with the load cell or the gas spring is softer")
+    assert "the gas spring is softer" in said
     assert said.endswith("decides it, or a second speed, at 0.3 Hz.")
-    assert told([one], 1.0, 1.26) == ()
+    (said,) = told([one], 1.0, 1.26)
+    assert "the displacement is read late" in said
 
 
 def felt(share: float) -> Trace:
