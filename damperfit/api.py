@@ -313,7 +313,7 @@ def _chosen(
         configuration,
         paths,
         start=start_of_laws(configuration, starts_of(given.get("start"))[1]),
-        on_law=lambda law: on_law(law.tried.title),
+        on_law=lambda law: on_law(law.candidate.title),
         on_rival=(lambda law: on_law(law.title)) if given.get("rivals") else None,
         **how,
     )

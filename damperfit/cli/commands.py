@@ -247,7 +247,7 @@ def models(how: Shown, **given: Any) -> int:
     undecided = wrapped(*choice.undecided)
     _show(how, choice.document, [
         tried,
-        wrapped(*(f"{law.tried.title}: {law.reason}" for law in choice.search.laws)),
+        wrapped(*(f"{law.candidate.title}: {law.reason}" for law in choice.search.laws)),
         choice.sentence,
         chosen,
         ["What these logs leave open:", *undecided] if undecided else "",

@@ -3,7 +3,7 @@
 `log_to_trace` is the chain. `timebase` says how stamps become uniform samples, `filters` what each
 filter does and which stands where, `cycles` which cycles count, `segments` what is compared,
 `drive` what drives the model, `noise` how much cycles differ, `polarity` which way
-the channels count, `delay` by how much the force is late, `findings` what is told of all this.
+the channels count, `delay` by how much the force is late, `findings` what is found of all this.
 """
 
 from damperfit.door import door

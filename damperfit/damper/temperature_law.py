@@ -114,7 +114,7 @@ class WithTemperature(Model):
         return self.reference if self.temperature is None else self.temperature
 
     def at_reference(self, values: Values, temperature: float | None) -> Values:
-        """Return values of the damper itself, as they are at a temperature; None: where told."""
+        """Return values of the damper itself, as they are at a temperature; None: at its own."""
         numbers = dict(values)
         beta = numbers.pop(BETA.name)
         factor = math.exp(-beta * self._above(temperature))

@@ -620,7 +620,7 @@ def fit_from(
 
 
 def unless_failed(fit: Callable[[], FitResult]) -> FitResult | None:
-    """Where a fit ends; None where it meets an error that is told."""
+    """Where a fit ends; None where it meets a known error."""
     try:
         return fit()
     except FitCancelledError:

@@ -265,7 +265,7 @@ _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot b
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tried:
+class Candidate:
     """A structure with its fits, one a setting that is compared."""
 
     title: str
@@ -318,12 +318,12 @@ class Tried:
         return math.log(self.mse_percent) + math.log(known)
 
 
-def times_worse(best: Tried, other: Tried) -> float:
+def times_worse(best: Candidate, other: Candidate) -> float:
     """Return how many times worse a law fits and predicts than another."""
     return math.exp(other.score - best.score)
 
 
-def are_alike(best: Tried, other: Tried) -> bool:
+def are_alike(best: Candidate, other: Candidate) -> bool:
     """Whether nobody would choose a layout by what the same parts fit and predict in the two."""
     held = other.held_out_percent
     left = max(other.mse_percent, 0.0 if math.isnan(held) else held)
@@ -341,7 +341,7 @@ def _mean(values: Sequence[float]) -> float:
 class JudgedLaw:
     """One structure that was tried, beside another."""
 
-    tried: Tried
+    candidate: Candidate
     is_taken: bool  # whether it was the one to go on from
     reason: str  # why, or why not
     bic: float = math.nan  # positive where it is for the larger of the two; NaN for none
@@ -363,7 +363,7 @@ class LawSearch:
     """All structures tried, in their order, and the one to take."""
 
     laws: tuple[JudgedLaw, ...]
-    chosen: Tried
+    chosen: Candidate
     n_eff: float  # effective samples of all settings compared
     alike: tuple[str, ...] = ()  # layouts that fit and predict hardly worse than the one taken
     # Of their force that the logs hold down to a tenth of the speed, where they yield before they

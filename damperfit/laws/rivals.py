@@ -8,10 +8,10 @@ import numpy as np
 from damperfit.damper.rivals import RIVALS, Biviscous, BoucWen, Kwok, RestoringForceSurface, Rival
 from damperfit.errors import SimulationError
 from damperfit.laws.law_fit import (
+    Candidate,
     LawFit,
     LawSearch,
     SettingLogs,
-    Tried,
     are_alike,
     fit_law,
     times_worse,
@@ -24,9 +24,9 @@ def rank_rivals(
     evidence: Sequence[SettingLogs],
     *,
     solver: SolverOptions = SolverOptions(),
-    on_rival: Callable[[Tried], None] = lambda _: None,
+    on_rival: Callable[[Candidate], None] = lambda _: None,
     jobs: int = 1,
-) -> tuple[Tried, ...]:
+) -> tuple[Candidate, ...]:
     """Fit every model of the literature to the settings; the best prediction comes first.
 
     One that cannot be simulated is left out; `on_rival` is called with each of the others.
@@ -52,12 +52,12 @@ def rank_rivals(
     for place, kind in enumerate(RIVALS):
         own = [fit for fit in fits[place * len(evidence) :][: len(evidence)] if fit is not None]
         if len(own) == len(evidence):
-            ranked.append(Tried(kind.title, tuple(own)))
+            ranked.append(Candidate(kind.title, tuple(own)))
             on_rival(ranked[-1])
     return tuple(sorted(ranked, key=_rank))
 
 
-def _rank(rival: Tried) -> tuple[float, float]:
+def _rank(rival: Candidate) -> tuple[float, float]:
     held = rival.held_out_percent
     return (0.0 if math.isnan(held) else held, rival.mse_percent)
 
@@ -65,16 +65,16 @@ def _rank(rival: Tried) -> tuple[float, float]:
 # What yields before it slides, held against the valves that were found.
 #
 # A magneto-rheological fluid or dry friction holds its force down to no speed, and so do
-# preloaded valves. Where logs do, the models that yield are fitted as the valves were, and told
-# where they fit and predict better. Valves are told only where they are clearly the better ones.
+# preloaded valves. Where logs do, the models that yield are fitted as the valves were, and named
+# where they fit and predict better. Valves are named only where they are clearly the better ones.
 
 YIELDING: tuple[type[Rival], ...] = (BoucWen, Biviscous, Kwok)
-# Valves that fit and predict so many times better are told and nothing else is. Of synthetic
+# Valves that fit and predict so many times better are named and nothing else is. Of synthetic
 # dampers of the same kinds as measured ones the true valves are far better than that.
 _CLEARLY = 4.0
 
 
-def held_against(law: Tried, other: Tried, share: float) -> tuple[bool, str]:
+def held_against(law: Candidate, other: Candidate, share: float) -> tuple[bool, str]:
     """Whether what yields is taken instead of valves, and why.
 
     `share` is what the logs hold of their force down to a tenth of the speed.
@@ -90,18 +90,18 @@ def held_against(law: Tried, other: Tried, share: float) -> tuple[bool, str]:
     return False, f"{holds}; the law of valves {_better(law, other)}"
 
 
-def _better(best: Tried, other: Tried) -> str:
+def _better(best: Candidate, other: Candidate) -> str:
     times = times_worse(best, other)
     known = f"{float(f'{times:.2g}'):.0f} times" if 2.0 <= times < 1000.0 else "far"
     return f"fits and predicts {'' if times < 2.0 else known + ' '}better"
 
 
-def is_open_to(law: Tried, other: Tried) -> bool:
+def is_open_to(law: Candidate, other: Candidate) -> bool:
     """Return whether the logs leave it open which of both it is."""
     return times_worse(law, other) < _CLEARLY
 
 
-def unbelievable(law: Tried) -> str:
+def unbelievable(law: Candidate) -> str:
     """Return what the logs tell of a law that no damper or rig has; empty for nothing.
 
     A law of valves that is bent to what yields has oil as soft as air at one setting, and as stiff
@@ -118,7 +118,7 @@ def unbelievable(law: Tried) -> str:
 
 
 def yielding_sentences(search: LawSearch, fits: Sequence[LawFit]) -> tuple[str, ...]:
-    """Return what is told of a damper that yields; nothing of one whose valves are told."""
+    """Return sentences on a damper that yields; none on one whose valves are named."""
     model = fits[0].model
     up_to = "up to " if search.is_held_by_some else ""
     share = f"{up_to}{100.0 * search.held_share:.0f} %"

@@ -61,12 +61,12 @@ from damperfit.laws.law_fit import (
     GAIN,
     SEEN_APART,
     UNDETERMINED,
+    Candidate,
     Exchange,
     JudgedLaw,
     LawFit,
     LawSearch,
     SettingLogs,
-    Tried,
     are_alike,
     descended,
     fit_at,
@@ -190,8 +190,8 @@ class _Search:
         self._starts: dict[tuple[Structure, Setting], Values] = {}
         self._readings: dict[tuple[object, ...], list[ValveReading]] = {}
         self._misfits: dict[Setting, Block] = {}
-        self._yielding: list[Tried] | None = None
-        self._judged: dict[int, tuple[_Fit, Tried]] = {}
+        self._yielding: list[Candidate] | None = None
+        self._judged: dict[int, tuple[_Fit, Candidate]] = {}
         self.ends: list[_Fit] = []
         self.spread: dict[Setting, dict[str, float]] = {}
 
@@ -384,7 +384,7 @@ class _Search:
             if not math.isnan(x)
         )
 
-    def judged(self, fit: _Fit) -> Tried:
+    def judged(self, fit: _Fit) -> Candidate:
         """The fit on the whole logs."""
         known = self._judged.get(id(fit))
         if known is not None:
@@ -406,7 +406,7 @@ class _Search:
             )
 
         with executor(self.jobs) as pool:
-            tried = Tried(fit.structure.title, tuple(pool.map(at, fit.model.settings)))
+            tried = Candidate(fit.structure.title, tuple(pool.map(at, fit.model.settings)))
         self._judged[id(fit)] = fit, tried
         return tried
 
@@ -596,7 +596,7 @@ class _Search:
         )  # fmt: skip
 
     def judge(
-        self, tried: Tried, reason: str, *, is_taken: bool, change: str = "", **figures: float
+        self, tried: Candidate, reason: str, *, is_taken: bool, change: str = "", **figures: float
     ) -> None:
         """Keep what was judged beside another than its neighbour."""
         self.laws.append(JudgedLaw(tried, is_taken, reason, change=change, **figures))
@@ -686,7 +686,7 @@ class _Search:
 
     # against what is no candidate of the search
 
-    def simplest(self, plain: Model) -> Tried | None:
+    def simplest(self, plain: Model) -> Candidate | None:
         """The model as declared, setting by setting, at the weakest and the strongest force.
 
         Its offset is free where the model leaves something without.
@@ -704,9 +704,9 @@ class _Search:
         settings: Sequence[Setting],
         *,
         freed: tuple[str, ...] = (),
-        near: Tried | None = None,
+        near: Candidate | None = None,
         is_whole: bool = False,
-    ) -> Tried | None:
+    ) -> Candidate | None:
         """A model at some settings, each by itself; None where it cannot be simulated at one."""
         known = {} if near is None else {result.setting: result for result in near.fits}
 
@@ -723,13 +723,13 @@ class _Search:
         with executor(self.jobs) as pool:
             fits = [result for result in pool.map(fit, settings) if result is not None]
         complete = len(fits) == len(settings) or (known and fits)
-        return Tried(in_words(model, freed), tuple(fits)) if complete else None
+        return Candidate(in_words(model, freed), tuple(fits)) if complete else None
 
-    def held_against_paper(self, simplest: Tried, fit: _Fit) -> Tried:
+    def held_against_paper(self, simplest: Candidate, fit: _Fit) -> Candidate:
         """The paper's model where the valves are not worth their numbers."""
         settings = [result.setting for result in simplest.fits]
         law = self.judged(fit)
-        beside = Tried(law.title, tuple(r for r in law.fits if r.setting in settings))
+        beside = Candidate(law.title, tuple(r for r in law.fits if r.setting in settings))
         n, more = sum(self.n_eff.values()), len(law.fits[0].free) - len(simplest.fits[0].free)
         gain = simplest.mse_percent / max(beside.mse_percent, 1e-300)
         bic = n * math.log(gain) - more * len(law.fits) * math.log(n)
@@ -753,14 +753,14 @@ class _Search:
         self.record(other, fit, "as declared", gain, is_taken=gain > 0.0)
         return other if gain > 0.0 else fit
 
-    def beside_yielding(self, law: Tried) -> tuple[Tried, list[Tried]]:
+    def beside_yielding(self, law: Candidate) -> tuple[Candidate, list[Candidate]]:
         """A law at the weakest and the strongest force, and there the models that yield."""
         ends = _most_unlike(list(self.evidence.values()), 2)
         if self._yielding is None:
             tried = (self.separately(kind(), ends) for kind in YIELDING)
             self._yielding = [candidate for candidate in tried if candidate is not None]
         fits = tuple(result for result in law.fits if result.setting in ends)
-        return Tried(law.title, fits), self._yielding
+        return Candidate(law.title, fits), self._yielding
 
     def is_hopeless(self, fit: _Fit) -> bool:
         """Whether what yields fits and predicts far better than every part of valves together.
@@ -780,7 +780,7 @@ class _Search:
                 return is_far(self.ended_at(glance))
         return True
 
-    def yielding(self, law: Tried, share: float, by_some: float) -> Tried:
+    def yielding(self, law: Candidate, share: float, by_some: float) -> Candidate:
         """What yields before it slides, where the logs do and valves tell them less well."""
         is_unasked = math.isnan(share) and not math.isnan(by_some)
         if is_unasked and (law.leaves_something or unbelievable(law)):
@@ -803,20 +803,20 @@ class _Search:
             self.doubt = unbelievable(beside)
         return taken
 
-    def ended(self, chosen: Tried, fit: _Fit | None = None) -> LawSearch:
+    def ended(self, chosen: Candidate, fit: _Fit | None = None) -> LawSearch:
         """What was tried, and the structure to take, at every setting."""
         is_of_one_model = fit is not None and chosen is self.judged(fit)
-        whole: Tried | None = chosen
+        whole: Candidate | None = chosen
         if not is_of_one_model:
             free = chosen.freed
             whole = self.separately(
                 chosen.fits[0].model, list(self.evidence), freed=free, near=chosen, is_whole=True
             )
         whole = whole or chosen
-        laws = [replace(law, is_taken=False) for law in self.laws if law.tried is not chosen]
-        last = next((law for law in reversed(self.laws) if law.tried is chosen), None)
+        laws = [replace(law, is_taken=False) for law in self.laws if law.candidate is not chosen]
+        last = next((law for law in reversed(self.laws) if law.candidate is chosen), None)
         last = last or JudgedLaw(whole, True, "the lowest criterion of all settings together")
-        laws.append(replace(last, tried=whole, is_taken=True))
+        laws.append(replace(last, candidate=whole, is_taken=True))
         n_eff = float(sum(self.n_eff.values())) or math.nan
         search = LawSearch(
             tuple(laws), whole, n_eff, self.alike, self.held_share, self.also,
@@ -843,7 +843,7 @@ class _Search:
                 if (times := math.exp(np.mean(rises))) < GAIN:
                     yield Exchange(part, instead, times, ended.values)
 
-    def offsets(self, law: Tried) -> dict[str, float]:
+    def offsets(self, law: Candidate) -> dict[str, float]:
         """By how much each log's offset lies beside the mean one of its setting."""
         beside: dict[str, float] = {}
         for fit in law.fits:
@@ -1073,7 +1073,7 @@ def _most_unlike(evidence: Sequence[SettingLogs], most: int = _MOST_COMPARED) ->
     return sorted(logs.setting for logs in ranked)
 
 
-def _of_layout(best: Tried, candidate: Tried, *, is_alone: bool, is_near: bool) -> str:
+def _of_layout(best: Candidate, candidate: Candidate, *, is_alone: bool, is_near: bool) -> str:
     """Say why a layout is taken, or is not, beside the best."""
     what = "fits" if math.isnan(best.held_out_percent) else "fits and predicts"
     if is_alone:

@@ -18,7 +18,14 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification.options import DETECT, FitOptions, GivenStart, shared_names
 from damperfit.identification.sharing import Follows
 from damperfit.laws.description import physics_in, undecided
-from damperfit.laws.law_fit import UNDETERMINED, JudgedLaw, LawFit, LawSearch, SettingLogs, Tried
+from damperfit.laws.law_fit import (
+    UNDETERMINED,
+    Candidate,
+    JudgedLaw,
+    LawFit,
+    LawSearch,
+    SettingLogs,
+)
 from damperfit.laws.rivals import rank_rivals, yielding_sentences
 from damperfit.laws.search import FLOOR_PERCENT, follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
@@ -140,7 +147,7 @@ def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...
     return (text,)
 
 
-def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[Problem, ...]:
+def assumed_gas(configuration: Configuration, tried: Sequence[Candidate]) -> tuple[Problem, ...]:
     """What the layouts that were tried have of the gas that nobody has declared, in a sentence."""
     damper = configuration.damper
     has_valves = any(isinstance(law.fits[0].model, ValveDamper) for law in tried)
@@ -209,7 +216,7 @@ class LawChoice(Answer):
     fits: tuple[LawFit, ...]
     failures: tuple[Failure, ...]
     lost: tuple[Setting, ...] = ()
-    rivals: tuple[Tried, ...] = ()
+    rivals: tuple[Candidate, ...] = ()
     remarks: tuple[Problem, ...] = ()
     undecided: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
@@ -255,8 +262,8 @@ class LawChoice(Answer):
             "compared_settings": [setting.cell for setting in self.compared],
             "effective_samples": None if math.isnan(n_eff) else n_eff,
             "laws": [
-                {"law": law.tried.title, "model": law.tried.fits[0].model.name}
-                | {"is_chosen": law.is_taken, **_figures(law.tried), "change": law.change}
+                {"law": law.candidate.title, "model": law.candidate.fits[0].model.name}
+                | {"is_chosen": law.is_taken, **_figures(law.candidate), "change": law.change}
                 | {"gain": finite(law.gain), "bic": finite(law.bic), "reason": law.reason}
                 for law in search.laws
             ],
@@ -310,7 +317,7 @@ class LawChoice(Answer):
         }
 
 
-def _figures(tried: Tried) -> dict[str, Any]:
+def _figures(tried: Candidate) -> dict[str, Any]:
     return {
         "free": list(tried.fits[0].free),
         "at_bound": list(tried.at_bound),
@@ -344,15 +351,15 @@ def _chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
     return Sheet(headings, ("",) * len(headings), tuple(rows), is_number, tuple(notes))
 
 
-def remaining(search: LawSearch) -> list[Tried]:
+def remaining(search: LawSearch) -> list[Candidate]:
     """Return the laws that the logs have not decided against, the nearest first.
 
     Those of which n ln((m + m_0)/(m_c + m_0)) + (k - k_c) ln n, with m the geometric mean of the
     MSE and k the numbers at the settings that both were fitted at, is less than `_DECIDED`.
     """
     chosen = {fit.setting: fit for fit in search.chosen.fits}
-    left: dict[str, tuple[float, Tried]] = {}
-    for tried in (law.tried for law in search.laws):
+    left: dict[str, tuple[float, Candidate]] = {}
+    for tried in (law.candidate for law in search.laws):
         pairs = [(fit, chosen[fit.setting]) for fit in tried.fits if fit.setting in chosen]
         # With a default freed it is the same structure.
         is_same = tried.fits[0].model == search.chosen.fits[0].model
@@ -378,7 +385,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     setting: Setting | None = None,
     start: GivenStart = GivenStart(),
     on_law: Callable[[JudgedLaw], None] = lambda _: None,
-    on_rival: Callable[[Tried], None] | None = None,
+    on_rival: Callable[[Candidate], None] | None = None,
 ) -> LawChoice:
     """Return the law that the logs support; a ConfigurationError: no log can be used.
 
@@ -420,7 +427,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         held_share=_held_share(extremes),
         held_by_some=_held_by_some(evidence),
     )
-    rivals: tuple[Tried, ...] = ()
+    rivals: tuple[Candidate, ...] = ()
     if on_rival is not None:
         rivals = rank_rivals(extremes, solver=options.solver, on_rival=on_rival, jobs=workers)
     fits = search.chosen.fits
@@ -439,7 +446,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         rivals=rivals,
         remarks=(
             *batch.remarks,
-            *assumed_gas(declaring, [law.tried for law in search.laws]),
+            *assumed_gas(declaring, [law.candidate for law in search.laws]),
             *_tied_still(options.untied, best),
         ),
         undecided=(*doubts, *undecided(search, fits, evidence)),

@@ -654,7 +654,7 @@ def assess(
 
     each = in_copies(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
     judged = [setting for setting in each if setting is not None]
-    everywhere, told_together = _with_hidden_friction(judged)
+    everywhere, together = _with_hidden_friction(judged)
     errors = uncertainties(everywhere, sharing, on_error=on_error)
     known = {e.setting: e for e in with_least_openings(errors, everywhere, sharing, damper)}
     linearised = [linear for linear in everywhere if linear.fit.setting in known]
@@ -684,7 +684,7 @@ def assess(
             *motions_apart(campaign),
             *shared_apart(linearised, sharing),
             *gas_in_offset(campaign, damper),
-            *told_together,
+            *together,
         ),
     )
 

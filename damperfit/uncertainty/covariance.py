@@ -120,7 +120,7 @@ class Uncertainty:
     intervals: Mapping[str, Interval]  # of what the logs gave, fitted or shared
     names: tuple[str, ...]  # of `covariance`: own, those of its clicks, those of all settings
     covariance: FloatArray  # of ln y (an offset: of itself, N) by noise, (k, k)
-    shared: tuple[str, ...] = ()  # the last of `names`: one value for all settings, told or not
+    shared: tuple[str, ...] = ()  # the last of `names`: one value for all settings
     # Openings that no log reaches, by name, and the pressure that each is above, Pa.
     unopened: Mapping[str, float] = field(default_factory=dict)
     misfit: FloatArray | None = None  # like `covariance`, by the model's misfit

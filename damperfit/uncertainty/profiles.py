@@ -379,7 +379,7 @@ def _full_step(system: LinearSystem) -> Step:
 def profile_at(
     name: str, linear: Linearisation, bench: Bench, stride: Stride = Stride()
 ) -> MisfitProfile | None:
-    """Return the profile of a parameter at a setting; None where it is not told there.
+    """Return the profile of a parameter at a setting; None where it is not identifiable there.
 
     One of a joint fit has none here. A SimulationError: the best fit cannot be simulated; a
     FitCancelledError: the caller asked to stop.

@@ -35,7 +35,7 @@ from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Network, Passage, Valve, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
-from damperfit.laws.law_fit import LawSearch, SettingLogs, Tried
+from damperfit.laws.law_fit import Candidate, LawSearch, SettingLogs
 from damperfit.laws.search import search_laws
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion
@@ -271,7 +271,7 @@ def searched(one: Drawn, evidence: Sequence[SettingLogs], jobs: int = 1) -> LawS
     return search_laws(paper, layouts, evidence, held_share=held, jobs=jobs)
 
 
-def parts_of(law: Tried) -> frozenset[str]:
+def parts_of(law: Candidate) -> frozenset[str]:
     """Return what a law is made of, layout aside; the paper's model is none of these."""
     fit = law.fits[0]
     if not isinstance(fit.model, ValveDamper):

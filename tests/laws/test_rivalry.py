@@ -5,7 +5,7 @@ import pytest
 
 from damperfit.conditioning import condition
 from damperfit.damper.rivals import RIVALS
-from damperfit.laws.law_fit import SettingLogs, Tried, fit_law
+from damperfit.laws.law_fit import Candidate, SettingLogs, fit_law
 from damperfit.laws.rivals import rank_rivals
 from damperfit.recording import Trace
 from damperfit.simulation import Motion, simulate
@@ -37,11 +37,11 @@ def logs() -> SettingLogs:
 
 
 @pytest.fixture(scope="module")
-def ranked(logs: SettingLogs) -> tuple[Tried, ...]:
+def ranked(logs: SettingLogs) -> tuple[Candidate, ...]:
     return rank_rivals([logs])
 
 
-def test_a_valve_damper_ranks_them_by_what_they_predict(ranked: tuple[Tried, ...]) -> None:
+def test_a_valve_damper_ranks_them_by_what_they_predict(ranked: tuple[Candidate, ...]) -> None:
     assert {one.title for one in ranked} == {kind.title for kind in RIVALS}
     held = [one.held_out_percent for one in ranked]
     assert held == sorted(held)
@@ -55,7 +55,7 @@ def test_a_valve_damper_ranks_them_by_what_they_predict(ranked: tuple[Tried, ...
 
 
 def test_what_was_held_out_takes_no_part_in_the_fit(
-    logs: SettingLogs, ranked: tuple[Tried, ...]
+    logs: SettingLogs, ranked: tuple[Candidate, ...]
 ) -> None:
     best = ranked[0].fits[0]
     again = fit_law(best.model, SettingLogs(SETTING, logs.fitted))

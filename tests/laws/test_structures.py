@@ -8,7 +8,7 @@ import pytest
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
-from damperfit.laws.law_fit import Tried
+from damperfit.laws.law_fit import Candidate
 from damperfit.laws.structures import BOTH, Structure, moves, times_in
 from damperfit.simulation import SolverOptions, simulate
 from tests.laws.test_undecided import fit
@@ -66,8 +66,8 @@ GEOMETRY = {"gas_pressure": 2e6, "rod_diameter": 0.011, "mounting": Mounting(NON
 EXACT = SolverOptions(tolerance=1e-3)
 
 
-def tried(model: ValveDamper, mse: float) -> Tried:
-    return Tried("law", (replace(fit(), model=model, mse_percent=mse, held_out_percent=0.01),))
+def tried(model: ValveDamper, mse: float) -> Candidate:
+    return Candidate("law", (replace(fit(), model=model, mse_percent=mse, held_out_percent=0.01),))
 
 
 @pytest.mark.parametrize("valve", [Valve("orifice", "linear"), Valve("leak", "none")])

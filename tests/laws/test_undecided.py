@@ -16,7 +16,14 @@ from damperfit.identification.fit_setting import _statuses
 from damperfit.identification.least_squares import DenseSystem, Minimum
 from damperfit.identification.logs import FEWEST_SAMPLES
 from damperfit.laws.description import described_again, physics_in, undecided
-from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, SettingLogs, Tried, _undetermined
+from damperfit.laws.law_fit import (
+    Candidate,
+    JudgedLaw,
+    LawFit,
+    LawSearch,
+    SettingLogs,
+    _undetermined,
+)
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
@@ -50,7 +57,7 @@ def told(
     fits: list[LawFit], *frequencies: float, search: LawSearch | None = None
 ) -> tuple[str, ...]:
     logs = [SettingLogs(one.setting, (log(*frequencies),)) for one in fits]
-    return undecided(search or LawSearch((), Tried("law", tuple(fits)), 60.0), fits, logs)
+    return undecided(search or LawSearch((), Candidate("law", tuple(fits)), 60.0), fits, logs)
 
 
 def test_logs_that_decide_everything_leave_nothing_open() -> None:
@@ -70,7 +77,7 @@ def test_motion_that_does_not_repeat_has_more_than_one_frequency() -> None:
     (stretch,) = log(1.0).stretches
     moving = replace(log(1.0), stretches=(replace(stretch, kind="moving"),))
     logs = [SettingLogs(fit().setting, (moving,))]
-    assert undecided(LawSearch((), Tried("law", (fit(),)), 60.0), [fit()], logs) == ()
+    assert undecided(LawSearch((), Candidate("law", (fit(),)), 60.0), [fit()], logs) == ()
 
 
 def test_a_moving_mass_and_a_softer_gas_spring_ask_for_a_second_frequency() -> None:
@@ -96,7 +103,7 @@ def test_what_moves_with_the_load_cell_is_asked_for_where_a_kilogram_is_felt() -
     def asked(share: float, model: TwinTube = MODEL) -> tuple[str, ...]:
         one = fit(model=model)
         logs = [SettingLogs(one.setting, (felt(share),))]
-        search = LawSearch((), Tried("law", (one,)), 60.0)
+        search = LawSearch((), Candidate("law", (one,)), 60.0)
         return undecided(search, [one], logs, has_parts_alone=True)
 
     assert asked(0.0199) == ()
@@ -108,7 +115,7 @@ def test_what_moves_with_the_load_cell_is_asked_for_where_a_kilogram_is_felt() -
     )
     still = replace(felt(0.5), force=np.zeros_like(felt(0.5).force))  # a channel that was not on
     logs = [SettingLogs(fit().setting, (still,))]
-    search = LawSearch((), Tried("law", (fit(),)), 60.0)
+    search = LawSearch((), Candidate("law", (fit(),)), 60.0)
     assert undecided(search, [fit()], logs, has_parts_alone=True) == ()
     weighed = replace(MODEL, mounting=Mounting(FIT, NONE, FIT, 1.2))
     assert asked(0.5, weighed) == ()
@@ -127,7 +134,7 @@ def test_whatever_is_not_told_has_a_test_that_decides_it(name: str) -> None:
 def test_a_part_that_costs_more_than_the_logs_pay_is_left_open(
     bic: float, gain: float, *, is_open: bool
 ) -> None:
-    tried = Tried("law", (fit(),))
+    tried = Candidate("law", (fit(),))
     judged = JudgedLaw(tried, False, "", bic, "with gas volume", gain)
     said = told([fit()], 1.0, 2.0, search=LawSearch((judged,), tried, 60.0))
     assert bool(said) is is_open

@@ -14,7 +14,7 @@ from damperfit.damper.mounting import FIT, Friction
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
 from damperfit.damper.valve_dampers import ThroughFlow
-from damperfit.laws.law_fit import SettingLogs, Tried
+from damperfit.laws.law_fit import Candidate, SettingLogs
 from damperfit.laws.rivals import held_against, is_open_to
 from damperfit.laws.search import search_laws
 from damperfit.recording import Recording
@@ -79,11 +79,11 @@ def test_a_damper_that_yields_is_told_as_what_it_is(name, tmp_path, capsys) -> N
     assert setting["mse_percent"] < 0.01
 
 
-def tried(model, mse: float, held: float = math.nan) -> Tried:
+def tried(model, mse: float, held: float = math.nan) -> Candidate:
     fit = SimpleNamespace(
         model=model, mse_percent=mse, held_out_percent=held, free=(), at_bound=(), undetermined=()
     )
-    return Tried("law", (fit,))
+    return Candidate("law", (fit,))
 
 
 @pytest.mark.parametrize(("of_valves", "is_taken", "is_open"), [
@@ -107,14 +107,14 @@ def test_a_damper_yields_where_all_its_logs_do(monkeypatch, shares, expected) ->
     assert law_choice._held_share(evidence) == pytest.approx(expected, nan_ok=True)
 
 
-def bent(k_e: float, *, undetermined=(), of_valves=1.0 / 3.9) -> Tried:
+def bent(k_e: float, *, undetermined=(), of_valves=1.0 / 3.9) -> Candidate:
     """Valves with oil of a bulk modulus, which fit and predict so many times worse than 1."""
     values = SimpleNamespace(k_e=k_e)
     fit = SimpleNamespace(
         model=ThroughFlow(), mse_percent=of_valves, held_out_percent=math.nan, free=("k_e",),
         at_bound=(), undetermined=undetermined, values=values, setting=Setting.of(4),
     )  # fmt: skip
-    return Tried("law", (fit,))
+    return Candidate("law", (fit,))
 
 
 @pytest.mark.parametrize(("k_e", "is_taken"), [
@@ -185,4 +185,4 @@ def test_preloaded_valves_stay_valves_though_their_force_is_held() -> None:
     found = search_laws(PURDY_DAMPER, [model], evidence, held_share=share)
     assert found.chosen.fits[0].model.name == "through_flow"
     assert found.also == ""
-    assert {*LOGS} <= {one.tried.title for one in found.laws}
+    assert {*LOGS} <= {one.candidate.title for one in found.laws}

@@ -7,7 +7,7 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
-from damperfit.laws.law_fit import LawSearch, Tried
+from damperfit.laws.law_fit import Candidate, LawSearch
 from damperfit.run.auto_model import is_monotube_open
 from tests.laws.test_undecided import fit
 
@@ -32,5 +32,5 @@ def declared(folder, text: str):
 def test_a_monotube_is_open_where_only_an_assumed_gas_excludes_it(
     tmp_path, text, model, alike, layout, is_open
 ) -> None:
-    searched = LawSearch((), Tried("law", (replace(fit(), model=model),)), 60.0, alike)
+    searched = LawSearch((), Candidate("law", (replace(fit(), model=model),)), 60.0, alike)
     assert is_monotube_open(declared(tmp_path, text), searched, layout) is is_open
