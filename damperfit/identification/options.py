@@ -66,35 +66,27 @@ DETECT = "detect"  # in place of names: share what no adjuster moves
 
 @dataclass(frozen=True, slots=True)
 class FitOptions:
-    """What to fit and how."""
+    """What to fit and how; what a field means that is a key too stands in [identification]."""
 
     procedure: str = "paper"  # a name of `PROCEDURE_NAMES`
-    # Parameters to fit; None takes the procedure's own (`paper` and `joint`: R_m1, R_m2, K_e per
-    # setting; `plain`: all that are not fixed and have no value that they are held at).
-    free: tuple[str, ...] | None = None
-    fixed: Mapping[str, float] = field(default_factory=dict)  # parameters held at a value, SI
+    free: tuple[str, ...] | None = None  # None: the procedure's own
+    fixed: Mapping[str, float] = field(default_factory=dict)  # SI
     # How exactly to integrate. 10 mN for one step leaves a bias of 1e-5 in R_m1, a hundredth of
     # what 4 N of noise does; a fit with less misfit is refined with a tighter integrator.
     solver: SolverOptions = SolverOptions(tolerance=1e-2)
-    # Of simulations for one minimisation; a fit may have several, by stages and further starts.
     max_evaluations: int = 100
-    # Parameters that all settings have in common in procedure `joint`; None: those that the model
-    # says are the damper's or the rig's; `DETECT` alone: what no adjuster moves, as the logs tell
-    # it or `follows` declares it.
+    # None: what the model says is the damper's or the rig's; `DETECT` alone: what no adjuster
+    # moves, as the logs show it or `follows` declares it.
     share: tuple[str, ...] | None = None
     # Parameters that have one value for each click of some adjusters, as declared.
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     # What to take, with a warning, for parameters that no log fixes, in place of what the model
     # knows of them (`Quantity.fallback`).
     fallbacks: Mapping[str, float] = field(default_factory=dict)
-    # A name of `BULK_MODULUS_NAMES`: ``free`` fits K_e at each setting, ``appendix1`` (procedure
-    # `joint` only) lets K_e of all settings follow from one gas content.
-    bulk_modulus: str = "free"
-    # Of each setting's fit, spread at random over a factor of ten to both sides; 1: its own alone.
-    starts: int = 1
+    bulk_modulus: str = "free"  # a name of `BULK_MODULUS_NAMES`
+    starts: int = 1  # of each setting's fit; 1: its own alone
     from_closed: tuple[str, ...] = ()  # adjusters whose highest click is the softest
     start: GivenStart = GivenStart()  # where the fits start, as far as somebody has said so
-    # What each setting has for itself in a joint fit although it is the damper's or the rig's.
     untied: tuple[str, ...] = ()
     # Whether a part of the law that does nothing at a setting is left out there (`plain`).
     is_leaving_out: bool = False
