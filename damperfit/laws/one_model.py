@@ -30,7 +30,7 @@ _END = Stopping(cost_tolerance=1e-3, step_tolerance=_SHORTEST, max_evaluations=5
 _FEW, _FIRST = 3, 6
 # Starts that are looked at, and those that are followed to their end.
 _LOOKED_AT, _FOLLOWED = 6, 3
-_NO_MISFIT = 1e-12
+_LEAST = 2e-6  # of what a setting leaves, per unit of its variance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,13 +51,13 @@ class OneModel(FitProblem):
         adjusters = self.settings[0].adjusters
         return tuple(name for name in self.free if self.follows.get(name) == adjusters)
 
-    def weighed_at(self, at: Mapping[Setting, Values], *, least: float = _NO_MISFIT) -> OneModel:
+    def weighed_at(self, at: Mapping[Setting, Values]) -> OneModel:
         """Return the same with the weights that values of the settings leave them.
 
-        What is left counts as `least` at least, and as much as the cycles differ.
+        What is left counts as `_LEAST` at least, and as much as the cycles differ.
         """
         blocks = self.blocks.items()
-        left = {setting: max(b.cost(at[setting]), b.scatter, least) for setting, b in blocks}
+        left = {setting: max(b.cost(at[setting]), b.scatter, _LEAST) for setting, b in blocks}
         return replace(self, weights={setting: 1.0 / cost for setting, cost in left.items()})
 
     def cost(self, at: Mapping[Setting, Values]) -> float:

@@ -126,8 +126,6 @@ _ONE = Stopping(max_evaluations=1)
 # Of the directions of a linearised problem: shorter ones promise nothing.
 _NO_LENGTH = 1e-6
 _END = Stopping(cost_tolerance=1e-3, step_tolerance=_STEP, max_evaluations=40, rest=math.inf)
-# What a setting leaves counts as that at least, per unit of its variance.
-_LEAST = 2e-6
 # The first fit of a layout that did so many times worse is not followed up.
 _FAR_WORSE = 8.0
 # Two predictions this near each other differ by noise.
@@ -240,7 +238,7 @@ class _Search:
 
         with executor(self.jobs) as pool:
             alone = dict(zip(settings, pool.map(own, settings), strict=True))
-        model = model.weighed_at(alone, least=_LEAST)
+        model = model.weighed_at(alone)
         best = model.best_of(list(model.starts(alone)))
         return self.restarted(_Fit(structure, model, best))
 
@@ -272,10 +270,10 @@ class _Search:
                 better = dict(zip(model.settings, pool.map(again, model.settings), strict=True))
         return self.ended_at(replace(fit, minimum=model.minimise(better, _END)))
 
-    def ended_at(self, fit: _Fit, stopping: Stopping = _END) -> _Fit:
+    def ended_at(self, fit: _Fit) -> _Fit:
         """The minimum with the weights that it gives the settings itself."""
-        model = fit.model.weighed_at(fit.values, least=_LEAST)
-        return replace(fit, model=model, minimum=model.minimise(fit.values, stopping))
+        model = fit.model.weighed_at(fit.values)
+        return replace(fit, model=model, minimum=model.minimise(fit.values, _END))
 
     def starts(
         self, structure: Structure, model: OneModel, near: _Fit
@@ -346,12 +344,12 @@ class _Search:
 
     # the criterion
 
-    def criterion(self, fit: _Fit, *, is_screening: bool = False) -> float:
-        """C of the module's text; without what was held out while candidates are screened."""
+    def criterion(self, fit: _Fit) -> float:
+        """C of the module's text."""
         percent, n = fit.percent, self.n_eff
         cost = sum(n[s] * math.log(p + FLOOR_PERCENT) for s, p in percent.items())
         cost += self.price(fit.structure, fit.model.settings) + self.unbelieved(fit)
-        return cost if is_screening else cost + self.of_held_out(fit)
+        return cost + self.of_held_out(fit)
 
     def price(self, structure: Structure, settings: Sequence[Setting]) -> float:
         """What the numbers and parts of a structure cost: a number by the samples that see it."""
@@ -895,7 +893,7 @@ class _Search:
             with suppress(SimulationError):
                 known = self.extended(near, before.settings)
                 model = self.model(known.structure, before.settings)
-                model = model.weighed_at(known.values, least=_LEAST)
+                model = model.weighed_at(known.values)
                 ended = model.best_of(list(model.starts(known.values)))
                 candidates.append(self.ended_at(_Fit(known.structure, model, ended)))
                 # A part that single settings do without may be what all of them need.
@@ -931,7 +929,7 @@ class _Search:
         """A fit at fewer settings."""
         model = self.model(fit.structure, settings)
         values = {s: fit.values[s] for s in settings}
-        model = model.weighed_at(values, least=_LEAST)
+        model = model.weighed_at(values)
         return _Fit(fit.structure, model, model.minimise(values, stopping))
 
     def at_all(self, fit: _Fit) -> _Fit:
@@ -969,7 +967,7 @@ class _Search:
         with executor(self.jobs) as pool:
             values = dict(fit.values) | dict(zip(missing, pool.map(at, missing), strict=True))
         values = model.with_common(values)
-        model = model.weighed_at(values, least=_LEAST)
+        model = model.weighed_at(values)
         return self.restarted(_Fit(fit.structure, model, model.minimise(values, _END)))
 
 

@@ -41,7 +41,6 @@ from damperfit.uncertainty.covariance import (
 from damperfit.uncertainty.profiles import (
     Bench,
     MisfitProfile,
-    Stride,
     doubtful_profiles,
     profile_at,
     profile_jointly,
@@ -695,7 +694,6 @@ def profile_campaign(
     bench: Bench,
     *,
     names: Sequence[str],
-    stride: Stride = Stride(),
     on_error: OnError | None = None,
 ) -> Assessment:
     """Return the assessment with full profiles of some parameters, by name, at every setting.
@@ -721,7 +719,7 @@ def profile_campaign(
 
     def traced(name: str, linear: Linearisation) -> MisfitProfile | None:
         with sparing(linear.fit.setting, on_error), suppress(SimulationError, FitCancelledError):
-            return profile_at(name, linear, bench, stride)
+            return profile_at(name, linear, bench)
         return None
 
     with executor(bench.jobs) as pool, one_blas_thread():
@@ -731,7 +729,7 @@ def profile_campaign(
                 if unknown.name != name or first is None:
                     continue
                 with sparing(first, on_error), suppress(SimulationError, FitCancelledError):
-                    for profile in profile_jointly(unknown, [*linearised.values()], bench, stride):
+                    for profile in profile_jointly(unknown, [*linearised.values()], bench):
                         is_so = bench.is_doubtful(name, linearised[profile.setting].fit)
                         finished.append(replace(profile, is_doubtful=is_so))
             if name not in sharing.jointly:
