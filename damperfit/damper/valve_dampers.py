@@ -577,10 +577,10 @@ class ValveCurve:
     flow: FloatArray  # a |v| - C dD/dt there, m3/s
     compliance: float  # C, m3/Pa
     root: float  # c, of the bleed, m3/(s sqrt(Pa))
-    opening: float  # p_open of the blow-off, Pa
-    conductance: float  # of the blow-off beyond its opening, m3/(s Pa)
-    # Whether an opening was found; else it and its conductance are only a place to start from.
-    has_knee: bool
+    # p_open of the blow-off, Pa, and its conductance beyond, m3/(s Pa); without a knee a place to
+    # start from.
+    opening: float
+    conductance: float
 
     @property
     def highest(self) -> float:
@@ -709,14 +709,13 @@ def _curve(loop: Loop, sign: float, side: Side, friction: float, offset: float) 
     rows = _rows(loop, sign, side, friction, offset)
     if rows is None:
         nothing = np.zeros(1)
-        return ValveCurve(nothing, nothing, 0.0, 0.0, 0.0, 0.0, has_knee=False)
+        return ValveCurve(nothing, nothing, 0.0, 0.0, 0.0, 0.0)
     weights, _ = rows.solve()
     compliance, root, turns = weights[0], weights[1], weights[2:]
     knees, top = rows.knees, float(np.max(rows.drop))
     is_opening = knees > _OPENING_FROM * top
     conductance = float(turns[is_opening].sum())
-    has_knee = conductance > 0.0
-    if has_knee:
+    if conductance > 0.0:
         opening = float(turns[is_opening] @ knees[is_opening]) / conductance
     else:
         opening = _UNSEEN_OPENING * top
@@ -731,7 +730,6 @@ def _curve(loop: Loop, sign: float, side: Side, friction: float, offset: float) 
         root=float(root) + low / math.sqrt(opening),
         opening=opening,
         conductance=conductance,
-        has_knee=has_knee,
     )
 
 
