@@ -81,8 +81,8 @@ def dwells_of(displacement: FloatArray, interval: float) -> list[tuple[slice, fl
     forms = np.stack([reach, reach**2 - mean_of(reach**2)])
     forms /= np.linalg.norm(forms, axis=1)[:, None]
     slopes = np.abs(x[near[:, None] + np.arange(n)] @ forms.T)
-    flat = near[(slopes <= _CLEAR * noise).all(axis=1)].tolist()
-    still = [start for start in flat if _is_level(x[start : start + n], noise)]
+    flat = near[(slopes <= _CLEAR * noise).all(axis=1)]
+    still = flat[_is_level(x[flat[:, None] + np.arange(n)], noise)].tolist()
     # Looks at one level are one rest; noise alone refuses one in 200 between.
     levels = [mean_of(x[start : start + n]) for start in still]
     breaks = [
@@ -120,10 +120,10 @@ def dwell_lengths(velocity: FloatArray) -> list[int]:
     return [n for n in (stops - starts).tolist() if n >= _FEWEST]
 
 
-def _is_level(part: FloatArray, noise: float) -> bool:
-    """Whether samples scatter about their mean as noise does."""
-    allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * len(part))
-    return float(np.std(part)) <= allowed * noise
+def _is_level(parts: FloatArray, noise: float) -> Any:
+    """Whether samples, of a part or of each row, scatter about their mean as noise does."""
+    allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * parts.shape[-1])
+    return np.std(parts, axis=-1) <= allowed * noise
 
 
 # Velocity that the compared filter may take away, over all of it. A sine loses less, a triangle of
