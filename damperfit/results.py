@@ -67,6 +67,7 @@ PAGE = "report.html"
 NOTEBOOK_COLUMNS = 100
 _BEYOND = 1.05  # times what was tested, or less than that part of it
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
+_OF_LOGS = ("start", "start_values", "profile", "hold_out", "hold_out_cycles")  # of a fit
 _OF_TABLE = {"schema_version", "table", "quantities"}  # facts that each table has of its own
 _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
@@ -633,17 +634,17 @@ class Run:
 
     @cached_property
     def own_configuration(self) -> Configuration:
-        """Rig, conditioning, procedure and damper it was made with, as far as they are told."""
+        """All that it was made with but for its logs and starts, as far as it is told."""
         from damperfit.configuration.loading import load_configuration
 
-        own = {key: inside(self.record, "configuration", key) for key in ("rig", "conditioning")}
+        known = inside(self.record, "configuration")
         sections = {  # JSON has no infinity: null is the default
-            key: {name: value for name, value in section.items() if value is not None}
-            for key, section in own.items()
+            name: {key: value for key, value in section.items() if value is not None}
+            for name, section in (known if isinstance(known, dict) else {}).items()
             if isinstance(section, dict)
         }
-        procedure = inside(self.record, "configuration", "identification", "procedure")
-        sections |= {"identification": {"procedure": procedure}} if procedure else {}
+        for key in _OF_LOGS:
+            sections.get("identification", {}).pop(key, None)
         return load_configuration(overlay=sections | {"damper": self.declared_damper or {}})
 
     @property

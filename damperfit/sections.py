@@ -283,12 +283,21 @@ class RigSection(Declarations):
         "time", word="auto", least=-0.1, most=0.1, option="TIME|auto", panel="Logs")
     max_log_bytes: int = key(500_000_000, "a larger log is refused", above=0)
     max_stroke: float = key("0mm",
-        "what the rig can do, for advise: amplitude; 0: as tested", "length", least=0.0)
-    max_speed: float = key("0m/s", "0: twice what was tested", "velocity", least=0.0)
-    max_force: float = key("0N", "0: no limit", "force", least=0.0)
-    max_frequency: float = key("0Hz", "0: 10 Hz", "frequency", least=0.0)
-    max_heat: float = key("0W", "mean power into heat; 0: no limit", "power", least=0.0)
-    minutes: float = key(2.0, "longest test of one setting for advise, min", least=0.01)
+        "largest amplitude of the rig, for advise; by default as tested",
+        "length", least=0.0, option="LENGTH", panel="Rig")
+    max_speed: float = key("0m/s",
+        "highest peak speed; by default twice what was tested",
+        "velocity", least=0.0, option="SPEED", panel="Rig")
+    max_force: float = key("0N",
+        "highest force; by default no limit", "force", least=0.0, option="FORCE", panel="Rig")
+    max_frequency: float = key("0Hz",
+        "highest frequency; by default 10 Hz",
+        "frequency", least=0.0, option="FREQ", panel="Rig")
+    max_heat: float = key("0W",
+        "mean power that a test turns into heat; by default no limit",
+        "power", least=0.0, option="POWER", panel="Rig")
+    minutes: float = key(2.0,
+        "longest test of one setting, min", least=0.01, option="N", panel="Rig")
     profile: str = key("",
         "name of the profile of the rig for every log; by default the first that fits",
         option="NAME", panel="Logs", keyword="rig_profile")

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -33,7 +34,6 @@ from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter, design_filter, passed_filter
 from damperfit.conditioning.log_to_trace import condition
 from damperfit.configuration.damper_section import damper_of_record
-from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import Model, Values
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import (
@@ -43,19 +43,21 @@ from damperfit.errors import (
     SimulationError,
     did_you_mean,
 )
+from damperfit.identification.options import GivenStart
 from damperfit.problem import Option
 from damperfit.recording import Recording, Trace
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.records import entries_in, findings_in, listed_in, number_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out
-from damperfit.run.identify import identified
+from damperfit.run.identify import fitted
+from damperfit.run.logs import LogBatch, add_traces
 from damperfit.simulation import sine_motion
 from damperfit.statistics import NORMAL_95
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from damperfit.configuration.options import Configuration
     from damperfit.results import Run, SettingResult
+    from damperfit.sections import RigSection
 
 LAW = "law"
 # Twice the logarithm of a likelihood ratio is very strong evidence from 10 on (Kass and Raftery, J.
@@ -66,10 +68,10 @@ _AMPLITUDES, _FREQUENCIES = 6, 8  # of the grid of candidates, spaced evenly by 
 _SAMPLES = 400  # of a cycle
 _RUN_IN = 2  # cycles before the one that is evaluated
 _FEWEST_CYCLES, _MOST_CYCLES = 3, 15
-_FOLLOWED, _TRIED = 3, 4  # candidates that are tried, and settings
+_FOLLOWED, _TRIED = 3, 5  # candidates that are tried, and settings
+_SEEDS = (1, 2)  # of the noise with which they are
+_UNFITTED = (SimulationError, ConditioningError, LogError)
 _FINER = 8  # times the rate of the logs
-# Keys of a run that are of its logs or its start.
-_OF_LOGS = ("start", "start_values", "profile", "hold_out", "hold_out_cycles")
 _OF_SINE = ("log", "amplitude_m", "frequency_Hz", "cycles", "noise_N")  # of a segment
 _SLOWEST, _FASTEST = 0.1, 10.0  # Hz; the latter where the rig's is not declared
 _FASTER, _OF_TRAVEL = 2.0, 0.9  # times the tested speed, likewise; of the damper's travel
@@ -81,31 +83,23 @@ _SPOILT = 1e6  # times the largest plausible value
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
 
 
-class Limits(NamedTuple):
-    """What the rig can do: amplitude (m), speed (m/s), force (N), frequency (Hz), minutes, W."""
-
-    stroke: float
-    speed: float
-    force: float
-    frequency: float
-    minutes: float
-    heat: float
-
-    @classmethod
-    def of(cls, run: Run, rig: Any, asked: dict[str, float | None]) -> Limits:
-        """Take each limit as it is asked for, else as the rig has it, else by what was tested."""
-        known = {name: asked[name] or getattr(rig, name) for name in asked}
-        stroke = known["max_stroke"] or run.tested.stroke
-        speed = known["max_speed"] or _FASTER * (run.tested.speed or 0.0)
-        if not stroke or not speed:
-            raise ConfigurationError(
-                f"{run.name}: the tested stroke and speed are not known; declare rig.max_stroke "
-                "and rig.max_speed",
-                code="no-limits",
-            )
-        force, heat = (known[name] or math.inf for name in ("max_force", "max_heat"))
-        stroke, frequency = min(stroke, _OF_TRAVEL * run.damper.travel), known["max_frequency"]
-        return cls(stroke, speed, force, frequency or _FASTEST, known["minutes"], heat)
+def with_limits(rig: RigSection, run: Run) -> RigSection:
+    """Return a rig with the limits that it does not declare, by what was tested."""
+    stroke = rig.max_stroke or run.tested.stroke
+    speed = rig.max_speed or _FASTER * (run.tested.speed or 0.0)
+    if not stroke or not speed:
+        raise ConfigurationError(
+            f"{run.name}: the tested stroke and speed are not known; declare rig.max_stroke "
+            "and rig.max_speed",
+            code="no-limits",
+        )
+    return rig.but(
+        max_stroke=min(stroke, _OF_TRAVEL * run.damper.travel),
+        max_speed=speed,
+        max_force=rig.max_force or math.inf,
+        max_frequency=rig.max_frequency or _FASTEST,
+        max_heat=rig.max_heat or math.inf,
+    )
 
 
 class Question(NamedTuple):
@@ -143,18 +137,17 @@ class Question(NamedTuple):
         return quasi_static(run.damper, setting.parameters, [self.speed], **how).slopes[:, 0]
 
     def errors(self, run: Run, setting: SettingResult) -> tuple[float, float]:
-        """Standard error of it, and what of that is the model's misfit."""
+        """Standard error of it, relative of a logarithmic quantity, and the misfit's share."""
         if not self.quantity:
             forces = force_at([setting], run.damper, [abs(self.speed)], measured=run.speed_forces)
-            force = next(one for one in forces if (one.stroke == "bump") is (self.speed < 0.0))
+            force = next(side for side in forces if (side.stroke == "bump") is (self.speed < 0.0))
             return force.reach / NORMAL_95, force.misfit
-        gradient = self.gradient(run, setting)
-        variance = max(float(gradient @ np.asarray(setting.covariance) @ gradient), 0.0)
-        is_own = self.quantity in setting.names
-        misfit = is_own * setting.misfits.get(self.quantity, 0.0)
-        if is_own and setting.values.quantity(self.quantity).is_logarithmic:
-            misfit /= setting.values[self.quantity]
-        return math.hypot(math.sqrt(variance), misfit), misfit
+        if self.quantity not in setting.names:  # held; or the law
+            return 0.0, 0.0
+        is_relative = setting.values.quantity(self.quantity).is_logarithmic
+        unit = setting.values[self.quantity] if is_relative else 1.0
+        place, misfit = setting.names.index(self.quantity), setting.misfits[self.quantity] / unit
+        return math.hypot(math.sqrt(np.asarray(setting.covariance)[place, place]), misfit), misfit
 
 
 class NextTest(NamedTuple):
@@ -183,7 +176,7 @@ class NextTest(NamedTuple):
     @property
     def decided(self) -> list[str]:
         """Titles of the structures that it tells from the chosen one."""
-        return [title for title, found in self.evidence.items() if found >= DECIDES]
+        return [title for title, evidence in self.evidence.items() if evidence >= DECIDES]
 
     @property
     def rank(self) -> tuple[float, float]:
@@ -256,39 +249,32 @@ class Advice(Answer):
 
 
 def advise(
-    run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
+    run: Run, question: Question, limits: RigSection, settings: Sequence[SettingResult]
 ) -> Advice:
     """Return which sine tells most about a question, at the settings together."""
     if question.quantity == LAW:
         return _advise_law(run, limits, settings)
     title, rig = question.title, _Rig(run, question, limits, settings)
-    if not rig.known:
+    if not rig.planned:
         raise ConfigurationError(
             f"{run.name}: no setting has an error of {title}: it is held, or the fit "
             "found no minimum; fit it first",
             code="nothing-to-narrow",
         )
-    screened = filter(None, map(rig.screened, rig.candidates()))
-    ranked = sorted(screened, key=lambda test: test.rank)
-    tried = filter(None, map(rig.tried, ranked))
-    tests = tuple(sorted(islice(tried, _FOLLOWED), key=lambda test: test.rank))
-    if tests:  # by chance it may look better than it is
-        like = next(test for test in ranked if test[:2] == tests[0][:2])
-        again = rig.tried(like, seed=2) or tests[0]
-        shares = {name: math.sqrt(x * again.shares[name]) for name, x in tests[0].shares.items()}
-        twice = (tests[0]._replace(shares=shares), *tests[1:])
-        tests = tuple(sorted(twice, key=lambda test: test.rank))
+    screened = sorted(filter(None, map(rig.screened, rig.candidates())), key=lambda t: t.rank)
+    tried = islice(filter(None, map(rig.tried, screened)), _FOLLOWED)
+    tests = tuple(sorted(tried, key=lambda test: test.rank))
     is_any_use = any(test.share <= _NOTICED for test in tests)
     if not tests:
-        where = "within the limits of the rig" + " and above its noise" * bool(ranked)
+        where = "within the limits of the rig" + " and above its noise" * bool(screened)
         sentence = f"no test is {where}, so none narrows {title}"
     elif tests[0].share <= _USEFUL:
-        n, left = len(rig.known), f"{100.0 * tests[0].share:.2g} % of today's"
+        n, left = len(rig.planned), f"{100.0 * tests[0].share:.2g} % of today's"
         left += f" (median of {n} settings)" if n > 1 else ""
         sentence = f"{tests[0].sentence}: the interval of {title} shrinks to {left}"
     else:
         why = "the force hardly depends on it at any motion within the limits"
-        if median(one.floor / one.now for one in rig.known) > _USEFUL:
+        if median(known.floor / known.now for known in rig.planned) > _USEFUL:
             why = (
                 "most of the interval is lack of fit or an assumed default, which another test "
                 "of this kind repeats"
@@ -297,7 +283,7 @@ def advise(
             why = "it would show lack of fit of the model that today's interval knows nothing of"
         most = f" by more than {100.0 * (1.0 - tests[0].share):.0f} %" if is_any_use else ""
         sentence = f"no test within these limits narrows the interval of {title}{most}: {why}"
-    speed, tested = abs(question.speed), max(one.setting.top_speed for one in rig.known)
+    speed, tested = abs(question.speed), max(known.setting.top_speed for known in rig.planned)
     remark = (
         f"{speed:g} m/s was never tested (up to {tested:.3g} m/s): the force there is the model's, "
         "extrapolated, and so is its interval"
@@ -306,25 +292,26 @@ def advise(
         title=title,
         sentence=sentence,
         tests=tests,
-        known={"interval_now": {one.setting.label: NORMAL_95 * one.now for one in rig.known}},
+        known={"interval_now": {known.label: NORMAL_95 * known.now for known in rig.planned}},
         remarks=(*run.remarks, *[remark] * (speed > tested)),
         tables=(laid_out(tests, (*_MOTION, *_INTERVALS)),) if is_any_use else (),
     )
 
 
-def _advise_law(run: Run, limits: Limits, settings: Sequence[SettingResult]) -> Advice:
+def _advise_law(run: Run, limits: RigSection, settings: Sequence[SettingResult]) -> Advice:
     """Return in which sine the structures that a run's logs leave open differ most."""
     rivals, choice = remaining(run), run.record["law_choice"]
     undecided = tuple(map(str, listed_in(choice, "undecided")))
     chosen, titles = choice.get("chosen", ""), [rival.title for rival in rivals]
     names = {title: f"structure {k}" for k, title in enumerate(titles, 1)}
     tests: tuple[NextTest, ...] = ()
-    if rivals and (rig := _Rig(run, Question(LAW), limits, settings)).known:
+    if rivals and (rig := _Rig(run, Question(LAW), limits, settings)).planned:
         counted = choice.get("effective_samples")
         n = sum(part.get("n_samples") or 0 for part in entries_in(run.record, "stretches"))
-        worth = n / counted if isinstance(counted, float) and counted > 0.0 else rig.worth
-        found = (rig.decided(rivals, motion, worth) for motion in rig.candidates())
-        tests = tuple(sorted(filter(None, found), key=lambda test: test.rank)[:_FOLLOWED])
+        if isinstance(counted, float) and counted > 0.0:  # as in the choice of the structure
+            rig.worth = max(n / counted, rig.worth)
+        decided = (rig.decided(rivals, motion) for motion in rig.candidates())
+        tests = tuple(sorted(filter(None, decided), key=lambda test: test.rank)[:_FOLLOWED])
     listed = ", ".join(names[title] for title in (tests and tests[0].decided) or titles)
     if not rivals and undecided:
         sentence = (
@@ -373,17 +360,16 @@ def remaining(run: Run) -> tuple[Rival, ...]:
         raise ConfigurationError(text, model=model, code="no-structures")
     rivals = []
     for entry in entries_in(choice, "remaining"):
-        try:
+        with suppress(
+            AttributeError, KeyError, TypeError, ValueError, ConfigurationError
+        ):  # edited
             damper = damper_of_record(entry["damper"])
-            values = {
-                str(one["setting"]): damper.values(
-                    {name: float(value) for name, value in one["values"].items()}
-                )
-                for one in entries_in(entry, "settings")
+            numbers = {
+                str(row["setting"]): {name: float(value) for name, value in row["values"].items()}
+                for row in entries_in(entry, "settings")
             }
+            values = {label: damper.values(own) for label, own in numbers.items()}
             rivals.append(Rival(str(entry["title"]), damper, values))
-        except (AttributeError, KeyError, TypeError, ValueError, ConfigurationError):  # edited
-            continue
     return tuple(rivals)
 
 
@@ -391,11 +377,9 @@ class _Known:
     """What a run knows of one setting; vectors and matrices are by u of the values in error."""
 
     def __init__(self, run: Run, setting: SettingResult, question: Question) -> None:
-        self.setting, self.gradient = setting, question.gradient(run, setting)
-        covariance = np.asarray(setting.covariance)  # of noise alone
-        scales = 1.0 / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-        unit = np.outer(scales, scales)
-        self.information = np.linalg.pinv(covariance * unit, rcond=1e-12, hermitian=True) * unit
+        self.setting, self.label = setting, setting.label
+        self.gradient = question.gradient(run, setting)
+        self.covariance = np.asarray(setting.covariance)  # of noise alone
         self.now, self.floor = question.errors(run, setting)
         self.segments = [
             segment
@@ -406,10 +390,15 @@ class _Known:
         # Of the filtered force between cycles, N.
         self.noise = noises[len(noises) // 2] if noises else math.nan
 
+    def variance(self, gradient: FloatArray, information: FloatArray) -> float:
+        """What a new test leaves of the variance along a gradient, g' (C^-1 + G)^-1 g."""
+        narrowed = np.eye(len(gradient)) + information @ self.covariance
+        return float(gradient @ self.covariance @ np.linalg.solve(narrowed, gradient))
+
 
 def _is_spoilt(values: Values) -> bool:
     """Whether a table that somebody has edited has a number that no damper has."""
-    sizes = {one.name: max(map(abs, one.plausible)) for one in values.quantities}
+    sizes = {quantity.name: max(map(abs, quantity.plausible)) for quantity in values.quantities}
     return not all(abs(values[name]) < _SPOILT * size for name, size in sizes.items())  # nor NaN
 
 
@@ -425,8 +414,8 @@ def _displacement_noise(run: Run, corner: float) -> float:
     As inspection found it; behind a filter of the rig, which hides it, by the spectrum between the
     motion's harmonics below the corner, of logs of one motion.
     """
-    findings = (one for log in run.logs for one in findings_in(log.facts) if one.name == _NOISE)
-    if noises := [1e-6 * one.value for one in findings if one.value]:
+    findings = (finding for log in run.logs for finding in findings_in(log.facts))
+    if noises := [1e-6 * f.value for f in findings if f.name == _NOISE and f.value]:
         return median(noises)
     for log in run.logs:
         signals, frequency = log.signals, number_in(log.facts, "frequency_Hz")
@@ -445,25 +434,25 @@ class _Rig:
     """What tests tell on a rig."""
 
     def __init__(
-        self, run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
+        self, run: Run, question: Question, limits: RigSection, settings: Sequence[SettingResult]
     ) -> None:
         self.run, self.question, self.limits = run, question, limits
-        self.again: dict[int, Run | None] = {}
-        judged = [one for one in run.settings if one.covariance is not None and len(one.names)]
-        known = [_Known(run, one, question) for one in judged if not _is_spoilt(one.parameters)]
-        known = [one for one in known if one.now > 0.0 or question.quantity == LAW]
-        planned = {one.label for one in settings}
-        self.known = [one for one in known if one.setting.label in planned]
-        others = [one for one in known if one.setting.label not in planned and one.segments]
-        # Those that a test is tried at; the others of the run tell what they share.
-        self.trial = _spread(self.known, _TRIED)
-        self.trial += _spread(others, _TRIED - len(self.trial))
-        if mute := [known.setting.label for known in self.known if not known.segments]:
+        judged = [s for s in run.settings if s.covariance is not None and len(s.names)]
+        known = [_Known(run, s, question) for s in judged if not _is_spoilt(s.parameters)]
+        known = [k for k in known if k.now > 0.0 or question.quantity == LAW]
+        labels = {setting.label for setting in settings}
+        self.planned = [k for k in known if k.label in labels]
+        if mute := [k.label for k in self.planned if not k.segments]:
             raise ConfigurationError(
                 f"{run.name}: run.json does not have the noise of setting {mute[0]}; "
                 "identify logs with steady cycles",
                 code="no-noise",
             )
+        # A test is tried at some of them; the others of the run tell what they share.
+        self.probed = _spread(self.planned, _TRIED)
+        others = [k for k in known if k.label not in labels and k.segments]
+        self.fitted = [*self.probed, *_spread(others, _TRIED - len(self.probed))]
+        self.is_whole = len(self.fitted) == len(known)
         # What is simulated is in time, and about the middle of the stroke.
         self.options = run.own_configuration.conditioning.but(skew=0.0, centre=None)
         inputs = run.inputs
@@ -476,14 +465,16 @@ class _Rig:
 
     def candidates(self) -> Iterator[NextTest]:
         """Yield sines within the limits, as far as they are known without a simulation."""
-        limits, slowest = self.limits, min(_SLOWEST, self.limits.frequency)
-        for amplitude in np.geomspace(limits.stroke / _SMALLEST, limits.stroke, _AMPLITUDES):
-            for frequency in np.geomspace(slowest, limits.frequency, _FREQUENCIES):
+        limits, slowest = self.limits, min(_SLOWEST, self.limits.max_frequency)
+        for amplitude in np.geomspace(
+            limits.max_stroke / _SMALLEST, limits.max_stroke, _AMPLITUDES
+        ):
+            for frequency in np.geomspace(slowest, limits.max_frequency, _FREQUENCIES):
                 seconds = 60.0 * limits.minutes - _BETWEEN
                 cycles = min(_MOST_CYCLES, int(seconds * frequency) - _RUN_IN)
-                whole = len(self.known) * ((cycles + _RUN_IN) / float(frequency) + _BETWEEN)
+                whole = len(self.planned) * ((cycles + _RUN_IN) / float(frequency) + _BETWEEN)
                 test = NextTest(float(amplitude), float(frequency), cycles, whole / 60.0)
-                if test.speed <= limits.speed * (1.0 + 1e-9) and cycles >= _FEWEST_CYCLES:
+                if test.speed <= limits.max_speed * (1.0 + 1e-9) and cycles >= _FEWEST_CYCLES:
                     yield test
 
     def screened(self, test: NextTest, end: int | None = None) -> NextTest | None:
@@ -491,8 +482,8 @@ class _Rig:
 
         With an end, the quantity in question is at that end of its interval.
         """
-        shares, n = {}, test.cycles / test.frequency * self.rate / self.worth
-        for known in self.known:
+        shares, n = {}, self._samples(test)
+        for known in self.planned:
             values, name = known.setting.parameters, self.question.quantity
             limit = None if end is None else known.setting.intervals[name][end]
             if limit is not None and limit > 0.0:
@@ -501,63 +492,72 @@ class _Rig:
             if cycle is None:
                 return None
             jacobian = cycle[1] / known.noise
-            after = known.information + n / len(jacobian) * jacobian.T @ jacobian
-            variance = float(known.gradient @ np.linalg.pinv(after) @ known.gradient)
-            shares[known.setting.label] = math.hypot(math.sqrt(variance), known.floor) / known.now
+            variance = known.variance(known.gradient, n / len(jacobian) * jacobian.T @ jacobian)
+            shares[known.label] = math.hypot(math.sqrt(variance), known.floor) / known.now
         return test._replace(shares=shares)
 
-    def tried(self, test: NextTest, seed: int = 1) -> NextTest | None:
+    def tried(self, test: NextTest) -> NextTest | None:
         """A test as the rig would record it, fitted: the worst over the interval of a quantity.
 
         None: it cannot be recorded or fitted at every setting.
         """
-        if seed not in self.again:  # the run's own tests
-            self.again[seed] = self._fitted(None, seed)
-        first = self.again[seed]
-        run = None if first is None else self._fitted(test, seed)
-        if first is None or run is None:
-            return None
-        shares = dict(test.shares)
-        for known in self._planned:
-            label = known.setting.label
-            (was, missed), (now, _) = (
-                self.question.errors(fitted, fitted.setting(label)) for fitted in (first, run)
-            )
-            more = math.sqrt(max(known.floor**2 - missed**2, 0.0))
-            if was > 0.0 and now > 0.0:  # else one fit has no error of it: as screened
-                shares[label] = math.hypot(now, more) / math.hypot(was, more)
-        tried = [known.setting.label for known in self._planned]
-        for label in shares.keys() - tried:
-            shares[label] *= median(shares[one] / test.shares[one] for one in tried)
+        # Of what was screened; by chance of one noise a test may look better than it is.
+        ratios = {known.label: 1.0 for known in self.probed}
+        for seed, (own, first) in self._first.items():
+            try:
+                traces = [*own]
+                for known in self.probed:  # as warm as the first of its setting
+                    like = known.segments[0]["log"]
+                    traces.append(self._recorded(known, test, like, [seed, len(traces)]))
+                    findings = traces[-1].findings
+                    if any(f.name == _NOISE and f.severity == "warning" for f in findings):
+                        return None
+                both = self._refitted(traces)
+            except _UNFITTED:
+                return None
+            for known in self.probed:
+                label, after = known.label, self._error(known, both)
+                before = known.now if first is None else self._error(known, first)
+                if before > 0.0 and after > 0.0:  # else one fit has no error of it: as screened
+                    ratio = after / before / test.shares[label]
+                    ratios[label] *= ratio ** (1.0 / len(self._first))
+        usual = median(ratios.values())
+        shares = {label: share * ratios.get(label, usual) for label, share in test.shares.items()}
         for end in (0, 1) if self.question.quantity else ():
             if at_end := self.screened(test, end):
                 for label, share in test.shares.items():
                     shares[label] *= max(1.0, at_end.shares[label] / share)
-        return test._replace(shares=shares)
+        return test._replace(shares=shares) if self._first else None
 
-    def decided(self, rivals: Sequence[Rival], test: NextTest, worth: float) -> NextTest | None:
-        """What a test tells of structures that remain; None: it is beyond rig or damper.
+    def _error(self, known: _Known, run: Run) -> float:
+        """Standard error in simulated tests, with the run's lack of fit, which they do not have."""
+        error, misfit = self.question.errors(run, run.setting(known.label))
+        more = math.sqrt(max(known.floor**2 - misfit**2, 0.0))
+        return math.hypot(error, more) if error > 0.0 else 0.0
 
-        Of `worth` samples one counts, as in the choice of the structure.
-        """
+    def decided(self, rivals: Sequence[Rival], test: NextTest) -> NextTest | None:
+        """What a test tells of structures that remain; None: it is beyond rig or damper."""
         evidence = dict.fromkeys([rival.title for rival in rivals], 0.0)
-        n = test.cycles / test.frequency * self.rate / max(worth, self.worth)
-        for known in self.known:
-            own, label = self._cycle(known.setting, test), known.setting.label
+        n = self._samples(test)
+        for known in self.planned:
+            own, label = self._cycle(known.setting, test), known.label
             if own is None:
                 return None
             jacobian = own[1] / known.noise
             weight = n / len(jacobian)
-            after = weight * jacobian.T @ jacobian + known.information
             for rival in (rival for rival in rivals if label in rival.values):
                 other = self._cycle(known.setting, test, rival.values[label], damper=rival.damper)
                 if other is None:
                     return None
                 d = (other[0] - own[0]) / known.noise
-                b = weight * jacobian.T @ d
-                left = float(weight * d @ d - b @ np.linalg.solve(after, b))
-                evidence[rival.title] += n * math.log1p(max(left, 0.0) / n)
+                fitted = known.variance(weight * jacobian.T @ d, weight * jacobian.T @ jacobian)
+                left = max(float(weight * d @ d) - fitted, 0.0)
+                evidence[rival.title] += n * math.log1p(left / n)
         return test._replace(evidence=evidence)
+
+    def _samples(self, test: NextTest) -> float:
+        """Those of a test that count."""
+        return test.cycles / test.frequency * self.rate / self.worth
 
     def _cycle(
         self,
@@ -582,55 +582,51 @@ class _Rig:
             return None
         steady = slice(_RUN_IN * per_cycle, (_RUN_IN + 1) * per_cycle)
         force, heat = seen.force[steady], np.mean(seen.force[steady] * seen.velocity[steady])
-        if np.abs(force).max() > self.limits.force or heat > self.limits.heat:
+        if np.abs(force).max() > self.limits.max_force or heat > self.limits.max_heat:
             return None
         rows = np.stack([seen.force, *(seen.sensitivities[name] for name in names)])
         rows = apply_filter(passed_filter(self.options, rate), rows)[:, steady]
         scales = [values[n] if values.quantity(n).is_logarithmic else 1.0 for n in names]
         return rows[0], rows[1:].T * np.array(scales)
 
-    @property
-    def _planned(self) -> list[_Known]:
-        return [known for known in self.trial if known in self.known]
-
-    def _fitted(self, test: NextTest | None, seed: int) -> Run | None:
-        """The run's tests, and a new one at each planned setting, recorded and fitted alike."""
-        wanted = [
-            (known, NextTest(one["amplitude_m"], one["frequency_Hz"], one["cycles"]), one["log"])
-            for known in self.trial
-            for one in known.segments
-        ]
-        if test is not None:  # as warm as the setting's first
-            wanted += [(known, test, known.segments[0]["log"]) for known in self._planned]
-        traces: list[Trace] = []
-        try:  # the new test first: it may be refused
-            for k, (known, motion, like) in reversed([*enumerate(wanted)]):
-                trace = condition(self._recorded(known, motion, like, [seed, k]), self.options)
-                too_noisy = (f.name == _NOISE and f.severity == "warning" for f in trace.findings)
-                if motion is test and any(too_noisy):
-                    return None
-                traces.insert(0, trace)
-            (done,) = identified(self._configuration, (), traces=traces, is_one=True)
-        except (SimulationError, ConditioningError, LogError):
-            return None
-        fitted = {one.label for one in done.run.settings if one.covariance is not None}
-        return done.run if fitted >= {one.setting.label for one in self._planned} else None
-
     @cached_property
-    def _configuration(self) -> Configuration:
-        """All that the run was made with."""
-        known = self.run.record.get("configuration")
-        sections = {
-            name: {key: value for key, value in section.items() if value is not None}
-            for name, section in (known if isinstance(known, dict) else {}).items()
-            if isinstance(section, dict)
-        }
-        for key in _OF_LOGS:
-            sections.get("identification", {}).pop(key, None)
-        return load_configuration(overlay=sections | {"damper": self.run.declared_damper or {}})
+    def _first(self) -> dict[int, tuple[list[Trace], Run | None]]:
+        """The run's tests by the seed of their noise, and what few of many are fitted to.
 
-    def _recorded(self, known: _Known, test: NextTest, like: str, seed: list[int]) -> Recording:
-        """A test as the rig writes it; the same noise in every call.
+        What settings share is known worse by a few of them, before a test and after it. No seed:
+        they have no fit.
+        """
+        tests = [
+            (
+                known,
+                NextTest(part["amplitude_m"], part["frequency_Hz"], part["cycles"]),
+                part["log"],
+            )
+            for known in self.fitted
+            for part in known.segments
+        ]
+        first: dict[int, tuple[list[Trace], Run | None]] = {}
+        with suppress(*_UNFITTED):
+            for seed in _SEEDS:
+                own = [self._recorded(*motion, [seed, k]) for k, motion in enumerate(tests)]
+                first[seed] = own, None if self.is_whole else self._refitted(own)
+        return first
+
+    def _refitted(self, traces: Sequence[Trace]) -> Run:
+        """Tests fitted as the run was, from its values on; a LogError where it has no errors."""
+        batch, made = LogBatch(), self.run.own_configuration
+        add_traces(batch, traces, None)
+        ended = {known.setting.setting: dict(known.setting.values) for known in self.fitted}
+        start = GivenStart(by_setting=ended, is_of_one_model=True)
+        options = replace(made.identification, start=start)
+        run, _ = fitted(replace(made, identification=options), batch)
+        lost = [k.label for k in self.probed if run.setting(k.label).covariance is None]
+        if lost:
+            raise LogError(f"setting {lost[0]} has no errors", code="no-setting-fitted")
+        return run
+
+    def _recorded(self, known: _Known, test: NextTest, like: str, seed: list[int]) -> Trace:
+        """A test as the rig writes it, conditioned; the same noise in every call.
 
         The scatter between cycles is all taken for noise of the force, white before the filter;
         that of the displacement comes to it, for it drives the model. A filter of the rig is
@@ -654,7 +650,7 @@ class _Rig:
         white = np.random.default_rng(seed).standard_normal(logged.shape)
         white *= [[self.displacement_noise], [known.noise * math.sqrt(self.worth)]]
         logged += filtered(white, self.rate)
-        return Recording(
+        recording = Recording(
             *(f"test {seed}", "", "", known.setting.setting),
             time=np.arange(logged.shape[1]) / self.rate,
             displacement=logged[0],
@@ -663,3 +659,4 @@ class _Rig:
             reverse_displacement=False,
             reverse_force=False,
         )
+        return condition(recording, own)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.arguments import folder_of, public, refuse_idle, usage
+from damperfit.arguments import configured, folder_of, public, refuse_idle, usage
 from damperfit.errors import blamed_on
 from damperfit.problem import Option
 from damperfit.store import check_writable, path_of
@@ -54,8 +54,8 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
         Candidates by rank, each with the share of today's interval that is left at each setting, or
         with its evidence against each structure.
     """
+    given = dict(locals())
     from damperfit.after_fit import advise as module
-    from damperfit.queries.settings import positive
 
     if for_ is None:
         text = (
@@ -64,16 +64,10 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
         )
         raise usage(text, "question")
     run = run_of(results, "damperfit.advise", config, takes_parts=False)
-    rig = (run.own_configuration if config is None else run.configuration).rig
-    asked = {
-        "max_stroke": positive(max_stroke, "length", "max_stroke"),
-        "max_speed": positive(max_speed, "velocity", "max_speed"),
-        "max_force": positive(max_force, "force", "max_force"),
-        "max_frequency": positive(max_frequency, "frequency", "max_frequency"),
-        "max_heat": positive(max_heat, "power", "max_heat"),
-        "minutes": None if minutes is None else _above_zero("minutes", minutes),
-    }
-    limits = module.Limits.of(run, rig, asked)
+    asked = configured("advise", given)
+    rig = run.own_configuration.rig if config is None else asked.rig
+    given = {key: value for key, value in vars(asked.rig).items() if f"rig.{key}" in asked.declared}
+    limits = module.with_limits(rig.but(**given), run)
     return module.advise(run, module.Question.of(for_, run), limits, _settings(run, setting))
 
 
@@ -99,6 +93,7 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
     force, velocity : number or text, optional
         What one orifice or preload must be for this force at this speed, as of `settings`.
     """
+    given = dict(locals())
     from damperfit.after_fit.valves import read_valves, sized
     from damperfit.queries.settings import parse_question, positive
 
@@ -107,20 +102,15 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
         raise usage(text, "cd-spread", Option("cd_spread", cd_spread))
     run = run_of(results, "damperfit.valves", config)
     if force is None:
-        given = {"velocity": velocity, "stroke": stroke}
-        refuse_idle(given, list(given), "no {--force} is asked for")
-    found = read_valves(
-        run,
-        discharge=cd,
-        discharge_spread=cd_spread,
-        seat=positive(seat, "length", "seat"),
-        reference=_reference(reference, "damperfit.valves", run.damper.name),
+        refuse_idle(given, ("velocity", "stroke"), "no {--force} is asked for")
+    earlier = _reference(reference, "damperfit.valves", run.damper.name)
+    parts = read_valves(
+        run, cd, cd_spread, seat=positive(seat, "length", "seat"), reference=earlier
     )
-    texts = (None if one is None else str(one) for one in (force, velocity))
-    asked = parse_question(**dict(zip(("force", "velocity"), texts, strict=True)), stroke=stroke)
+    asked = parse_question(**{name: given[name] for name in ("force", "velocity", "stroke")})
     if asked.force is None or asked.speed is None:
-        return found
-    return sized(found, run, asked.force, -asked.speed if asked.stroke == "bump" else asked.speed)
+        return parts
+    return sized(parts, run, asked.force, -asked.speed if asked.stroke == "bump" else asked.speed)
 
 
 @public
@@ -229,7 +219,7 @@ def watch(
     from damperfit.configuration.loading import load_configuration
 
     place = path_of(folder, "damperfit.watch", "the path of a folder").resolve()
-    own, results = (None if one is None else Path(one) for one in (config, out))
+    own, results = (None if path is None else Path(path) for path in (config, out))
     earlier = _reference(reference, "damperfit.watch", load_configuration(own).damper.name)
     if not place.is_dir():
         raise usage("no such folder", "no-folder", subject=folder)

@@ -12,9 +12,10 @@ from damperfit import __version__
 from damperfit.queries.compared import baseline_text, read_run
 from damperfit.reporting.drawing import draw_plot
 from damperfit.reporting.figures import report_plots
+from damperfit.reporting.records import checks_in
 from damperfit.reporting.report import lead
-from damperfit.reporting.sheet import html_table, rows_in_units, sheet_in_units
-from damperfit.reporting.tables import force_sheets, parameter_sheet
+from damperfit.reporting.sheet import first_of, html_table, rows_in_units, sheet_in_units
+from damperfit.reporting.tables import check_summary, force_sheets, parameter_sheet
 from damperfit.results import Run
 from damperfit.store import check_writable, write_text
 from damperfit.tables.files import json_values
@@ -44,8 +45,9 @@ img {{ display: block; height: 62mm; margin: 1mm auto }} p {{ margin: .4mm 0 }}
 <div class=two>{forces}</div>
 {picture}
 {parameters}
-<h2>Checks: {passed} of {checks} passed</h2>
-{failed}
+{notes}
+<h2>{checks}</h2>
+{unmet}
 <h2>Logs and their SHA-256</h2><p class=logs>{logs}</p>
 <p>&plusmn; is a 95 % interval. damperfit {version}</p>
 </body></html>
@@ -65,7 +67,7 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
         "damper": run.damper.plain.sentence,
         "temperatures_degC": run.tested.temperatures,
         "checks": run.record.get("checks", []),
-        "logs": {str(one.get("log")): one.get("sha256") for one in run.inputs},
+        "logs": {str(log.get("log")): log.get("sha256") for log in run.inputs},
         "clicks": run.forces.to_dict("records"),
     }
     page, record = folder / f"{stem}.html", folder / f"{stem}.json"
@@ -73,23 +75,23 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
     folder.mkdir(parents=True, exist_ok=True)
     write_text(record, json.dumps(json_values(document), indent=1, allow_nan=False) + "\n")
     whose = ((name, run.identity.get(name)) for name in _TITLES)
-    passed = [bool(one["passed"]) for one in known["checks"]]
-    failed = (f"{one['name']}: {one['reason']}" for one in known["checks"] if not one["passed"])
+    checks = checks_in(run.record)
+    unmet = (f"{check.name}: {check.reason}" for check in checks if not check.passed)
     hashes = [
         f"{escape(log)} <code>{escape(str(sha))}</code>" for log, sha in known["logs"].items()
     ]
-    more = [f"and {len(hashes) - _MANY} more, in the JSON"] if len(hashes) > _MANY else []
+    shown, more = first_of(hashes, _MANY, "in the JSON")
     warm = known["temperatures_degC"]
-    tables = [
-        html_table(sheet_in_units(sheet, units)) if sheet.rows else ""
-        for sheet in (
-            *force_sheets(rows_in_units(run.rows("adjustment"), units)),
-            parameter_sheet(run.rows("parameters"), run.quantities),
-        )
-    ]
+    sheets = (
+        *force_sheets(rows_in_units(run.rows("adjustment"), units)),
+        parameter_sheet(run.rows("parameters"), run.quantities),
+    )
+    tables = [html_table(sheet_in_units(sheet, units)) if sheet.rows else "" for sheet in sheets]
     text = _PAGE.format(
         title=escape(title),
-        identity=" &middot; ".join(f"{name}: <b>{escape(one)}</b>" for name, one in whose if one),
+        identity=" &middot; ".join(
+            f"{name}: <b>{escape(text)}</b>" for name, text in whose if text
+        ),
         lead=escape(known["lead"]),
         damper=escape(known["damper"]),
         tested=(
@@ -100,10 +102,10 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
         forces="\n".join(tables[:-1]),
         picture=_picture(run),
         parameters=tables[-1],
-        passed=sum(passed),
-        checks=len(passed),
-        failed="\n".join(f"<p>{escape(sentence)}</p>" for sentence in failed),
-        logs="<br>".join([*hashes[:_MANY], *more]),
+        notes="\n".join(f"<p>{escape(note)}</p>" for sheet in sheets for note in sheet.notes),
+        checks=check_summary(checks),
+        unmet="\n".join(f"<p>{escape(sentence)}</p>" for sentence in unmet),
+        logs="<br>".join([*shown, *more]),
         version=__version__,
     )
     write_text(page, text)

@@ -111,18 +111,20 @@ class Ride(Answer):
     @property
     def pareto(self) -> tuple[str, ...]:
         """Settings that no other one beats in comfort and wheel load."""
-        numbers = [(one.comfort, one.wheel_load) for one in self.settings]
         return tuple(
-            one.setting
-            for one in self.settings
-            if not any(c < one.comfort and load < one.wheel_load for c, load in numbers)
+            own.setting
+            for own in self.settings
+            if not any(
+                other.comfort < own.comfort and other.wheel_load < own.wheel_load
+                for other in self.settings
+            )
         )
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
         """The answer in a sentence."""
-        softest = min(self.settings, key=lambda one: one.comfort)
-        safest = min(self.settings, key=lambda one: one.wheel_load)
+        softest = min(self.settings, key=lambda row: row.comfort)
+        safest = min(self.settings, key=lambda row: row.wheel_load)
         comfort, load = f"{softest.comfort:.3g} m/s2 weighted", f"{safest.wheel_load:.3g} N rms"
         text = (
             f": setting {softest.setting} is most comfortable ({comfort}), setting "
@@ -131,7 +133,7 @@ class Ride(Answer):
         )
         if len(self.settings) == 1:
             text = f", setting {softest.setting}: {comfort}, wheel load {load}"
-        if flying := [one.setting for one in self.settings if one.load_share > _LIFTS]:
+        if flying := [row.setting for row in self.settings if row.load_share > _LIFTS]:
             text += (
                 f"; the wheel leaves the road now and then at setting {', '.join(flying)}, where a "
                 "linear tyre says nothing"
@@ -147,7 +149,7 @@ class Ride(Answer):
             "sentence": self.sentence,
             "pareto": list(self.pareto),
             "lost": list(self.lost),
-            "settings": [one._asdict() for one in self.settings],
+            "settings": [row._asdict() for row in self.settings],
         }
 
     def sheets(self) -> tuple[Sheet]:
@@ -176,23 +178,18 @@ class Ride(Answer):
     def picture(self) -> Plot:
         """Wheel load against body acceleration."""
 
-        def points(settings: Sequence[RideOfSetting], colour: str, **how: Any) -> Line:
-            x, y, error = np.array(
-                [(one.comfort, one.wheel_load, one.wheel_load_error) for one in settings]
-            ).T
+        def points(rows: Sequence[RideOfSetting], colour: str, **how: Any) -> Line:
+            numbers = [(row.comfort, row.wheel_load, row.wheel_load_error) for row in rows]
+            x, y, error = np.array(numbers).T
             return Line(x, y, "", colour, low=y - error, high=y + error, in_legend=False, **how)
 
-        best = set(self.pareto)
-        joined = sorted(
-            (one for one in self.settings if one.setting in best), key=lambda r: r.comfort
+        best = sorted(
+            (row for row in self.settings if row.setting in self.pareto), key=lambda r: r.comfort
         )
-        lines = [points(joined, "ink", style="dot_line")]
-        lines += (
-            points(
-                [one], "ink" if one.setting in best else "muted", style="points", tag=one.setting
-            )
-            for one in self.settings
-        )
+        lines = [points(best, "ink", style="dot_line")]
+        for row in self.settings:
+            colour = "ink" if row in best else "muted"
+            lines.append(points([row], colour, style="points", tag=row.setting))
         axes = ("body acceleration W_k, rms", "m/s2", "dynamic wheel load, rms", "N")
         title = (
             f"Road {self.car.road} at {self.car.speed:.3g} m/s; joined: beaten by no other setting"
@@ -267,12 +264,12 @@ def ride_on_road(run: Run, car: Car, settings: Sequence[SettingResult]) -> Ride:
             return error
 
     with executor(available_cores()) as pool:
-        found = list(pool.map(ride, settings))
-    by_label = dict(zip((one.label for one in settings), found, strict=True))
-    lost = {label: one for label, one in by_label.items() if isinstance(one, SimulationError)}
+        ridden = dict(zip((s.label for s in settings), pool.map(ride, settings), strict=True))
+    lost = {label: row for label, row in ridden.items() if isinstance(row, SimulationError)}
     if lost and len(lost) == len(settings):
         raise next(iter(lost.values()))
-    return Ride(car, tuple(one for one in found if isinstance(one, RideOfSetting)), tuple(lost))
+    rows = (row for row in ridden.values() if isinstance(row, RideOfSetting))
+    return Ride(car, tuple(rows), tuple(lost))
 
 
 class _Road:
@@ -345,7 +342,8 @@ class _Road:
             rest = rest + residual
             if len(points) > 1:
                 moved, changed = (
-                    np.stack([row[-1] - one for one in row[:-1]]).T for row in (points, residuals)
+                    np.stack([row[-1] - earlier for earlier in row[:-1]]).T
+                    for row in (points, residuals)
                 )
                 weights = np.linalg.lstsq(changed, residual, rcond=1e-8)[0]
                 rest = rest - (moved + changed) @ weights
@@ -372,7 +370,7 @@ class _Road:
     def _damper(self, values: Values, stroke: FloatArray, speed: FloatArray) -> FloatArray:
         """The damper's own force along one period of its stroke; gas force and tare at rest out."""
         lead = round(_LEAD * _RATE)
-        path, velocity = (np.concatenate([one[-lead:], one]) for one in (stroke, speed))
+        path, velocity = (np.concatenate([row[-lead:], row]) for row in (stroke, speed))
         motion = Motion(1.0 / _RATE, path, velocity)
         seen = self.run.damper.simulate(values, motion, sensitivities=(), options=self.solver)
         force = np.asarray(seen.force[lead:], dtype=np.float64)
@@ -440,31 +438,29 @@ class DrivenStroke(Answer):
 
 def drive_along(run: Run, motion: Motion, settings: Sequence[SettingResult]) -> DrivenStroke:
     """Return what settings of a run dissipate along a stroke, by band of speed."""
-    speed = np.abs(motion.velocity)
-    inside = [(low <= speed) & (speed < high) for low, high in pairwise(_EDGES)]
-    bands = [
-        Band(*ends, float(np.mean(part)), {})
-        for ends, part in zip(pairwise(_EDGES), inside, strict=True)
-    ]
+    speed, n = np.abs(motion.velocity), len(motion.velocity)
     outside: dict[str, float] = {}
     counts, edges = np.histogram(motion.velocity, _BINS)
     speeds = 0.5 * (edges[1:] + edges[:-1])
     colours, curves = setting_colours([setting.setting for setting in settings]), []
-    rest = run.damper.rest_force(motion.displacement)
+    rest, work = run.damper.rest_force(motion.displacement), {}
     for setting in settings:
         label, values = setting.label, without_rig(setting.parameters)
         seen = run.damper.simulate(values, motion, sensitivities=(), options=run.solver)
-        work = (seen.force - (0.0 if rest is None else rest)) * motion.velocity
-        for band, part in zip(bands, inside, strict=True):
-            band.powers[label] = float(work[part].sum() / len(speed))
+        work[label] = (seen.force - (0.0 if rest is None else rest)) * motion.velocity
         outside[label] = float(np.sum(speed > setting.top_speed) * motion.interval)
         force = quasi_static(run.damper, values, speeds).forces
         curves.append(Line(speeds, force, f"setting {label}", colours[setting.setting]))
-    share = Line(speeds, 100.0 * counts / len(speed), "share of the time", "ink", style="dot_line")
+    bands = []
+    for low, high in pairwise(_EDGES):
+        inside = (low <= speed) & (speed < high)
+        powers = {label: float(power[inside].sum() / n) for label, power in work.items()}
+        bands.append(Band(low, high, float(np.mean(inside)), powers))
+    share = Line(speeds, 100.0 * counts / n, "share of the time", "ink", style="dot_line")
     axis = ("velocity (positive: rebound)", "m/s")
     panels = (Panel(*axis, "force", "N", tuple(curves)), Panel(*axis, "time", "%", (share,)))
     picture = Plot("stroke", "Forces by setting, and time at each speed", panels)
-    return DrivenStroke(len(speed) * motion.interval, tuple(bands), outside, picture)
+    return DrivenStroke(n * motion.interval, tuple(bands), outside, picture)
 
 
 def read_stroke(path: Path) -> Motion:

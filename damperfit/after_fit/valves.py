@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
     Row = Mapping[str, Any]
 
-C_D, C_D_SPREAD = 0.7, 0.1  # of the table "valve_parts"
 _ORIFICE = "s sqrt(N)/(m kg)"  # unit of S
 _OPENING = "opening"
 _JUMP = 2.5  # times the change of the clicks beside it
 _FEWEST = 4  # steps of which one can stand out
 _FACTOR = 1e3  # within which a part is sized
-_SHOWN = {"m2": (1e6, "mm2"), "Pa": (1e-5, "bar")}  # of a hole, of a preload
+# How a size stands in the rows, its name and unit in SI, and how it is shown.
+_HOLE, _PRELOAD = ("area", "m2", 1e6, "mm2"), ("pressure", "Pa", 1e-5, "bar")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -58,16 +58,12 @@ class Orifices(Answer):
     @property
     def holes(self) -> tuple[Row, ...]:
         """The orifices."""
-        return self._parts("area_m2", ("pressure", "seat"))
+        return tuple(row for row in self.rows if row.get("area_m2") is not None)
 
     @property
     def preloads(self) -> tuple[Row, ...]:
         """The openings."""
-        return self._parts("pressure_Pa", ("area", "diameter"))
-
-    def _parts(self, name: str, others: tuple[str, ...]) -> tuple[Row, ...]:
-        rows = (row for row in self.rows if row.get(name) is not None)
-        return tuple({k: row[k] for k in row if not k.startswith(others)} for row in rows)
+        return tuple(row for row in self.rows if row.get("pressure_Pa") is not None)
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
@@ -78,9 +74,8 @@ class Orifices(Answer):
     def sheets(self) -> tuple[Sheet, ...]:
         """Return the tables of holes and of preloads, and of what a wanted force takes."""
 
-        def table(rows: Sequence[Row], named: str, shown: str, last: Column) -> Sheet:
-            what, si = ("area", "m2") if named == "orifice" else ("pressure", "Pa")
-            factor, unit = _SHOWN[si]
+        def table(rows: Sequence[Row], kind: Any, named: str, shown: str, last: Column) -> Sheet:
+            what, si, factor, unit = kind
 
             def interval(row: Row) -> str:
                 ends = [row[f"{what}_ci_{end}_{si}"] for end in ("low", "high")]
@@ -100,7 +95,7 @@ class Orifices(Answer):
 
         def in_unit(name: str) -> Column:
             def cell(row: Row) -> str:
-                factor, unit = _SHOWN[row["unit"]]
+                *_, factor, unit = _HOLE if row["unit"] == "m2" else _PRELOAD
                 return f"{factor * row[name]:.4g} {unit}"
 
             return Column(name, "", cell)
@@ -112,32 +107,31 @@ class Orifices(Answer):
             return NOTHING if force is None else f"{force:.4g} N on the seat"
 
         hole = Column.of("one hole", "mm", "diameter_m", factor=1e3)
+        on_seat = Column.of("on seat", "N", "seat_force_N")
         wanted = (
             *(Column.text("set", "setting"), Column.text("part", "quantity")),
             *(in_unit("now"), in_unit("wanted"), Column("that is", "", that_is)),
         )
         return (
-            table(self.holes, "orifice", "area", hole),
-            table(self.preloads, "opening", "preload", Column.of("on seat", "N", "seat_force_N")),
+            table(self.holes, _HOLE, "orifice", "area", hole),
+            table(self.preloads, _PRELOAD, "opening", "preload", on_seat),
             laid_out(self.sized, wanted),
         )
 
 
 def read_valves(
-    run: Run,
-    *,
-    discharge: float = C_D,
-    discharge_spread: float = C_D_SPREAD,
-    seat: float | None = None,
-    reference: Run | None = None,
+    run: Run, discharge: float, spread: float, *, seat: float | None, reference: Run | None
 ) -> Orifices:
-    """Return the orifices and preloads of a run of any model that has them."""
-    rows: list[Row] = []
+    """Return the orifices and preloads of a run of any model that has them.
+
+    The discharge coefficient has a `spread`; the seat's diameter is in m.
+    """
+    rows: list[dict[str, Any]] = []
     remarks = [] if reference is None else list(unlike(run, reference))
     for quantity in run.damper.quantities:
         if quantity.part != _OPENING and quantity.unit != _ORIFICE:
             continue
-        mine = list(_rows(run, quantity, discharge, discharge_spread / discharge))
+        mine = list(_rows(run, quantity, discharge, spread / discharge))
         shown = {row["setting"] for row in mine}
         remarks += (
             f"{quantity.symbol} of setting {setting.label}: {setting.values[quantity.name]:g}, "
@@ -153,25 +147,27 @@ def read_valves(
             f"{run.name}: the model {run.damper.name} has no orifices or preloaded valves",
             code="no-valves",
         )
-    if seat is not None:
-        area = math.pi * seat**2 / 4.0
-        rows = [{**row, "seat_force_N": area * row.get("pressure_Pa", math.nan)} for row in rows]
+    for row in rows:
+        if seat is not None and row.get("pressure_Pa") is not None:
+            row["seat_force_N"] = math.pi * seat**2 / 4.0 * row["pressure_Pa"]
     return Orifices(tuple(rows), tuple(remarks))
 
 
-def _rows(run: Run, quantity: Quantity, discharge: float, spread: float) -> Iterator[Row]:
+def _rows(
+    run: Run, quantity: Quantity, discharge: float, spread: float
+) -> Iterator[dict[str, Any]]:
     """Yield a valve at each setting that has it; the spread is relative."""
     factor = 1.0 / (discharge * math.sqrt(2.0 * getattr(run.damper, "oil_density", math.nan)))
+    what, si, *_ = _kind(quantity)
     before: tuple[Setting, float] | None = None
     for setting in run.settings:
-        size, low, high = _read(setting, quantity)
-        what, si, more = "pressure", "Pa", {}
-        if quantity.part != _OPENING:
+        (size, low, high), more = _read(setting, quantity), {}
+        if what == "area":
             if size <= 0.0:  # as only an edited file has it
                 continue
             # A large S is a small hole; the errors of S and C_d add in squares.
             below, above = (math.hypot(x, spread) for x in (1 - size / high, size / low - 1))
-            what, si, size = "area", "m2", factor / size
+            size = factor / size
             low, high = size * (1.0 - below), size * (1.0 + above)
             more = {"diameter_m": math.sqrt(4.0 * size / math.pi)}
         clicks = clicks_between(before[0], setting.setting) if before else None
@@ -182,6 +178,10 @@ def _rows(run: Run, quantity: Quantity, discharge: float, spread: float) -> Iter
         before = setting.setting, size
 
 
+def _kind(quantity: Quantity) -> tuple[str, str, float, str]:
+    return _PRELOAD if quantity.part == _OPENING else _HOLE
+
+
 def _read(setting: SettingResult, quantity: Quantity) -> tuple[float, float, float]:
     low, high = (end or math.nan for end in setting.intervals[quantity.name])
     return float(setting.parameters[quantity.name]), low, high
@@ -189,23 +189,23 @@ def _read(setting: SettingResult, quantity: Quantity) -> tuple[float, float, flo
 
 def _jumps(run: Run, quantity: Quantity, rows: Sequence[Row]) -> Iterator[str]:
     """Say where a click changes a valve far more than the others, or the other way."""
-    what, si = ("pressure", "Pa") if quantity.part == _OPENING else ("area", "m2")
-    factor, unit = _SHOWN[si]
+    what, si, factor, unit = _kind(quantity)
     reach = {}  # half of the interval over the value; what C_d may be off is common to all
     for setting in run.settings:
         size, low, high = _read(setting, quantity)
         reach[setting.setting] = 0.5 * (high - low) / size if size > 0.0 and high > low else 0.0
-    changes = [(before, row, row[f"{what}_change_{si}"]) for before, row in pairwise(rows)]
-    steps = [(one, two, factor * step) for one, two, step in changes if step is not None]
+    name, change = f"{what}_{si}", f"{what}_change_{si}"
+    steps = [(a, b, factor * b[change]) for a, b in pairwise(rows) if b[change] is not None]
     way = math.copysign(1.0, sum(step for *_, step in steps))
-    for k, (one, two, step) in enumerate(steps if len(steps) >= _FEWEST else ()):
-        usual = median(abs(near) for *_, near in (*steps[max(k - 2, 0) : k], *steps[k + 1 : k + 3]))
-        place = f"{quantity.symbol}: {step:+.3g} {unit} a click from setting {one['setting']} to "
-        place += str(two["setting"])
-        sizes = [row[f"{what}_{si}"] for row in (one, two)]
-        errors = (size * reach[row["setting"]] for size, row in zip(sizes, (one, two), strict=True))
-        if not abs(sizes[1] - sizes[0]) > math.hypot(*errors):
+    for k, (before, after, step) in enumerate(steps if len(steps) >= _FEWEST else ()):
+        error = math.hypot(*(row[name] * reach[row["setting"]] for row in (before, after)))
+        if not abs(after[name] - before[name]) > error:
             continue
+        usual = median(abs(near) for *_, near in (*steps[max(k - 2, 0) : k], *steps[k + 1 : k + 3]))
+        place = (
+            f"{quantity.symbol}: {step:+.3g} {unit} a click from setting {before['setting']} to "
+        )
+        place += str(after["setting"])
         if abs(step) > _JUMP * usual:
             times = f"{abs(step) / usual:.2g} times" if usual else "unlike"
             why = "a port opens or closes, or a jet is blocked"
@@ -221,12 +221,11 @@ def _worn(quantity: Quantity, run: Run, reference: Run) -> Iterator[str]:
         now, low, high = _read(setting, quantity)
         then, first, last = earlier.get(setting.label, (0.0, 0.0, 0.0))
         if then and (first > high or last < low):
-            what, times = (
-                ("preload", now / then) if quantity.part == _OPENING else ("area", then / now)
-            )
+            is_hole = _kind(quantity) is _HOLE
+            what, change = ("area", then / now - 1.0) if is_hole else ("preload", now / then - 1.0)
             yield (
-                f"{quantity.symbol} of setting {setting.label}: {what} "
-                f"{100.0 * (times - 1.0):+.2g} % since {reference.name}, beyond both intervals"
+                f"{quantity.symbol} of setting {setting.label}: {what} {100.0 * change:+.2g} % "
+                f"since {reference.name}, beyond both intervals"
             )
 
 
@@ -240,13 +239,13 @@ def unlike(run: Run, reference: Run) -> Iterator[str]:
         yield f"the damper of {reference.name} is declared otherwise"
 
 
-def sized(found: Orifices, run: Run, force: float, speed: float) -> Orifices:
+def sized(valves: Orifices, run: Run, force: float, speed: float) -> Orifices:
     """Return the valves with what each alone must be for a force at a signed speed."""
     from scipy.optimize import brentq
 
-    settings, rows, reach = {one.label: one for one in run.settings}, [], math.log(_FACTOR)
-    for part in (*found.holes, *found.preloads):
-        values, name = settings[str(part["setting"])].parameters, part["quantity"]
+    rows, reach = [], math.log(_FACTOR)
+    for part in (*valves.holes, *valves.preloads):
+        values, name = run.setting(str(part["setting"])).parameters, part["quantity"]
 
         def missing(step: float, values: Values = values, name: str = name) -> float:
             changed = values.replace({name: values[name] * math.exp(step)})
@@ -269,6 +268,6 @@ def sized(found: Orifices, run: Run, force: float, speed: float) -> Orifices:
     n = len({row["setting"] for row in rows})
     words = "no orifice or preload alone gives it"
     if rows:
-        words = f"what one part alone must be for it, at {n} of {len(settings)} settings"
+        words = f"what one part alone must be for it, at {n} of {len(run.settings)} settings"
     sentence = f"{force:.5g} N at {speed:g} m/s: {words}"
-    return replace(found, sized=tuple(rows), sentence=sentence)
+    return replace(valves, sized=tuple(rows), sentence=sentence)

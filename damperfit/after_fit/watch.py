@@ -8,10 +8,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.after_fit.valves import unlike
 from damperfit.api import identify
 from damperfit.errors import DamperfitError, InstallationError
 from damperfit.io.files import sha256_of
+from damperfit.reporting.records import findings_in
 from damperfit.tables.files import json_values
 
 if TYPE_CHECKING:
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
 _SETTLED = 0.3  # s without a change: the rig has closed the log
 _POLL = 100  # ms between looks for files that have settled
 _OWN = (".parquet", ".json", ".html", ".toml", ".md", ".png", ".svg", ".pdf", ".ipynb")
-_STROKES = {"rebound": "rebound", "bump": "compression"}
 _SHOWN = ("stroke", "speed_m_per_s", "force_N", "origin")
 
 
@@ -43,7 +44,7 @@ class Arrival(NamedTuple):
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values; what is not known is null."""
-        first = None if self.run is None else self.run.settings[0]
+        first = self.run and self.run.settings[0]
         known: dict[str, Any] = {"log": str(self.path), "is_fitted": first is not None}
         for name in ("setting", "mse_percent", "grade"):
             known[name] = first and getattr(first, name)
@@ -143,22 +144,22 @@ def _answered(path: Path, config: Path | None, reference: Run | None, name: str)
         run = identify([path], config=config)
         why = "; ".join(run.failures)
     except DamperfitError as error:
-        problems = [one.problem for one in error.failures] or [error.problem]
-        why = "; ".join(one.message() for one in problems)
+        problems = [failure.problem for failure in error.failures] or [error.problem]
+        why = "; ".join(problem.message() for problem in problems)
     if run is None or why:
         return Arrival(path, None, f"{name}: {why}", why)
-    findings = (finding for log in run.record["inputs"] for finding in log.get("findings", ()))
-    warnings = [str(one["name"]) for one in findings if one.get("severity") == "warning"]
-    verdict = f"warning: {', '.join(dict.fromkeys(warnings))}" if warnings else "good"
+    findings = (finding for log in run.record["inputs"] for finding in findings_in(log))
+    warnings = dict.fromkeys(f.name for f in findings if f.severity == "warning")
+    verdict = f"warning: {', '.join(warnings)}" if warnings else "good"
     setting = run.settings[0]
     rows = [row for row in run.rows("adjustment") if row["force_N"] is not None]
     fastest = max((row["speed_m_per_s"] for row in rows), default=0.0)
     rows = [row for row in rows if row["speed_m_per_s"] == fastest]
     forces = tuple({key: row[key] for key in _SHOWN} for row in rows)
-    said = [f"{name}: {verdict}", f"setting {setting.label}"]
-    said.append(f"MSE {setting.mse_percent:.3g} % {setting.grade}")
-    said += [f"{_STROKES[one['stroke']]} {one['force_N']:.0f} N" for one in forces]
-    sentence = ", ".join(said) + (f" at {fastest:g} m/s" if forces else "")
+    fit = f"MSE {setting.mse_percent:.3g} % {setting.grade}"
+    shown = [f"{STROKE_WORDS[row['stroke']]} {row['force_N']:.0f} N" for row in forces]
+    sentence = ", ".join((f"{name}: {verdict}", f"setting {setting.label}", fit, *shown))
+    sentence += f" at {fastest:g} m/s" * bool(forces)
     if reference is None:
         return Arrival(path, run, sentence, verdict, forces)
     known = {

@@ -248,7 +248,7 @@ def identified(  # noqa: PLR0913 - what is asked of it
             own = replace(own, output=output.but(folder=output.folder / folder_name(owner)))
         prepared.append((owner, own, mine))
     for owner, own, mine in prepared:
-        run, failures = _fitted(own, mine, clock=clock, jobs=workers, watch=watch)
+        run, failures = fitted(own, mine, clock=clock, jobs=workers, watch=watch)
         if folders:
             run.record["folders_of_this_run"] = list(folders)
         yield Identified(owner, own, run, failures, folders)
@@ -264,13 +264,19 @@ def gather(
     return read_batch(tuple(dict.fromkeys((*paths, *held_out))), configuration, **how), named
 
 
-def _fitted(
-    configuration: Configuration, batch: LogBatch, *, clock: Clock, jobs: int, watch: Watch
+def fitted(
+    configuration: Configuration,
+    batch: LogBatch,
+    *,
+    clock: Clock | None = None,
+    jobs: int | None = None,
+    watch: Watch = Watch(),
 ) -> tuple[Run, tuple[Failure, ...]]:
-    """Fit and judge the logs of one damper."""
+    """Fit and judge the logs of one damper as they are: sorted, checked and parted already."""
     from damperfit.run.record import FailureLog, judge, run_of
     from damperfit.tables.rows import characteristic_rows, signals_of
 
+    clock, jobs = clock or Clock(), jobs or available_cores()
     damper, solver = configuration.damper, configuration.identification.solver
     watch.on_start(len({trace.setting for trace in batch.traces}))
     with clock.lap("fit"):
