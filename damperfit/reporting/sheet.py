@@ -32,6 +32,7 @@ _LIST = re.compile(r"^(\d*)([-+.)])(?=\s|$|\2)")
 # Nearly all cells of a table: words and numbers in which there is nothing to look for.
 _PLAIN = re.compile(r"[0-9A-Za-z]+(?:\.[0-9A-Za-z]+)*")
 _UNEVEN, _LEAST = 1.25, 0.1
+_ROUNDING = 1e-9  # of a value: a narrower interval is that of logs without noise
 _TWO_DIGITS = 19  # an error of these digits or fewer shows two of them, another one
 
 
@@ -302,7 +303,7 @@ def with_interval(
         return NOTHING
     low, high = (math.nan if limit is None else limit for limit in (low, high))
     half = 0.5 * (high - low)
-    if not (math.isfinite(half) and low <= value <= high and half):
+    if not (math.isfinite(half) and low <= value <= high and half > _ROUNDING * abs(value)):
         return number(value, digits=digits) if not plus else f"{value:+.{digits - 1}g}"
     below, above = value - low, high - value
     is_even = max(below, above) <= _UNEVEN * min(below, above)
