@@ -99,10 +99,19 @@ def _all_parameters_identifiable(subject: Subject) -> _Verdict:
 
 def _with_status(subject: Subject, status: Status, words: str) -> str:
     parts = {
-        name: [fit for fit in subject.fits if fit.status[name] == status]
+        name: [
+            f for f in subject.fits if f.status[name] == status and not _is_rigid(subject, f, name)
+        ]
         for name in subject.fits[0].parameters.names
     }
     return "; ".join(f"{name} {words} at {_settings(fits)}" for name, fits in parts.items() if fits)
+
+
+def _is_rigid(subject: Subject, fit: Fit, name: str) -> bool:
+    """Whether the logs show a mounting that does not yield: any stiffness above a limit fits."""
+    is_mounting = fit.parameters.quantity(name).is_of_mounting
+    is_unknown = is_mounting and fit.status[name] == Status.NOT_IDENTIFIABLE
+    return is_unknown and subject.assessment.plausible_limits(fit, name)[1] is None
 
 
 def _no_cavitation(subject: Subject) -> _Verdict:
@@ -313,6 +322,8 @@ def _fits_converged(subject: Subject) -> _Verdict:
     if bad:
         parts = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
         return False, f"no minimum was reached at {_named(parts)}"
+    if any(problem.code == "no-minimum" for problem in subject.campaign.warnings):
+        return False, "the joint fit stopped before its minimum"
     return True, "every fit converged to a minimum"
 
 
@@ -384,7 +395,12 @@ def _series_stiffness_found(subject: Subject) -> _Verdict:
     names = _quantities(subject, lambda q: q.unit == "N/m")
     if not names:
         return None, "the model has no stiffness in series"
-    lost = [fit for fit in subject.fits if any(fit.status[name].has_failed for name in names)]
+    lost = [
+        fit
+        for fit in subject.fits
+        for name in names
+        if fit.status[name].has_failed and not _is_rigid(subject, fit, name)
+    ]
     if lost:
         return False, f"{' and '.join(names)} is not determined by the logs at {_settings(lost)}"
     return _unless_objected(subject, subject.fits, names, "beyond", "in the range of test rigs")

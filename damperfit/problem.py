@@ -16,7 +16,7 @@ from keyword import iskeyword
 from typing import Any, NamedTuple
 
 FEW = 20  # sentences in all that are shown one by one; a damper has some twenty settings
-_SHOWN = 3  # sentences of one code that are shown one by one where there are many
+SHOWN = 3  # sentences of one code that are shown one by one where there are many
 _LONG = 200  # characters; a page of one paragraph again and again is not read
 _NAMES = 5  # names that are listed
 _MANY = 5  # tests of one file with the same failure that are listed one by one
@@ -340,7 +340,7 @@ def listing(
     for group in list(groups.values())[:FEW]:
         sentences = list(dict.fromkeys(problem.sentence() for problem in group))
         is_short = len(everything) <= FEW and max(map(len, sentences)) < _LONG
-        if len(group) <= _SHOWN or is_short:
+        if len(group) <= SHOWN or is_short:
             lines += sentences
             continue
         subjects = dict.fromkeys(p.subject for p in group[1:] if p.subject)

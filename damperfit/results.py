@@ -153,13 +153,13 @@ class SettingResult(Stage):
     def unlimited(self) -> tuple[str, ...]:
         """Names of values to which the logs set no upper limit.
 
-        Rigid oil is none of them: any stiffness above its limit gives the same force.
+        Rigid oil or mounting is none: any stiffness above its limit gives the same force.
         """
         status, intervals = self.status, self.intervals
         return tuple(
             quantity.name
             for quantity in self.parameters.quantities
-            if not quantity.is_open
+            if not (quantity.is_open or quantity.is_of_mounting)
             and status[quantity.name] == Status.NOT_IDENTIFIABLE
             and intervals[quantity.name][1] is None
         )

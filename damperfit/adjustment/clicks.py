@@ -150,6 +150,8 @@ _FINEST = 0.01
 # How far truth may lie from the curve, by how far the other curves do: of the paper's settings left
 # out 90 of 100 intervals hold with 1.4 of it (ten known), 94 to 98 with this.
 _BEND = 2.5
+# An adjuster that changes a force by less does not move it.
+_STILL = 1e-3
 # In a gap the curve is looked at in so many steps a click, at least and at most.
 _A_CLICK, _FEWEST, _MOST = 8, 8, 32
 
@@ -202,6 +204,12 @@ class Wanted:
             asked += ", as measured"
         if self.held:
             asked += f", along {self.adjuster} with {self.held}"
+        (_, least), (_, most) = self.weakest, self.hardest
+        if abs(most - least) <= _STILL * abs(least):
+            return (
+                f"{asked}: {self.adjuster} does not move it: {units.write(least, 'N', '.5g')} at "
+                "every setting tested"
+            )
         if not self.answers:
             harder = abs(self.force - self.hardest[1]) < abs(self.force - self.weakest[1])
             setting, force = self.hardest if harder else self.weakest
@@ -311,7 +319,8 @@ class _Curve:
         for gap in np.flatnonzero(off[:-1] * off[1:] < 0.0).tolist():
             passed = self.crossings(force, [gap])  # of an odd number that in the middle
             exact.append(passed[len(passed) // 2])
-        near = self.places[np.abs(self.forces - force) <= self.reaches].tolist()
+        within = np.abs(off) - self.reaches
+        near = self.places[[int(np.argmin(within))]].tolist() if within.min() <= 0.0 else []
         return Wanted(
             force=force,
             speed=weakest.speed,

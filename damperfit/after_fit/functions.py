@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.arguments import configured, folder_of, public, refuse_idle, usage
+from damperfit.arguments import configured, folder_of, public, usage
 from damperfit.errors import blamed_on
 from damperfit.problem import Option
 from damperfit.store import check_writable, path_of
@@ -101,8 +101,9 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
         text = f"expected 0 or more, and less than the coefficient, {cd:g}"
         raise usage(text, "cd-spread", Option("cd_spread", cd_spread))
     run = run_of(results, "damperfit.valves", config)
-    if force is None:
-        refuse_idle(given, ("velocity", "stroke"), "no {--force} is asked for")
+    for name, value in (("velocity", velocity), ("stroke", stroke)):
+        if force is None and value is not None:
+            raise usage("{where}: which force? Give {--force} too", "no-force", Option(name, value))
     earlier = _reference(reference, "damperfit.valves", run.damper.name)
     parts = read_valves(
         run, cd, cd_spread, seat=positive(seat, "length", "seat"), reference=earlier

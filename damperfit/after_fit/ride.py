@@ -139,7 +139,10 @@ class Ride(Answer):
                 "linear tyre says nothing"
             )
         if self.lost:
-            text += f"; not settled, left out: setting {', '.join(self.lost)}"
+            text += (
+                f"; left out: setting {', '.join(self.lost)}, too stiff for the iteration between "
+                f"car and damper ({_ROUNDS} rounds)"
+            )
         return f"road {self.car.road} at {self.car.speed:.3g} m/s{text}"
 
     def document(self) -> dict[str, Any]:
@@ -212,6 +215,8 @@ def read_car(given: Path | Mapping[str, Any]) -> Car:
         return Car(**{name: _read(name, value) for name, value in section.items()})
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
+        if isinstance(error, FileNotFoundError):
+            why = "no such file; give a TOML file with [car]"
         if isinstance(error, (tomllib.TOMLDecodeError, UnicodeError)):
             why = f"not a TOML file: {why}"
         subject = given if isinstance(given, Path) else ""

@@ -1,6 +1,6 @@
 """What was measured of a run: mean cycles of steady motions, how tests repeat, the zero shift.
 
-Force is taken where the samples of a segment pass a speed, as in the table of characteristics, the
+Force is taken where the samples of a segment pass a speed, the
 mean of opening and closing branch. Energy and hysteresis are those that the run tells.
 """
 
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.special import chdtri, stdtr, stdtrit
 
-from damperfit.adjustment.force_at import STROKE_WORDS, STROKES
+from damperfit.adjustment.force_at import REPEATS, STROKE_WORDS, STROKES, named_speeds
 from damperfit.arrays import FloatArray
 from damperfit.passed_speeds import in_both_strokes
 from damperfit.simulation import NAMED_SPEEDS
@@ -148,11 +148,16 @@ class MeasuredTest:
 
     def force_at(self, speed: float, stroke: str) -> tuple[float, float]:
         """Return force and standard error at a speed, N; NaN beyond those that were reached."""
-        if not len(self.speeds):
+        if not len(self.speeds) or not self.reaches(speed):
             return math.nan, math.nan
+        at = min(speed, self.speeds[-1])
         rows = self.strokes[stroke]
-        force, error = (np.interp(speed, self.speeds, row, math.nan, math.nan) for row in rows)
+        force, error = (np.interp(at, self.speeds, row, left=math.nan) for row in rows)
         return float(force), float(error)
+
+    def reaches(self, speed: float) -> bool:
+        """Whether the test passes a speed, or is at it: its peak repeats within some per cent."""
+        return speed <= (1.0 + REPEATS) * self.peak_speed
 
     def repeats(self, other: MeasuredTest) -> bool:
         """Whether two tests ran one motion, as far as it is known."""
@@ -199,11 +204,15 @@ def measured_tests(
         variances = np.full(counts.shape, math.nan)
         np.divide(squares[..., 0], counts * (counts - 1.0), out=variances, where=counts > 1.0)
         forces, errors = means[..., 0].mean(axis=1), 0.5 * np.sqrt(variances.sum(axis=1))
+        at_peaks = f[[int(np.argmax(v)), int(np.argmin(v))]]
         amplitude = 0.5 * float(np.ptp(x)) if math.isnan(amplitude) else amplitude
         test = MeasuredTest(
             *(signals.setting, signals.log, amplitude, rate, n, x, v, f),
-            speeds=np.array(sorted(speeds)),
-            strokes={name: np.stack([forces[k], errors[k]]) for k, name in enumerate(STROKES)},
+            speeds=np.array([*sorted(speeds), peak]),
+            strokes={
+                name: np.array([[*forces[k], at_peaks[k]], [*errors[k], errors[k, -1]]])
+                for k, name in enumerate(STROKES)
+            },
             figures={
                 name: (_size(facts.get(f"{name}_{unit}")), _size(facts.get(f"{name}_se_{unit}")))
                 for name, (_, unit) in _FIGURES.items()
@@ -219,21 +228,26 @@ def _size(value: Any) -> float:
     return float(value) if is_number and math.isfinite(value) else math.nan
 
 
+_Groups = tuple[tuple[MeasuredTest, ...], ...]  # of each run its tests at one motion
+
+
 def tests_at(run: Run, setting: Setting) -> tuple[MeasuredTest, ...]:
     """Return the tests of a setting, the fastest first."""
     mine = (test for test in run.tests if test.setting == setting)
     return tuple(sorted(mine, key=lambda test: -test.peak_speed))
 
 
-def common_tests(runs: Sequence[Run], setting: Setting) -> tuple[tuple[MeasuredTest, ...], ...]:
-    """Return the tests of each run at the fastest motion that all ran; nothing where none is."""
-    for first in tests_at(runs[0], setting) if runs else ():
+def common_tests(runs: Sequence[Run], setting: Setting) -> list[_Groups]:
+    """Return each motion that all runs have, the fastest first: of each run its tests at it."""
+    motions, left = [], tests_at(runs[0], setting)
+    while left:
         groups = tuple(
-            tuple(test for test in tests_at(run, setting) if test.repeats(first)) for run in runs
+            tuple(test for test in tests_at(run, setting) if test.repeats(left[0])) for run in runs
         )
         if all(groups):
-            return groups
-    return ()
+            motions.append(groups)
+        left = tuple(test for test in left if not test.repeats(left[0]))
+    return motions
 
 
 def measured_readings(
@@ -245,27 +259,32 @@ def measured_readings(
 ) -> tuple[Readings, ...]:
     """Return measured forces of each run by setting, speed and stroke, then energy and hysteresis.
 
-    Speeds are by default the named ones that all reach. Forces are of the kind "force", or
-    "measured" beside the model's forces.
+    Speeds are by default the named ones that all reach. A force is that of the slowest common
+    motion that reaches its speed, energy and hysteresis those of the fastest. Forces are of the
+    kind "force", or "measured" beside the model's forces.
     """
     forces: tuple[Readings, ...] = tuple({} for _ in runs)
     figures: tuple[Readings, ...] = tuple({} for _ in runs)
     scatters = [repeat_scatter(run) for run in runs]
     name = "force" if kind == "force" else "measured_force"
     for setting in settings:
-        groups = common_tests(runs, setting)
-        top = min((test.peak_speed for group in groups for test in group), default=0.0)
-        for k, (group, (scatter, freedom)) in enumerate(zip(groups, scatters, strict=False)):
+        motions = common_tests(runs, setting)
+        if not motions:
+            continue
+        fastest = motions[0]
+        top = min(test.peak_speed for group in fastest for test in group)
+        by_speed = {speed: _slowest_at(motions, speed) for speed in speeds or named_speeds(top)}
+        for k, (group, (scatter, freedom)) in enumerate(zip(fastest, scatters, strict=True)):
             share = scatter / math.sqrt(len(group))
-            for speed in speeds or [v for v in NAMED_SPEEDS if v <= top]:
-                repeat = share * _damping(group, speed)
+            for speed, groups in by_speed.items():
+                repeat = share * _damping(groups[k], speed)
                 for stroke in STROKES:
                     topic = Topic(kind, name, "force", "N", setting, speed, stroke)
-                    force = _force(group, speed, stroke)
+                    force = _force(groups[k], speed, stroke)
                     forces[k][topic] = force._replace(repeat=repeat, repeat_freedom=freedom)
             half_range = fmean(0.5 * float(np.ptp(test.force)) for test in group)
             for figure, (label, unit) in _FIGURES.items():
-                if all(figure in test.figures for mine in groups for test in mine):
+                if all(figure in test.figures for mine in fastest for test in mine):
                     pooled = _pooled(group, [test.figures[figure] for test in group])
                     figures[k][Topic("figure", figure, label, unit, setting)] = pooled._replace(
                         repeat=share * abs(pooled.value),
@@ -273,6 +292,14 @@ def measured_readings(
                         scale=pooled.value if figure == "energy" else half_range,
                     )
     return tuple(a | b for a, b in zip(forces, figures, strict=True))
+
+
+def _slowest_at(motions: Sequence[_Groups], speed: float) -> _Groups:
+    """Return the slowest motion that reaches a speed; the fastest where none does."""
+    reaching = (
+        groups for groups in reversed(motions) if all(t.reaches(speed) for g in groups for t in g)
+    )
+    return next(reaching, motions[0])
 
 
 def _force(group: Sequence[MeasuredTest], speed: float, stroke: str) -> Reading:
@@ -356,7 +383,7 @@ def _offset_of(
     """Return the offset of one stroke with its standard error and degrees of freedom."""
     rows, steps, errors, used = [], [], [], set()
     for k, setting in enumerate(settings):
-        groups = common_tests((first, second), setting)
+        groups = next(iter(common_tests((first, second), setting)), ())
         top = min([_SLOW, *(0.9 * test.peak_speed for group in groups for test in group)])
         for speed in (np.linspace(0.25, 1.0, 4) * top).tolist() if groups else ():
             a, b = (_force(group, speed, stroke) for group in groups)

@@ -105,6 +105,11 @@ class Quantity:
         return self.role == FRICTION
 
     @property
+    def is_of_mounting(self) -> bool:
+        """Whether it is the stiffness of the rig, which a stiff rig has without an upper limit."""
+        return self.scope == RIG and self.idle_edges == ("above",)
+
+    @property
     def is_shared(self) -> bool:
         """Whether all settings have it in common."""
         return self.scope in {DAMPER, RIG}

@@ -109,8 +109,8 @@ def exported_run(
         settings = tuple(_at_one_temperature(fit, damper) for fit in settings)
         damper = damper.plain
     notes += [
-        f"{', '.join(fit.unlimited)} at setting {fit.setting}: the logs set no upper limit, so the "
-        "force beyond their speeds may be far off"
+        f"{', '.join(fit.unlimited)} at setting {fit.setting}: the logs set no upper limit; the "
+        "speeds to which the force is determined allow for it"
         for fit in settings
         if fit.unlimited
     ]

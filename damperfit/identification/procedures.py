@@ -551,9 +551,13 @@ def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
 def _plain(given: ProcedureInput) -> Campaign:
     """Fit at every setting what is free, from the closed form."""
     options, defaults = given.options, {q.name: q.default for q in given.damper.quantities}
-    free = options.free
-    if free is None:
-        free = tuple(n for n, x in defaults.items() if x is None and n not in options.fixed)
+    named, known = options.free or (), {*(options.free or ()), *options.fixed}
+    # What other procedures share need not be named: each setting has its own.
+    free = named + tuple(
+        q.name
+        for q in given.damper.quantities
+        if q.default is None and q.name not in known and (q.is_shared or not named)
+    )
     held = {n: value for n, value in defaults.items() if value is not None and n not in free}
     fixed = {**held, **options.fixed}
     for name in defaults:

@@ -318,7 +318,7 @@ def _signed(
     if float(np.mean(speed * force)) < 0.0:
         text = (
             "forces are positive where speeds are negative; declare which counts "
-            "positive in bump: rig.reverse_force or rig.reverse_displacement = true"
+            "positive in compression: rig.reverse_force or rig.reverse_displacement = true"
         )
         raise LogError(text, code="unclear-sign")
     note = "rebound: where speeds are positive, as logged"

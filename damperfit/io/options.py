@@ -61,8 +61,9 @@ class ReadOptions(Declarations):
         groups = (*self.adjusters, *IDENTITY_KEYS)
         for name in pattern.groupindex:
             if name not in groups:
-                text = f"{self.setting_pattern!r} has a group {name!r}; there are "
-                text += f"{', '.join(groups)}, and adjusters that [adjusters] names."
+                text = f"{self.setting_pattern!r} has a group {name!r}, and the adjusters are "
+                text += f"{', '.join(self.adjusters)}: give it the name of one, or name it in "
+                text += f"[adjusters]; other groups are {', '.join(IDENTITY_KEYS)}."
                 raise _wrong("setting_pattern", text + did_you_mean(name, groups))
         try:
             "".encode(self.encoding or "utf-8")

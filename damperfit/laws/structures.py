@@ -94,7 +94,7 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
         return damper.title
     law = cast("ValveDamper", damper)
     rebound, bump = _of_valve(law.rebound), _of_valve(law.compression)
-    valves = rebound if rebound == bump else f"{rebound} in rebound, {bump} in bump"
+    valves = rebound if rebound == bump else f"{rebound} in rebound, {bump} in compression"
     mounting = law.mounting
     parts = (
         ("elastic mounting", mounting.series_stiffness),

@@ -65,7 +65,7 @@ class Simulation(Answer):
     ) -> None:
         self.choice, self.damper = choice, damper
         self.temperature: float | None = getattr(configuration.damper, "temperature", None)
-        self.motion, self.frequency, self.response, self.characteristics = simulated(
+        self.motion, self.frequency, self.response, self._steady, self.characteristics = simulated(
             choice.parameters, configuration, log=log
         )
         self.time: FloatArray = self.response.time
@@ -194,13 +194,14 @@ class Simulation(Answer):
 
     def _loops(self, title: str = "") -> Plot:
         """Return force against displacement and velocity over the last cycle."""
-        last = self.time >= self.time[-1] - (1.0 + 1e-9) / self.frequency
+        steady = self._steady
+        last = steady.time >= steady.time[-1] - (1.0 + 1e-9) / self.frequency
         panels = tuple(
             Panel(f"{word} (positive: rebound)", unit, "force", "N",
-                  (Line(signal[last], self.force[last], "force", _BLUE),))
+                  (Line(signal[last], steady.force[last], "force", _BLUE),))
             for word, unit, signal in (
-                ("displacement", "mm", 1e3 * self.displacement),
-                ("velocity", "m/s", self.velocity),
+                ("displacement", "mm", 1e3 * steady.displacement),
+                ("velocity", "m/s", steady.velocity),
             )
         )  # fmt: skip
         return Plot("cycle", title, panels)
@@ -241,16 +242,17 @@ class Simulation(Answer):
     def last_cycle(self, columns: int = 80, levels: str = BLOCK_LEVELS) -> Iterator[str]:
         """Yield the last cycle as lines: displacement, force, pressures."""
         cells = max(_FEWEST, min(_CELLS, columns - _BESIDE))
-        at = self.time[-1] - (1.0 - np.arange(cells) / (cells - 1.0)) / self.frequency
-        is_inside = self.time >= at[0]
+        time, steady = self._steady.time, self._steady
+        at = time[-1] - (1.0 - np.arange(cells) / (cells - 1.0)) / self.frequency
+        is_inside = time >= at[0]
         signals = {
-            ("displacement", "mm"): 1e3 * self.displacement,
-            ("force", "N"): self.force,
-            **{(f"pressure {i}", "bar"): p / _BAR for i, p in enumerate(self.pressures, start=1)},
+            ("displacement", "mm"): 1e3 * steady.displacement,
+            ("force", "N"): steady.force,
+            **{(f"pressure {i}", "bar"): p / _BAR for i, p in enumerate(steady.pressures, start=1)},
         }
         for (name, unit), signal in signals.items():
             if np.isfinite(signal).all():
-                drawn = sparkline(np.interp(at, self.time, signal).tolist(), levels=levels)
+                drawn = sparkline(np.interp(at, time, signal).tolist(), levels=levels)
                 inside = signal[is_inside]
                 low, high = (number(float(end), digits=4) for end in (inside.min(), inside.max()))
                 yield f"{name:<12} {drawn} {low} to {high} {unit}"

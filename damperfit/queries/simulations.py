@@ -162,7 +162,8 @@ def _of_run(
         if together is None:
             there = ", ".join(str(number) for number in sorted(results)) or "none"
             raise ConfigurationError(
-                f"no parameters of setting {chosen}; there are {there}",
+                f"no parameters of setting {chosen}; there are {there}; only tested settings are "
+                "simulated, damperfit settings gives forces between them",
                 subject=path,
                 code="unknown-setting",
             )
@@ -271,11 +272,11 @@ _WAVES = {"sine": sine_motion, "triangle": triangle_motion}
 
 def simulated(
     parameters: Values, configuration: Configuration, *, log: Path | None = None
-) -> tuple[str, float, Response, Characteristics]:
+) -> tuple[str, float, Response, Response, Characteristics]:
     """Simulate a test with a wave, or with the displacement of a log.
 
-    Returned are what drove the damper, for people, cycles per second, the signals of all cycles,
-    and figures of the last.
+    Returned are what drove the damper, for people, cycles per second, all signals, those up to the
+    end of the last steady cycle, and figures of that cycle.
     """
     rig, options, damper = configuration.rig, configuration.simulation, configuration.damper
     if log is None:
@@ -307,7 +308,7 @@ def simulated(
         figures = replace(
             figures, speed_forces=(), hysteresis_rebound=math.nan, hysteresis_bump=math.nan
         )
-    return words, frequency, response, figures
+    return words, frequency, response, steady, figures
 
 
 def _trace(log: Path, configuration: Configuration) -> Trace:
@@ -455,7 +456,7 @@ def run_sweep(
                 where=Option("vary", f"{factor:g}", name),
                 code=error.problem.code,
             ) from error
-        _, frequency, response, figures = simulated(varied, modified)
+        _, frequency, response, _, figures = simulated(varied, modified)
         members.append(SweepMember(factor, value, frequency, response, figures))
     return tuple(members)
 

@@ -44,7 +44,8 @@ if TYPE_CHECKING:
     from damperfit.results import Run
 
 _FIGURES_NOTE = (
-    "energy and hysteresis as measured where both ran one motion, hysteresis at half the peak speed"
+    "energy and hysteresis as measured at the fastest common motion, hysteresis at half its "
+    "peak speed"
 )
 _MANY = 40  # lines that a terminal shows of forces that are the same
 
@@ -113,7 +114,9 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
         shown = [line for line in lines if line in top or line.verdict != SAME]
         shown = shown if len(shown) <= _MANY else top
     of = "A's damping" if has_model else "A's measured force, gas included"
-    notes = [f"B - A, positive: B is harder; % of {of}"]
+    notes = [f"%: of {of}; positive where B is harder"]
+    if not has_model:
+        notes.append("measured with the slowest motion common to both that reaches the speed")
     if has_model and any(line.is_measured for line in shown):
         notes.append("measured: A and B are the forces that were measured, not those of a model")
     if len(shown) < len(lines):
@@ -377,7 +380,7 @@ def junit_report(points: Sequence[Point], *, source: str) -> bytes:
 
 def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plot, ...]:
     """Return the loops of a setting, where all ran one motion; the first run is the reference."""
-    groups = common_tests(runs, setting)
+    groups = next(iter(common_tests(runs, setting)), ())
     if not groups:
         return ()
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -23,6 +24,8 @@ from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.adjustment.trends import Trend
 from damperfit.arrays import FloatArray
 from damperfit.damper.model import PRESSURES
+from damperfit.damper.quasi_static import quasi_static
+from damperfit.errors import SimulationError
 from damperfit.reporting.records import entries_in, number_in, trends_in, units_in
 from damperfit.reporting.sheet import number
 from damperfit.reporting.tables import Shown, is_one_for_all
@@ -48,6 +51,7 @@ _FEW, _FEW_IN_RANGE = 3, 20  # samples: no mean, no range of fewer: each end wou
 _RANGE = (5.0, 95.0)  # per cent of the samples that lie below
 _LATE = 1e-6  # s; time stamps are rounded alike
 _FEWEST = 8  # samples of a cycle
+_POINTS = 60  # of a characteristic
 _ONE_SPEED = 0.05  # speeds within this share are one test, run again
 _EVERY = 4  # settings of which one is drawn bold and labelled
 _ALONG = ("dashed", "dotted")  # trends of the first adjuster, of the second, ...
@@ -465,11 +469,19 @@ def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
         return
     settings = {row["setting"] for row in rows}
     bold, lines = _emphasis(settings), []
+    named = [row["speed_m_per_s"] for row in shown.run.rows("adjustment")]
     for stroke, sign in _SIGNS.items():
-        own = [row for row in shown.run.rows("adjustment") if row["stroke"] == stroke]
         peak = f"speed_{stroke}_m_per_s"
+        top = max((row[peak] for row in rows if row[peak]), default=0.0)
+        own = []
+        for fit in shown.run.settings:
+            at = np.union1d(np.linspace(0.0, top, _POINTS)[1:], named)
+            with suppress(SimulationError):
+                forces = quasi_static(shown.run.damper, fit.parameters, sign * at).forces
+                curve = zip(at.tolist(), forces.tolist(), strict=True)
+                own += [{"setting": fit.setting, peak: v, "model": force} for v, force in curve]
         curves = (
-            ("damper at constant speed", own, "speed_m_per_s", "model_N", "dashed"),
+            ("damper at constant speed", own, peak, "model", "dashed"),
             ("model", rows, peak, f"simulated_{stroke}_N", "solid"),
             ("measured", rows, peak, f"measured_{stroke}_N", "points"),
         )
@@ -491,7 +503,7 @@ def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
     caption = (
         "Dots: measured, the mean peak force of each segment (PVP); lines: the model at the same "
-        "peaks; dashed: the damper alone at constant speed, as in the table. "
+        "peaks; dashed: the damper alone at constant speed. "
         f"{_DIRECTIONS.capitalize()}."
     )
     key = (("measured", "points"), ("model", "solid"), ("damper alone", "dashed"))

@@ -472,10 +472,16 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
     marked = next((place for place in places if words(place) != str(place[0])), None)
     if has_click and marked is not None:
         notes.append(
-            f'"{words(marked)}": the change when {marked[1]} alone is turned; a setting that '
-            "stands in several rows has the same forces in all"
+            f'"{words(marked)}": only {marked[1]} was turned to get there; a setting that each '
+            "adjuster leads to has a row for each"
         )
-    notes += [_OF_DAMPING] * has_click
+    gas = sorted({row["gas_N"] for row in rows if row.get("gas_N") is not None})
+    if gas:
+        ends = dict.fromkeys(number(force, digits=4) for force in (gas[0], gas[-1]))
+        of_rest = "; %: of the damping" * has_click
+        notes.append(f"forces include the gas force, {' to '.join(ends)} N at mid-stroke{of_rest}")
+    elif has_click:
+        notes.append(_OF_DAMPING)
     return laid_out(places, columns, *notes, *_marks(rows))
 
 

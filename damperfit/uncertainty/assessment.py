@@ -332,7 +332,8 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
     used = f"; {value:.4g} {unit} is used"
     used_for = f"{used} for {whose}" if whose else ""
     if profile is not None and profile.shape == "flat upward":
-        rigid = ", as with rigid oil" if quantity.is_open else ""
+        part = "mounting" if quantity.is_of_mounting else "oil" * quantity.is_open
+        rigid = f", as with rigid {part}" * bool(part)
         return (
             f"not identifiable upward: at least {profile.low:.4g} {unit} (95 %), and any higher "
             f"value fits these logs as well{rigid}{tied}{used_for or used}; hold it, or fit faster "
@@ -465,11 +466,15 @@ class Assessment:
     def unlimited(self, fit: Fit) -> frozenset[str]:
         """Return what the logs of a fit do not determine, and give no upper limit.
 
-        Rigid oil is none of them: any stiffness above its limit gives the same force.
+        Rigid oil or mounting is none: any stiffness above its limit gives the same force.
         """
-        lost = [name for name, status in fit.status.items() if status == Status.NOT_IDENTIFIABLE]
-        lost = [name for name in lost if not fit.parameters.quantity(name).is_open]
-        return frozenset(name for name in lost if self.plausible_limits(fit, name)[1] is None)
+        return frozenset(
+            quantity.name
+            for quantity in fit.parameters.quantities
+            if fit.status[quantity.name] == Status.NOT_IDENTIFIABLE
+            and not (quantity.is_open or quantity.is_of_mounting)
+            and self.plausible_limits(fit, quantity.name)[1] is None
+        )
 
     def verdicts(self, campaign: Campaign) -> dict[Setting, dict[str, str]]:
         """Return a sentence on each parameter, by setting: how it was found, how well, and ties."""

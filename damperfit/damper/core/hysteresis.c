@@ -8,7 +8,8 @@
 
 #define PARTS 4      /* of a sample */
 #define GAMMA 0.2928932188134525 /* 1 - 1/sqrt(2) */
-#define NEWTON_LIMIT 60
+#define NEWTON_LIMIT 120
+#define NEWTON_ALONE 10 /* then every other step halves: on a high power Newton's are short */
 #define DONE 1e-13   /* of the speed or slope that is solved for, relative */
 
 /* What drives the state at one instant. */
@@ -43,13 +44,14 @@ static int solve_stage(law *f, const void *model, instant at, double base, doubl
             low = k;
         const double steep = 1.0 - weight * out->by_state;
         double next = steep > 0.0 ? k - gap / steep : k - gap;
-        if (!(next > low && next < high))
-            next = isfinite(low) && isfinite(high) ? 0.5 * (low + high) : k - gap;
+        const int is_between = isfinite(low) && isfinite(high);
+        if (!(next > low && next < high) || (is_between && i > NEWTON_ALONE && i % 2))
+            next = is_between ? 0.5 * (low + high) : k - gap;
         if (next == k)
             return 1;
         k = next;
     }
-    return 1; /* what bisection leaves after sixty halvings is rounding */
+    return 1; /* what bisection leaves after fifty halvings is rounding */
 }
 
 /* dk/d(number) of a solved stage, where the base moves by `moved`. */
