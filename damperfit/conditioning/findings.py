@@ -64,10 +64,11 @@ class Seen(NamedTuple):
 
     def runs(self, *, fewest: int) -> list[FloatArray]:
         """Return where the cycles of each stretch of so many begin, samples of the log."""
-        steady = [stretch for stretch in self.trace.stretches if stretch.n_cycles >= fewest]
         ahead = round((self.trace.start_time - self.log.start_time) / self.log.interval)
-        longest_first = sorted(steady, key=lambda stretch: -stretch.n_samples)
-        return [stretch.cycle_starts + ahead for stretch in longest_first]
+        longest_first = sorted(self.trace.stretches, key=lambda stretch: -stretch.n_samples)
+        runs = (stretch.cycle_starts + ahead for stretch in longest_first)
+        inside = (starts[starts >= 0.0] for starts in runs)  # a short log is continued before it
+        return [starts for starts in inside if len(starts) > fewest]
 
 
 def rows_of(recording: Recording, start_time: float, interval: float, *stretches: Stretch) -> slice:
