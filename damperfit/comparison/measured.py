@@ -1,7 +1,7 @@
 """What was measured of a run: mean cycles of steady motions, how tests repeat, the zero shift.
 
-Force is taken where the samples of a segment pass a speed, the
-mean of opening and closing branch. Energy and hysteresis are those that the run tells.
+Force is taken where the samples of a segment pass a speed, the mean of opening and closing branch;
+at its peak speed as it is there. Energy and hysteresis are those that the run tells.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class MeasuredTest:
 
     def force_at(self, speed: float, stroke: str) -> tuple[float, float]:
         """Return force and standard error at a speed, N; NaN beyond those that were reached."""
-        if not len(self.speeds) or not self.reaches(speed):
+        if not self.reaches(speed):
             return math.nan, math.nan
         at = min(speed, self.speeds[-1])
         rows = self.strokes[stroke]
@@ -156,8 +156,8 @@ class MeasuredTest:
         return float(force), float(error)
 
     def reaches(self, speed: float) -> bool:
-        """Whether the test passes a speed, or is at it: its peak repeats within some per cent."""
-        return speed <= (1.0 + REPEATS) * self.peak_speed
+        """Whether a stroke passes a speed, or is at it: its peak repeats within some per cent."""
+        return len(self.speeds) > 0 and speed <= (1.0 + REPEATS) * float(self.speeds[-1])
 
     def repeats(self, other: MeasuredTest) -> bool:
         """Whether two tests ran one motion, as far as it is known."""
@@ -275,19 +275,19 @@ def measured_readings(
         top = min(test.peak_speed for group in fastest for test in group)
         by_speed = {speed: _slowest_at(motions, speed) for speed in speeds or named_speeds(top)}
         for k, (group, (scatter, freedom)) in enumerate(zip(fastest, scatters, strict=True)):
-            share = scatter / math.sqrt(len(group))
             for speed, groups in by_speed.items():
-                repeat = share * _damping(groups[k], speed)
+                mine = groups[k]
+                repeat = scatter / math.sqrt(len(mine)) * _damping(mine, speed)
                 for stroke in STROKES:
                     topic = Topic(kind, name, "force", "N", setting, speed, stroke)
-                    force = _force(groups[k], speed, stroke)
+                    force = _force(mine, speed, stroke)
                     forces[k][topic] = force._replace(repeat=repeat, repeat_freedom=freedom)
             half_range = fmean(0.5 * float(np.ptp(test.force)) for test in group)
             for figure, (label, unit) in _FIGURES.items():
                 if all(figure in test.figures for mine in fastest for test in mine):
                     pooled = _pooled(group, [test.figures[figure] for test in group])
                     figures[k][Topic("figure", figure, label, unit, setting)] = pooled._replace(
-                        repeat=share * abs(pooled.value),
+                        repeat=scatter / math.sqrt(len(group)) * abs(pooled.value),
                         repeat_freedom=freedom,
                         scale=pooled.value if figure == "energy" else half_range,
                     )
