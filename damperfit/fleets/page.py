@@ -257,7 +257,6 @@ def fleet_page(fleet: Survey, *, title: str) -> str:
 
 
 def _sentences(fleet: Survey) -> list[str]:
-
     n_failed = sum(bool(damper.n_failures) for damper in fleet.dampers)
     n_poor = sum(damper.grade in {"poor", "withheld"} for damper in fleet.dampers)
     n_far = sum(bool(damper.n_outliers) for damper in fleet.dampers)

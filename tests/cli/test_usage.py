@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import sys
 
 import pytest
 import typer
@@ -10,7 +9,6 @@ import typer
 from damperfit.cli.main import app
 from damperfit.errors import DamperfitError
 
-door = sys.modules["damperfit.cli.main"]  # the package has the function under this name
 GIVEN = "--set r_m1=1.8e4 --set r_m2=3.527e6 --set r_m3=2.597e6 --set k_e=365MPa --set f_f=50N"
 # What is typed -> what the line has, and the code of the problem where scripts may ask for it.
 # LOG is a good log, RESULTS what was found of it.
@@ -147,23 +145,23 @@ FILES = {
 @pytest.fixture
 def refused(run, logs, results, tmp_path, monkeypatch):
     """Run a command that is refused among files that stay: its line, and the code."""
-    caught = []
+    caught, call = [], type(app).__call__
 
     def noted(*arguments, **how):
         try:
-            return app(*arguments, **how)
+            return call(*arguments, **how)
         except DamperfitError as error:
             caught.append(error.problem.code)
             raise
 
-    monkeypatch.setattr(door, "app", noted)
+    monkeypatch.setattr(type(app), "__call__", noted)  # the manual keeps the app that it finds
     monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)
     (tmp_path / "folder").mkdir()
     for name, content in FILES.items():
         (tmp_path / name).write_text(content)
     given = {"LOG": str(logs / "setting_01.csv"), "RESULTS": str(results)}
 
-    def call(words: str) -> tuple[str, list[str]]:
+    def ended_with(words: str) -> tuple[str, list[str]]:
         argv = shlex.split(words.replace("GIVEN", GIVEN))
         ended = run(*(given.get(word, word) for word in argv))
         assert (ended.code, ended.out) == (2, ""), ended.err
@@ -172,7 +170,7 @@ def refused(run, logs, results, tmp_path, monkeypatch):
         assert (tmp_path / "text").read_text() == FILES["text"]
         return line, caught
 
-    return call
+    return ended_with
 
 
 @pytest.mark.parametrize("row", USAGE, ids=lambda row: row.partition(" -> ")[0])
