@@ -211,7 +211,7 @@ def detected_sharing(
 ) -> tuple[Sharing, Mapping[Setting, Values], int]:
     """What is shared as the logs tell it, or as declared; where its fit starts; simulations.
 
-    Of two settings or more with the same quantities free; `apart` is each fitted by itself.
+    Of two settings or more with the same quantities free; `single` is each fitted by itself.
     """
     first = blocks[min(blocks)]
     adjusters, moving = min(blocks).adjusters, first.free

@@ -320,13 +320,13 @@ def _of_mounting(fit: LawFit, tests: _Tests) -> Iterator[str]:
             f"{3.0 * tests.highest_frequency:.3g} Hz beside the {tests.highest_frequency:.3g} Hz."
         )
     if "moving_mass" in fit.free:
-        spring, second = "", ""
+        instead, second = " or the displacement is read late", ""
         if tests.has_one_frequency:
-            spring = " or the gas spring is softer"
+            instead = ", the displacement is read late or the gas spring is softer"
             second = f", or a second speed, at {0.3 * tests.lowest_frequency:.2g} Hz"
         yield (
-            f"Whether a mass moves with the load cell, the displacement is read late{spring}: they "
-            f"look alike. Weighing the mass decides it{second}."
+            f"Whether a mass moves with the load cell{instead}: they look alike. Weighing the mass "
+            f"decides it{second}."
         )
 
 

@@ -615,8 +615,7 @@ def _held_share(evidence: Sequence[SettingLogs]) -> float:
     """Return the share of the force that all logs hold at low speed where they yield; else NaN."""
     # Every setting has to: valves hold more of it the more they are preloaded.
     shares = [held_share(log) for logs in evidence for log in logs.fitted]
-    finite = [share for share in shares if math.isfinite(share)]
-    least = min(finite, default=math.nan)
+    least = min((share for share in shares if math.isfinite(share)), default=math.nan)
     return least if least >= YIELDS else math.nan
 
 

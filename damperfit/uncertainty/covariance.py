@@ -567,7 +567,7 @@ def larger(own: FloatArray, other: FloatArray) -> FloatArray:
     inverse = vectors[:, is_known] / np.sqrt(values[is_known])
     ratios, turned = np.linalg.eigh(inverse.T @ (own / unit) @ inverse)
     axes = root @ turned
-    # What `one` has beyond the other is added to it, so that nothing of it is lost.
+    # What `own` has beyond the other is added to it, so that nothing of it is lost.
     more = (axes * np.maximum(1.0 - ratios, 0.0)) @ axes.T
     return np.asarray(own + unit * more)
 
