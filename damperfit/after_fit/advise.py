@@ -620,8 +620,8 @@ class _Rig:
         start = GivenStart(by_setting=ended, is_of_one_model=True)
         options = replace(made.identification, start=start)
         run, _ = fitted(replace(made, identification=options), batch)
-        lost = [k.label for k in self.probed if run.setting(k.label).covariance is None]
-        if lost:
+        judged = {setting.label for setting in run.settings if setting.covariance is not None}
+        if lost := [known.label for known in self.probed if known.label not in judged]:
             raise LogError(f"setting {lost[0]} has no errors", code="no-setting-fitted")
         return run
 
