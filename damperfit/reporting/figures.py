@@ -25,7 +25,7 @@ from damperfit.adjustment.trends import Trend
 from damperfit.arrays import FloatArray
 from damperfit.damper.model import PRESSURES
 from damperfit.damper.quasi_static import quasi_static
-from damperfit.errors import SimulationError
+from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.reporting.records import entries_in, number_in, trends_in, units_in
 from damperfit.reporting.sheet import number
 from damperfit.reporting.tables import Shown, is_one_for_all
@@ -476,7 +476,7 @@ def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
         own = []
         for fit in shown.run.settings:
             at = np.union1d(np.linspace(0.0, top, _POINTS)[1:], named)
-            with suppress(SimulationError):
+            with suppress(SimulationError, ConfigurationError):  # or a model of another version
                 forces = quasi_static(shown.run.damper, fit.parameters, sign * at).forces
                 curve = zip(at.tolist(), forces.tolist(), strict=True)
                 own += [{"setting": fit.setting, peak: v, "model": force} for v, force in curve]
