@@ -67,6 +67,7 @@ PAGE = "report.html"
 NOTEBOOK_COLUMNS = 100
 _BEYOND = 1.05  # times what was tested, or less than that part of it
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
+_OF_FIT = ("adjusters", "rig", "conditioning", "identification", "simulation")  # sections
 _OF_LOGS = ("start", "start_values", "profile", "hold_out", "hold_out_cycles")  # of a fit
 _OF_TABLE = {"schema_version", "table", "quantities"}  # facts that each table has of its own
 _FAN = "fan"  # force against velocity of all settings
@@ -634,13 +635,13 @@ class Run:
 
     @cached_property
     def own_configuration(self) -> Configuration:
-        """All that it was made with but for its logs and starts, as far as it is told."""
+        """What it was read and fitted with but for its logs and starts, as far as it is told."""
         from damperfit.configuration.loading import load_configuration
 
-        known = inside(self.record, "configuration")
+        known = {name: inside(self.record, "configuration", name) for name in _OF_FIT}
         sections = {  # JSON has no infinity: null is the default
             name: {key: value for key, value in section.items() if value is not None}
-            for name, section in (known if isinstance(known, dict) else {}).items()
+            for name, section in known.items()
             if isinstance(section, dict)
         }
         for key in _OF_LOGS:
