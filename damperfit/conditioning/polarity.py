@@ -334,7 +334,7 @@ def find_signs(  # noqa: PLR0911 - one return a case, in the order of the text a
         return Signs(findings=(Finding("force_polarity", "warning", text, share),))
     if share > 0.0:
         is_free = len(free) == len(_CHANNELS)
-        if rest is not None and at_rest < 0:
+        if rest is not None and at_rest < 0 and (is_free or not _is_tared(level)):
             text = f"{rest.sentence}, {_AS_REVERSED}; {_KEPT}"
             kept = Signs(findings=(Finding(CONTRADICTED, "warning", text, -1.0),))
             why = f"{rest.sentence}, and the loop absorbs energy"
@@ -410,13 +410,16 @@ def _doubtful(level: ForceLevel, *, is_declared: bool) -> Signs:
     name, sees = "direction", "so no gas force distinguishes rebound from compression"
     if level.ratio <= -_TARED and abs(level.force) > level.uncertainty + level.held:
         sees = f"{_AS_REVERSED}, but that is not certain"
-        # Progressive valves curve more in rebound: where these do, a tare explains the level.
-        is_tared = level.rebound_curvature > max(level.bump_curvature, 0.0)
-        if not is_tared and abs(level.force) > _OF_DOUBT * level.doubt:
+        if not _is_tared(level) and abs(level.force) > _OF_DOUBT * level.doubt:
             name = CONTRADICTED
     advice = _KEPT if is_declared else ""
     text = f"{level.sentence}, {sees}; {advice or f'taken as logged; {_ASK}'}"
     return Signs(findings=(Finding(name, "warning", text, level.ratio),))
+
+
+def _is_tared(level: ForceLevel | None) -> bool:
+    """Whether a tare explains the level: progressive valves, as these do, curve more in rebound."""
+    return level is not None and level.rebound_curvature > max(level.bump_curvature, 0.0)
 
 
 def reversed_in(recording: Recording, trace: Trace) -> list[str]:
