@@ -11,7 +11,7 @@ from typing import Any
 from damperfit import __version__
 from damperfit.queries.compared import baseline_text, read_run
 from damperfit.reporting.drawing import draw_plot
-from damperfit.reporting.figures import report_plots
+from damperfit.reporting.figures import plot_in_units, report_plots
 from damperfit.reporting.records import checks_in
 from damperfit.reporting.report import lead
 from damperfit.reporting.sheet import first_of, html_table, rows_in_units, sheet_in_units
@@ -82,11 +82,12 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
     ]
     shown, more = first_of(hashes, _MANY, "in the JSON")
     warm = known["temperatures_degC"]
+    forces = force_sheets(rows_in_units(run.rows("adjustment"), units))
     sheets = (
-        *force_sheets(rows_in_units(run.rows("adjustment"), units)),
-        parameter_sheet(run.rows("parameters"), run.quantities),
+        *(sheet_in_units(sheet, units) for sheet in forces),
+        parameter_sheet(run.rows("parameters"), run.quantities, units=units),
     )
-    tables = [html_table(sheet_in_units(sheet, units)) if sheet.rows else "" for sheet in sheets]
+    tables = [html_table(sheet) if sheet.rows else "" for sheet in sheets]
     text = _PAGE.format(
         title=escape(title),
         identity=" &middot; ".join(
@@ -100,7 +101,7 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
             else "temperature of the tests not known"
         ),
         forces="\n".join(tables[:-1]),
-        picture=_picture(run),
+        picture=_picture(run, units),
         parameters=tables[-1],
         notes="\n".join(f"<p>{escape(note)}</p>" for sheet in sheets for note in sheet.notes),
         checks=check_summary(checks),
@@ -112,7 +113,7 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
     return page, record
 
 
-def _picture(run: Run) -> str:
+def _picture(run: Run, units: ShownUnits) -> str:
     """Force against velocity of all settings."""
     plots = {plot.name: plot for plot in report_plots(run).plots}
     plot = plots.get("peak_force") or plots.get("fan")
@@ -120,6 +121,6 @@ def _picture(run: Run) -> str:
         return ""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "fan.png"
-        draw_plot(path, plot, kind="png", dpi=150.0)
+        draw_plot(path, plot_in_units(plot, units), kind="png", dpi=150.0)
         data = base64.b64encode(path.read_bytes()).decode()
     return f'<img alt="{escape(plot.title)}" src="data:image/png;base64,{data}">'

@@ -204,11 +204,17 @@ def measured_tests(
         variances = np.full(counts.shape, math.nan)
         np.divide(squares[..., 0], counts * (counts - 1.0), out=variances, where=counts > 1.0)
         forces, errors = means[..., 0].mean(axis=1), 0.5 * np.sqrt(variances.sum(axis=1))
+        # Near the peak a speed may be passed by no cycle, or by one: its error is that of a speed
+        # that all pass.
+        of_all = errors[:, [sorted(speeds).index(round(_SHARES[-1] * peak, 6))]]
+        errors = np.where(np.isnan(errors), math.sqrt(n) * of_all, errors)
+        is_passed = np.isfinite(forces).all(axis=0)
+        forces, errors = forces[:, is_passed], errors[:, is_passed]
         at_peaks = f[[int(np.argmax(v)), int(np.argmin(v))]]
         amplitude = 0.5 * float(np.ptp(x)) if math.isnan(amplitude) else amplitude
         test = MeasuredTest(
             *(signals.setting, signals.log, amplitude, rate, n, x, v, f),
-            speeds=np.array([*sorted(speeds), peak]),
+            speeds=np.array([*np.array(sorted(speeds))[is_passed], peak]),
             strokes={
                 name: np.array([[*forces[k], at_peaks[k]], [*errors[k], errors[k, -1]]])
                 for k, name in enumerate(STROKES)
@@ -295,11 +301,12 @@ def measured_readings(
 
 
 def _slowest_at(motions: Sequence[_Groups], speed: float) -> _Groups:
-    """Return the slowest motion that reaches a speed; the fastest where none does."""
-    reaching = (
+    """Return the slowest motion that reaches a speed, of several cycles; else the fastest."""
+    reaching = [
         groups for groups in reversed(motions) if all(t.reaches(speed) for g in groups for t in g)
-    )
-    return next(reaching, motions[0])
+    ]
+    several = (groups for groups in reaching if all(t.n_cycles != 1 for g in groups for t in g))
+    return next(several, [*reaching, motions[0]][0])
 
 
 def _force(group: Sequence[MeasuredTest], speed: float, stroke: str) -> Reading:

@@ -242,7 +242,7 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
             "anchor": f"setting-{name}" + (f"-log-{counts[name]}" if counts[name] > 1 else ""),
             "log": log.signals.log,
             "verdict": verdict(row, run) if row else "",
-            "parameters": parameter_line(row, run.quantities) if row else "",
+            "parameters": parameter_line(row, run.quantities, units) if row else "",
             "facts": _log_facts(log, units),
             "findings": findings,
             "details": {"Notes on the log": notes, "How the log was read": how_read},

@@ -169,10 +169,12 @@ def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
     return bool(values) and is_held and max(values) - min(values) <= _SAME * abs(values[0])
 
 
-def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> str:
+def parameter_line(
+    row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES, units: ShownUnits = SI
+) -> str:
     """Return the parameters of one setting in a sentence, those not known left out."""
     parts = []
-    for shown in map(Shown, quantities):
+    for shown in (Shown(quantity, units) for quantity in quantities):
         status = shown.status(row)
         if row[shown.name] is None or shown.is_idle(row):
             continue
