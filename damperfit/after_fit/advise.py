@@ -264,7 +264,8 @@ def advise(
     screened = sorted(filter(None, map(rig.screened, rig.candidates())), key=lambda t: t.rank)
     tried = islice(filter(None, map(rig.tried, screened)), _FOLLOWED)
     tests = tuple(sorted(tried, key=lambda test: test.rank))
-    is_any_use = any(test.share <= _NOTICED for test in tests)
+    least = min((test.share for test in tests), default=1.0)
+    is_any_use = least <= _NOTICED
     if not tests:
         where = "within the limits of the rig" + " and above its noise" * bool(screened)
         sentence = f"no test is {where}, so none narrows {title}"
@@ -281,7 +282,7 @@ def advise(
             )
         elif tests[0].share > 1.0 / _USEFUL:
             why = "it would show lack of fit of the model that today's interval knows nothing of"
-        most = f" by more than {100.0 * (1.0 - tests[0].share):.0f} %" if is_any_use else ""
+        most = f" by more than {100.0 * (1.0 - least):.2g} %" if is_any_use else ""
         sentence = f"no test within these limits narrows the interval of {title}{most}: {why}"
     speed, tested = abs(question.speed), max(known.setting.top_speed for known in rig.planned)
     remark = (
