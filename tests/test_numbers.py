@@ -754,7 +754,6 @@ def valves() -> Any:
     return {
         **told(run, whole=True),
         "orifices": damperfit.valves(run, seat="8mm", force="500N", velocity="0.2m/s").document(),
-        "advise": damperfit.advise(run, for_="force@0.1m/s", setting="3").document(),
     }
 
 
