@@ -1,6 +1,6 @@
 """What a rig wrote (`Recording`), what is remarkable in it (`Finding`), what is fitted (`Trace`).
 
-A trace is the whole motion that the model runs through; its `Stretch`es are what is compared.
+A trace is the whole motion that the model runs through; its `Segment`es are what is compared.
 Both hold SI floats and the project's signs: displacement, velocity and force are positive in
 rebound (rod out, tension). Readers make recordings, conditioning turns them into traces.
 """
@@ -116,14 +116,14 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True)
-class StretchFigures:
-    """What is read off a stretch: of steady cycles the mean, else the extremes of the motion."""
+class SegmentFigures:
+    """What is read off a segment: of steady cycles the mean, else the extremes of the motion."""
 
     peak_force_rebound: float  # largest measured force, N
     peak_force_bump: float  # smallest, N, negative
     peak_speed_rebound: float  # largest speed of each stroke, m/s, positive
     peak_speed_bump: float
-    energy: float  # work taken up in a cycle, of a moving stretch in all of it, J
+    energy: float  # work taken up in a cycle, of a moving segment in all of it, J
     hysteresis_speed: float  # half of the lower peak speed, m/s
     hysteresis_rebound: float  # opening less closing force there, N; NaN where nothing repeats
     hysteresis_bump: float
@@ -142,7 +142,7 @@ class StretchFigures:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class Segment:
     """A part of a trace in which model and measurement are compared."""
 
     kind: str  # "steady": whole cycles of one motion that repeats; "moving": one that does not
@@ -151,15 +151,15 @@ class Stretch:
     # Shape (n_cycles + 1,), fractional sample positions of the cycle boundaries, so that cycles
     # can be laid over each other. Empty where nothing repeats.
     cycle_starts: FloatArray
-    frequency: float  # cycles per second, Hz; of a moving stretch half its turns per second
-    amplitude: float  # half the stroke, m; of a moving stretch half of the whole range
+    frequency: float  # cycles per second, Hz; of a moving segment half its turns per second
+    amplitude: float  # half the stroke, m; of a moving segment half of the whole range
     peak_speed: float  # m/s
     # Samples at its beginning and at its end in which the filter still holds the other motion
     # beside it. The model's force holds it alike, but cycles differ there.
     smeared: tuple[int, int] = (0, 0)
     noise: float = math.nan  # standard deviation of the compared force's noise, N, where known
     noise_source: str = ""  # "scatter between cycles", or "above the filter" where few repeat
-    figures: StretchFigures | None = None  # as measured
+    figures: SegmentFigures | None = None  # as measured
 
     @property
     def n_cycles(self) -> int:
@@ -177,7 +177,7 @@ class Stretch:
         return slice(self.first, self.stop)
 
     def describe(self, trace: Trace) -> dict[str, Any]:
-        """Return the facts of the stretch, for tables and run.json."""
+        """Return the facts of the segment, for tables and run.json."""
         ends = [trace.start_time + k * trace.interval for k in (self.first, self.stop)]
         return {
             "kind": self.kind,
@@ -196,10 +196,10 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """A uniform, filtered log with the stretches that are compared marked.
+    """A uniform, filtered log with the segments that are compared marked.
 
     The model runs through all of it, run-up and changes of speed included; what is compared are
-    the stretches alone. Displacement is the model's x: its centre is removed.
+    the segments alone. Displacement is the model's x: its centre is removed.
     """
 
     name: str
@@ -210,11 +210,11 @@ class Trace:
     velocity: FloatArray  # m/s
     force: FloatArray  # N, as compared with the model
     drive: Drive  # displacement and velocity that drive the model
-    stretches: tuple[Stretch, ...]  # one at least, in order of time, without overlap
+    segments: tuple[Segment, ...]  # one at least, in order of time, without overlap
     centre: float  # displacement that is x = 0 of the model, as the log counts it, m
     n_cycles_found: int  # whole cycles in the log, run-in included
     model_filter: FilterDesign  # what a simulated force must pass before it is compared
-    temperature: float | None = None  # mean over the stretches, degrees Celsius
+    temperature: float | None = None  # mean over the segments, degrees Celsius
     notes: tuple[str, ...] = ()  # what conditioning assumed
     findings: tuple[Finding, ...] = ()  # on the log's quality, and what was corrected
     # What the damper was filled to for this test, Pa absolute; None: as it is declared.
@@ -230,41 +230,41 @@ class Trace:
         return tuple(finding.sentence for finding in self.findings if finding.severity == "warning")
 
     @property
-    def fastest(self) -> Stretch:
-        """The stretch with the largest speed, which stands for the log where one must."""
-        return max(self.stretches, key=lambda stretch: stretch.peak_speed)
+    def fastest(self) -> Segment:
+        """The segment with the largest speed, which stands for the log where one must."""
+        return max(self.segments, key=lambda segment: segment.peak_speed)
 
     @property
     def frequency(self) -> float:
-        """Cycles per second of the fastest stretch, Hz."""
+        """Cycles per second of the fastest segment, Hz."""
         return self.fastest.frequency
 
     @property
     def amplitude(self) -> float:
-        """Half the stroke of the fastest stretch, m."""
+        """Half the stroke of the fastest segment, m."""
         return self.fastest.amplitude
 
     @property
     def n_cycles(self) -> int:
         """Number of steady whole cycles that are evaluated."""
-        return sum(stretch.n_cycles for stretch in self.stretches)
+        return sum(segment.n_cycles for segment in self.segments)
 
     @property
     def n_samples(self) -> int:
         """Number of samples that are compared."""
-        return sum(stretch.n_samples for stretch in self.stretches)
+        return sum(segment.n_samples for segment in self.segments)
 
     @property
     def compared(self) -> slice | NDArray[np.int64]:
         """What picks the compared samples out of the trace's, in order of time."""
-        if len(self.stretches) == 1:
-            return self.stretches[0].window
-        return np.concatenate([np.arange(x.first, x.stop) for x in self.stretches])
+        if len(self.segments) == 1:
+            return self.segments[0].window
+        return np.concatenate([np.arange(x.first, x.stop) for x in self.segments])
 
     @property
     def places(self) -> tuple[slice, ...]:
-        """Where each stretch lies among the compared samples."""
-        ends = np.cumsum([stretch.n_samples for stretch in self.stretches]).tolist()
+        """Where each segment lies among the compared samples."""
+        ends = np.cumsum([segment.n_samples for segment in self.segments]).tolist()
         return tuple(map(slice, [0, *ends[:-1]], ends))
 
     def describe(self) -> dict[str, Any]:
@@ -278,7 +278,7 @@ class Trace:
             "centre_m": self.centre,
             "cycles_found": self.n_cycles_found,
             "cycles_used": self.n_cycles,
-            "stretches": [stretch.describe(self) for stretch in self.stretches],
+            "stretches": [segment.describe(self) for segment in self.segments],
             "temperature_degC": self.temperature,
             "notes": list(self.notes),
             "warnings": list(self.warnings),

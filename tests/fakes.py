@@ -10,7 +10,7 @@ from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.identification import Campaign, Fit, LogFit, Outcome, Status
 from damperfit.problem import Failure, Problem
-from damperfit.recording import Drive, FilterDesign, Stretch, Trace
+from damperfit.recording import Drive, FilterDesign, Segment, Trace
 from damperfit.results import Run
 from damperfit.simulation import SolverOptions
 from damperfit.tables.columns import PAPER_QUANTITIES
@@ -35,8 +35,8 @@ def trace(setting: int, name: str | None = None) -> Trace:
         velocity=v,
         force=2500.0 * v - 130.0,
         drive=Drive(x, v, np.inf),
-        stretches=(
-            Stretch(
+        segments=(
+            Segment(
                 kind="steady",
                 first=333,
                 stop=666,

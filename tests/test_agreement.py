@@ -314,9 +314,9 @@ def test_the_mse(shown: Outlets) -> None:
 
 
 def _of_a_segment(cell: str, shown: Outlets) -> bool:
-    stretches = shown.run.record["stretches"]
+    segments = shown.run.record["stretches"]
     held = [one["mse_percent"] for one in shown.run.record["held_out"]]
-    return any(agrees(cell, one) for one in [*held, *(one["mse_percent"] for one in stretches)])
+    return any(agrees(cell, one) for one in [*held, *(one["mse_percent"] for one in segments)])
 
 
 # Column of characteristics, key of run.json and inspect, headings of report.md and the page.

@@ -1012,7 +1012,7 @@ def ladders() -> Any:
                 text[finding.name].append(finding.sentence)
             seen = {"n": trace.n_cycles, "f": trace.frequency, "a": trace.amplitude}
             beside = transients(trace.whole or trace)
-            seen |= {"t": sum(one.n_samples for one in beside.stretches) if beside else 0}
+            seen |= {"t": sum(one.n_samples for one in beside.segments) if beside else 0}
             seen |= {"sd": trace.fastest.noise, "F": np.ptp(trace.force[trace.compared])}
             for what, number in seen.items():
                 ladder[what][k] = number

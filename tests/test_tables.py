@@ -208,7 +208,7 @@ def test_every_file_of_another_run_is_named_and_what_is_no_table_is_passed_over(
     assert [remark.partition(" ")[0] for remark in remarks] == ["a.parquet", "c.parquet"]
 
 
-# The table of characteristics: known loops, with and without gas, by stretch and speed.
+# The table of characteristics: known loops, with and without gas, by segment and speed.
 
 SPEED = 0.032 * 2 * math.pi * 1.5  # peak of the synthetic log, m/s
 GAS = -130.0

@@ -105,7 +105,7 @@ def stage_of(fit: Fit, assessment: Assessment) -> Stage:
     stage = Stage(
         fit.setting,
         fit.parameters,
-        top_speed=max(segment.peak_speed for log in fit.logs for segment in log.trace.stretches),
+        top_speed=max(segment.peak_speed for log in fit.logs for segment in log.trace.segments),
         open_limits=open_limits(fit.parameters, limits),
     )
     uncertainty = next((u for u in assessment.uncertainties if u.setting == fit.setting), None)

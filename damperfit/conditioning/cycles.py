@@ -14,7 +14,7 @@ import numpy as np
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.signals import FloatArray, IntArray, parts_where
-from damperfit.recording import Stretch
+from damperfit.recording import Segment
 from damperfit.statistics import mean_of, median, percentiles
 
 MIN_CYCLES = 3  # whole ones, of a test
@@ -70,24 +70,24 @@ def tops_of(
     return np.asarray(np.maximum(y[highest], y0 + u * (c1 + u * (c2 + c3 * u))))
 
 
-def clean_cycles(stretch: Stretch) -> FloatArray:
+def clean_cycles(segment: Segment) -> FloatArray:
     """Return boundaries of the cycles in which the filter holds no other motion, samples."""
-    starts = stretch.cycle_starts
-    if stretch.smeared == (0, 0):
+    starts = segment.cycle_starts
+    if segment.smeared == (0, 0):
         return starts
-    low, high = stretch.first + stretch.smeared[0], stretch.stop - stretch.smeared[1]
+    low, high = segment.first + segment.smeared[0], segment.stop - segment.smeared[1]
     clean = starts[(starts >= low) & (starts <= high)]
     if len(clean) >= 2:
         return clean
     # It holds one in all of them: the cycle that is farthest from both.
-    period = float(starts[-1] - starts[0]) / stretch.n_cycles
+    period = float(starts[-1] - starts[0]) / segment.n_cycles
     begin = min(max(0.5 * (low + high - period), float(starts[0])), float(starts[-1]) - period)
     return np.array([begin, begin + period])
 
 
-def harmonic_powers(stretch: Stretch, values: FloatArray, n_powers: int) -> FloatArray:
+def harmonic_powers(segment: Segment, values: FloatArray, n_powers: int) -> FloatArray:
     """Return the power of the harmonics of a motion in a channel, over its clean cycles."""
-    starts = clean_cycles(stretch)
+    starts = clean_cycles(segment)
     part = values[round(float(starts[0])) : round(float(starts[-1]))]
     turns = (len(starts) - 1) / float(starts[-1] - starts[0])
     turned = part - mean_of(part) + 0j
@@ -136,10 +136,10 @@ class SteadyRun(NamedTuple):
     middle: float
 
 
-class FoundStretch(NamedTuple):
-    """A stretch, in samples of the log, and the breaks of the motion between which it lies."""
+class FoundSegment(NamedTuple):
+    """A segment, in samples of the log, and the breaks of the motion between which it lies."""
 
-    stretch: Stretch
+    segment: Segment
     begin: float = -math.inf  # infinite where its motion begins, and ends, with the log
     end: float = math.inf
 

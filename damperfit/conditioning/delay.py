@@ -176,13 +176,13 @@ def estimate_delay(  # noqa: PLR0911 - one return a reason
 
 def _ends(trace: Trace) -> list[FloatArray]:
     """Return when rebound ends and when bump ends, s; on a straight line over the cycles."""
-    stretch, ends = trace.fastest, []
+    segment, ends = trace.fastest, []
     before, part, is_out = reversals(trace.velocity)
-    inside = (before >= stretch.first) & (before < stretch.stop - 1)
+    inside = (before >= segment.first) & (before < segment.stop - 1)
     times = trace.start_time + (before + part)[inside] * trace.interval
     for is_end in (is_out[inside], ~is_out[inside]):
         at = times[is_end]
-        if len(at) >= 3 and stretch.n_cycles:
+        if len(at) >= 3 and segment.n_cycles:
             cycle = np.rint((at - at[0]) * trace.frequency)
             off = cycle - mean_of(cycle)
             if np.ptp(cycle) > 0.0:  # a dwell crosses the end of one cycle several times

@@ -14,7 +14,7 @@ H errs least in the velocity, by::
     E = sum over f of (2 pi f)^2 (S (1 - H)^2 + N H^2)
 
 It is never below that of the compared filter, and stays there where that takes less than 0.3 % off
-the velocity: on a sine both are the same. Each stretch has its own corner. Beside a break of the
+the velocity: on a sine both are the same. Each segment has its own corner. Beside a break of the
 motion, where one speed goes over to another, the drive is wider: a jump of the velocity must not be
 smeared into what is compared.
 """
@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from damperfit.conditioning.cycles import FoundStretch
+from damperfit.conditioning.cycles import FoundSegment
 from damperfit.conditioning.filters import (
     FilteredLog,
     apply_filter,
@@ -37,7 +37,7 @@ from damperfit.conditioning.filters import (
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.signals import FloatArray, IntArray, noise_of, parts_where
 from damperfit.conditioning.timebase import UniformLog
-from damperfit.recording import Drive, FilterDesign, Stretch
+from damperfit.recording import Drive, FilterDesign, Segment
 from damperfit.statistics import mean_of, median, variance_of
 
 # Where a motion rests: a dwell between strokes, in which noise of the displacement is no speed.
@@ -154,7 +154,7 @@ _Spectrum = tuple["FloatArray", "FloatArray", "FloatArray"]
 
 
 def make_drive(
-    seen: FilteredLog, parts_of: Sequence[FoundStretch], options: ConditionOptions
+    seen: FilteredLog, parts_of: Sequence[FoundSegment], options: ConditionOptions
 ) -> Drive:
     """Return the displacement and velocity that drive the model; at the level where it rests."""
     if not options.is_ours:
@@ -164,7 +164,7 @@ def make_drive(
     rests = [
         (part, level)
         for part, level in dwells_of(log.displacement, log.interval)
-        if any(run.stretch.first < part.stop and part.start < run.stretch.stop for run in parts_of)
+        if any(run.segment.first < part.stop and part.start < run.segment.stop for run in parts_of)
     ]
     if not rests:
         return drive
@@ -175,11 +175,11 @@ def make_drive(
 
 
 def _least_in_error(
-    seen: FilteredLog, parts_of: Sequence[FoundStretch], options: ConditionOptions
+    seen: FilteredLog, parts_of: Sequence[FoundSegment], options: ConditionOptions
 ) -> Drive:
     log, rate, lowest = seen.log, 1.0 / seen.log.interval, options.filter_corner
     left_out = log.displacement - seen.displacement
-    corners = [_corner(left_out, seen.velocity, part.stretch, options, rate) for part in parts_of]
+    corners = [_corner(left_out, seen.velocity, part.segment, options, rate) for part in parts_of]
     is_whole = all(math.isinf(part.begin) and math.isinf(part.end) for part in parts_of)
     if is_whole and max(corners) <= lowest:
         return Drive(seen.displacement, seen.velocity, lowest)
@@ -217,17 +217,17 @@ def _least_in_error(
 def _corner(
     left_out: FloatArray,
     velocity: FloatArray,
-    stretch: Stretch,
+    segment: Segment,
     options: ConditionOptions,
     rate: float,
 ) -> float:
-    """Return the corner of the drive that errs least over a stretch, Hz."""
-    if stretch.n_cycles >= 2:
-        frequency, motion, noise = _of_cycles(left_out, stretch)
+    """Return the corner of the drive that errs least over a segment, Hz."""
+    if segment.n_cycles >= 2:
+        frequency, motion, noise = _of_cycles(left_out, segment)
     else:
-        frequency, motion, noise = _of_motion(left_out[stretch.window], 1.0 / rate)
+        frequency, motion, noise = _of_motion(left_out[segment.window], 1.0 / rate)
     lowest, order = options.filter_corner, options.filter_order
-    if not float(np.sum(motion)) > _LOST**2 * variance_of(velocity[stretch.window]):
+    if not float(np.sum(motion)) > _LOST**2 * variance_of(velocity[segment.window]):
         return lowest
     highest = max(_HIGHEST * rate, lowest)
     corners = np.geomspace(lowest, highest, math.ceil(math.log2(highest / lowest) / _STEP) + 1)
@@ -238,16 +238,16 @@ def _corner(
     return float(corners[int(np.argmin(errors))])
 
 
-def _of_cycles(left_out: FloatArray, stretch: Stretch) -> _Spectrum:
+def _of_cycles(left_out: FloatArray, segment: Segment) -> _Spectrum:
     """Lines at multiples of the frequency are motion, as far as they stand out of the others."""
-    starts, n_cycles = stretch.cycle_starts, stretch.n_cycles
+    starts, n_cycles = segment.cycle_starts, segment.n_cycles
     a_cycle = max(8, round(mean_of(np.diff(starts))))
     steps = np.arange(a_cycle) / a_cycle
     positions = (starts[:-1, None] + np.diff(starts)[:, None] * steps).ravel()
     even = np.interp(positions, np.arange(len(left_out)), left_out)
     lines = np.fft.rfft(even)
     power = (2.0 / len(even) ** 2) * (lines.real**2 + lines.imag**2)
-    frequency = np.arange(len(power)) * stretch.frequency / n_cycles
+    frequency = np.arange(len(power)) * segment.frequency / n_cycles
     n_orders = (len(power) - 1) // n_cycles
     # Row k: the line at k times the frequency, then those up to the next one.
     table = power[: n_orders * n_cycles].reshape(n_orders, n_cycles)
@@ -262,7 +262,7 @@ def _of_cycles(left_out: FloatArray, stretch: Stretch) -> _Spectrum:
         between = (sums[high] - sums[low]) / (high - low)
     # A line of noise is exponential: above its mean by half of its own size on average.
     orders = np.maximum(table[:, 0] - between, 0.0) * (table[:, 0] > _CLEAR_DRIVE * between)
-    for order in _hum(stretch.frequency, n_orders):
+    for order in _hum(segment.frequency, n_orders):
         beside = [k for k in range(order - 2, order + 3) if k != order and 0 < k < n_orders]
         if table[order, 0] > _ALONE * max((table[k, 0] for k in beside), default=math.inf):
             orders[order] = 0.0
@@ -306,7 +306,7 @@ def _hum(spacing: float, n_lines: int) -> list[int]:
     return sorted({place for place in places if 0 < place < n_lines})
 
 
-def unclear_turns(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -> list[int]:
+def unclear_turns(drive: Drive, log: UniformLog, segments: Sequence[Segment]) -> list[int]:
     """Return the samples at which noise decides which way friction acts, where they are many."""
     # A sine of 200 samples a cycle that turns at one of them turns at all of them: its friction is
     # then too small by as much as they are. Where samples fall elsewhere in each there are few.
@@ -316,8 +316,8 @@ def unclear_turns(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -
     # Of a slow turn several in a row are: there the noise is not what decides.
     alone = np.zeros(len(unclear), dtype=np.bool_)
     alone[1:-1] = unclear[1:-1] & ~unclear[:-2] & ~unclear[2:]
-    n = sum(int(np.count_nonzero(alone[segment.window])) for segment in stretches)
-    if n < _ON_SAMPLES * sum(segment.n_samples for segment in stretches):
+    n = sum(int(np.count_nonzero(alone[segment.window])) for segment in segments)
+    if n < _ON_SAMPLES * sum(segment.n_samples for segment in segments):
         return []
     return np.flatnonzero(alone).tolist()
 

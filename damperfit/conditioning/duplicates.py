@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.recording import Stretch, Trace
+from damperfit.recording import Segment, Trace
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
@@ -88,9 +88,9 @@ def are_unlike(first: Trace, second: Trace) -> bool:
     return None not in known and abs(known[0] - known[1]) > _SAME_TEMPERATURE  # type: ignore[operator]
 
 
-def _common_motions(first: Trace, second: Trace) -> list[tuple[Stretch, Stretch]]:
+def _common_motions(first: Trace, second: Trace) -> list[tuple[Segment, Segment]]:
     steady = [
-        [x for x in trace.stretches if x.kind == "steady" and x.figures is not None]
+        [x for x in trace.segments if x.kind == "steady" and x.figures is not None]
         for trace in (first, second)
     ]
     return [
@@ -146,7 +146,7 @@ def contradiction(traces: Sequence[Trace], *, has_temperature_law: bool) -> Cont
     return max(differences, key=lambda pair: (pair.excess, pair.beyond_scatter), default=None)
 
 
-def _differences(first: Trace, second: Trace, a: Stretch, b: Stretch) -> Iterator[Contradiction]:
+def _differences(first: Trace, second: Trace, a: Segment, b: Segment) -> Iterator[Contradiction]:
     figures = [figure for figure in (a.figures, b.figures) if figure is not None]
     # A quarter of both ranges is half of their mean.
     scale = 0.25 * sum(figure.peak_force_rebound - figure.peak_force_bump for figure in figures)

@@ -44,7 +44,7 @@ from damperfit.conditioning.signals import FloatArray, noise_of, parts_where
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.passed_speeds import cycle_energies
 from damperfit.problem import Option
-from damperfit.recording import Finding, Recording, Stretch, Trace
+from damperfit.recording import Finding, Recording, Segment, Trace
 from damperfit.statistics import mean_of, median, percentiles
 from damperfit.units.quantities import parse_quantity
 
@@ -58,22 +58,22 @@ class Seen(NamedTuple):
     cycles: Cycles | None  # None: no single steady run
     options: ConditionOptions
 
-    def rows(self, *stretches: Stretch) -> slice:
-        """Return the rows from the beginning of the first stretch to the end of the last."""
-        return rows_of(self.recording, self.trace.start_time, self.trace.interval, *stretches)
+    def rows(self, *segments: Segment) -> slice:
+        """Return the rows from the beginning of the first segment to the end of the last."""
+        return rows_of(self.recording, self.trace.start_time, self.trace.interval, *segments)
 
     def runs(self, *, fewest: int) -> list[FloatArray]:
-        """Return where the cycles of each stretch of so many begin, samples of the log."""
+        """Return where the cycles of each segment of so many begin, samples of the log."""
         ahead = round((self.trace.start_time - self.log.start_time) / self.log.interval)
-        longest_first = sorted(self.trace.stretches, key=lambda stretch: -stretch.n_samples)
-        runs = (stretch.cycle_starts + ahead for stretch in longest_first)
+        longest_first = sorted(self.trace.segments, key=lambda segment: -segment.n_samples)
+        runs = (segment.cycle_starts + ahead for segment in longest_first)
         inside = (starts[starts >= 0.0] for starts in runs)  # a short log is continued before it
         return [starts for starts in inside if len(starts) > fewest]
 
 
-def rows_of(recording: Recording, start_time: float, interval: float, *stretches: Stretch) -> slice:
-    """Return the rows of a recording that stretches, counted from a time, s, reach over."""
-    first, last = stretches[0], stretches[-1]
+def rows_of(recording: Recording, start_time: float, interval: float, *segments: Segment) -> slice:
+    """Return the rows of a recording that segments, counted from a time, s, reach over."""
+    first, last = segments[0], segments[-1]
     ends = np.array([first.first, last.stop], dtype=np.float64)
     if first.n_cycles and last.n_cycles:
         ends = np.array([first.cycle_starts[0], last.cycle_starts[-1]])
@@ -90,7 +90,7 @@ def examine(seen: Seen) -> tuple[Finding, ...]:
         *_rows(seen),
         *_rate_and_filter(seen),
         *_drive(seen),
-        *(_stretches(seen) if cycles is None else _one_run(seen, cycles)),
+        *(_segments(seen) if cycles is None else _one_run(seen, cycles)),
         *_size(seen),
         *_repetition(trace, recording),
         *_temperature(seen),
@@ -133,8 +133,8 @@ _FROZEN_ROWS, _JUMP = 5, 5.0
 def _rows(seen: Seen) -> Iterator[Finding]:
     """Both channels; a logger that drops out repeats its last row: a rest ends in no jump."""
     recording, trace = seen.recording, seen.trace
-    # The model is driven through what stands between stretches, too.
-    driven = seen.rows(*trace.stretches)
+    # The model is driven through what stands between segments, too.
+    driven = seen.rows(*trace.segments)
     compared = seen.rows(trace.fastest)
     yield from examine_channels(recording, driven, compared, period=samples_a_cycle(trace))
     steps = np.abs(np.diff(recording.displacement))
@@ -223,8 +223,8 @@ def _drive(seen: Seen) -> Iterator[Finding]:
     if options.rig_filter != "none":
         half = 0.5 * options.rig_filter_corner
         share = 100.0 * max(
-            content_beyond(trace.displacement[stretch.window], trace.interval, half)
-            for stretch in trace.stretches
+            content_beyond(trace.displacement[segment.window], trace.interval, half)
+            for segment in trace.segments
         )
         if share > _BEYOND_HALF:
             text = (
@@ -253,7 +253,7 @@ def _drive(seen: Seen) -> Iterator[Finding]:
         )
         yield Finding("drive", "note", text, drive.corner, "Hz")
 
-    rests = [n for x in trace.stretches for n in dwell_lengths(drive.velocity[x.window])]
+    rests = [n for x in trace.segments for n in dwell_lengths(drive.velocity[x.window])]
     if rests:
         text = (
             f"the motion rests {len(rests)} time{'s' * (len(rests) > 1)} where it is compared, "
@@ -263,7 +263,7 @@ def _drive(seen: Seen) -> Iterator[Finding]:
         yield Finding("rests", "note", text, float(len(rests)))
 
 
-# What was found of cycles and stretches.
+# What was found of cycles and segments.
 
 _OTHER_FORCE = 0.2  # of the larger; a damper that warms up within a log changes by less
 _SOON, _SAME = 3.0, 0.01  # cycles; of frequency and amplitude
@@ -272,38 +272,38 @@ _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
 _NEAR = 0.2  # of the nominal test: further off another test was meant
 
 
-def _stretches(seen: Seen) -> Iterator[Finding]:
+def _segments(seen: Seen) -> Iterator[Finding]:
     """What is compared; a run that something broke; a motion that comes back with another force."""
-    trace, stretches = seen.trace, seen.trace.stretches
+    trace, segments = seen.trace, seen.trace.segments
     parts = ", ".join(
         f"{segment.n_cycles} cycles of {segment.frequency:.3g} Hz to {segment.peak_speed:.3g} m/s"
         if segment.n_cycles
         else f"{segment.n_samples * trace.interval:.3g} s of motion that does not repeat, to "
         f"{segment.peak_speed:.3g} m/s"
-        for segment in stretches
+        for segment in segments
     )
-    n = len(stretches)
+    n = len(segments)
     text = f"{n} segment{'s' * (n > 1)} evaluated: {parts}"
     yield Finding("stretches", "note", text, float(n))
 
     peaks = {
         segment.first: (segment.figures.peak_force_rebound, segment.figures.peak_force_bump)
-        for segment in stretches
+        for segment in segments
         if segment.figures
     }
 
-    def is_one_motion(first: Stretch, other: Stretch) -> bool:
+    def is_one_motion(first: Segment, other: Segment) -> bool:
         if not first.n_cycles or not other.n_cycles:
             return False
         ratios = other.frequency / first.frequency, other.amplitude / first.amplitude
         return max(abs(ratio - 1.0) for ratio in ratios) < _SAME
 
-    def is_other_force(first: Stretch, other: Stretch) -> bool:
-        """Whether two stretches are of two settings, and not of a damper that warms up."""
+    def is_other_force(first: Segment, other: Segment) -> bool:
+        """Whether two segments are of two settings, and not of a damper that warms up."""
         pairs = np.array([peaks[first.first], peaks[other.first]])
         return bool(np.abs(pairs[0] - pairs[1]).max() > _OTHER_FORCE * np.abs(pairs).max())
 
-    for before, behind in pairwise(stretches):
+    for before, behind in pairwise(segments):
         gap = (behind.first - before.stop) * trace.interval * before.frequency
         if is_one_motion(before, behind) and gap < _SOON and not is_other_force(before, behind):
             time = trace.start_time + 0.5 * (before.stop + behind.first) * trace.interval
@@ -313,7 +313,7 @@ def _stretches(seen: Seen) -> Iterator[Finding]:
             )
             yield Finding("unsteady_cycles", "warning", text, float(behind.n_cycles))
 
-    for first, other in combinations(stretches, 2):
+    for first, other in combinations(segments, 2):
         if is_one_motion(first, other) and is_other_force(first, other):
             time = trace.start_time + other.first * trace.interval
             forces = ["{:.4g} and {:.4g} N".format(*peaks[x.first]) for x in (other, first)]
@@ -397,7 +397,7 @@ _LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is
 def _size(seen: Seen) -> Iterator[Finding]:
     """How long, how large, and of which shape what is evaluated is."""
     trace, log = seen.trace, seen.log
-    first, last = trace.stretches[0], trace.stretches[-1]
+    first, last = trace.segments[0], trace.segments[-1]
     begin = float(first.cycle_starts[0]) if first.n_cycles else first.first
     end = float(last.cycle_starts[-1]) if last.n_cycles else last.stop
     lead = trace.start_time - log.start_time
@@ -603,10 +603,10 @@ def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Finding]:
     """How far the mean force goes: each speed has its own, one slope in time is common to all."""
     half = 0.5 * float(np.ptp(trace.force[trace.compared]))
     means = []
-    for stretch in trace.stretches:
-        if stretch.n_cycles < 2:
+    for segment in trace.segments:
+        if segment.n_cycles < 2:
             continue
-        starts = clean if len(clean := clean_cycles(stretch)) > 2 else stretch.cycle_starts
+        starts = clean if len(clean := clean_cycles(segment)) > 2 else segment.cycle_starts
         sums = cycle_energies(np.ones_like(trace.force), trace.force, starts, 1.0)
         means.append((0.5 * (starts[1:] + starts[:-1]), sums / np.diff(starts)))
     # Four cycles of one speed change three times; of several, whose edges disturb them, one more.
@@ -758,13 +758,13 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
     """Return how a logged velocity compares with ours; nothing where none was logged."""
     if recording.velocity is None or not trace.fastest.n_cycles:
         return ()
-    stretch = trace.fastest
-    time = trace.start_time + np.arange(stretch.first, stretch.stop) * trace.interval
+    segment = trace.fastest
+    time = trace.start_time + np.arange(segment.first, segment.stop) * trace.interval
     logged = np.interp(time, recording.time, np.clip(recording.velocity, -_FASTEST, _FASTEST))
     if recording.reverse_displacement:
         logged = -logged
     turn = np.exp(-2j * np.pi * trace.frequency * time)
-    ours = complex(np.mean(trace.velocity[stretch.window] * turn))
+    ours = complex(np.mean(trace.velocity[segment.window] * turn))
     theirs = complex(np.mean((logged - np.mean(logged)) * turn))
     share = 2.0 * abs(theirs) ** 2 / max(float(np.var(logged)), 1e-300)
     if not share >= _ALIKE:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from damperfit.conditioning.channels import bridge_spikes
-from damperfit.conditioning.cycles import MIN_CYCLES, FoundStretch, harmonic_powers
+from damperfit.conditioning.cycles import MIN_CYCLES, FoundSegment, harmonic_powers
 from damperfit.conditioning.delay import find_delay
 from damperfit.conditioning.drive import drive_of_lines, make_drive, unclear_turns
 from damperfit.conditioning.filters import FilteredLog, apply_filter, fading_samples, with_corner
@@ -21,7 +21,7 @@ from damperfit.conditioning.segments import ComparedPart, choose_compared, trans
 from damperfit.conditioning.signals import FloatArray
 from damperfit.conditioning.timebase import UniformLog, make_uniform, without_delay
 from damperfit.errors import ConditioningError, ConfigurationError
-from damperfit.recording import Drive, Finding, Recording, Stretch, Trace
+from damperfit.recording import Drive, Finding, Recording, Segment, Trace
 from damperfit.statistics import mean_of
 
 _MIN_SAMPLES = 20
@@ -96,8 +96,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     if skew != 0.0 or signs.reversed_channels:
         level = level_of(traced.trace, options)
     trace = traced.trace
-    figured = tuple(replace(x, figures=figures_in(trace, x)) for x in trace.stretches)
-    trace = replace(trace, stretches=figured)
+    figured = tuple(replace(x, figures=figures_in(trace, x)) for x in trace.segments)
+    trace = replace(trace, segments=figured)
     _refuse_stroke(trace, options)
     findings = (
         *examine(Seen(recording, traced.logged, trace, traced.part.cycles, options)),
@@ -128,9 +128,9 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     part = choose_compared(recording.name, log, options)
     keep, displacement = part.keep, part.seen.displacement
     seen, drive = _driven(part.seen, part.parts, keep, options)
-    stretches = [part_of.stretch for part_of in part.parts]
+    segments = [part_of.segment for part_of in part.parts]
     sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
-    middle = part.cycles.centre if part.cycles else _middle_of(displacement, stretches)
+    middle = part.cycles.centre if part.cycles else _middle_of(displacement, segments)
     centre = middle if options.centre is None else sign * options.centre
     x, v = displacement[keep] - centre, seen.velocity[keep].copy()
     # One array where both are the same: most logs are steady sines.
@@ -139,7 +139,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         own = drive.part(keep, centre)
     start, temperature = seen.log.start_time, None
     if recording.temperature is not None:
-        rows = rows_of(recording, start, log.interval, *stretches)
+        rows = rows_of(recording, start, log.interval, *segments)
         temperature = mean_of(recording.temperature[rows])
     note = (
         f"filtered in the rig as declared ({options.rig_filter}, {options.rig_filter_corner:g} Hz, "
@@ -156,7 +156,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         velocity=v,
         force=seen.force[keep].copy(),
         drive=own,
-        stretches=tuple(_moved(stretch, -keep.start) for stretch in stretches),
+        segments=tuple(_moved(segment, -keep.start) for segment in segments),
         centre=sign * centre,
         n_cycles_found=part.n_found,
         model_filter=seen.model_filter._replace(bridged=bridged),
@@ -169,14 +169,14 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
 
 
 def _driven(
-    seen: FilteredLog, parts: Sequence[FoundStretch], part: slice, options: ConditionOptions
+    seen: FilteredLog, parts: Sequence[FoundSegment], part: slice, options: ConditionOptions
 ) -> tuple[FilteredLog, Drive]:
     """What drives the model over a part of the log: lines, where its motion is straight."""
     drive = make_drive(seen, parts, options)
     if options.filter != "zero_phase":
         return seen, drive
     if drive.displacement is seen.displacement:
-        at = unclear_turns(drive, seen.log, [part.stretch for part in parts])
+        at = unclear_turns(drive, seen.log, [part.segment for part in parts])
     else:
         lines = drive_of_lines(seen.log.displacement, seen.log.interval, part)
         if lines is None:
@@ -205,16 +205,16 @@ def _with_whole(
         velocity=v,
         force=seen.force,
         model_filter=seen.model_filter,
-        stretches=tuple(_moved(stretch, keep.start) for stretch in trace.stretches),
+        segments=tuple(_moved(segment, keep.start) for segment in trace.segments),
     )
     beside = transients(whole)
     first, stop, _ = keep.indices(len(x))
-    if beside is None or all(first <= x.first and x.stop <= stop for x in beside.stretches):
+    if beside is None or all(first <= x.first and x.stop <= stop for x in beside.segments):
         return trace
     # Each part has the corner that errs least there, so far out as the filter reaches.
     reach = fading_samples(trace.model_filter)
-    parts = (*(part_of.stretch for part_of in part.parts), *beside.stretches)
-    parts_of = [FoundStretch(x, x.first - reach - 1.0, x.stop + reach + 1.0) for x in parts]
+    parts = (*(part_of.segment for part_of in part.parts), *beside.segments)
+    parts_of = [FoundSegment(x, x.first - reach - 1.0, x.stop + reach + 1.0) for x in parts]
     seen, own = _driven(seen, parts_of, slice(None), options)
     whole = replace(
         whole, force=seen.force, model_filter=seen.model_filter, drive=own.part(slice(None), centre)
@@ -223,13 +223,13 @@ def _with_whole(
     return replace(trace, displacement=x[keep], velocity=v[keep], force=kept_force, whole=whole)
 
 
-def _moved(stretch: Stretch, by: int) -> Stretch:
-    """Return a stretch counted from another sample."""
+def _moved(segment: Segment, by: int) -> Segment:
+    """Return a segment counted from another sample."""
     return replace(
-        stretch,
-        first=stretch.first + by,
-        stop=stretch.stop + by,
-        cycle_starts=stretch.cycle_starts + by,
+        segment,
+        first=segment.first + by,
+        stop=segment.stop + by,
+        cycle_starts=segment.cycle_starts + by,
     )
 
 
@@ -249,11 +249,11 @@ def _middle_and_wandering(x: FloatArray) -> tuple[float, bool]:
     return middle, max(quarters) - min(quarters) > _ONE_MIDDLE * float(np.ptp(x))
 
 
-def _middle_of(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:
+def _middle_of(displacement: FloatArray, segments: Sequence[Segment]) -> float:
     """What is taken as x = 0 where nobody has declared it, in the log's own count."""
-    # The middle of the widest stretch. A motion that wanders, such as a road, has none that is the
+    # The middle of the widest segment. A motion that wanders, such as a road, has none that is the
     # damper's: the log's own 0 is taken, if it lies anywhere near the middle of the range.
-    widest = max(stretches, key=lambda stretch: stretch.amplitude)
+    widest = max(segments, key=lambda segment: segment.amplitude)
     middle, wanders = _middle_and_wandering(displacement[widest.window])
     return 0.0 if wanders and abs(middle) <= _NEAR_ZERO * widest.amplitude else middle
 
@@ -262,7 +262,7 @@ def _describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
     """Return where mid-stroke is in the log, or how far a declared centre is from it."""
     off, _ = _middle_and_wandering(trace.displacement[trace.compared])
     centre, severity = 1e3 * trace.centre, "note"
-    widest = max(trace.stretches, key=lambda stretch: stretch.amplitude)
+    widest = max(trace.segments, key=lambda segment: segment.amplitude)
     wanders = _middle_and_wandering(trace.displacement[widest.window])[1]
     if options.centre is not None:
         text = f"x = 0 at {centre:.3f} mm of the log, as declared; "

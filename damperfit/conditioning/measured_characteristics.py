@@ -1,4 +1,4 @@
-"""What a test engineer reads off each stretch: peak forces and speeds, energy, hysteresis.
+"""What a test engineer reads off each segment: peak forces and speeds, energy, hysteresis.
 
 From the measured force behind the filter. Of steady cycles the mean over them, but for
 cycles in which the filter still holds another speed; of a motion that
@@ -12,30 +12,30 @@ import numpy as np
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.signals import FloatArray, IntArray
 from damperfit.passed_speeds import cycle_energies, in_both_strokes
-from damperfit.recording import Stretch, StretchFigures, Trace
+from damperfit.recording import Segment, SegmentFigures, Trace
 from damperfit.statistics import median
 
 # Of the peak speed: what is about the peak, and what lies between two strokes.
 _NEAR_PEAK, _SLOW = 0.9, 0.5
 
 
-def counted_edges(stretch: Stretch) -> IntArray:
+def counted_edges(segment: Segment) -> IntArray:
     """Return first samples of the cycles that figures are read off, and the last one's end."""
-    return np.rint(_edges(stretch)).astype(np.int64)
+    return np.rint(_edges(segment)).astype(np.int64)
 
 
-def _edges(stretch: Stretch) -> FloatArray:
+def _edges(segment: Segment) -> FloatArray:
     """The boundaries of these cycles, fractional samples."""
-    if stretch.n_cycles:
-        return clean_cycles(stretch)
-    return np.array([stretch.first, stretch.stop], dtype=np.float64)
+    if segment.n_cycles:
+        return clean_cycles(segment)
+    return np.array([segment.first, segment.stop], dtype=np.float64)
 
 
-def figures_in(trace: Trace, stretch: Stretch) -> StretchFigures:
-    """Return the figures of a stretch of a trace, as it holds them where it does."""
-    edges = counted_edges(stretch)
+def figures_in(trace: Trace, segment: Segment) -> SegmentFigures:
+    """Return the figures of a segment of a trace, as it holds them where it does."""
+    edges = counted_edges(segment)
     start, stop = (trace.start_time + trace.interval * int(edge) for edge in edges[[0, -1]])
-    known = stretch.figures
+    known = segment.figures
     if known is not None and (known.start, known.stop) == (start, stop):
         return known
     window = slice(int(edges[0]), int(edges[-1]))
@@ -46,14 +46,14 @@ def figures_in(trace: Trace, stretch: Stretch) -> StretchFigures:
     half = 0.5 * min(rebound, -bump)
     # Opening less closing force of both strokes, and its standard error.
     loops, errors = [math.nan, math.nan], [math.nan, math.nan]
-    if stretch.n_cycles:
+    if segment.n_cycles:
         counts, means, squares = in_both_strokes(velocity, force[None, :], (half,))
         loops = (means[:, 0, 0, 0] - means[:, 1, 0, 0]).tolist()
         n = np.where(counts[:, :, 0] > 1.0, counts[:, :, 0], np.nan)
         errors = np.sqrt(np.sum(squares[:, :, 0, 0] / (n * (n - 1.0)), axis=1)).tolist()
-    energies = cycle_energies(trace.velocity, trace.force, _edges(stretch), trace.interval)
+    energies = cycle_energies(trace.velocity, trace.force, _edges(segment), trace.interval)
     scatter = float(np.std(energies, ddof=1)) if len(energies) > 1 else math.nan
-    return StretchFigures(
+    return SegmentFigures(
         peak_force_rebound=peak_rebound,
         peak_force_bump=peak_bump,
         peak_speed_rebound=rebound,
@@ -77,9 +77,9 @@ def mean_extremes(signals: FloatArray, begins: IntArray) -> tuple[list[float], l
     return tops.tolist(), bottoms.tolist()
 
 
-def mean_energy(trace: Trace, stretch: Stretch, force: FloatArray) -> float:
+def mean_energy(trace: Trace, segment: Segment, force: FloatArray) -> float:
     """Return the work in a cycle of another force than the measured one, as its figures have it."""
-    return float(np.mean(cycle_energies(trace.velocity, force, _edges(stretch), trace.interval)))
+    return float(np.mean(cycle_energies(trace.velocity, force, _edges(segment), trace.interval)))
 
 
 def peak_velocity_forces(

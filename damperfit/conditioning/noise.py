@@ -23,7 +23,7 @@ import numpy as np
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import impulse_of, settling_samples
 from damperfit.conditioning.signals import FloatArray, IntArray, noise_of
-from damperfit.recording import Stretch, Trace
+from damperfit.recording import Segment, Trace
 from damperfit.statistics import mean_of, median, variance_of
 
 _FEWEST_PHASES = 8
@@ -34,27 +34,27 @@ _BY_CYCLES = "scatter between cycles"
 def noise_floor(trace: Trace) -> float:
     """Return the noise of the compared force, percent of its variance, eq. (22).
 
-    NaN where a stretch has but a single cycle, and where the force does not vary.
+    NaN where a segment has but a single cycle, and where the force does not vary.
     """
     variance = variance_of(trace.force[trace.compared])
     if not variance > 0.0:
         return math.nan
     noise = 0.0
-    for segment in trace.stretches:
+    for segment in trace.segments:
         # `with_noise` has folded the cycles already; three times a log was a tenth of conditioning.
         is_known = segment.noise_source == _BY_CYCLES and segment.n_cycles > 1
         scatter = segment.noise**2 if is_known else _scatter_between_cycles(trace, segment)
         # A log of a single cycle and no more is not called known by its spectrum alone.
-        is_single = segment.n_cycles == 1 and len(trace.stretches) == 1
+        is_single = segment.n_cycles == 1 and len(trace.segments) == 1
         scatter = scatter if is_single or math.isfinite(scatter) else segment.noise**2
         noise += segment.n_samples * scatter
     return 100.0 * noise / trace.n_samples / variance
 
 
 def with_noise(trace: Trace, left_out: FloatArray) -> Trace:
-    """Return a trace with the noise of each stretch, of some by what the filter has left out."""
-    stretches, design = [], trace.model_filter
-    for segment in trace.stretches:
+    """Return a trace with the noise of each segment, of some by what the filter has left out."""
+    segments, design = [], trace.model_filter
+    for segment in trace.segments:
         noise, source = math.sqrt(_scatter_between_cycles(trace, segment)), _BY_CYCLES
         if not math.isfinite(noise) and len(left_out):
             passed = float(np.sum(impulse_of(design, settling_samples(design) + 1) ** 2))
@@ -62,18 +62,18 @@ def with_noise(trace: Trace, left_out: FloatArray) -> Trace:
             source = "above the filter"
         is_known = math.isfinite(noise) or len(left_out)
         noisy = replace(segment, noise=noise, noise_source=source)
-        stretches.append(noisy if is_known else segment)
-    return replace(trace, stretches=tuple(stretches))
+        segments.append(noisy if is_known else segment)
+    return replace(trace, segments=tuple(segments))
 
 
-def _scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
+def _scatter_between_cycles(trace: Trace, segment: Segment) -> float:
     """The mean square of what the force differs by from cycle to cycle, N^2; NaN: not known."""
-    if stretch.n_cycles < 2:
+    if segment.n_cycles < 2:
         return math.nan
-    starts = stretch.cycle_starts
+    starts = segment.cycle_starts
     n_phases = max(8, round(mean_of(np.diff(starts))))
     phases = np.arange(n_phases) / n_phases
-    ahead, behind = stretch.smeared
+    ahead, behind = segment.smeared
     phases = phases[(phases * n_phases >= ahead) & ((1.0 - phases) * n_phases > behind)]
     if len(phases) < _FEWEST_PHASES:
         return math.nan
@@ -88,7 +88,7 @@ def _scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
 
 
 def noise_beside_motion(trace: Trace) -> float:
-    """Return what is left of the fastest stretch's noise floor beside what motion explains, %."""
+    """Return what is left of the fastest segment's noise floor beside what motion explains, %."""
     # The force of each cycle, less the mean cycle, is laid upon what displacement, velocity and its
     # square differ by from theirs: a motion that drifts makes a force that does.
     starts = clean_cycles(trace.fastest)

@@ -69,7 +69,7 @@ from damperfit.statistics import mean_of, median
 # own share: 0.05 to 0.17 over the reference set. Magneto-rheological logs with current have 0.59 to
 # 0.71, synthetic preloaded valves with a small bleed 0.43 to 0.79.
 YIELDS = 0.4
-_SLOW = 0.1  # of the stretch's peak speed
+_SLOW = 0.1  # of the segment's peak speed
 
 
 def held_share(trace: Trace) -> float:
@@ -78,12 +78,12 @@ def held_share(trace: Trace) -> float:
 
 
 def held_shares(trace: Trace, forces: FloatArray) -> tuple[float, ...]:
-    """Return the `held_share` of forces, (k, n), at the compared samples: of stretches the median.
+    """Return the `held_share` of forces, (k, n), at the compared samples: of segments the median.
 
     NaN where none passes that speed both ways.
     """
     shares = []
-    for segment, place in zip(trace.stretches, trace.places, strict=True):
+    for segment, place in zip(trace.segments, trace.places, strict=True):
         v, part = trace.velocity[segment.window], forces[:, place]
         slow = (_SLOW * float(max(v.max(), -v.min())),)
         out, into = in_both_strokes(v, part, slow)[1][:, 1, 0]
@@ -172,11 +172,11 @@ def gas_force(gas: GasFacts, displacement: FloatArray) -> FloatArray:
 def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> ForceLevel:
     """Return the force level of what is compared of a trace, behind a filter of this corner, Hz."""
     whole = _level_of(trace, gas, corner)
-    if len(trace.stretches) < 2:
+    if len(trace.segments) < 2:
         return whole
     # The motion that hides it least tells the level: valves that open below a tenth of the highest
     # speed look like a level there. The curvature is that of all of them.
-    alone = (replace(trace, stretches=(segment,)) for segment in trace.stretches)
+    alone = (replace(trace, segments=(segment,)) for segment in trace.segments)
     clearest = min((_level_of(log, gas, corner) for log in alone), key=lambda level: level.doubt)
     curvature = {name: getattr(whole, name) for name in ("rebound_curvature", "bump_curvature")}
     return clearest._replace(**curvature)
@@ -210,8 +210,8 @@ def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
     hysteresis = 0.5 * abs(force_out - force_in)
     curved = mean_of(gas_force(gas, np.array([x_out, x_in]))) + gas.force
     at_reversals = float(np.mean([force_out, force_in])) - curved
-    sizes = np.array([segment.n_samples for segment in trace.stretches], dtype=np.float64)
-    rates = np.array([segment.frequency for segment in trace.stretches])
+    sizes = np.array([segment.n_samples for segment in trace.segments], dtype=np.float64)
+    rates = np.array([segment.frequency for segment in trace.segments])
     frequency = float(sizes @ rates / np.sum(sizes))
     # What a filter that passes few harmonics may take.
     lost = _OF_HARMONICS * max(frequency / corner - 1.0 / _ENOUGH_HARMONICS, 0.0)

@@ -24,7 +24,7 @@ from damperfit.conditioning.cycles import (
     MIN_CYCLES,
     TURN,
     Cycles,
-    FoundStretch,
+    FoundSegment,
     SteadyRun,
     clean_cycles,
     crossings,
@@ -41,7 +41,7 @@ from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray, parts_where
 from damperfit.conditioning.timebase import UniformLog, continue_log
 from damperfit.errors import ConditioningError
-from damperfit.recording import Finding, Stretch, Trace
+from damperfit.recording import Finding, Segment, Trace
 from damperfit.statistics import median, percentiles
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
@@ -62,7 +62,7 @@ class ComparedPart(NamedTuple):
     """What is compared of a log."""
 
     seen: FilteredLog  # may be longer than what was logged
-    parts: tuple[FoundStretch, ...]
+    parts: tuple[FoundSegment, ...]
     n_found: int  # whole cycles
     cycles: Cycles | None  # None where the log is no single steady run
     keep: slice  # samples that the model runs through
@@ -125,7 +125,7 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
         if content_beyond(motion.seen.displacement, log.interval, corner) <= _NOISE:
             parts = _moving(motion)
     several = _kept(motion.seen, parts, n_found, None) if parts else None
-    is_moving = bool(parts) and parts[0].stretch.kind == "moving"
+    is_moving = bool(parts) and parts[0].segment.kind == "moving"
     if single is None:
         if several and is_moving:
             return several
@@ -147,15 +147,15 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     return several
 
 
-def _n_cycles(parts: tuple[FoundStretch, ...]) -> int:
-    return sum(part.stretch.n_cycles for part in parts)
+def _n_cycles(parts: tuple[FoundSegment, ...]) -> int:
+    return sum(part.segment.n_cycles for part in parts)
 
 
 def _kept(
-    seen: FilteredLog, parts: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
+    seen: FilteredLog, parts: tuple[FoundSegment, ...], n_found: int, cycles: Cycles | None
 ) -> ComparedPart:
     """Add what the model runs through: from where the motion begins, or a cycle before."""
-    first, last = parts[0].stretch, parts[-1].stretch
+    first, last = parts[0].segment, parts[-1].segment
     ahead = first.first - math.floor(max(parts[0].begin, 0.0))
     if cycles is not None:
         ahead = math.ceil(cycles.period) + 1
@@ -172,7 +172,7 @@ def _one_run(motion: _Motion) -> ComparedPart | None:
         return None
     assert cycles is not None
     _refuse_fast(motion, cycles)
-    parts = (FoundStretch(_steady_stretch(starts, motion.seen, cycles.amplitude)),)
+    parts = (FoundSegment(_steady_segment(starts, motion.seen, cycles.amplitude)),)
     longer = None
     if _n_cycles(parts) < MIN_CYCLES:
         longer = _continued(motion, parts, cycles.n_found, cycles)
@@ -180,13 +180,13 @@ def _one_run(motion: _Motion) -> ComparedPart | None:
 
 
 def _continued(
-    motion: _Motion, parts: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
+    motion: _Motion, parts: tuple[FoundSegment, ...], n_found: int, cycles: Cycles | None
 ) -> ComparedPart | None:
     """Return what is compared when the log is continued by its cycles; None where no more is."""
     log, options = motion.log, motion.options
     begin, end = ends_in_motion(log.displacement, options.steadiness)
-    at_begin = parts[0].stretch.n_cycles if parts and math.isinf(parts[0].begin) else 0
-    at_end = parts[-1].stretch.n_cycles if parts and math.isinf(parts[-1].end) else 0
+    at_begin = parts[0].segment.n_cycles if parts and math.isinf(parts[0].begin) else 0
+    at_end = parts[-1].segment.n_cycles if parts and math.isinf(parts[-1].end) else 0
     begin = begin if at_begin < MIN_CYCLES else None
     end = end if at_end < MIN_CYCLES else None
     if begin is None and end is None:
@@ -279,26 +279,26 @@ def _refuse_fast(motion: _Motion, cycles: Cycles) -> None:
 # Steady runs, from break to break.
 
 
-def _steady_runs(motion: _Motion) -> tuple[FoundStretch, ...]:
+def _steady_runs(motion: _Motion) -> tuple[FoundSegment, ...]:
     """Return the steady runs of a log in order of time; none where hardly anything repeats."""
-    parts: list[FoundStretch] = []
+    parts: list[FoundSegment] = []
     for run in motion.runs if motion.repeats else ():
         part = _of_run(run, motion)
         if part is None:
             continue
         if parts:
-            first, stop = part.stretch.first, parts[-1].stretch.stop
+            first, stop = part.segment.first, parts[-1].segment.stop
             if stop - first > 2.0 * _ROUNDING * run.period + 1.0:
                 # Two runs may both claim the cycle that leads over from one to the other.
-                part = max(part, parts.pop(), key=lambda each: each.stretch.n_samples)
+                part = max(part, parts.pop(), key=lambda each: each.segment.n_samples)
             else:  # the same passage may be a little off in both
-                part = part._replace(stretch=replace(part.stretch, first=max(first, stop)))
+                part = part._replace(segment=replace(part.segment, first=max(first, stop)))
         parts.append(part)
     return tuple(parts)
 
 
-def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
-    """Return the stretch of one run; None where no whole cycle is left."""
+def _of_run(run: SteadyRun, motion: _Motion) -> FoundSegment | None:
+    """Return the segment of one run; None where no whole cycle is left."""
     seen, edge = motion.seen, motion.seen.fading
     displacement, velocity = seen.displacement, seen.velocity
     period, n, moved = run.period, len(displacement), _MOVED / motion.log.interval
@@ -341,21 +341,21 @@ def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
         # They fit when they are cut elsewhere: at the same phase of each.
         slack = 0.5 * (inner_high - inner_low - n_cycles * period)
         starts = inner_low + slack + period * np.arange(n_cycles + 1, dtype=np.float64)
-    stretch = _steady_stretch(starts, seen, run.amplitude)
+    segment = _steady_segment(starts, seen, run.amplitude)
     smeared = (
-        0 if is_first else max(0, math.ceil(begin + edge) - stretch.first),
-        0 if is_last else max(0, stretch.stop - math.floor(end - edge)),
+        0 if is_first else max(0, math.ceil(begin + edge) - segment.first),
+        0 if is_last else max(0, segment.stop - math.floor(end - edge)),
     )
-    stretch = replace(stretch, smeared=smeared)
-    clean = np.rint(clean_cycles(stretch)).astype(np.int64)
+    segment = replace(segment, smeared=smeared)
+    clean = np.rint(clean_cycles(segment)).astype(np.int64)
     fastest = float(np.abs(velocity[clean[0] : clean[-1]]).max())
-    return FoundStretch(replace(stretch, peak_speed=fastest), begin, end)
+    return FoundSegment(replace(segment, peak_speed=fastest), begin, end)
 
 
-def _steady_stretch(starts: FloatArray, seen: FilteredLog, amplitude: float) -> Stretch:
-    """Return the stretch between the first and the last of these boundaries of cycles."""
+def _steady_segment(starts: FloatArray, seen: FilteredLog, amplitude: float) -> Segment:
+    """Return the segment between the first and the last of these boundaries of cycles."""
     first, stop = round(float(starts[0])), round(float(starts[-1]))
-    return Stretch(
+    return Segment(
         kind="steady",
         first=first,
         stop=stop,
@@ -369,12 +369,12 @@ def _steady_stretch(starts: FloatArray, seen: FilteredLog, amplitude: float) -> 
 # Motion in which nothing repeats: its parts between rests, each compared as a whole.
 
 
-def _moving_stretch(
+def _moving_segment(
     seen: FilteredLog | Trace, first: int, stop: int, interval: float, n_turns: int
-) -> Stretch:
+) -> Segment:
     """Return what lies between two samples, where nothing repeats."""
     part = slice(first, stop)
-    return Stretch(
+    return Segment(
         kind="moving",
         first=first,
         stop=stop,
@@ -394,7 +394,7 @@ def _moving_parts(velocity: FloatArray, slow: float, interval: float) -> tuple[I
     return starts[np.append(True, is_rest)], stops[np.append(is_rest, True)]
 
 
-def _moving(motion: _Motion) -> tuple[FoundStretch, ...]:
+def _moving(motion: _Motion) -> tuple[FoundSegment, ...]:
     """Return the parts of a log that move, for one in which nothing repeats."""
     seen, turns, interval = motion.seen, motion.turns.at, motion.log.interval
     if len(turns) < _FEWEST_TURNS:
@@ -418,9 +418,9 @@ def _moving(motion: _Motion) -> tuple[FoundStretch, ...]:
         stop = high - (edge if high == n else beside)
         if stop - first > run_in:
             n_turns = max(int(np.count_nonzero((inside >= first) & (inside < stop))), 1)
-            stretch = _moving_stretch(seen, first, stop, interval, n_turns)
+            segment = _moving_segment(seen, first, stop, interval, n_turns)
             begin = -math.inf if low == 0 else float(low)
-            parts.append(FoundStretch(stretch, begin, math.inf if high == n else float(high)))
+            parts.append(FoundSegment(segment, begin, math.inf if high == n else float(high)))
     return tuple(parts)
 
 
@@ -442,10 +442,10 @@ _ALIKE = 0.05
 
 
 def transients(trace: Trace) -> Trace | None:
-    """Return a log with what moves beside its stretches as stretches; None where nothing does."""
+    """Return a log with what moves beside its segments as segments; None where nothing does."""
     seen = trace if trace.whole is None else trace.whole
-    slow = _AT_REST * max(stretch.peak_speed for stretch in seen.stretches)
-    longest = max(stretch.amplitude for stretch in seen.stretches)
+    slow = _AT_REST * max(segment.peak_speed for segment in seen.segments)
+    longest = max(segment.amplitude for segment in seen.segments)
     counts = np.zeros(len(seen.force), dtype=bool)
     for first, stop in zip(*_moving_parts(seen.velocity, slow, seen.interval), strict=True):
         counts[first:stop] = True
@@ -453,22 +453,22 @@ def transients(trace: Trace) -> Trace | None:
     # not yet that of the damper.
     lead = max(1, round(_LEAD / seen.interval))
     if not float(np.max(np.abs(seen.velocity[:lead]))) < slow:
-        counts[: seen.stretches[0].first] = False
-    for stretch in seen.stretches:
-        counts[stretch.window] = False
+        counts[: seen.segments[0].first] = False
+    for segment in seen.segments:
+        counts[segment.window] = False
     if not _lasting(counts, seen.interval):  # most logs: no look at each passage
         return None
     parts = []
     for first, stop in _lasting(counts & ~_is_steady(seen), seen.interval):
         n_turns = int(np.count_nonzero(np.diff(np.signbit(seen.velocity[first:stop]))))
-        stretch = _moving_stretch(seen, first, stop, seen.interval, n_turns)
-        if stretch.amplitude >= _MOVES * longest:
-            parts.append(stretch)
+        segment = _moving_segment(seen, first, stop, seen.interval, n_turns)
+        if segment.amplitude >= _MOVES * longest:
+            parts.append(segment)
     if not parts:
         return None
     names = ("name", "setting", "gas_pressure", "temperature", "findings")
     of_trace = {name: getattr(trace, name) for name in names}
-    return replace(seen, **of_trace, stretches=tuple(parts), whole=None)
+    return replace(seen, **of_trace, segments=tuple(parts), whole=None)
 
 
 def _lasting(counts: BoolArray, interval: float) -> list[tuple[int, int]]:
@@ -488,8 +488,8 @@ def _is_steady(trace: Trace) -> BoolArray:
     fastest = np.maximum(np.maximum.reduceat(speed[:last], ends[:-1]), speed[ends[1:]])
     is_part, is_like = np.zeros((2, len(strokes)), dtype=bool)
     is_part[[0, -1]] = True  # from rest or to it
-    for stretch in trace.stretches:
-        if stretch.n_cycles:
-            has_its_stroke = is_part | (np.abs(0.5 * strokes / stretch.amplitude - 1.0) < _ALIKE)
-            is_like |= has_its_stroke & (np.abs(fastest / stretch.peak_speed - 1.0) < _ALIKE)
+    for segment in trace.segments:
+        if segment.n_cycles:
+            has_its_stroke = is_part | (np.abs(0.5 * strokes / segment.amplitude - 1.0) < _ALIKE)
+            is_like |= has_its_stroke & (np.abs(fastest / segment.peak_speed - 1.0) < _ALIKE)
     return np.append(np.repeat(is_like, np.diff(ends)), False)

@@ -150,12 +150,12 @@ def examine_cavitation(
     line = max(float(np.max(nearness)), 1e-300)
     # The motion that leads there: of steady cycles the last, and as much before as it takes to
     # forget the start.
-    stretch = next(segment for segment in trace.stretches if segment.first <= moment < segment.stop)
-    first, n = 0, stretch.n_samples
-    if stretch.n_cycles:
-        n = round(n / stretch.n_cycles)
-        first = max(0, stretch.stop - n - min(n, math.ceil(_SETTLING / trace.interval)))
-    motion = motion_of(trace).until(first, stretch.stop)
+    segment = next(segment for segment in trace.segments if segment.first <= moment < segment.stop)
+    first, n = 0, segment.n_samples
+    if segment.n_cycles:
+        n = round(n / segment.n_cycles)
+        first = max(0, segment.stop - n - min(n, math.ceil(_SETTLING / trace.interval)))
+    motion = motion_of(trace).until(first, segment.stop)
 
     def lowest(r_m3: float, gas: float) -> float:
         trial = parameters.replace(r_m3=r_m3 * parameters.r_m3)

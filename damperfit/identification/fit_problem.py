@@ -227,7 +227,7 @@ class Block:
         if offset is not None:
             along = rows[1 + list(asked).index(offset)].copy()
             lengths = iter(part.shape[1] for part in parts)
-            n_parts = [1 if self.cycles is None else len(trace.stretches) for trace in self.traces]
+            n_parts = [1 if self.cycles is None else len(trace.segments) for trace in self.traces]
             ends = np.cumsum([sum(next(lengths) for _ in range(n)) for n in n_parts])
             for first, last in pairwise(ends.tolist()):
                 part, unit = rows[:, first:last], along[first:last]

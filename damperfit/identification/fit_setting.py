@@ -101,7 +101,7 @@ class FitResult:
 
     free: tuple[str, ...]  # what moved
     values: Values  # best point found
-    mse_percent: float  # eq. (22) there, each stretch with its weight
+    mse_percent: float  # eq. (22) there, each segment with its weight
     jacobian: FloatArray  # triangle R of the derivative of the residuals by u, at most (k, k)
     gradient: FloatArray  # J^T r, (k,)
     evaluations: int  # simulations of the whole setting
@@ -330,11 +330,11 @@ def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:
         part = trace.compared
         measured, simulated = trace.force[part], comparison.force[part]
         mse = normalised_mse(measured, simulated)
-        places = trace.places if len(trace.stretches) > 1 else ()
+        places = trace.places if len(trace.segments) > 1 else ()
         alone = tuple(normalised_mse(measured[at], simulated[at]) for at in places) or (mse,)
         force = comparison.force.copy()  # not a view that keeps more
         pressures = comparison.response.pressures.astype(np.float32)
-        own = tuple(islice(cycles, len(trace.stretches)))
+        own = tuple(islice(cycles, len(trace.segments)))
         seen_with, floor = (values, block.model, block.solver), noise_floor(trace)
         logs.append(LogFit(trace, mse, floor, alone, seen_with, force, pressures, own))
         seen.append((trace, comparison.response))

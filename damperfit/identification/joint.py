@@ -287,8 +287,8 @@ class _Search:
         n_eff, forces, strokes = 0.0, [], []
         ends = np.cumsum([trace.n_samples for trace in block.traces])
         for trace, rest in zip(block.traces, np.split(residuals, ends[:-1]), strict=True):
-            for stretch, place in zip(trace.stretches, trace.places, strict=True):
-                n_eff += effective_samples(rest[place], max(stretch.n_cycles, 1))
+            for segment, place in zip(trace.segments, trace.places, strict=True):
+                n_eff += effective_samples(rest[place], max(segment.n_cycles, 1))
             at_rest = block.model.filled_to(trace.gas_pressure).rest_force(trace.displacement)
             force = trace.force if at_rest is None else trace.force - at_rest
             forces.append(force[trace.compared])

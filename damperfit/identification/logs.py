@@ -15,19 +15,19 @@ from damperfit.conditioning.filters import apply_filter, impulse_of, passed_at
 from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import GAS_AMOUNT, RIG, STIFFNESS, Quantity
 from damperfit.problem import Problem, warning
-from damperfit.recording import Stretch, Trace
+from damperfit.recording import Segment, Trace
 from damperfit.simulation import Motion, Response, SolverOptions, motion_of, simulate
 from damperfit.statistics import mean_of, median, variance_of
 
 # What a fit asks of its logs: how much each sample counts, how many count, what they can tell.
 
-FEWEST_SAMPLES = 20.0  # effective ones, of a stretch
+FEWEST_SAMPLES = 20.0  # effective ones, of a segment
 
 
 def effective_samples(residuals: FloatArray, n_cycles: int) -> float:
-    """The effective number of samples of one stretch, (n,) over whole cycles.
+    """The effective number of samples of one segment, (n,) over whole cycles.
 
-    A residual of one harmonic alone counts as few samples as a stretch may have.
+    A residual of one harmonic alone counts as few samples as a segment may have.
 
     >>> effective_samples(np.sin(np.linspace(0.0, 40.0 * np.pi, 2000)), 20)
     20.0
@@ -40,7 +40,7 @@ def effective_samples(residuals: FloatArray, n_cycles: int) -> float:
     return max(2.0 * whole**2 / float(np.sum(lines**2)), FEWEST_SAMPLES)
 
 
-# How much each sample counts in the fit of a setting: by its stretch's noise, and not at a corner.
+# How much each sample counts in the fit of a setting: by its segment's noise, and not at a corner.
 #
 # Where the speed jumps, as at the corners of a triangle, the force of some milliseconds follows
 # from the microns and microseconds of the turn, which no sensor tells: noise of a few um there
@@ -49,7 +49,7 @@ def effective_samples(residuals: FloatArray, n_cycles: int) -> float:
 
 # Noises within this factor of each other are one: a scatter of few cycles is no better known.
 _ALIKE = 1.25
-# No stretch counts more than this against the middle one, as a fit has other errors than noise.
+# No segment counts more than this against the middle one, as a fit has other errors than noise.
 _FARTHEST = 5.0
 _OTHER_ERRORS = 1e-3  # of the force's deviation
 # Of the peak speed: what the compared filter takes off the drive's velocity at a jump of it.
@@ -58,21 +58,21 @@ _JUMP = 0.5
 # at 30 Hz are 10 and 20 ms.
 _BEFORE, _AFTER = 0.6, 1.2
 _IMPULSE = 1 << 12  # samples to both sides, far longer than any filter's answer
-# Where corners are more of a stretch than this, they are what it tells.
+# Where corners are more of a segment than this, they are what it tells.
 _MOST = 1.0 / 3.0
 
 
 def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
     """What the residuals of each log are multiplied by, over its compared samples; mean square 1.
 
-    One over the noise of each stretch (the middle one's, where none is known), nothing beside a
+    One over the noise of each segment (the middle one's, where none is known), nothing beside a
     jump of the speed. None for all where nothing is to be told apart.
     """
     counted = [_counted(trace) for trace in traces]
-    stretches = [stretch for trace in traces for stretch in trace.stretches]
-    noises, counts = ([getattr(x, n) for x in stretches] for n in ("noise", "n_samples"))
-    known, factors = [noise for noise in noises if math.isfinite(noise)], np.ones(len(stretches))
-    if len(stretches) > 1 and known:
+    segments = [segment for trace in traces for segment in trace.segments]
+    noises, counts = ([getattr(x, n) for x in segments] for n in ("noise", "n_samples"))
+    known, factors = [noise for noise in noises if math.isfinite(noise)], np.ones(len(segments))
+    if len(segments) > 1 and known:
         force = np.concatenate([trace.force[trace.compared] for trace in traces])
         other = _OTHER_ERRORS * float(np.std(force))
         middle = math.hypot(median(known), other)
@@ -100,10 +100,10 @@ def _counted(trace: Trace) -> NDArray[np.bool_] | None:
     counts = np.ones(len(cut_off), dtype=bool)
     # How long the filter's answer to an impulse lasts, in samples: 1 over its power.
     width = 1.0 / float(np.sum(impulse_of(trace.model_filter, _IMPULSE) ** 2))
-    for stretch in trace.stretches:
-        part = stretch.window
-        near = np.zeros(stretch.n_samples, dtype=bool)
-        for at in np.flatnonzero(cut_off[part] > _JUMP * stretch.peak_speed).tolist():
+    for segment in trace.segments:
+        part = segment.window
+        near = np.zeros(segment.n_samples, dtype=bool)
+        for at in np.flatnonzero(cut_off[part] > _JUMP * segment.peak_speed).tolist():
             near[max(0, at - round(_BEFORE * width)) : at + round(_AFTER * width) + 1] = True
         if np.mean(near) <= _MOST:
             counts[part] = ~near
@@ -163,9 +163,9 @@ class LogFacts:
 
     @cached_property
     def n_speeds(self) -> int | None:
-        """How many speeds the stretches hold; None where one holds none."""
-        places = ((log.drive.velocity, part) for log in self.traces for part in log.stretches)
-        each = [_speed_held(np.abs(velocity[stretch.window])) for velocity, stretch in places]
+        """How many speeds the segments hold; None where one holds none."""
+        places = ((log.drive.velocity, part) for log in self.traces for part in log.segments)
+        each = [_speed_held(np.abs(velocity[segment.window])) for velocity, segment in places]
         speeds: list[float] = []
         for held in each:
             if held is not None and all(abs(held / other - 1.0) > _NEAR for other in speeds):
@@ -208,7 +208,7 @@ def speed_warnings(
     return (warning("few-speeds", _FEW_SPEEDS.format(n, _LEVELS * n, n_unknown)),)
 
 
-# The settled mean cycle of each steady stretch, in place of a whole log.
+# The settled mean cycle of each steady segment, in place of a whole log.
 #
 # What repeats tells a model the same in every cycle. Half a cycle, from one turn of the motion to
 # the next, lets the model settle, one more is compared with the mean of the measured ones. The
@@ -241,12 +241,12 @@ _MARGIN = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SettledCycle:
-    """One steady stretch as half a cycle that is only simulated and one that is compared."""
+    """One steady segment as half a cycle that is only simulated and one that is compared."""
 
     motion: Motion  # both, from a turn of the motion on
     force: FloatArray  # (n,), mean of the measured cycles, N
     gain: NDArray[np.complex128]  # of the compared filter at each line of the real transform
-    # (n,): what residuals are multiplied by, so that their sum of squares is the stretch's.
+    # (n,): what residuals are multiplied by, so that their sum of squares is the segment's.
     factor: FloatArray
     # Half width of the friction's dead band that a sample's length is, m/s; 0: the solver's own.
     dead_band: float = 0.0
@@ -271,11 +271,11 @@ class SettledCycle:
         """What the filter takes off a signal of a response in the compared cycle, (n,)."""
         return np.asarray(signal[-len(self.force) :] - self._filtered([signal])[0])
 
-    def over(self, stretch: Stretch, signals: Sequence[FloatArray]) -> FloatArray:
-        """Signals of a response behind the filter at the samples of a stretch, (k, n), by cycle."""
+    def over(self, segment: Segment, signals: Sequence[FloatArray]) -> FloatArray:
+        """Signals of a response behind the filter at the samples of a segment, (k, n), by cycle."""
         rows = self._filtered(signals)
         n, starts = rows.shape[1], self.starts
-        samples = stretch.first + np.arange(stretch.n_samples)
+        samples = segment.first + np.arange(segment.n_samples)
         # How many samples each cycle has; what lies before the first or behind the last is theirs.
         ends = [0, *np.searchsorted(samples, starts[1:-1]).tolist(), len(samples)]
         begins = np.repeat(np.stack([starts[:-1], np.diff(starts)]), np.diff(ends), axis=1)
@@ -296,7 +296,7 @@ class SettledCycle:
 class SettledLogs(NamedTuple):
     """The logs of a setting as settled cycles."""
 
-    cycles: tuple[SettledCycle, ...]  # one for each stretch of each log
+    cycles: tuple[SettledCycle, ...]  # one for each segment of each log
     scatter: float  # sum of squares that the cycles' differences from their mean add, N^2
 
 
@@ -305,16 +305,16 @@ def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs 
 
     Thinned, cycles have no more samples than the filter lets through; else the log's own.
     """
-    if any(not segment.n_cycles for trace in traces for segment in trace.stretches):
+    if any(not segment.n_cycles for trace in traces for segment in trace.segments):
         return None
     # Between samples the speed jumps elsewhere in each cycle.
     if any(len(trace.drive.jumps) for trace in traces):
         return None
     cycles, scatter = [], 0.0
     for trace, weight in zip(traces, weights(traces), strict=True):
-        for stretch, place in zip(trace.stretches, trace.places, strict=True):
+        for segment, place in zip(trace.segments, trace.places, strict=True):
             own = None if weight is None else weight[place]
-            cycle, rest = _settled(trace, stretch, own, is_thinned=is_thinned)
+            cycle, rest = _settled(trace, segment, own, is_thinned=is_thinned)
             cycles.append(cycle)
             scatter += rest
     simulated = sum(len(cycle.motion.displacement) for cycle in cycles)
@@ -324,10 +324,10 @@ def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs 
 
 
 def _settled(
-    trace: Trace, stretch: Stretch, weight: FloatArray | None, *, is_thinned: bool
+    trace: Trace, segment: Segment, weight: FloatArray | None, *, is_thinned: bool
 ) -> tuple[SettledCycle, float]:
-    """A stretch's settled cycle, and its scatter as a sum of weighed squares."""
-    starts, n_cycles = stretch.cycle_starts, stretch.n_cycles
+    """A segment's settled cycle, and its scatter as a sum of weighed squares."""
+    starts, n_cycles = segment.cycle_starts, segment.n_cycles
     counts = np.arange(len(starts)) - 0.5 * n_cycles
     period = float(counts @ starts) / float(counts @ counts)
     line = mean_of(starts) + period * counts
@@ -344,17 +344,17 @@ def _settled(
         line, is_aligned = starts, False
     elif is_aligned and not is_thinned:
         # To the last bit on the samples, and the last cycle as long as the others.
-        line = stretch.first + period * np.arange(len(starts))
+        line = segment.first + period * np.arange(len(starts))
     starts = np.ascontiguousarray(line, dtype=np.float64)
     means, beside, room = np.empty((3, n)), np.empty(n), np.empty(len(starts) - 1)
     channels = (trace.drive.displacement, trace.drive.velocity, trace.force)
     rows = (np.ascontiguousarray(channel, dtype=np.float64) for channel in channels)
     compiled_core().fold(*rows, starts, means, beside, room)
     x, v, force = means
-    power = np.full(n, stretch.n_samples / n)
+    power = np.full(n, segment.n_samples / n)
     if weight is not None:
         positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n) / n)
-        at = np.clip(np.rint(positions).astype(np.int64) - stretch.first, 0, len(weight) - 1)
+        at = np.clip(np.rint(positions).astype(np.int64) - segment.first, 0, len(weight) - 1)
         power *= np.mean(weight[at] ** 2, axis=0)
     scatter = float(power @ beside) / n_cycles
     turn = -int(np.abs(x - mean_of(x)).argmax())
@@ -449,13 +449,13 @@ class LogFit(NamedTuple):
     trace: Trace
     mse_percent: float  # eq. (22) over the log's steady whole cycles,
     noise_floor_percent: float  # and of the scatter between them alone; NaN for a single cycle
-    stretch_mse_percent: tuple[float, ...] = ()  # of each stretch, by its own variance
+    segment_mse_percent: tuple[float, ...] = ()  # of each segment, by its own variance
     seen_with: tuple[Values, Model, SolverOptions] | None = None  # what was simulated
     force: FloatArray = np.empty(0)  # (n,), behind the trace's model filter, N
     # (3, n), Pa; of every log of a run no more is kept than 50 bytes a sample, and 0.03 Pa are less
     # than the integrator's error. An empty chamber stays empty.
     pressures: NDArray[np.float32] = np.empty((3, 0), dtype=np.float32)
-    cycles: tuple[SettledCycle, ...] = ()  # of each stretch, where the fit has gone down on them
+    cycles: tuple[SettledCycle, ...] = ()  # of each segment, where the fit has gone down on them
 
     def cycles_of(
         self, parameters: Values, damper: Model, solver: SolverOptions

@@ -71,7 +71,7 @@ def _differing(pair: Pair, forces: Sequence[FloatArray]) -> tuple[float, float] 
     top = min(map(_top_speed, pair))
     a, b = (_damping(log, force, top) for log, force in zip(pair, forces, strict=True))
     scale = 0.5 * sum(abs(_damping(log, log.force, top)) for log in pair)
-    noises = ([x.noise for x in log.stretches if math.isfinite(x.noise)] for log in pair)
+    noises = ([x.noise for x in log.segments if math.isfinite(x.noise)] for log in pair)
     noise = math.hypot(*(max(few, default=0.0) for few in noises))
     return (a, b) if abs(a - b) > max(SCATTERS * noise, REPEATS * scale) else None  # NaN is not
 

@@ -19,7 +19,7 @@ from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import of_settings
 from damperfit.laws.law_fit import Exchange, LawFit, LawSearch, SettingLogs
 from damperfit.laws.structures import in_other_layouts
-from damperfit.recording import Stretch
+from damperfit.recording import Segment
 from damperfit.tested.setting import Setting
 
 _UNDETERMINED = (frozenset({Status.NOT_IDENTIFIABLE, Status.ABSENT}), frozenset({Status.AT_BOUND}))
@@ -230,7 +230,7 @@ class _Tests:
 
     @property
     def has_one_frequency(self) -> bool:
-        # What does not repeat has many, of which a stretch tells the mean.
+        # What does not repeat has many, of which a segment tells the mean.
         return self.repeats and self.highest_frequency <= _ONE_FREQUENCY * self.lowest_frequency
 
     @property
@@ -253,13 +253,13 @@ def undecided(
 
     Of parts alone: those of the law that may be taken for each other.
     """
-    stretches = [part for logs in evidence for log in logs.fitted for part in log.stretches]
-    if not stretches:
+    segments = [part for logs in evidence for log in logs.fitted for part in log.segments]
+    if not segments:
         return ()
-    speeds = [segment.peak_speed for segment in stretches]
-    frequencies = [segment.frequency for segment in stretches]
-    longest = max(segment.amplitude for segment in stretches)
-    repeats = not any(segment.kind == "moving" for segment in stretches)
+    speeds = [segment.peak_speed for segment in segments]
+    frequencies = [segment.frequency for segment in segments]
+    longest = max(segment.amplitude for segment in segments)
+    repeats = not any(segment.kind == "moving" for segment in segments)
     tests = _Tests(min(speeds), max(speeds), min(frequencies), max(frequencies), longest, repeats)
     parts = (
         *_of_other_structures(search, tests),
@@ -337,7 +337,7 @@ def _of_moving_mass(fit: LawFit, evidence: Sequence[SettingLogs]) -> Iterator[st
         (_a_kilogram(part) / deviation, part)
         for logs in evidence
         for log in logs.fitted
-        for part in log.stretches
+        for part in log.segments
         if part.kind == "steady" and (deviation := float(np.std(log.force[part.window]))) > 0.0
     ]
     share, part = max(felt, key=lambda item: item[0], default=(0.0, None))
@@ -350,7 +350,7 @@ def _of_moving_mass(fit: LawFit, evidence: Sequence[SettingLogs]) -> Iterator[st
         )
 
 
-def _a_kilogram(part: Stretch) -> float:
+def _a_kilogram(part: Segment) -> float:
     """What a kilogram takes at the ends of a stroke, N."""
     return (2.0 * math.pi * part.frequency) ** 2 * part.amplitude
 

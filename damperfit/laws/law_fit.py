@@ -28,10 +28,10 @@ _SPEEDS, _FROM_SPEED = 12, 4
 
 
 class _Missed(NamedTuple):
-    """Residuals of each stretch, N; the MSE of each, of all; the force as of `LawFit`."""
+    """Residuals of each segment, N; the MSE of each, of all; the force as of `LawFit`."""
 
     residuals: tuple[FloatArray, ...]
-    stretches: tuple[float, ...]
+    segment_mses: tuple[float, ...]
     mse_percent: float
     worst_force_percent: float
 
@@ -50,12 +50,12 @@ def _misses(
         force = compare(values, trace, model, solver=solver).force
         if has_own_offsets:
             force = force + float(np.mean((trace.force - force)[trace.compared]))
-        for stretch in trace.stretches:
-            part = stretch.window
+        for segment in trace.segments:
+            part = segment.window
             residuals.append(force[part] - trace.force[part])
             alone.append(normalised_mse(trace.force[part], force[part]))
             measured.append(trace.force[part])
-            if stretch.n_cycles:
+            if segment.n_cycles:
                 velocity = trace.drive.velocity[part]
                 forces.append(_worst_force(measured[-1], residuals[-1], velocity))
     together, rest = np.concatenate(measured), np.concatenate(residuals)
@@ -124,7 +124,7 @@ class LawFit:
     free: tuple[str, ...]
     at_bound: tuple[str, ...]
     mse_percent: float  # eq. (22) over all that is compared in the fitted logs
-    stretches: tuple[float, ...]  # of each of their segments alone
+    segment_mses: tuple[float, ...]  # of each of their segments alone
     held_out_percent: float  # of what was held out; NaN without any
     held_out: str  # what that was: "logs", "transients", or nothing
     residuals: tuple[FloatArray, ...]  # model less measurement over each segment, N
@@ -168,7 +168,7 @@ def fit_law(
         ended.extra,
         evaluations=evaluations,
         undetermined=_undetermined(
-            ended, model, free, sum(len(trace.stretches) for trace in evidence.fitted)
+            ended, model, free, sum(len(trace.segments) for trace in evidence.fitted)
         ),
     )
 
@@ -230,13 +230,13 @@ def descended(
 
 
 def _undetermined(
-    ended: Minimum[Values], model: Model, free: Sequence[str], n_stretches: int
+    ended: Minimum[Values], model: Model, free: Sequence[str], n_segments: int
 ) -> tuple[str, ...]:
     """Return the quantities whose logarithm has too large a standard error, to first order.
 
-    What a law leaves over is not white: a stretch counts as `FEWEST_SAMPLES`, not as thousands.
+    What a law leaves over is not white: a segment counts as `FEWEST_SAMPLES`, not as thousands.
     """
-    variance = ended.cost / (FEWEST_SAMPLES * n_stretches)
+    variance = ended.cost / (FEWEST_SAMPLES * n_segments)
     errors = np.sqrt(np.diag(inverse_information(ended.jacobian)) * variance)
     return tuple(
         name

@@ -128,10 +128,10 @@ class OneModel(FitProblem):
     def errors(self, ended: Minimum[Point]) -> dict[Unknown, float]:
         """Return the standard errors of the logarithms, to first order; 0 of what has no logarithm.
 
-        What a law leaves over is not white: a stretch counts as `FEWEST_SAMPLES`, not as thousands.
+        What a law leaves over is not white: a segment counts as `FEWEST_SAMPLES`, not as thousands.
         """
         traces = (trace for block in self.blocks.values() for trace in block.traces)
-        n = FEWEST_SAMPLES * sum(len(trace.stretches) for trace in traces)
+        n = FEWEST_SAMPLES * sum(len(trace.segments) for trace in traces)
         errors = np.sqrt(np.diag(inverse_information(ended.jacobian)) * ended.cost / n)
         return {
             unknown: error if self.model.quantity(unknown.name).is_logarithmic else 0.0

@@ -628,10 +628,10 @@ class _Search:
         near = [self.extended(fit, self.compared) for fit in near]
         taken = min(near, key=lambda fit: self.judged(fit).score)
         for law in self.judged(taken).fits:  # the effective samples of what it leaves
-            stretches = [x for trace in self.evidence[law.setting].fitted for x in trace.stretches]
+            segments = [x for trace in self.evidence[law.setting].fitted for x in trace.segments]
             self.n_eff[law.setting] = sum(
                 effective_samples(rest, max(x.n_cycles, 1))
-                for rest, x in zip(law.residuals, stretches, strict=True)
+                for rest, x in zip(law.residuals, segments, strict=True)
             )
         return taken
 

@@ -618,7 +618,7 @@ def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
         *(np.empty(0), np.empty((3, 0))),  # no model: no force, no pressures
     )
     mean = math.nan if trace.temperature is None else trace.temperature
-    segments = [segment.describe(trace) for segment in trace.stretches]
+    segments = [segment.describe(trace) for segment in trace.segments]
     return measured_tests(signals, segments, temperature=mean)
 
 

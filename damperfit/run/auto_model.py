@@ -275,7 +275,7 @@ class LawChoice(Answer):
                     "at_bound": list(fit.at_bound),
                     "not_told": list(fit.undetermined),
                     "mse_percent": fit.mse_percent,
-                    "stretch_mse_percent": list(fit.stretches),
+                    "stretch_mse_percent": list(fit.segment_mses),
                     "held_out_mse_percent": finite(fit.held_out_percent),
                     "held_out": fit.held_out or None,
                     "evaluations": fit.evaluations,

@@ -614,7 +614,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
             }
             for fit in campaign.fits
             for log in fit.logs
-            for segment, mse in zip(log.trace.stretches, log.stretch_mse_percent, strict=False)
+            for segment, mse in zip(log.trace.segments, log.segment_mse_percent, strict=False)
         ],
         "grades_withheld": [
             {"setting": setting, "reasons": to_record(why)}

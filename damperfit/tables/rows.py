@@ -24,7 +24,7 @@ from damperfit.identification.logs import SimulatedLog
 from damperfit.identification.outcome import Status
 from damperfit.identification.procedures import Campaign
 from damperfit.passed_speeds import in_both_strokes
-from damperfit.recording import Stretch, Trace
+from damperfit.recording import Segment, Trace
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import mean_of
 from damperfit.tables.columns import CAVITATION, CLICK, FORCE, Column
@@ -191,7 +191,7 @@ def characteristic_rows(
     speeds: Sequence[float] = NAMED_SPEEDS,
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a log: of each segment the peaks, then the named speeds (m/s)."""
-    for place, segment in enumerate(trace.stretches, start=1):
+    for place, segment in enumerate(trace.segments, start=1):
         facts = {
             "setting": setting,
             "log": trace.name,
@@ -208,7 +208,7 @@ def characteristic_rows(
 
 
 def _segment_rows(
-    trace: Trace, segment: Stretch, simulated: FloatArray, damper: Model, speeds: Sequence[float]
+    trace: Trace, segment: Segment, simulated: FloatArray, damper: Model, speeds: Sequence[float]
 ) -> Iterator[dict[str, Any]]:
     edges = counted_edges(segment)
     part = slice(int(edges[0]), int(edges[-1]))

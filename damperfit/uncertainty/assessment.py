@@ -122,7 +122,7 @@ def _passes_from(name: str, linear: Linearisation, damper: Model) -> float:
     if slope is None or not isinstance(own, ValveDamper):
         return opening
     area = own.pressed_areas[0 if stroke == "rebound" else 1]
-    speed = max(part.peak_speed for log in linear.fit.logs for part in log.trace.stretches)
+    speed = max(part.peak_speed for log in linear.fit.logs for part in log.trace.segments)
     return opening + _UNNOTICED * own.oil_density * area * speed * slope
 
 
@@ -184,8 +184,8 @@ def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
 def motions_apart(campaign: Campaign) -> Iterator[Problem]:
     """Yield the one log whose clock or stroke is off those of all others, which agree."""
     traces = [log.trace for fit in campaign.fits for log in fit.logs]
-    usual = mode([len(trace.stretches) for trace in traces] or [1])
-    traces = [trace for trace in traces if len(trace.stretches) == usual and trace.fastest.n_cycles]
+    usual = mode([len(trace.segments) for trace in traces] or [1])
+    traces = [trace for trace in traces if len(trace.segments) == usual and trace.fastest.n_cycles]
     if len(traces) < _ENOUGH_LOGS:
         return
     names = [trace.name for trace in traces]
@@ -196,8 +196,8 @@ def motions_apart(campaign: Campaign) -> Iterator[Problem]:
         ("stroke-apart", "mm", 1e3, "displacement channel", "amplitude"),
     )
     for code, unit, scale, what, name in kinds:
-        # By log and stretch; of a stepped test all steps are off alike.
-        values = np.array([[getattr(part, name) for part in trace.stretches] for trace in traces])
+        # By log and segment; of a stepped test all steps are off alike.
+        values = np.array([[getattr(part, name) for part in trace.segments] for trace in traces])
         middles = np.median(values, axis=0)
         ratios = np.median(values / middles, axis=1) - 1.0
         off, values, middle = np.abs(ratios), values[:, 0], float(middles[0])

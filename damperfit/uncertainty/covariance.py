@@ -3,7 +3,7 @@ r"""Standard errors and 95 % intervals of a campaign's parameters: one covarianc
 Each setting's fit is made linear at its end by one more simulation with every sensitivity; of its
 mean cycles alone, where it was fitted on them. In u (ln y; an offset in N), with the residual
 r = f - f_hat in N and its Jacobian J = d f_hat/du, both behind the filter, and the weights w of the
-stretches (1 where their noise is alike)::
+segments (1 where their noise is alike)::
 
     information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t
 
@@ -76,7 +76,7 @@ from damperfit.identification.logs import (
 from damperfit.identification.outcome import Status
 from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import GAS_FOLLOWER, GAS_NAMES, Sharing
-from damperfit.recording import FilterDesign, Stretch, Trace
+from damperfit.recording import FilterDesign, Segment, Trace
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.statistics import NORMAL_95, student_quantile
 from damperfit.tested.setting import Setting
@@ -429,7 +429,7 @@ def gas_content(linearised: Sequence[Linearisation], sharing: Sharing) -> GasCon
 #
 # Where few samples hold most of what the log says of a parameter (a chamber that empties and
 # fills again), M rests on the few residuals there, which the fit has made small besides. The
-# residuals' autocovariance c over the whole stretch knows better how strong the noise is::
+# residuals' autocovariance c over the whole segment knows better how strong the noise is::
 #
 #     M' = sum over lags l of  w(l) c(l) sum_t J_t J_{t+l}^T
 #
@@ -494,7 +494,7 @@ def correlation_length(residuals: FloatArray, *, longest: int) -> int:
 
 
 def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
-    """Return M of the scores of one stretch, (n, k), that are correlated up to a lag."""
+    """Return M of the scores of one segment, (n, k), that are correlated up to a lag."""
     n = len(scores)
 
     def windowed(window: FloatArray) -> FloatArray:
@@ -516,7 +516,7 @@ def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
 
 
 def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int) -> FloatArray:
-    """Return M' of one stretch: slopes (n, k) and residuals (n,) that are alike everywhere."""
+    """Return M' of one segment: slopes (n, k) and residuals (n,) that are alike everywhere."""
     n = len(residuals)
     window = _flat_topped(lag, n)
     covariance = autocorrelation(residuals, len(window) - 1) * window
@@ -573,7 +573,7 @@ def larger(own: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def cycle_covariance(sums: Sequence[FloatArray]) -> FloatArray:
-    """Return M from sums of the scores over whole cycles, (cycles, k) a stretch: a jackknife."""
+    """Return M from sums of the scores over whole cycles, (cycles, k) a segment: a jackknife."""
     table = np.concatenate(sums)
     n = len(table)
     if n < 2:  # nothing is known of one cycle
@@ -594,18 +594,18 @@ def sums_by_cycle(scores: FloatArray, edges: FloatArray) -> FloatArray:
     return np.asarray(np.diff(before[whole] + inside, axis=0))
 
 
-def widening(stretches: Sequence[tuple[int, float, int]], n_fitted: int) -> float:
+def widening(segments: Sequence[tuple[int, float, int]], n_fitted: int) -> float:
     """Return the factor, 1 or more, on the covariance of the scores of a short log.
 
-    Of each stretch samples, independent ones among them and correlation length.
+    Of each segment samples, independent ones among them and correlation length.
     """
-    n_independent = sum(worth for _, worth, _ in stretches)
+    n_independent = sum(worth for _, worth, _ in segments)
     if not n_fitted or n_independent > _ENOUGH * n_fitted:
         return 1.0
     # A variance that a window w sums over n samples has only n / sum w^2 degrees of freedom: the
     # factor makes 1.96 errors hold 95 % of Student's t.
     sizes, spread = 0, 0.0
-    for n, _, lag in stretches:
+    for n, _, lag in segments:
         window = _flat_topped(lag, n)
         sizes += n
         spread += n * (2.0 * float(window @ window) - 1.0)
@@ -641,7 +641,7 @@ class LogLinearisation(NamedTuple):
     jacobian: FloatArray  # (n, k), of the modelled force by u, in the order of the model
     gas: FloatArray  # (n, c), by the logarithms of the model's conditions, such as gas pressure
     force: FloatArray  # (n,), modelled, behind the filter
-    # Of each stretch velocity, and what the filter takes off the model's force there; of what
+    # Of each segment velocity, and what the filter takes off the model's force there; of what
     # repeats in one cycle.
     rounding: tuple[tuple[FloatArray, ...], ...] = ()
 
@@ -659,7 +659,7 @@ class Linearisation:
     conditions: tuple[str, ...] = ()  # of the columns of each log's `gas`
     # In place of `scores` what a misfit that repeats does; None where nothing repeats.
     misfit: FloatArray | None = None
-    # What pulls in each block of phase, (B, k), all stretches summed; None likewise.
+    # What pulls in each block of phase, (B, k), all segments summed; None likewise.
     repeating: FloatArray | None = None
     # Summed scores by what is held at a default that nobody has measured, each column for one
     # standard error of that, and by other forms of the friction; None where there is none.
@@ -706,12 +706,12 @@ class Linearisation:
         """Return the rows of some quantities."""
         return np.array([self.names.index(name) for name in names], dtype=np.intp)
 
-    def stretches(self) -> Iterator[tuple[Stretch, FloatArray, FloatArray, FloatArray]]:
-        """Yield each stretch with its residuals, squared weights and Jacobian."""
+    def segments(self) -> Iterator[tuple[Segment, FloatArray, FloatArray, FloatArray]]:
+        """Yield each segment with its residuals, squared weights and Jacobian."""
         for log, seen in zip(self.fit.logs, self.logs, strict=True):
-            for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+            for segment, place in zip(log.trace.segments, log.trace.places, strict=True):
                 squares = seen.weights[place] ** 2
-                yield stretch, seen.residuals[place], squares, seen.jacobian[place]
+                yield segment, seen.residuals[place], squares, seen.jacobian[place]
 
     def summed(
         self, *, is_structured: bool, pulls: Mapping[str, FloatArray] = MappingProxyType({})
@@ -744,7 +744,7 @@ def linearise_settings(
     return tuple(linearised)
 
 
-def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best read whole
+def linearise_at_fit(  # noqa: PLR0915 - log by log and segment by segment, best read whole
     fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()
 ) -> Linearisation:
     """Take the derivative of a fit's logs by every parameter, on mean cycles where they repeat."""
@@ -758,7 +758,7 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
         if fit.status[quantity.name] is Status.FIXED and value == quantity.default:
             errors[row] = quantity.ignorance * (1.0 if quantity.may_vanish else value)
     seen_logs: list[LogLinearisation] = []
-    unknowns: list[list[FloatArray]] = []  # of each log and stretch, what nobody has measured
+    unknowns: list[list[FloatArray]] = []  # of each log and segment, what nobody has measured
     network = getattr(damper.plain, "network", None)
     passages = () if network is None else network.passages
     # One that lifts gradually lets oil through below its opening.
@@ -791,7 +791,7 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
     squares = 0.0
     for log, seen_log, unknown in zip(fit.logs, seen_logs, unknowns, strict=True):
         trace = log.trace
-        for k, (stretch, place) in enumerate(zip(trace.stretches, trace.places, strict=True)):
+        for k, (segment, place) in enumerate(zip(trace.segments, trace.places, strict=True)):
             own_weights = seen_log.weights[place]
             jacobian = seen_log.jacobian[place] * own_weights[:, None]
             rest = seen_log.residuals[place] * own_weights
@@ -799,8 +799,8 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
             if unknown:
                 pull = jacobian.T @ (unknown[k] * own_weights).T
                 supposed = pull if supposed is None else supposed + pull
-            is_cyclic = bool(stretch.n_cycles)
-            longest = _LONGEST_CORRELATION / stretch.frequency if is_cyclic else _LONGEST_MOVING
+            is_cyclic = bool(segment.n_cycles)
+            longest = _LONGEST_CORRELATION / segment.frequency if is_cyclic else _LONGEST_MOVING
             lag = correlation_length(rest, longest=round(longest / trace.interval))
             scores = jacobian * rest[:, None]
             noise = score_covariance(scores, lag)
@@ -810,7 +810,7 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and stretch by stretch, best
             information += jacobian.T @ jacobian
             covariance += noise
             gradient += scores.sum(axis=0)
-            cycles.append(sums_by_cycle(scores, stretch.cycle_starts - stretch.first))
+            cycles.append(sums_by_cycle(scores, segment.cycle_starts - segment.first))
             counted.append((len(rest), independent_samples(trace.model_filter, len(rest)), lag))
     wider = widening(counted, sum(status in _FOUND for status in fit.status.values()))
     return Linearisation(
@@ -847,7 +847,7 @@ def _responses(
     solver: SolverOptions,
     names: Sequence[str] = (),
 ) -> tuple[FloatArray, NDArray[np.floating[Any]], list[FloatArray], list[tuple[FloatArray, ...]]]:
-    """Force and pressures of a log, of each stretch force and sensitivities, and the `rounding`.
+    """Force and pressures of a log, of each segment force and sensitivities, and the `rounding`.
 
     Of the mean cycles that the fit went down on, where it did: their sensitivities, (k, n), differ
     from those of the log by what noise of the displacement does, and cost far less.
@@ -856,19 +856,19 @@ def _responses(
     rows: list[FloatArray] = []
     rounding: list[tuple[FloatArray, ...]] = []
     if cycles:
-        for cycle, stretch in zip(cycles, trace.stretches, strict=True):
+        for cycle, segment in zip(cycles, trace.segments, strict=True):
             options = cycle.solver(solver)
             response = simulate(values, damper, cycle.motion, sensitivities=names, options=options)
             signals = [response.force, *response.sensitivities.values()]
-            rows.append(cycle.over(stretch, signals))
+            rows.append(cycle.over(segment, signals))
             taken = cycle.taken_by_filter(response.force)
             rounding.append((cycle.motion.velocity[-len(taken) :], taken))
         return log.force, log.pressures, rows, rounding
     seen = compare(values, trace, damper, sensitivities=names, solver=solver)
     whole, taken = np.vstack([seen.force, _slopes(trace, seen)]), seen.response.force - seen.force
-    for stretch in trace.stretches:
-        rows.append(whole[:, stretch.window])
-        rounding.append((trace.velocity[stretch.window], taken[stretch.window]))
+    for segment in trace.segments:
+        rows.append(whole[:, segment.window])
+        rounding.append((trace.velocity[segment.window], taken[segment.window]))
     return seen.force, seen.response.pressures, rows, rounding
 
 
@@ -882,7 +882,7 @@ def _slopes(trace: Trace, seen: SimulatedLog) -> FloatArray:
     empty = seen.response.pressures[:2] <= 0.0
     filled = np.flatnonzero((empty[:, :-1] & ~empty[:, 1:]).any(axis=0)) + 1
     slopes = seen.response.sensitivities
-    if not (slopes and len(filled)) or all(stretch.n_cycles for stretch in trace.stretches):
+    if not (slopes and len(filled)) or all(segment.n_cycles for segment in trace.segments):
         return seen.sensitivities  # cycles meet a refilling at other moments of it
     rows = np.stack(list(slopes.values()))
     luck = np.unique(np.add.outer(filled, np.arange(_REFILLING)))
@@ -902,7 +902,7 @@ def _other_frictions(
     solver: SolverOptions,
     here: Sequence[FloatArray],
 ) -> list[FloatArray] | None:
-    """What the force would be more than `here` with a friction of another form, (2, n) a stretch.
+    """What the force would be more than `here` with a friction of another form, (2, n) a segment.
 
     One that turns otherwise; one that the pressure on the seal adds to, as large as the fitted one
     at the pressure of the gas at rest. None for a damper of which no other form is doubted.
@@ -928,11 +928,11 @@ def _other_frictions(
 def _misfit_scores(linearised: Linearisation) -> tuple[FloatArray, FloatArray]:
     """The matrix M of a setting's repeating misfit, and its pulls; see the module's docstring."""
     pulls: list[FloatArray] = []
-    for stretch, residuals, squares, jacobian in linearised.stretches():
+    for segment, residuals, squares, jacobian in linearised.segments():
         n = len(residuals)
         block, repeating = np.arange(n) * _BLOCKS // n, residuals
-        if stretch.n_cycles > 1:  # without what differs between cycles
-            starts = stretch.cycle_starts - stretch.first
+        if segment.n_cycles > 1:  # without what differs between cycles
+            starts = segment.cycle_starts - segment.first
             phase = np.interp(np.arange(n), starts, np.arange(len(starts))) % 1.0
             n_bins = max(_BLOCKS, round(float(np.mean(np.diff(starts)))))
             bins = np.minimum((phase * n_bins).astype(np.int64), n_bins - 1)
@@ -950,10 +950,10 @@ def _misfit_scores(linearised: Linearisation) -> tuple[FloatArray, FloatArray]:
 def _drift_pull(linearised: Linearisation) -> FloatArray:
     """Summed scores by a zero that moves: as much as a log drifts by may be in its mean force."""
     pull = np.zeros(len(linearised.names))
-    for stretch, residuals, squares, jacobian in linearised.stretches():
-        if stretch.n_cycles < _SEEN_TO_DRIFT:
+    for segment, residuals, squares, jacobian in linearised.segments():
+        if segment.n_cycles < _SEEN_TO_DRIFT:
             continue
-        starts = np.rint(stretch.cycle_starts - stretch.first).astype(np.intp)
+        starts = np.rint(segment.cycle_starts - segment.first).astype(np.intp)
         starts = np.clip(starts, 0, len(residuals))
         means = np.add.reduceat(residuals[: starts[-1]], starts[:-1]) / np.diff(starts)
         phase = np.linspace(-0.5, 0.5, len(means))

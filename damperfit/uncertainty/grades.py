@@ -36,7 +36,7 @@ from damperfit.identification.outcome import Status
 from damperfit.identification.procedures import Campaign, identify
 from damperfit.identification.sharing import unlimited_in, values_from_others
 from damperfit.problem import Problem, warning
-from damperfit.recording import Stretch, Trace
+from damperfit.recording import Segment, Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.residuals import Diagnosis, residual_scatter
@@ -357,7 +357,7 @@ def air_objections(
             continue
         for first, second in zip(fit.logs, other.logs, strict=True):
             fall = squares(fit, first, damper) - squares(other, second, with_air)
-            for segment in first.trace.stretches:
+            for segment in first.trace.segments:
                 cycles = np.array_split(fall[segment.window], max(segment.n_cycles, 1))
                 gains += [float(np.sum(cycle)) for cycle in cycles]
     if not is_certain(gains):
@@ -423,47 +423,47 @@ class SegmentRange:
             return cls(dimension, low, high)
         return None
 
-    def holds(self, segment: Stretch) -> bool:
+    def holds(self, segment: Segment) -> bool:
         """Whether a segment lies within the limits."""
         is_speed = self.dimension == "velocity"
         return self.low <= (segment.peak_speed if is_speed else segment.frequency) <= self.high
 
     def split(self, trace: Trace) -> tuple[Trace | None, Trace | None]:
         """Return a log without the segments within the limits, and these alone; None for none."""
-        held = tuple(part for part in trace.stretches if self.holds(part))
-        rest = tuple(part for part in trace.stretches if not self.holds(part))
-        without, alone = (replace(trace, stretches=kept) if kept else None for kept in (rest, held))
+        held = tuple(part for part in trace.segments if self.holds(part))
+        rest = tuple(part for part in trace.segments if not self.holds(part))
+        without, alone = (replace(trace, segments=kept) if kept else None for kept in (rest, held))
         return without, alone
 
 
 def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
     """Return a log without its last steady cycles, and with these alone.
 
-    A whole number, or below 1 a share of them (one at least). A stretch with too few is fitted
+    A whole number, or below 1 a share of them (one at least). A segment with too few is fitted
     whole; a LogError: no cycle would be left to fit.
     """
     fitted, held_out = [], []
-    for stretch in trace.stretches:
+    for segment in trace.segments:
         # The last ones of each, in one piece: where a log drifts, it shows there, and the filter's
         # memory joins the two parts at one place only.
-        n, starts = stretch.n_cycles, stretch.cycle_starts
+        n, starts = segment.n_cycles, segment.cycle_starts
         left = n - (max(1, round(cycles * n)) if cycles < 1.0 else round(cycles))
         if left <= 0:
-            fitted.append(stretch)
+            fitted.append(segment)
             continue
-        edge, (ahead, behind) = round(float(starts[left])), stretch.smeared
+        edge, (ahead, behind) = round(float(starts[left])), segment.smeared
         inner, outer = starts[: left + 1], starts[left:]
-        fitted.append(replace(stretch, stop=edge, cycle_starts=inner, smeared=(ahead, 0)))
-        held_out.append(replace(stretch, first=edge, cycle_starts=outer, smeared=(0, behind)))
+        fitted.append(replace(segment, stop=edge, cycle_starts=inner, smeared=(ahead, 0)))
+        held_out.append(replace(segment, first=edge, cycle_starts=outer, smeared=(0, behind)))
     if not held_out:
-        n = max(stretch.n_cycles for stretch in trace.stretches)
+        n = max(segment.n_cycles for segment in trace.segments)
         raise LogError(
             f"{n} steady cycle{'s' if n > 1 else ''}, of which {max(1, round(cycles))} are to be "
             "held out: none is left to fit; hold out fewer, or give a longer log",
             subject=trace.name,
             code="nothing-to-fit",
         )
-    return replace(trace, stretches=tuple(fitted)), replace(trace, stretches=tuple(held_out))
+    return replace(trace, segments=tuple(fitted)), replace(trace, segments=tuple(held_out))
 
 
 # How it is predicted
@@ -494,7 +494,7 @@ class Prediction:
     """How the parameters of a setting meet what was not fitted."""
 
     setting: Setting
-    trace: Trace  # what was predicted; its stretches hold the held-out cycles only
+    trace: Trace  # what was predicted; its segments hold the held-out cycles only
     is_part: bool  # whether the other cycles of the same log were fitted
     mse_percent: float  # eq. (22) over them,
     noise_floor_percent: float  # and the part that is scatter between its cycles; NaN for one
@@ -694,9 +694,9 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
 def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
     """What scatter between a residual's cycles costs, %; else as much as there is `elsewhere`."""
     scatter = sum(
-        stretch.n_samples
-        * (residual_scatter(rest[place], stretch) if stretch.n_cycles > 1 else elsewhere)
-        for stretch, place in zip(trace.stretches, trace.places, strict=True)
+        segment.n_samples
+        * (residual_scatter(rest[place], segment) if segment.n_cycles > 1 else elsewhere)
+        for segment, place in zip(trace.segments, trace.places, strict=True)
     )
     variance = float(np.var(trace.force[trace.compared]))
     percent = 100.0 * scatter / trace.n_samples / variance
@@ -714,8 +714,8 @@ def _tested(trace: Trace) -> NDArray[np.bool_]:
 
 
 def _is_same_motion(fit: Fit, trace: Trace, *, has_same_stroke: bool = True) -> bool:
-    """Whether every stretch of a log has the speed of a fitted one, and its stroke; no road has."""
-    fitted = [segment for log in fit.logs for segment in log.trace.stretches if segment.n_cycles]
+    """Whether every segment of a log has the speed of a fitted one, and its stroke; no road has."""
+    fitted = [segment for log in fit.logs for segment in log.trace.segments if segment.n_cycles]
     return all(
         segment.n_cycles
         and any(
@@ -723,7 +723,7 @@ def _is_same_motion(fit: Fit, trace: Trace, *, has_same_stroke: bool = True) -> 
             and abs(segment.peak_speed / other.peak_speed - 1.0) < _SAME_MOTION
             for other in fitted
         )
-        for segment in trace.stretches
+        for segment in trace.segments
     )
 
 

@@ -25,7 +25,7 @@ from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings
 from damperfit.problem import Problem, warning
-from damperfit.recording import Stretch, Trace
+from damperfit.recording import Segment, Trace
 from damperfit.statistics import fisher_chance, mean_of, median, student_quantile, variance_of
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.covariance import Linearisation, autocorrelation, independent
@@ -139,7 +139,7 @@ def signatures(
     def passed(values: FloatArray) -> FloatArray:
         return apply_filter(trace.model_filter, values)[trace.compared]
 
-    # Stretch by stretch: where one ends and the next begins nothing was logged in between.
+    # Segment by segment: where one ends and the next begins nothing was logged in between.
     rate = np.concatenate([np.gradient(force[place], trace.interval) for place in trace.places])
     # Friction that grows with the pressure on a seal: both strokes alike (piston), or one (rod).
     pressing = (force - friction) - np.mean(force - friction)
@@ -320,7 +320,7 @@ def _is_reasonable(hint: Hint, half_range: float, friction: float = math.inf) ->
 _CHANCE = 1e-5  # of such a friction where there is none, at each of three speeds
 # Of the friction: less moves no parameter by 1 %, more is no friction.
 _LEAST, _MOST = 0.02, 2.0
-_BLOCKS = 16  # of a stretch in which nothing repeats
+_BLOCKS = 16  # of a segment in which nothing repeats
 
 
 class BySpeed(NamedTuple):
@@ -349,12 +349,12 @@ def friction_by_speed(linearised: Linearisation) -> BySpeed | None:
     if not np.all(power > 1e-9 * np.sum(columns * columns, axis=1)):
         return None
     edges, first = [], 0
-    for stretch in (segment for log in fit.logs for segment in log.trace.stretches):
-        ends = np.linspace(0.0, stretch.n_samples, _BLOCKS + 1)[:-1]
-        if stretch.n_cycles > 2:
-            ends = stretch.cycle_starts[:-1] - stretch.first
+    for segment in (segment for log in fit.logs for segment in log.trace.segments):
+        ends = np.linspace(0.0, segment.n_samples, _BLOCKS + 1)[:-1]
+        if segment.n_cycles > 2:
+            ends = segment.cycle_starts[:-1] - segment.first
         edges.append(first + np.maximum(np.rint(ends), 0.0).astype(np.int64))
-        first += stretch.n_samples
+        first += segment.n_samples
     scores = np.add.reduceat(left * residuals, np.concatenate(edges), axis=1)
     noise = max(float(residuals @ residuals) / float(counts.sum()), 1e-300)
     n = scores.shape[1]
@@ -463,11 +463,11 @@ def diagnose(
     """
     fit, parts = linearised.fit, []
     for log, seen in zip(fit.logs, linearised.logs, strict=True):
-        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+        for segment, place in zip(log.trace.segments, log.trace.places, strict=True):
             rest = np.where(seen.weights[place] > 0.0, seen.residuals[place], 0.0)
-            folded = _fold(rest, stretch) if stretch.n_cycles > 1 else np.empty((0, 0))
+            folded = _fold(rest, segment) if segment.n_cycles > 1 else np.empty((0, 0))
             about = folded - folded.mean(axis=0) if folded.size else folded
-            parts.append(StretchResiduals(stretch, log.trace.interval, rest, folded, about))
+            parts.append(SegmentResiduals(segment, log.trace.interval, rest, folded, about))
     repeats, noise, is_more = split_power(parts)
     forces = [log.trace.force[log.trace.compared] for log in fit.logs]
     variance = variance_of(forces[0] if len(forces) == 1 else np.concatenate(forces))
@@ -501,7 +501,7 @@ def diagnose(
         runs += int(np.count_nonzero(np.diff(np.signbit(part.folded))))
         of_noise += int(np.count_nonzero(np.diff(np.signbit(part.about))))
         rest, n = part.residuals, len(part.residuals)
-        period = round(1.0 / (part.stretch.frequency * part.interval))
+        period = round(1.0 / (part.segment.frequency * part.interval))
         if 2 * period < n:
             power = max(float(rest @ rest), 1e-300)
             repeated = float(rest[:-period] @ rest[period:]) / power * n / (n - period)
@@ -522,29 +522,29 @@ def diagnose(
     return diagnosis, {hint.name: pulls[hint.name] for hint in hints if hint.name in pulls}
 
 
-# The residuals of each stretch, and their power
+# The residuals of each segment, and their power
 
 
-class StretchResiduals(NamedTuple):
-    """The residuals of one stretch, 0 where none counts; of two cycles or more laid over."""
+class SegmentResiduals(NamedTuple):
+    """The residuals of one segment, 0 where none counts; of two cycles or more laid over."""
 
-    stretch: Stretch
+    segment: Segment
     interval: float  # of the samples, s
     residuals: FloatArray  # (n,), N
     folded: FloatArray = np.empty((0, 0))  # the cycles, (cycles, phases)
     about: FloatArray = np.empty((0, 0))  # what each differs from their mean by
 
 
-def split_power(parts: Sequence[StretchResiduals]) -> tuple[float, float, Callable[[], bool]]:
+def split_power(parts: Sequence[SegmentResiduals]) -> tuple[float, float, Callable[[], bool]]:
     """Return repeating and scattered mean squares, N^2, and whether noise cannot be all of it."""
     cycles = [part for part in parts if part.folded.size]
-    if not cycles and any(part.stretch.n_cycles for part in parts):
+    if not cycles and any(part.segment.n_cycles for part in parts):
         return math.nan, math.nan, lambda: False
     n = sum(len(part.residuals) for part in cycles or parts)
     if not cycles:
         # Noise by what was found above the filter's band. That of the displacement is not in it;
         # it makes less than the force's in a usual log.
-        noise = sum(len(part.residuals) * part.stretch.noise**2 for part in parts) / n
+        noise = sum(len(part.residuals) * part.segment.noise**2 for part in parts) / n
         whole = sum(float(part.residuals @ part.residuals) for part in parts) / n
         return whole - noise, noise, lambda: whole / max(noise, 1e-300) > _MUCH
     repeats = noise = expected = 0.0
@@ -578,16 +578,16 @@ def independent_phases(scatter: FloatArray) -> float:
     return float(max(independent(rho, n_phases) / uneven, 1.0))
 
 
-def residual_scatter(residuals: FloatArray, stretch: Stretch) -> float:
+def residual_scatter(residuals: FloatArray, segment: Segment) -> float:
     """Return the mean square of what differs from cycle to cycle, N^2; NaN for a single cycle."""
-    if stretch.n_cycles < 2:
+    if segment.n_cycles < 2:
         return math.nan
-    return float(np.mean(np.var(_fold(residuals, stretch), axis=0, ddof=1)))
+    return float(np.mean(np.var(_fold(residuals, segment), axis=0, ddof=1)))
 
 
-def _fold(residuals: FloatArray, stretch: Stretch) -> FloatArray:
+def _fold(residuals: FloatArray, segment: Segment) -> FloatArray:
     """Residuals over cycles and phases, shape (cycles, phases)."""
-    starts = stretch.cycle_starts - stretch.first
+    starts = segment.cycle_starts - segment.first
     lengths = np.diff(starts)
     n_phases = max(8, round(mean_of(lengths)))
     nearest = starts[:-1, None] + lengths[:, None] * (np.arange(n_phases) / n_phases)

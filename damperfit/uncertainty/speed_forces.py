@@ -28,7 +28,7 @@ from damperfit.conditioning.measured_characteristics import counted_edges, peak_
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import SimulationError
 from damperfit.passed_speeds import at_speeds
-from damperfit.recording import Stretch
+from damperfit.recording import Segment
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95, median
 from damperfit.tested.setting import Setting
@@ -144,10 +144,10 @@ class SpeedForces:
         return float(np.interp(speed, self.taken_up_at, self.taken_up)) if self.taken_up else None
 
 
-class _Segment(NamedTuple):
+class _Readings(NamedTuple):
     """One steady segment: its samples, and of each stroke what is read at its peaks."""
 
-    stretch: Stretch
+    segment: Segment
     velocity: FloatArray
     force: FloatArray
     residuals: FloatArray
@@ -175,30 +175,30 @@ def speed_forces(
     linearised: Linearisation, *, is_structured: bool
 ) -> tuple[tuple[SpeedForces, Slopes], ...]:
     """Return the forces of a setting in rebound and in bump; none where no cycle repeats."""
-    segments = sorted(_segments(linearised), key=lambda segment: segment.stretch.peak_speed)
-    if not segments:
+    readings = sorted(_readings(linearised), key=lambda reading: reading.segment.peak_speed)
+    if not readings:
         return ()
-    tests: list[list[_Segment]] = []
-    for segment in segments:
-        top = segment.stretch.peak_speed
-        if not tests or top > (1.0 + _SAME_MOTION) * tests[-1][0].stretch.peak_speed:
+    tests: list[list[_Readings]] = []
+    for reading in readings:
+        top = reading.segment.peak_speed
+        if not tests or top > (1.0 + _SAME_MOTION) * tests[-1][0].segment.peak_speed:
             tests.append([])
-        tests[-1].append(segment)
-    half_range = 0.5 * max(float(np.ptp(segment.force)) for segment in segments)
+        tests[-1].append(reading)
+    half_range = 0.5 * max(float(np.ptp(reading.force)) for reading in readings)
     is_loop = len(tests) == 1
 
     def misfit(speed: float, sign: float) -> float:
         """The root mean square of what repeats in a stroke at speeds like this, N."""
         squares = []
-        for segment in segments if is_structured else ():
-            along = sign * segment.velocity
-            alike = segment.residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
-            squares += [float(np.mean(alike**2)) - segment.noise] if len(alike) else []
+        for reading in readings if is_structured else ():
+            along = sign * reading.velocity
+            alike = reading.residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
+            squares += [float(np.mean(alike**2)) - reading.noise] if len(alike) else []
         return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0
 
     forces = []
     for place, (stroke, sign) in enumerate((("rebound", 1.0), ("bump", -1.0))):
-        peaks = [_mean([segment.peaks[place] for segment in test])[:, None] for test in tests]
+        peaks = [_mean([reading.peaks[place] for reading in test])[:, None] for test in tests]
         loops = [
             _known(_of_loop(test, sign), peak) for test, peak in zip(tests, peaks, strict=True)
         ]
@@ -274,11 +274,11 @@ def _mean(tests: Sequence[FloatArray]) -> FloatArray:
     return means
 
 
-def _segments(linearised: Linearisation) -> Iterator[_Segment]:
+def _readings(linearised: Linearisation) -> Iterator[_Readings]:
     for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
         trace = log.trace
         corner = corner_of(trace.model_filter, sample_rate=1.0 / trace.interval)
-        segments = zip(trace.stretches, trace.places, seen.rounding, strict=True)
+        segments = zip(trace.segments, trace.places, seen.rounding, strict=True)
         for segment, place, rounding in segments:
             if not segment.n_cycles:
                 continue
@@ -305,22 +305,22 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
                 peaks.append([*numbers, *slopes])
             noise = noise if math.isfinite(noise) else 0.0
             read = velocity, force, residuals, noise, rounding, slowest
-            yield _Segment(segment, *read, jacobian, np.array(peaks))
+            yield _Readings(segment, *read, jacobian, np.array(peaks))
 
 
-def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
+def _of_loop(test: Sequence[_Readings], sign: float) -> FloatArray:
     """Return the rows of a loop at named speeds and shares of its peak speed, below the peak."""
-    strokes = median([segment.stretch.amplitude for segment in test])
-    alike = [x for x in test if abs(x.stretch.amplitude / strokes - 1.0) <= _SAME_MOTION]
-    top = min(float(segment.peaks[:, _SPEED].min()) for segment in alike)
-    slowest = math.ceil(1e6 * max(segment.slowest for segment in alike)) / 1e6
+    strokes = median([reading.segment.amplitude for reading in test])
+    alike = [x for x in test if abs(x.segment.amplitude / strokes - 1.0) <= _SAME_MOTION]
+    top = min(float(reading.peaks[:, _SPEED].min()) for reading in alike)
+    slowest = math.ceil(1e6 * max(reading.slowest for reading in alike)) / 1e6
     asked = {slowest, *NAMED_SPEEDS, *(round(share * top, 6) for share in _SHARES)}
     speeds = sorted(speed for speed in asked if slowest <= speed < 0.99 * top)
     rows = []
-    for segment in alike:
-        signals = np.vstack([segment.force, segment.residuals, segment.jacobian.T])
-        counts, means, squares = at_speeds(segment.velocity, signals, speeds, sign=sign)
-        velocity, taken = segment.rounding
+    for reading in alike:
+        signals = np.vstack([reading.force, reading.residuals, reading.jacobian.T])
+        counts, means, squares = at_speeds(reading.velocity, signals, speeds, sign=sign)
+        velocity, taken = reading.rounding
         back = at_speeds(velocity, taken[None], speeds, sign=sign)[1][..., 0]
         with np.errstate(invalid="ignore", divide="ignore"):  # one passage has no scatter
             variances = squares[..., 1] / (counts - 1.0) / counts

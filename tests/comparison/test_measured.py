@@ -178,7 +178,7 @@ def test_no_setting_or_motion_in_common_is_said() -> None:
 
 
 def test_a_log_of_an_older_run_is_one_motion_from_its_first_sample_to_its_last() -> None:
-    """Its run.json tells no stretches; a cycle lasts as long as its samples."""
+    """Its run.json tells no segments; a cycle lasts as long as its samples."""
     log, (told,) = signals(1, factor=1.1, noise=2.0)
     facts = {"log": log.log, "frequency_Hz": told["frequency_Hz"], "temperature_degC": 26.0}
     run = results.Run({"inputs": [facts, "junk"]}, signals=(log,))

@@ -28,7 +28,7 @@ def cycles(n):
         displacement=0.032 * wave,
         velocity=0.3 * slope,
         force=1000.0 * slope,
-        stretches=(segment,),
+        segments=(segment,),
         n_cycles_found=n,
     )
 
@@ -62,9 +62,9 @@ def test_it_is_what_noise_costs_a_perfect_model(kind, cycles, rate):
 
 def test_a_single_cycle_cannot_say():
     trace = condition(smooth_log(15.0, 1000.0))
-    (run,) = trace.stretches
+    (run,) = trace.segments
     one = replace(run, stop=round(float(run.cycle_starts[1])), cycle_starts=run.cycle_starts[:2])
-    assert math.isnan(noise_floor(replace(trace, stretches=(one,))))
+    assert math.isnan(noise_floor(replace(trace, segments=(one,))))
 
 
 def test_beside_what_repeats_too_little_or_does_nothing_no_noise_is_told() -> None:

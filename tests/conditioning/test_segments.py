@@ -27,7 +27,7 @@ from tests.laws.valve_logs import VALUES, damper, moved
 
 
 def seen(trace):
-    return [(s.kind, round(s.frequency, 2), round(1e3 * s.amplitude, 1)) for s in trace.stretches]
+    return [(s.kind, round(s.frequency, 2), round(1e3 * s.amplitude, 1)) for s in trace.segments]
 
 
 def steady(*parts):
@@ -51,10 +51,10 @@ def steady(*parts):
 def test_steps_without_pauses_keep_to_themselves(parts):
     trace = condition(speeds(*parts))
     assert seen(trace) == steady(*((frequency, 1e3 * size) for frequency, size, _ in parts))
-    fewest = min(trace.stretches, key=lambda one: one.n_cycles)
+    fewest = min(trace.segments, key=lambda one: one.n_cycles)
     assert fewest.n_cycles >= (1 if fewest.frequency > 9.0 else 2)
     if all(cycles == 6 for *_, cycles in parts):
-        assert all(stretch.noise < 4.0 for stretch in trace.stretches)
+        assert all(segment.noise < 4.0 for segment in trace.segments)
         assert noise_floor(trace) < 0.01
 
 
@@ -72,7 +72,7 @@ def leading_over(share, where, *, size=1.0, seed=1):
     trace = condition(speeds(*parts[where], seed=seed))
     compared = trace.start_time + np.arange(len(trace.force))[trace.compared] * trace.interval
     inside = (compared > begin + 0.02 * length) & (compared < begin + 0.98 * length)
-    assert all(stretch.kind == "steady" for stretch in trace.stretches)
+    assert all(segment.kind == "steady" for segment in trace.segments)
     assert trace.n_cycles >= 4
     return float(np.mean(inside)) * trace.n_samples * trace.interval
 
@@ -93,18 +93,18 @@ def test_motion_that_does_not_repeat_needs_more_than_three_cycles(turns, is_used
     t = np.arange(round(turns * RATE)) / RATE
     log = moving(0.03 * (1.0 - 0.12 * t) * np.sin(2.0 * np.pi * t))
     if is_used:
-        assert condition(log).stretches[0].kind == "moving"
+        assert condition(log).segments[0].kind == "moving"
     else:
         with pytest.raises(ConditioningError, match="whole steady cycles"):
             condition(log)
 
 
-def test_the_figures_of_each_stretch_are_those_of_its_law():
+def test_the_figures_of_each_segment_are_those_of_its_law():
     trace = condition(speeds((1.03, 0.03, 8), (2.07, 0.03, 8), noise=0.0))
     a, b, c = LAW
-    for stretch in trace.stretches:
-        told = stretch.figures
-        peak = 2.0 * np.pi * stretch.frequency * 0.03
+    for segment in trace.segments:
+        told = segment.figures
+        peak = 2.0 * np.pi * segment.frequency * 0.03
         assert told.peak_speed_rebound == pytest.approx(peak, rel=2e-3)
         assert told.peak_force_rebound == pytest.approx(a * peak**2 + b * peak + c, rel=0.01)
         assert told.peak_force_bump == pytest.approx(-told.peak_force_rebound, rel=0.01)
@@ -112,7 +112,7 @@ def test_the_figures_of_each_stretch_are_those_of_its_law():
         assert told.energy == pytest.approx(energy, rel=0.01)
         assert told.hysteresis_speed == pytest.approx(0.5 * peak, rel=0.01)
         assert abs(told.hysteresis_rebound) < 5.0
-        assert stretch.describe(trace)["energy_J"] == told.energy
+        assert segment.describe(trace)["energy_J"] == told.energy
 
 
 # Rest, run-up and coast-down of one steady run.
@@ -145,7 +145,7 @@ def test_three_cycles_alone_are_compared(frequency, phase):
     assert "continued" in found(trace)
     assert not trace.warnings
     # Compared is what was logged, to a hundredth of a cycle.
-    first, stop = trace.stretches[0].first, trace.stretches[0].stop
+    first, stop = trace.segments[0].first, trace.segments[0].stop
     at = trace.start_time + trace.interval * np.arange(first, stop)
     assert at[0] >= -0.006 / frequency - 1.0 / FINE
     assert at[-1] <= 3.006 / frequency + 1.0 / FINE
@@ -173,8 +173,8 @@ def test_a_log_is_continued_by_what_repeats():
 
 def test_what_is_asked_of_a_continued_log_is_read_in_its_own_samples():
     trace = condition(speeds((0.3, 0.03, 3), (12, 0.005, 9)))
-    assert [one.n_cycles for one in trace.stretches] == [2, 7]
-    assert trace.stretches[-1].first > 10750  # the whole log; the trace begins before it
+    assert [one.n_cycles for one in trace.segments] == [2, 7]
+    assert trace.segments[-1].first > 10750  # the whole log; the trace begins before it
 
 
 def test_a_cycle_at_the_end_ends_where_another_speed_begins():
@@ -221,8 +221,8 @@ def two_speeds():
 
 
 def test_the_change_of_speed_is_what_lies_between(two_speeds) -> None:
-    first, second = two_speeds.stretches
-    up, between, down = transients(two_speeds).stretches
+    first, second = two_speeds.segments
+    up, between, down = transients(two_speeds).segments
     assert up.stop <= first.first
     assert second.stop <= down.first
     assert between.kind == "moving"
@@ -232,18 +232,18 @@ def test_the_change_of_speed_is_what_lies_between(two_speeds) -> None:
     assert between.peak_speed > 0.06
     assert between.amplitude == pytest.approx(0.02, rel=0.05)
     whole = replace(first, first=0, stop=len(two_speeds.force))
-    assert transients(replace(two_speeds, stretches=(whole,))) is None
+    assert transients(replace(two_speeds, segments=(whole,))) is None
 
 
 def test_run_up_and_coast_down_pass_through_conditioning() -> None:
     cut = conditioned(run_up())
     beside = transients(cut)
     # Rest is none of it, nor is the first steady cycle or what the filter reaches.
-    ends = [end for one in beside.stretches for end in (one.first, one.stop)]
+    ends = [end for one in beside.segments for end in (one.first, one.stop)]
     assert ends == pytest.approx([600, 2100, 6100, 7600], abs=400)
     # What is fitted is what it was: a cycle of run-in, and no more.
     assert len(cut.force) < 0.7 * len(beside.force)
-    (own,), (same,) = cut.stretches, cut.whole.stretches
+    (own,), (same,) = cut.segments, cut.whole.segments
     shift = same.first - own.first
     assert np.array_equal(cut.force, cut.whole.force[shift : shift + len(cut.force)])
     assert cut.whole.start_time + shift / RATE == pytest.approx(cut.start_time)

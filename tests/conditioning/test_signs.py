@@ -181,13 +181,13 @@ def test_the_level_is_known_where_samples_fall_right_on_the_reversals() -> None:
     displacement = np.cumsum(velocity) / 500.0
     n = len(velocity)
     known = fake_trace(1)
-    stretch = replace(known.fastest, first=0, stop=n, cycle_starts=np.array([0.0, n - 1.0]))
+    segment = replace(known.fastest, first=0, stop=n, cycle_starts=np.array([0.0, n - 1.0]))
     seen = replace(
         known,
         displacement=displacement - displacement.mean(),
         velocity=velocity,
         force=-130.0 + 50.0 * np.sign(velocity) + 200.0 * velocity,
-        stretches=(stretch,),
+        segments=(segment,),
     )
     assert force_level(seen, gas_of(PURDY_DAMPER)).reversals == pytest.approx(-130.0, abs=20.0)
 
@@ -265,10 +265,10 @@ def test_the_slowest_of_several_speeds_tells_the_level(with_gas) -> None:
     rate = np.concatenate([np.full(round(5 / f * RATE), f) for f in rates])
     x = 0.04 * np.sin(2.0 * np.pi * np.cumsum(rate) / RATE)
     trace = condition(logged(x, early), with_gas)
-    assert len(trace.stretches) == len(rates)
+    assert len(trace.segments) == len(rates)
     level = force_level(trace, with_gas.gas)
     assert level.force == pytest.approx(level.expected, abs=20.0)
-    alone = (replace(trace, stretches=(one,)) for one in trace.stretches)
+    alone = (replace(trace, segments=(one,)) for one in trace.segments)
     levels = [force_level(one, with_gas.gas) for one in alone]
     assert level.doubt == min(one.doubt for one in levels)
     assert levels[-1].force - level.expected > 60.0

@@ -151,7 +151,7 @@ def test_incompressible_limit():
 
 
 @pytest.mark.parametrize("k_e", [3.65e7, 1e8, 3.65e8])
-def test_order_of_convergence_on_a_smooth_stretch(k_e):
+def test_order_of_convergence_on_a_smooth_segment(k_e):
     """N14: rebound from -72 to 90 degrees, one step a sample, read after the start has died away.
 
     TR-BDF2 is of second order. At a reversal the root of valve 1 has no second derivative and the

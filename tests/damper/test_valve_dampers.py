@@ -21,7 +21,7 @@ from damperfit.damper.valve_dampers import (
 )
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
-from damperfit.recording import Drive, FilterDesign, Stretch, Trace
+from damperfit.recording import Drive, FilterDesign, Segment, Trace
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 
 ALL = Mounting("fit", "fit", "fit", "fit")
@@ -49,14 +49,14 @@ def log(model, values, *, speed=0.26):
     driven = motion(speed)
     force = simulate(values, model, driven).force
     n, a_cycle = len(force), len(force) // 3
-    stretch = Stretch(
+    segment = Segment(
         kind="steady", first=2 * a_cycle, stop=n, cycle_starts=np.array([2.0 * a_cycle, n - 1.0]),
         frequency=1000 / a_cycle, amplitude=0.02, peak_speed=speed,
     )  # fmt: skip
     return Trace(
         name="log", setting=1, start_time=0.0, interval=1e-3, displacement=driven.displacement,
         velocity=driven.velocity, force=force,
-        drive=Drive(driven.displacement, driven.velocity, math.inf), stretches=(stretch,),
+        drive=Drive(driven.displacement, driven.velocity, math.inf), segments=(segment,),
         centre=0.0, n_cycles_found=3,
         model_filter=FilterDesign(np.empty((0, 6)), is_zero_phase=False, description="none"),
     )  # fmt: skip

@@ -88,7 +88,7 @@ def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False):
     free = tuple(one.name for one in model.quantities if one.default is None)
     block = Block(model, (trace,), free, SOLVER)
     (fit,) = identify([trace], model, FitOptions("plain", free=free, solver=SOLVER)).fits
-    # With the weights of the stretches that the fits have, not those of the report.
+    # With the weights of the segments that the fits have, not those of the report.
     own, true = 100.0 * block.cost(fit.parameters), minimised(block, truth).mse_percent
     noise, ends = np.random.default_rng([seed, 2]), []
     positive = [name for name in free if model.quantity(name).is_logarithmic]

@@ -100,8 +100,8 @@ def test_a_sum_of_squares_on_the_cycles_is_that_of_the_logs() -> None:
 
 def test_logs_that_do_not_repeat_have_no_mean_cycle() -> None:
     log = trace(10, noise=4.0)
-    moving = replace(log.stretches[0], kind="moving", cycle_starts=np.empty(0))
-    assert settled([replace(log, stretches=(moving,))], is_thinned=False) is None
+    moving = replace(log.segments[0], kind="moving", cycle_starts=np.empty(0))
+    assert settled([replace(log, segments=(moving,))], is_thinned=False) is None
 
 
 # Thinned, as structures are compared.

@@ -69,18 +69,18 @@ def test_a_law_of_valves_is_fitted_by_a_procedure_of_its_own() -> None:
 
 
 def stepped() -> Trace:
-    """A log of two stretches whose forces jump where one ends and the next begins."""
+    """A log of two segments whose forces jump where one ends and the next begins."""
     one = fakes.trace(1)
-    (whole,) = one.stretches
+    (whole,) = one.segments
     middle = (whole.first + whole.stop) // 2
     first = replace(whole, stop=middle)
     second = replace(whole, first=middle)
     force = one.force.copy()
     force[middle : whole.stop] += 5e3
-    return replace(one, force=force, stretches=(first, second))
+    return replace(one, force=force, segments=(first, second))
 
 
-def test_a_delay_is_no_jump_between_stretches() -> None:
+def test_a_delay_is_no_jump_between_segments() -> None:
     trace = stepped()
     force = trace.force[trace.compared]
     late = np.concatenate([np.gradient(force[k], trace.interval) for k in trace.places])

@@ -36,12 +36,12 @@ FREE = tuple(one.name for one in MODEL.quantities if one.default is None)
 def log(*frequencies: float) -> Trace:
     """A log of a stroke of 20 mm to both sides at each frequency."""
     one = fakes.trace(1)
-    (stretch,) = one.stretches
+    (segment,) = one.segments
     parts = tuple(
-        replace(stretch, frequency=f, amplitude=0.02, peak_speed=2 * np.pi * f * 0.02)
+        replace(segment, frequency=f, amplitude=0.02, peak_speed=2 * np.pi * f * 0.02)
         for f in frequencies
     )
-    return replace(one, stretches=parts)
+    return replace(one, segments=parts)
 
 
 def fit(place: int = 1, **known: object) -> LawFit:
@@ -74,8 +74,8 @@ def test_lag_and_elasticity_ask_for_a_second_frequency(second: float, *, is_open
 
 def test_motion_that_does_not_repeat_has_more_than_one_frequency() -> None:
     """A log of three speeds, a cycle and a half of each, was said to have the mean of them."""
-    (stretch,) = log(1.0).stretches
-    moving = replace(log(1.0), stretches=(replace(stretch, kind="moving"),))
+    (segment,) = log(1.0).segments
+    moving = replace(log(1.0), segments=(replace(segment, kind="moving"),))
     logs = [SettingLogs(fit().setting, (moving,))]
     assert undecided(LawSearch((), Candidate("law", (fit(),)), 60.0), [fit()], logs) == ()
 

@@ -91,8 +91,8 @@ def measured(kind: str, seed: int, *, has_play: bool = False) -> Accuracy:
     level = truth.f_0 + float(
         model.rest_force(0.0)
     )  # the gas's, beside which damping may be little
-    for k, stretch in enumerate(clean.stretches):
-        part_of, true_part = force[stretch.window], clean.force[stretch.window]
+    for k, segment in enumerate(clean.segments):
+        part_of, true_part = force[segment.window], clean.force[segment.window]
         for stroke, peak in (("rebound", np.max), ("bump", np.min)):
             error = abs(peak(part_of) - peak(true_part))
             damping = abs(peak(true_part) - level)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from damperfit.configuration.loading import load_configuration
-from damperfit.recording import StretchFigures
+from damperfit.recording import SegmentFigures
 from damperfit.run.identify import once_each, without_contradictions, without_copies
 from damperfit.run.logs import Log, LogBatch
 from damperfit.tested.setting import Setting
@@ -16,13 +16,13 @@ NOISE = np.random.default_rng(5)
 
 
 def log(name, setting=1, *, rebound=1000.0, bump=-800.0, speed=0.3, noise=4.0, temperature=26.0):
-    """A log with one steady stretch of known peak forces."""
+    """A log with one steady segment of known peak forces."""
     one = trace(setting, name)
-    figures = StretchFigures(rebound, bump, speed, speed, 1.0, 0.1, 0.0, 0.0)
+    figures = SegmentFigures(rebound, bump, speed, speed, 1.0, 0.1, 0.0, 0.0)
     steady = {"kind": "steady", "figures": figures, "noise": noise, "peak_speed": speed}
     force = one.force + NOISE.normal(0.0, 0.02 * np.ptp(one.force), len(one.force))
     known = {"setting": Setting.of(setting), "force": force, "temperature": temperature}
-    return replace(one, stretches=(replace(one.stretches[0], **steady),), **known)
+    return replace(one, segments=(replace(one.segments[0], **steady),), **known)
 
 
 def batch(*traces, paths=None):

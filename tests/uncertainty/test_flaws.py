@@ -159,8 +159,8 @@ def test_a_damper_that_yields_is_said_to_and_no_valve_is_blamed() -> None:
     assert not {"delay", "compressibility", "gas_pressure"} & {h.name for h in one.hints}
     assert "it yields before it slides" in one.sentence
     # Motion that does not repeat shows it too.
-    moving = tuple(replace(part, cycle_starts=np.empty(0)) for part in seen.stretches)
-    assert held_share(replace(seen, stretches=moving)) == held_share(seen)
+    moving = tuple(replace(part, cycle_starts=np.empty(0)) for part in seen.segments)
+    assert held_share(replace(seen, segments=moving)) == held_share(seen)
 
 
 def test_from_which_share_on_it_yields() -> None:

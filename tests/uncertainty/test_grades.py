@@ -161,8 +161,8 @@ def rubbing(friction):
     """A fit of a log whose force has a jump of twice the friction at each reversal, no more."""
     fit = having()
     trace = fit.logs[0].trace
-    long = replace(trace.stretches[0], first=20, stop=980)
-    return logged(fit, force=friction * np.sign(trace.velocity), stretches=(long,))
+    long = replace(trace.segments[0], first=20, stop=980)
+    return logged(fit, force=friction * np.sign(trace.velocity), segments=(long,))
 
 
 @pytest.mark.parametrize(("ratio", "is_withheld"), [(1.26, True), (1.24, False)])

@@ -73,7 +73,7 @@ def test_the_last_cycles_are_held_out_and_nothing_is_lost(cycles, held) -> None:
     assert trace.n_cycles == 6
     parts = split_cycles(trace, cycles)
     assert [one.n_cycles for one in parts] == [6 - held, held]
-    (whole,), (rest,), (last,) = (one.stretches for one in (trace, *parts))
+    (whole,), (rest,), (last,) = (one.segments for one in (trace, *parts))
     assert (rest.first, rest.stop, last.stop) == (whole.first, last.first, whole.stop)
     assert rest.cycle_starts[-1] == last.cycle_starts[0] == whole.cycle_starts[6 - held]
     together = np.concatenate([rest.cycle_starts, last.cycle_starts[1:]])
@@ -86,10 +86,10 @@ def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> Non
     campaign = identify([seen], PURDY_DAMPER)
 
     def told(stroke, speed, **changes):
-        (one,) = seen.stretches
+        (one,) = seen.segments
         amplitude, peak = stroke * one.amplitude, speed * one.peak_speed
         other = replace(one, amplitude=amplitude, peak_speed=peak, **changes)
-        held = replace(seen, name="other", stretches=(other,))
+        held = replace(seen, name="other", segments=(other,))
         return predict(campaign, Assessment(), [held], damper=PURDY_DAMPER)[0]
 
     for one, is_same, ends in (
@@ -111,8 +111,8 @@ def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> Non
 )
 def test_another_test_has_an_offset_of_its_own_where_offsets_are_found(offset, said) -> None:
     seen = fakes.trace(1, "other.csv")
-    (one,) = seen.stretches
-    held = replace(seen, stretches=(replace(one, peak_speed=0.5 * one.peak_speed),))
+    (one,) = seen.segments
+    held = replace(seen, segments=(replace(one, peak_speed=0.5 * one.peak_speed),))
     model = SimpleNamespace(force=seen.force - offset)
     free = fakes.fit(1, status={"f_0": "fitted"})
     found = _prediction(free, held, model, 0.0)

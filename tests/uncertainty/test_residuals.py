@@ -13,7 +13,7 @@ from damperfit.identification import Sharing
 from damperfit.uncertainty import assessment
 from damperfit.uncertainty.covariance import Linearisation, LogLinearisation
 from damperfit.uncertainty.residuals import (
-    StretchResiduals,
+    SegmentResiduals,
     diagnose,
     independent_phases,
     residual_scatter,
@@ -102,7 +102,7 @@ def repeating(size, *, noise, cycles=10, seed=1) -> Linearisation:
     n = 333 * cycles + 1
     angle = 2.0 * np.pi * np.arange(n) / period
     v = 0.3 * np.cos(angle)
-    stretch = replace(
+    segment = replace(
         base.fastest,
         first=0,
         stop=n - 1,
@@ -111,7 +111,7 @@ def repeating(size, *, noise, cycles=10, seed=1) -> Linearisation:
     )
     trace = replace(
         base, displacement=0.032 * np.sin(angle), velocity=v,
-        force=2500.0 * v, stretches=(stretch,), n_cycles_found=cycles,
+        force=2500.0 * v, segments=(segment,), n_cycles_found=cycles,
     )  # fmt: skip
     wave = np.sqrt(2.0) * np.cos(14.0 * angle[:-1])
     scatter = noise * np.random.default_rng(seed).standard_normal(n - 1)
@@ -170,14 +170,14 @@ def test_what_noise_has_once_in_a_million_repeats() -> None:
     bar = fisher.ppf(1.0 - 1e-6, phases, 14.0 * phases) * np.sum(about**2) / (14.0 * noise.size)
     for factor, is_more in ((1.002, True), (0.998, False)):
         folded = about + math.sqrt(factor * bar)
-        part = StretchResiduals(SimpleNamespace(n_cycles=15), 1e-3, folded.ravel(), folded, about)
+        part = SegmentResiduals(SimpleNamespace(n_cycles=15), 1e-3, folded.ravel(), folded, about)
         assert bool(split_power([part])[2]()) is is_more
 
 
 @pytest.mark.parametrize(("power", "is_more"), [(3.9, False), (4.1, True)])
 def test_where_nothing_repeats_four_times_the_noise_is_more_than_noise(power, *, is_more) -> None:
     residuals = math.sqrt(power) * np.array([1.0, -1.0] * 50)
-    part = StretchResiduals(SimpleNamespace(n_cycles=0, noise=1.0), 1e-3, residuals)
+    part = SegmentResiduals(SimpleNamespace(n_cycles=0, noise=1.0), 1e-3, residuals)
     repeats, noise, is_beyond = split_power([part])
     assert (repeats, noise) == pytest.approx((power - 1.0, 1.0))
     assert is_beyond() is is_more

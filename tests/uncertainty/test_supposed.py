@@ -89,7 +89,7 @@ def test_transients_of_a_chamber_that_empties_and_refills_are_judged() -> None:
     log = adjusted.log(adjusted.at(14, 3), damper=low, speeds=(0.05, 0.2), cycles=1, **known)
     (fit,) = identify([log], low, FitOptions("plain", fixed=known)).fits
     assert fit.cavitation.fraction > 0.0
-    assert not any(one.n_cycles for one in log.stretches)
+    assert not any(one.n_cycles for one in log.segments)
     assert np.isfinite(linearise_at_fit(fit, low).supposed).all()
 
 
