@@ -116,7 +116,8 @@ def test_it_is_told_of_no_flaw_that_it_cannot_have(name: str) -> None:
     seen = linearise_at_fit(fit, one.model, solver=ROUGH)
     assert seen.flaws == one.model.flaws
     stiff = [np.ones(one.trace.n_samples)]
-    known = set(signatures(one.trace, one.trace.force[one.trace.compared], stiff))
+    force, pressures = one.trace.force[one.trace.compared], np.ones((2, len(one.trace.force)))
+    known = set(signatures(one.trace, force, stiff, pressures))
     assert set(one.model.flaws) <= known
     assert bool(set(FLAWS_OF_OIL) & set(one.model.flaws)) == bool(one.model.signals)
     late = 2e-3 * np.gradient(seen.logs[0].force, one.trace.interval)

@@ -41,10 +41,10 @@ if TYPE_CHECKING:
 
 # Signatures of `damperfit.uncertainty.residuals`: of any force, and of what holds oil and gas.
 FLAWS_OF_FORCE = (
-    "delay", "offset", "friction_with_speed", "friction_with_position", "friction_with_pressure",
+    "delay", "offset", "load_cell", "friction_with_speed", "friction_with_position",
     "valve_law_rebound", "valve_law_bump",
 )  # fmt: skip
-FLAWS_OF_OIL = ("gas_volume", "compressibility")
+FLAWS_OF_OIL = ("gas_volume", "compressibility", "friction_with_pressure")
 
 
 class Signal(NamedTuple):

@@ -644,6 +644,8 @@ class LogLinearisation(NamedTuple):
     # Of each segment velocity, and what the filter takes off the model's force there; of what
     # repeats in one cycle.
     rounding: tuple[tuple[FloatArray, ...], ...] = ()
+    # Of the chambers, (3, samples of the trace), Pa; None where the model has none.
+    pressures: NDArray[np.floating[Any]] | None = None
 
 
 @dataclass(frozen=True, eq=False)  # no slots: what is asked for again is kept
@@ -720,10 +722,15 @@ class Linearisation:
 
         `pulls`, (k,) each, are those of the flaws that explain it.
         """
-        flawed = {name: np.asarray(pull / math.sqrt(len(pulls))) for name, pull in pulls.items()}
-        flawed["drift"] = _drift_pull(self)
         misfit, repeating = _misfit_scores(self) if is_structured else (None, None)
+        flawed = {**pulls, "drift": _drift_pull(self)}
         return replace(self, logs=(), misfit=misfit, repeating=repeating, flawed=flawed)
+
+    def with_flaws(self, names: Sequence[str]) -> Linearisation:
+        """Return the same with the flaws that are left of those which explain its misfit."""
+        kept = [name for name in self.flawed if name in names]
+        flawed = {name: self.flawed[name] / math.sqrt(len(kept)) for name in kept}
+        return replace(self, flawed={**flawed, "drift": self.flawed["drift"]})
 
 
 def linearise_settings(
@@ -781,7 +788,8 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and segment by segment, best
         )
         own_weights = np.ones(trace.n_samples) if weight is None else weight
         signals = trace.force[part] - force[part], own_weights, slopes, gas, force[part]
-        seen_logs.append(LogLinearisation(*signals, tuple(rounding)))
+        inside = pressures if pressures.size else None
+        seen_logs.append(LogLinearisation(*signals, tuple(rounding), inside))
     if any(log.trace.tare for log in fit.logs):
         seen_logs = _beside_own_offsets(seen_logs)
     information, covariance, gradient = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)

@@ -14,9 +14,10 @@ repeating misfit that one signature explains is what a refit with that flaw in t
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter
@@ -84,13 +85,17 @@ FLAWS: Mapping[str, _Flaw] = {
         "the sign of v", 1.0, "friction that changes along the stroke ({size} N {way} at its ends)"
     ),
     "friction_with_pressure": _Flaw(
-        "the sign of v", 1.0, "friction that {way} with the pressure ({size} N at the peak force)",
-        ("grows", "falls"),
+        "the sign of v", 1e6, "friction that grows with the pressure (by {size} mm2 of a seal)",
+        largest=150.0,  # mm2; a ring of 2 mm in a bore of 40 mm with a friction of 0.5 has 125
     ),
     "compressibility": _Flaw(
         "reversals", 100.0,
         "a bulk modulus that changes with pressure (by {size} % at the peak force)",
         largest=300.0,  # %; oil with gas in it stiffens by its pressure
+    ),
+    "load_cell": _Flaw(
+        "the force", 100.0, "a load cell that is not linear ({size} % at the peak force)",
+        largest=10.0,  # %; a cell that anyone uses is linear to 1 %
     ),
     "force_gain": _Flaw(
         "the force", 100.0,
@@ -100,6 +105,8 @@ FLAWS: Mapping[str, _Flaw] = {
     "valve_law_rebound": _Flaw("v squared", 1.0, "the rebound valve ({size} N at peak)"),
     "valve_law_bump": _Flaw("v squared", 1.0, "the compression valve ({size} N at peak)"),
 }  # fmt: skip
+# Large enough, or turned round, these two look like most that a valve or a sharp turn leaves.
+_OF_ANY = frozenset({"load_cell", "friction_with_pressure"})
 # A gas spring of another stiffness is so many times as stiff as declared; beyond it is none.
 _STIFFEST, _SOFTEST = 5.0, 0.2
 _LARGEST_OF_HELD = 1000.0  # %; ten times what it is held at
@@ -125,15 +132,15 @@ def signatures(
     trace: Trace,
     force: FloatArray,
     stiff: Sequence[FloatArray] = (),
-    friction: FloatArray | float = 0.0,
+    pressures: NDArray[np.floating[Any]] | None = None,
 ) -> dict[str, list[FloatArray]]:
     """Return the force that one unit of each flaw adds, behind the filter, where it is compared.
 
     `force`, (n,), modelled or measured, N; `stiff`, (n,) each, its derivatives by ln of
-    stiffnesses; `friction` the part of the force that is friction.
+    stiffnesses; `pressures`, (2 or more, samples of the trace), of the chambers, Pa. Units are
+    those of the SI, of what a stiffness changes by the whole at the peak force.
     """
     x, v = trace.displacement, trace.velocity
-    peak, stroke = (float(np.max(np.abs(channel[trace.compared]))) for channel in (v, x))
     turned = np.tanh(v / 1e-3)
 
     def passed(values: FloatArray) -> FloatArray:
@@ -141,23 +148,25 @@ def signatures(
 
     # Segment by segment: where one ends and the next begins nothing was logged in between.
     rate = np.concatenate([np.gradient(force[place], trace.interval) for place in trace.places])
-    # Friction that grows with the pressure on a seal: both strokes alike (piston), or one (rod).
-    pressing = (force - friction) - np.mean(force - friction)
-    largest = max(float(np.max(np.abs(pressing))), 1e-300)
-    seals = (np.abs(pressing), np.maximum(pressing, 0.0), np.maximum(-pressing, 0.0))
     pressure = np.abs(force - force.mean())
     share = pressure / max(float(pressure.max()), 1e-300)
-    return {
+    columns = {
         "delay": [-rate],
-        "gas_volume": [passed(x / stroke)],
+        "gas_volume": [passed(x)],
         "offset": [np.ones(len(force))],
+        "load_cell": [force * np.abs(force), force**2],
         "friction_with_speed": _at_low_speed(trace),
-        "friction_with_position": [passed(turned * np.abs(x) / stroke)],
-        "friction_with_pressure": [passed(turned) * pressed / largest for pressed in seals],
-        "valve_law_rebound": [passed(np.maximum(v, 0.0) ** 2 / peak**2)],
-        "valve_law_bump": [passed(np.minimum(v, 0.0) ** 2 / peak**2)],
-        **({"compressibility": [column * share for column in stiff]} if stiff else {}),
+        "friction_with_position": [passed(turned * np.abs(x))],
+        "valve_law_rebound": [passed(np.maximum(v, 0.0) ** 2)],
+        "valve_law_bump": [passed(np.minimum(v, 0.0) ** 2)],
     }
+    if stiff:
+        columns["compressibility"] = [column * share for column in stiff]
+    if pressures is not None:  # on the seal of the piston, of the rod, or of a floating piston
+        first, second = pressures[:2]
+        on_seals = np.abs(first - second), first, second
+        columns["friction_with_pressure"] = [passed(turned * pressing) for pressing in on_seals]
+    return columns
 
 
 def _at_low_speed(trace: Trace) -> list[FloatArray]:
@@ -201,15 +210,14 @@ def seek_flaws(
     is_tied = any(status == Status.SHARED for status in fit.status.values())
     own = _absorbed(linearised, alone) if doubted or is_tied else absorbed
     columns = _columns(linearised)
-    if is_tied:  # what the settings share knows the gain of each log
-        columns["force_gain"] = [force]
+    columns["force_gain"] = [force]
     # Parameters that nothing in the logs has set may be held at a wrong value, but for an offset,
     # which is among the flaws already. Of a law that does not fit none can be said to be the cause.
     fixed = [q for q in quantities if fit.status[q.name] == Status.FIXED and not q.is_offset]
     held = [quantity.name for quantity in fixed if fit.mse_percent < EXCELLENT]
     for name in (*held, *doubted):
         columns[name] = [linearised.jacobian[:, linearised.names.index(name)]]
-    pairs = []
+    pairs, sizes = [], _sizes(linearised)
     for name, candidates in columns.items():
         basis = own if name in {*doubted, "force_gain"} else absorbed
         gains = [gain(column * counts, basis, residuals) for column in candidates]
@@ -221,17 +229,20 @@ def seek_flaws(
             how = "is shared by all settings and here" if is_shared else "held at a wrong value,"
             family = "a shared parameter" if is_shared else "a held parameter"
             flaw = _Flaw(family, 100.0, f"{name} {how} too {{way}}", ("low", "high"))
-        size = amount * flaw.unit
+        size = amount * flaw.unit * sizes.get(name, 1.0)
         explained = min(share / (repeats * len(counts)), 1.0)
         hint = Hint(name, flaw.family, explained, size, flaw.words(size))
+        if name in _OF_ANY and not _is_reasonable(hint, math.inf):
+            continue
         pairs.append((hint, None if name in doubted else amount * candidates[best]))
     pairs.sort(key=lambda pair: -pair[0].share)
-    # Nearly all that is wrong looks a little like a gain: it is named where nothing else is near,
-    # but for what all settings have in common, which the others then show too (`reconciled`).
+    # Nearly all that is wrong looks a little like a gain to what the settings share: it is named
+    # where nothing else is near, but for what all settings have in common, which the others then
+    # show too (`reconciled`). A setting by itself takes all of a gain but that of its gas.
     is_gain = bool(pairs) and pairs[0][0].name == "force_gain"
     beside = {"force_gain", *_IN_COMMON} if is_gain else {"force_gain"}
     rivals = [pair for pair in pairs if pair[0].name not in beside]
-    if rivals and rivals[0][0].share > _TIE * pairs[0][0].share:
+    if is_tied and rivals and rivals[0][0].share > _TIE * pairs[0][0].share:
         pairs = [pair for pair in pairs if pair[0].name != "force_gain"]
     if not pairs or pairs[0][0].share < _NAMED:
         return (), {}
@@ -263,17 +274,29 @@ def _columns(linearised: Linearisation) -> dict[str, list[FloatArray]]:
     """Force that one unit of each flaw adds, behind the filter, over the samples of all logs."""
     quantities, tables = linearised.fit.parameters.quantities, []
     for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
-        slopes = list(zip(quantities, seen.jacobian.T, strict=True))
+        slopes = zip(quantities, seen.jacobian.T, strict=True)
         stiff = [column for quantity, column in slopes if quantity.is_open]
-        # In ln y the derivative is the force itself.
-        friction = sum(column for quantity, column in slopes if quantity.is_friction)
-        rows_by_flaw = signatures(log.trace, seen.force, stiff, friction)
+        rows_by_flaw = signatures(log.trace, seen.force, stiff, seen.pressures)
         table = {name: rows for name, rows in rows_by_flaw.items() if name in linearised.flaws}
         conditions = zip(linearised.conditions, seen.gas.T, strict=False)
         tables.append(table | {name: [column] for name, column in conditions})
     return {
         name: [np.concatenate(parts) for parts in zip(*(of[name] for of in tables), strict=True)]
         for name in tables[0]
+    }
+
+
+def _sizes(linearised: Linearisation) -> dict[str, float]:
+    """What amounts are told at: the full stroke, the peak speed and the peak force."""
+    traces = [log.trace for log in linearised.fit.logs]
+    stroke = max(float(np.abs(trace.displacement[trace.compared]).max()) for trace in traces)
+    speed = max(float(np.abs(trace.velocity[trace.compared]).max()) for trace in traces)
+    return {
+        "gas_volume": stroke,
+        "friction_with_position": stroke,
+        "valve_law_rebound": speed**2,
+        "valve_law_bump": speed**2,
+        "load_cell": float(np.abs(linearised.force).max()),
     }
 
 
@@ -306,8 +329,10 @@ def _as_stiffness(hint: Hint) -> Hint:
 
 def _is_reasonable(hint: Hint, half_range: float, friction: float = math.inf) -> bool:
     """Whether a rig or damper can be wrong by so much; half the force's range and friction in N."""
-    if hint.name in {"friction_with_position", "friction_with_pressure"}:
+    if hint.name == "friction_with_position":
         return -friction < hint.amount <= half_range
+    if hint.name == "friction_with_pressure" and hint.amount < 0.0:
+        return False  # no seal has less
     flaw = FLAWS.get(hint.name)
     largest = _LARGEST_OF_HELD if flaw is None else flaw.largest or half_range
     return hint.name == "gas_stiffness" or abs(hint.amount) <= largest

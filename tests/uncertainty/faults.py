@@ -154,7 +154,7 @@ def smoothed(log: Log, rows: int) -> Frame:
 
 
 LATE, FILTER = "delay|late|early", "filter|smooth|delay|late"
-RUBS, GAS = "as from .*friction that", "as from .*(gas|offset)|tare"
+RUBS, GAS = "(as from|by) .*friction that", "(as from|by) .*(gas|offset)|tare"
 
 
 class Kind(NamedTuple):
@@ -219,6 +219,8 @@ KINDS = [
          lambda a: added(lambda log: a * ((log.time > 4.0) & (log.time < 4.05))), "scatter"),
     Kind("cell of {:.2g} third order", (0.03,), (0.01, 0.06),
          lambda a: forced(lambda y: y + a * y * (y / 1500.0) ** 2), "declare|misfit"),
+    Kind("cell of {:.2g} second order", (0.05,), (0.01, 0.06),
+         lambda a: forced(lambda y: y + a * y * np.abs(y) / np.abs(y).max()), "load cell"),
     Kind("clock {:.3g} times in one", (1.02,), (0.96, 0.99),
          lambda a: in_one(lambda log: frame(log, time=a * log.time)), "its clock is"),
     Kind("stroke {:.3g} times in one", (1.03,), (0.94, 0.98),

@@ -71,6 +71,11 @@ def friction(fall):
     return added(lambda v: 30.0 * np.sign(v) * np.exp(-np.abs(v) / fall))
 
 
+def bent_cell(setting, **options):
+    log = recording(setting, **options)
+    return replace(log, force=log.force * (1.0 + 0.05 * np.abs(log.force / log.force.max())))
+
+
 def unseen_r_m3(setting, **options):
     return recording(setting, replace(reference_parameters(setting), r_m3=2.6e3), **options)
 
@@ -83,6 +88,7 @@ FLAWS = (
     Flaw("gas 20 % low", gas(0.8), "gas_pressure", -20.0, 1.0),
     Flaw("friction falls over 20 mm/s", friction(0.02), "friction_with_speed"),
     Flaw("friction falls over 50 mm/s", friction(0.05), "friction_with_speed"),
+    Flaw("load cell 5 % off at the peak", bent_cell, "load_cell", 5.0, 1.0),
     Flaw("R_m3 cannot be seen", unseen_r_m3, "r_m3"),
     Flaw("offset of 30 N", added(lambda v: np.full(len(v), 30.0)), "offset", 30.0, 8.0),
     Flaw(
