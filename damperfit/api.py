@@ -17,11 +17,11 @@ from damperfit.arguments import (
     configured,
     covaried,
     declared_setting,
-    folder_of,
     known_as_setting,
     public,
     reading_as,
     refuse_idle,
+    results_of,
     starts_of,
     usage,
     workers,
@@ -619,9 +619,10 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
 
     shown = SI if units is None else parse_units(units)
     question = parse_question(**{name: given[name] for name in ("force", "velocity", "stroke")})
-    places = results if isinstance(results, list | tuple) else [results]
-    paths = [folder_of(place, "damperfit.settings") for place in places] or [_RESULTS]
-    if all(path.is_file() for path in paths):
+    asked = results if isinstance(results, list | tuple) else [results]
+    places = [results_of(place, "damperfit.settings") for place in asked] or [_RESULTS]
+    paths = [place for place in places if isinstance(place, Path) and place.is_file()]
+    if len(paths) == len(places):
         from damperfit.queries.settings import measured_forces
 
         idle = ("amplitude", "frequency", "temperature", "units")
@@ -629,13 +630,14 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         reading = {name: given[name] for name in ("rig", "rig_profile", "config")}
         options = configured("settings", reading, is_law_open=True).reading
         return measured_forces(paths, question, reading=options)
-    if len(paths) > 1:
-        listed = ", ".join(map(str, paths[:3]))
+    if len(places) > 1:
+        listed = ", ".join(map(str, places[:3]))
         text = f"found {listed}; expected one results folder, or files of measured curves alone"
         raise usage(text, "several-results")
-    refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
+    whose = places[0] if isinstance(places[0], Path) else "this run"
+    refuse_idle(given, ("rig", "rig_profile"), f"{whose} holds results, and no log is read")
     how = {name: given[name] for name in ("config", "temperature")}
-    run = Run.load(paths[0], parts=("parameters",), **how)
+    run = Run.load(places[0], parts=("parameters",), **how)
     motion = {name: given[name] for name in ("amplitude", "frequency")}
     return tabulate_forces(run, question, **motion, units=shown)
 
@@ -664,7 +666,15 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.queries.compared import compare_all, comparison_options
     from damperfit.results import Run
 
-    places = [folder_of(run, "damperfit.compare") for run in runs]
+    places: list[Path] = []
+    unsaved: dict[Path, Run] = {}  # by what they are called
+    for k, run in enumerate(runs, 1):
+        place = results_of(run, "damperfit.compare")
+        if isinstance(place, Run):
+            same = (path for path, earlier in unsaved.items() if earlier is place)
+            path = next(same, Path(f"result {k}"))
+            unsaved[path], place = place, path
+        places.append(place)
     is_alone = len(runs) == 1 and not (tolerance or save)
     if not places or (is_alone and isinstance(runs[0], Run)):
         number = "one result" if places else "no result"
@@ -686,14 +696,10 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     if junit is not None and bands is None:
         text = "holds the points of {--tolerance}, which was not given"
         raise usage(text, "nothing-to-do", Option("junit"))
-    names: dict[Path, str] = {}  # of results that are in no folder of the user's
-    for k, run in enumerate(runs, 1):
-        if isinstance(run, Run) and run.is_temporary:
-            names.setdefault(run.folder, f"result {k}")
-    options = comparison_options(given | {"jobs": workers(jobs)}, names)
+    options = comparison_options(given | {"jobs": workers(jobs)})
     how: dict[str, Any] = {name: given[name] for name in ("config", "save")}
     how["repeats"] = given["repeats"] or ()
-    done = compare_all(places, options, tolerance=bands, reading=reading, **how)
+    done = compare_all(places, options, tolerance=bands, reading=reading, unsaved=unsaved, **how)
     done.write(given["out"], given["junit"])
     return done
 
@@ -701,13 +707,12 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
 # What is written
 
 
-def _own_folder(results: Any, out: object, call: str) -> Path:
+def _own_folder(results: Path | Run, call: str) -> Path:
     """Return the folder of results; those that are in none of the user's need `out`."""
-    folder = folder_of(results, call)
-    if out is None and getattr(results, "is_temporary", False):
+    if not isinstance(results, Path):
         text = f"{call}: these results are in no folder of yours; give out=FOLDER"
         raise usage(text, "no-folder")
-    return folder
+    return results
 
 
 @public
@@ -752,13 +757,15 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
             raise usage(text, "no-effect", Option(option, value))
     shown = SI if units is None else parse_units(units)
     speed = None if extend is None else parse_quantity(extend, "velocity", option=Option("extend"))
-    folder = _own_folder(results, out, "damperfit.export")
-    where, stem = written_of(folder, "export"), "damper"
-    where = where if is_part(folder) else where / "export"
+    place = results_of(results, "damperfit.export")
     if out is not None:
         where, stem = target.place_of(given["out"])
+    else:
+        folder = _own_folder(place, "damperfit.export")
+        where, stem = written_of(folder, "export"), "damper"
+        where = where if is_part(folder) else where / "export"
     check_writable(where)
-    run = exported_run(folder, **{name: given[name] for name in ("config", "temperature")})
+    run = exported_run(place, **{name: given[name] for name in ("config", "temperature")})
     made = target.export(run, ExportOptions(stem, speed, shown, decimal))
     checked = check_export(run, made) if check else ()
     with file_set(where, spares_others=not overwrite) as drafts:
@@ -783,14 +790,13 @@ def report(
 
     where: Any = out
     check_writable(where)
-    if where is None or not getattr(results, "is_temporary", False):
-        results = _own_folder(results, out, "damperfit.report")
-        where = where or written_of(results, "reports")
-    return _write_report(results, where, page=True, figures=figures, units=units)
+    place = results_of(results, "damperfit.report")
+    where = where or written_of(_own_folder(place, "damperfit.report"), "reports")
+    return _write_report(place, where, page=True, figures=figures, units=units)
 
 
 def _write_report(
-    results: Any, folder: Path, *, page: bool, figures: str | None, units: str | None = None
+    results: Path | Run, folder: Path, *, page: bool, figures: str | None, units: str | None = None
 ) -> Files:
     """Write the page and the figures of a run, or of a results folder."""
     from damperfit.answers import Files
@@ -803,7 +809,7 @@ def _write_report(
     shown = report_plots(run, None if units is None else parse_units(units))
     written: list[Path] = []
     if page:
-        text = html_report(shown, title=run.name or run.title)
+        text = html_report(shown, title=run.name)
         with file_set(folder) as files:
             files.path("report.html").write_bytes(text.encode("utf-8", "backslashreplace"))
         written.append(folder / "report.html")

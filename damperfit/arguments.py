@@ -30,6 +30,7 @@ from damperfit.tested.setting import Setting, label_of
 
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
+    from damperfit.results import Run
 
     P = ParamSpec("P")
     R = TypeVar("R")
@@ -407,7 +408,7 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
         case "paths":
             return [path_of(path, option, place) for path in _listed(value, option)]
         case "results":
-            return folder_of(value, option, _TABLE)
+            return results_of(value, option, _TABLE)
         case "arguments" if isinstance(value, list) and any(
             type(v) is str and not v for v in value
         ):
@@ -461,12 +462,12 @@ def _number(kind: str, value: Any, option: Option) -> Any:
     return number
 
 
-def folder_of(given: object, where: Option | str, expected: str = _RESULT) -> Path:
-    """Return the folder of results, or of the path to them."""
+def results_of(given: object, where: Option | str, expected: str = _RESULT) -> Path | Run:
+    """Return the path of results; those that stand nowhere yet as they are."""
     from damperfit.results import Run
 
     if isinstance(given, Run):
-        return given.folder
+        return given if given.place is None else given.place
     if isinstance(where, str) and not isinstance(given, str | Path):
         text = f"found {type(given).__name__}; expected {expected}"
         raise usage(text, "not-a-result", where)

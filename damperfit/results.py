@@ -10,15 +10,12 @@ from __future__ import annotations
 
 import math
 import re
-import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from shutil import rmtree
-from tempfile import mkdtemp
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -74,10 +71,10 @@ _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
 _LONG = 10.0  # s of a log
 _WORDS = Words("damperfit.identify")
-_OF_CALL = {"_config", "_temperature", "_scratch"}  # of a run that is read: they are its reader's
+_OF_CALL = {"_config", "_temperature"}  # of a run that is read: they are its reader's
 _IN_MEMORY = (
     *("record", "quantities", "facts", "report_text", "place", "shown_as"),
-    *("_rows", "_signals", "_remarks", "_lost", "_config", "_temperature", "_source", "_scratch"),
+    *("_rows", "_signals", "_remarks", "_lost", "_config", "_temperature", "_source"),
 )
 
 
@@ -305,8 +302,8 @@ class Run:
         self._signals = signals
         self._remarks = list(remarks)
         self._config, self._temperature = config, temperature
-        self._source = self.shown_as = str(place or "")  # where people are told that it stands
-        self._scratch: Path | None = None
+        # Where people are told that it stands.
+        self._source = self.shown_as = str(place or "this run")
         self._lost: set[str] = set()  # tables that should be there
         if facts is not None:
             self.facts = dict(facts)
@@ -390,18 +387,14 @@ class Run:
         return self.place is None
 
     @property
-    def folder(self) -> Path:
-        """Where its files are; of a run that was not saved a folder that goes with the object."""
-        if self.place is None and self._scratch is None:
-            self._scratch = Path(mkdtemp(prefix="damperfit-run-"))
-            weakref.finalize(self, rmtree, self._scratch, ignore_errors=True)
-            self._write(self._scratch)
-        return self.place or self._scratch or Path()
+    def folder(self) -> Path | None:
+        """Where its files are; None: nowhere yet, see `save`."""
+        return self.place
 
     @cached_property
     def name(self) -> str:
-        """What people call it: the damper's of a fleet, else its folder's."""
-        return "" if self.place is None else table_files.title_of(self.place)
+        """What people call it: its damper's of a fleet or in memory, else its folder's."""
+        return self.title if self.place is None else table_files.title_of(self.place)
 
     @cached_property
     def tests(self) -> tuple[MeasuredTest, ...]:
@@ -420,12 +413,10 @@ class Run:
     def rows(self, name: str) -> tuple[dict[str, Any], ...]:
         """Return the rows of a table, by column; None where a cell or a column is missing."""
         if name not in self._rows:
-            if not self._is_folder or not (name in {"parameters", "mse"} or self._has(name)):
+            stored, n_remarks = self._stored, len(self._remarks)
+            if stored is None or not (name in {"parameters", "mse"} or self._has(name)):
                 return ()
-            n_remarks = len(self._remarks)
-            rows = table_files.read_rows(
-                self.folder, name, self._remarks, self.quantities, self.record
-            )
+            rows = table_files.read_rows(stored, name, self._remarks, self.quantities, self.record)
             if not rows and len(self._remarks) > n_remarks:
                 self._lost.add(name)
             once = {row["setting"]: row for row in reversed(rows)}  # the first of each
@@ -440,8 +431,9 @@ class Run:
     def _has(self, name: str) -> bool:
         if name in self._lost:
             return False
-        is_stored = self._is_folder and table_files.has_table(self.folder, self.record, name)
-        return name in self._rows or is_stored or (name == "responses" and bool(self._signals))
+        if name in self._rows or (name == "responses" and self._signals):
+            return True
+        return self._stored is not None and table_files.has_table(self._stored, self.record, name)
 
     def table(self, name: str) -> pa.Table:
         """Return a table as it is written: its columns have units and meaning as metadata."""
@@ -458,31 +450,32 @@ class Run:
     @cached_property
     def facts(self) -> dict[str, Any]:
         """What its tables tell of how they were made."""
-        facts = (
-            table_files.read_facts(self.folder / "parameters.parquet") if self._is_folder else {}
-        )
+        if self._stored is None:
+            return {}
+        facts = table_files.read_facts(self._stored / "parameters.parquet")
         return {key: value for key, value in facts.items() if key not in _OF_TABLE}
 
     @property
     def signals(self) -> tuple[LogSignals, ...]:
         """Measured and simulated signals by setting and log."""
         if not isinstance(self._signals, tuple):
+            stored = self._stored
             made: Iterable[LogSignals] = ()
             if self._signals is not None:
                 made = self._signals() if callable(self._signals) else self._signals
-            elif self._is_folder:
-                made = table_files.read_signals(self.folder, self._remarks, self.quantities)
+            elif stored is not None:
+                made = table_files.read_signals(stored, self._remarks, self.quantities)
             ordered = sorted(made, key=lambda log: (log.setting, natural_order(log.log)))
             self._signals = tuple(ordered)
-            if self._is_folder and not ordered:
+            if stored is not None and not ordered:
                 self._lost.add("responses")
         return self._signals
 
     @property
-    def _is_folder(self) -> bool:
-        return (
-            self.place is not None and self.place.is_dir() and not table_files.is_part(self.place)
-        )
+    def _stored(self) -> Path | None:
+        """The results folder that it is read from; None: it is in memory, or a table or part."""
+        place = self.place
+        return place if place and place.is_dir() and not table_files.is_part(place) else None
 
     def _check_settings(self) -> None:
         """Remark on settings that stand in one table alone; where one is empty, that was said."""
@@ -675,10 +668,10 @@ class Run:
     @property
     def source(self) -> str:
         """Where damper and motion are told, for people."""
-        if not self._is_folder:
+        if self._stored is None:
             return self._source
         is_in_record = isinstance(inside(self.record, "configuration", "damper"), dict)
-        return str(self.folder / ("run.json" if is_in_record else "parameters.parquet"))
+        return str(self._stored / ("run.json" if is_in_record else "parameters.parquet"))
 
     def configured(
         self, given: Configuration, *, config: Path | None = None, takes_motion: bool = False
@@ -807,11 +800,11 @@ class Run:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the table of parameters; empty where it stands in no file."""
+        """SHA-256 of the table of parameters, as it would be written where it stands nowhere."""
         if self.place is None:
-            return ""
+            return table_files.sha256_of_table(self.table("parameters"))
         paths = [table_files.part_in(self.place) if table_files.is_part(self.place) else self.place]
-        if self._is_folder:
+        if self._stored is not None:
             paths = [self.place / f"parameters{suffix}" for suffix in (".parquet", ".csv")]
         return next((sha256_of(path) for path in paths if path.is_file()), "")
 
@@ -995,7 +988,7 @@ class Run:
         if name in TABLES:  # it is there, or lost
             _ = self.signals if name == "responses" else self.rows(name)
         there = [table for table in TABLES if self._has(table)]
-        if name in there and self.place is not None and not self._is_folder:
+        if name in there and self.place is not None and self._stored is None:
             return pd.DataFrame(
                 [{**row, "setting": row["setting"].cell} for row in self.rows(name)]
             )
@@ -1079,7 +1072,7 @@ class Run:
         if where.resolve() == self.place.resolve():
             text = "these results are there already; give another folder"
             raise OutputError(text, subject=where, code="is-there")
-        paths = [self.folder] if self.folder.is_file() else sorted(self.folder.iterdir())
+        paths = [self.place] if self.place.is_file() else sorted(self.place.iterdir())
         with file_set(where) as files:
             for path in paths:
                 if path.is_file() and path.name[0] != ".":  # a lock, or half a file
@@ -1125,11 +1118,11 @@ class Run:
         self.signals  # noqa: B018 - read
         for name in set(TABLES) - {"responses"}:
             self.rows(name)
-        if self._is_folder:
+        if self._stored is not None:
             with suppress(OSError, ValueError):
-                self.report_text = self.report_text or read_text(self.folder / "report.md")
+                self.report_text = self.report_text or read_text(self._stored / "report.md")
         state = {name: getattr(self, name) for name in _IN_MEMORY}
-        return state | {"place": None, "_scratch": None}
+        return state | {"place": None}
 
     @property
     def title(self) -> str:

@@ -357,7 +357,7 @@ def remaining(run: Run) -> tuple[Rival, ...]:
         if isinstance(choice, dict) and "chosen" in choice:
             why = "an earlier damperfit chose its model and did not keep which structures remain"
             again = "identify the logs again with {model}"
-        text, model = f"{run.name or 'this run'}: {why}; {again}", Option("model", "auto")
+        text, model = f"{run.name}: {why}; {again}", Option("model", "auto")
         raise ConfigurationError(text, model=model, code="no-structures")
     rivals = []
     for entry in entries_in(choice, "remaining"):

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.arguments import configured, folder_of, public, usage
+from damperfit.arguments import configured, public, results_of, usage
 from damperfit.errors import blamed_on
 from damperfit.problem import Option
 from damperfit.store import check_writable, path_of
@@ -242,7 +242,7 @@ def run_of(
     from damperfit.tables.files import is_part
 
     own = None if config is None else Path(config)
-    run = results if isinstance(results, Run) else Run.load(folder_of(results, call), config=own)
+    run = results if isinstance(results, Run) else Run.load(results_of(results, call), config=own)
     if not takes_parts and run.place is not None and is_part(run.place):
         text = (
             "is a part of a fleet, which keeps neither clicks nor the noise of its logs; identify "

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from damperfit import __version__
-from damperfit.queries.compared import baseline_text, read_run
+from damperfit.queries.compared import baseline_text
 from damperfit.reporting.drawing import draw_plot
 from damperfit.reporting.figures import plot_in_units, report_plots
 from damperfit.reporting.records import checks_in
@@ -60,7 +60,7 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
     """Write passport_NAME.html and .json into a folder; NAME is the serial number, or the run's."""
     title = run.identity.get("serial") or run.identity.get("damper") or run.name
     stem = f"passport_{re.sub(r'[^A-Za-z0-9._-]+', '_', Path(title).name) or 'damper'}"
-    document: dict[str, Any] = json.loads(baseline_text(read_run(run.place or run.folder)))
+    document: dict[str, Any] = json.loads(baseline_text(run))
     known = document["passport"] = {
         "identity": dict(run.identity),
         "lead": lead(run),

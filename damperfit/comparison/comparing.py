@@ -14,8 +14,8 @@ may be the reason.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from statistics import fmean, median, stdev
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -46,8 +46,6 @@ from damperfit.statistics import NORMAL_95
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from damperfit.damper.quantity import Quantity
     from damperfit.errors import OnError
     from damperfit.results import Run
@@ -258,8 +256,6 @@ class ComparisonOptions:
     is_measured: bool = False  # measured curves alone, without a model
     jobs: int = 1  # threads
     units: ShownUnits = SI  # in which forces and speeds are told in words; every number stays SI
-    # What runs are called whose folders mean nothing to a reader.
-    names: Mapping[Path, str] = field(default_factory=dict)
 
 
 class Circumstance(NamedTuple):

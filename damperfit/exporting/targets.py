@@ -86,19 +86,19 @@ class ExportedRun:
 
 
 def exported_run(
-    folder: Path, *, config: Path | None = None, temperature: str | None = None
+    results: Path | Run, *, config: Path | None = None, temperature: str | None = None
 ) -> ExportedRun:
-    """Read a results folder, or a fleet's part, for a target.
+    """Return a run, of a results folder or a fleet's part, for a target.
 
     The damper of ``config`` is taken where the run does not hold its own; ``temperature`` is the
     oil's, where the damper follows it: the reference temperature by default.
     """
-    run = Run.load(folder, parts=("parameters",), config=config, temperature=temperature)
+    run = Run.load(results, parts=("parameters",), config=config, temperature=temperature)
     damper, settings, notes = run.damper, run.settings, []
     if not settings:
         raise ConfigurationError(
             "no setting has all parameters; run damperfit identify LOGS first",
-            subject=folder,
+            subject=run.shown_as,
             code="no-parameters",
         )
     if isinstance(damper, WithTemperature):

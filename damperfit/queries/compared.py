@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -125,8 +126,8 @@ class Comparison(Answer):
         return tuple(shown.comparison_force_sheet(pair) for pair in self.comparisons)
 
 
-def comparison_options(given: Mapping[str, Any], names: Mapping[Path, str]) -> ComparisonOptions:
-    """Return what the keywords of `compare` ask; `names` as of `ComparisonOptions`."""
+def comparison_options(given: Mapping[str, Any]) -> ComparisonOptions:
+    """Return what the keywords of `compare` ask."""
     speeds = sorted({abs(speed_in(velocity)) for velocity in given["velocity"] or ()})
     amplitude, frequency, units = (given[name] for name in ("amplitude", "frequency", "units"))
     if (amplitude is None) != (frequency is None):
@@ -143,21 +144,25 @@ def comparison_options(given: Mapping[str, Any], names: Mapping[Path, str]) -> C
     rate = positive(frequency, "frequency", "frequency")
     sine = Sine(size, rate) if size and rate else None
     wanted = SI if units is None else parse_units(units)
-    return ComparisonOptions(sine, tuple(speeds), given["measured"], given["jobs"], wanted, names)
+    return ComparisonOptions(sine, tuple(speeds), given["measured"], given["jobs"], wanted)
 
 
 def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on the way
     paths: Sequence[Path],
     options: ComparisonOptions,
     *,
+    unsaved: Mapping[Path, Run],
     repeats: Sequence[Path] = (),
     tolerance: Tolerance | None = None,
     config: Path | None = None,
     reading: Configuration | None = None,
     save: Path | None = None,
 ) -> Comparison:
-    """Return every pair compared; the first run is saved as a baseline, which may be all."""
-    places = _Places([*paths, *repeats], options, config, reading)
+    """Return every pair compared; the first run is saved as a baseline, which may be all.
+
+    ``unsaved`` are runs that stand in no folder, by what they are called in ``paths``.
+    """
+    places = _Places([*paths, *repeats], options, config, reading, unsaved)
     if save is not None:
         write_text(save, baseline_text(places.only(paths[0]), is_measured=options.is_measured))
         if len(paths) == 1 and tolerance is None:
@@ -181,10 +186,9 @@ def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on t
     wanted = list(dict.fromkeys(chain.from_iterable(pairs))) or list(paths)
     runs = {place: places.run(place) for place in dict.fromkeys([*wanted, *repeats])}
     if len({run.name for run in runs.values()}) < len({run.shown_as for run in runs.values()}):
-        for run in runs.values():  # where two are called alike, as much of their path
-            run.name = "/".join(Path(run.shown_as).resolve().parts[-2:])
-    for place in runs.keys() & options.names.keys():
-        runs[place].name = runs[place].shown_as = options.names[place]
+        for place, run in runs.items():  # where two are called alike, as much of their path
+            if place not in unsaved:
+                run.name = "/".join(Path(run.shown_as).resolve().parts[-2:])
     comparisons = tuple(
         compare_runs(runs[a], runs[b], options, repeats=[runs[place] for place in repeats])
         for a, b in pairs
@@ -216,14 +220,19 @@ class _Places:
         options: ComparisonOptions,
         config: Path | None,
         reading: Configuration | None,
+        unsaved: Mapping[Path, Run],
     ) -> None:
         self.config, self.is_measured = config, options.is_measured
         self.groups: dict[Path, dict[str, Path]] = {}  # runs of logs by damper; none: of one
         self.remarks: list[str] = []  # folders of which no log can be used
         self._runs: dict[Path, Run] = {}
+        for place, run in unsaved.items():
+            own = _comparable(Run.load(copy(run), config=config), is_measured=options.is_measured)
+            own.name = own.shown_as = str(place)
+            self._runs[place], self.groups[place] = own, {}
         if options.is_measured:
             configuration = reading or load_configuration(config)
-            for place in dict.fromkeys(places):
+            for place in dict.fromkeys(path for path in places if path not in unsaved):
                 self._read(place, configuration, options.jobs)
 
     def _read(self, place: Path, configuration: Configuration, jobs: int) -> None:
@@ -394,12 +403,17 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
         run = _read_baseline(path, config)
         if not run.rows("parameters") and not is_measured:
             raise refused("a baseline of measured curves, nothing was fitted; give {--measured}")
+    return _comparable(run, is_measured=is_measured)
+
+
+def _comparable(run: Run, *, is_measured: bool) -> Run:
+    """Return a run that holds what is compared."""
     if not is_measured:
         return refuse_unfitted(run)
     if not run.tests:
         why = f" ({'; '.join(run.remarks)})" if run.remarks else "; no motion in it repeats"
         raise ConfigurationError(
-            f"{run.place}: no measured cycles to compare{why}", code="not-measured"
+            f"{run.shown_as}: no measured cycles to compare{why}", code="not-measured"
         )
     return run
 

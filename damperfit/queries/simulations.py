@@ -41,7 +41,7 @@ from damperfit.simulation import (
 )
 from damperfit.store import settle
 from damperfit.tables.columns import unknown_schema
-from damperfit.tables.files import is_part, part_in, table_quantities
+from damperfit.tables.files import is_part, part_in
 from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 
 # Whose parameters a test is simulated with, and what is known of them
@@ -99,7 +99,7 @@ class ChosenParameters:
 def choose_parameters(
     setting: Setting | int | str | None,
     *,
-    table: Path | None,
+    table: Path | Run | None,
     replaced: Mapping[str, str],
     folder: Path = Path("results"),
     damper: Model = PURDY_DAMPER,
@@ -116,8 +116,9 @@ def choose_parameters(
         named = None if setting is None else _setting_named(setting)
         return ChosenParameters(given, named, "parameters: all given")
     settle(folder)
-    path = _table_in(folder) if table is None else parameters_table(table)
-    quantities = damper.quantities if path is None else table_quantities(path)
+    place = _table_in(folder) if table is None else table
+    run = None if place is None else _run_of(place)
+    quantities = damper.quantities if run is None else run.quantities
     values = _replaced(quantities, replaced)
     if setting is None:
         missing = [q.name for q in quantities if q.default is None and q.name not in values]
@@ -125,8 +126,8 @@ def choose_parameters(
             f"no parameters for {', '.join(missing)}: give {{--setting N}} or {{--set}} them all",
             code="no-parameters",
         )
-    if path is not None:
-        choice = _of_run(path, setting, values)
+    if run is not None:
+        choice = _of_run(run, setting, values)
     elif damper.name != PURDY_DAMPER.name:
         raise ConfigurationError(
             f"there is no reference set of the model {damper.name!r}: give {{--parameters FILE}}, "
@@ -149,9 +150,9 @@ def choose_parameters(
 
 
 def _of_run(
-    path: Path, setting: Setting | int | str, replaced: Mapping[str, float]
+    run: Run, setting: Setting | int | str, replaced: Mapping[str, float]
 ) -> ChosenParameters:
-    run = Run.load(path)
+    path = run.place or run.shown_as
     results = {result.setting: result for result in run.settings}
     values = {result.setting: result.parameters for result in run.settings}
     unlimited = {result.setting: frozenset(result.unlimited) for result in run.settings}
@@ -172,11 +173,11 @@ def _of_run(
     else:
         together, names = fitted.parameters, unlimited[chosen]
     return ChosenParameters(
-        *(together, chosen, source, path),
+        *(together, chosen, source, run.place),
         tuple(name for name in together.names if name in names and name not in replaced),
         is_combined=fitted is None,
         tested=run.tested,
-        remarks=tuple(f"{path.parent}: {text}" for text in run.remarks),
+        remarks=tuple(f"{run.place.parent if run.place else path}: {text}" for text in run.remarks),
         fitted=None if replaced else fitted,
         run=run,
     )
@@ -207,15 +208,17 @@ def _setting_named(setting: Setting | int | str, among: Collection[Setting] = ()
         ) from error
 
 
-def parameters_table(given: Path) -> Path:
-    """Return the parameters table that is meant; a folder means the one in it, or the part."""
-    if is_part(given):
-        return part_in(given)
-    if not given.is_dir():
+def _run_of(given: Path | Run) -> Run:
+    """Return a run, or that of a table of parameters, of the one in a folder, or of a part."""
+    if isinstance(given, Run):
         return given
+    if is_part(given):
+        return Run.load(part_in(given))
+    if not given.is_dir():
+        return Run.load(given)
     settle(given)  # what an interrupted run put there may be none of the results
     if table := _table_in(given):
-        return table
+        return Run.load(table)
     raise ConfigurationError(f"no {_TABLES[0]} in this folder", subject=given, code="no-results")
 
 
@@ -253,10 +256,10 @@ def _damper_of_run(
 
 
 def truth_of(
-    given: Path, configuration: Configuration, config: Path | None
+    given: Path | Run, configuration: Configuration, config: Path | None
 ) -> tuple[dict[int, Values], Configuration, str]:
     """Return the values of a table, and the configuration and line of the damper they hold for."""
-    run = Run.load(parameters_table(given))
+    run = _run_of(given)
     by_cell = {result.setting.cell: result.values for result in run.settings}
     truth = {setting: values for setting, values in by_cell.items() if isinstance(setting, int)}
     return truth, *_damper_of_run(run, configuration, config)

@@ -12,6 +12,7 @@ import json
 from base64 import b64decode, b64encode
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from hashlib import sha256
 from io import StringIO
 from itertools import pairwise
 from math import isfinite
@@ -193,6 +194,13 @@ def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> No
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table.column_names)
         writer.writerows(zip(*columns, strict=True))  # a number as its repr, None empty
+
+
+def sha256_of_table(table: pa.Table) -> str:
+    """Return the SHA-256 of the Parquet file that `write_table` makes of a table."""
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, write_page_checksum=True)
+    return sha256(sink.getvalue()).hexdigest()
 
 
 def safe_cell(text: str) -> str:
