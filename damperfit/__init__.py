@@ -9,9 +9,9 @@ they are first used: importing damperfit imports nothing else, so that ``damperf
 at once. The layers below are importable by their own names.
 """
 
-from typing import Any
-
 TYPE_CHECKING = False  # nothing may be imported before `own_process.begin`, not even __future__
+if TYPE_CHECKING:
+    from typing import Any
 
 __all__ = ["__version__"]
 
