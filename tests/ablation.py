@@ -32,7 +32,6 @@ def _without_rubber(damper: Any, name: str) -> Any:
 # By name: module, what is replaced (a class's function as Class.name), and by what.
 PIECES: dict[str, tuple[str, str, Any]] = {
     # The search over structures.
-    "restarted": ("laws.search", "_Search.restarted", lambda search, fit: search.ended_at(fit)),
     "layouts again": ("laws.search", "_Search.in_its_layout", lambda _, fit, __: fit),
     "missed": ("laws.search", "_Search.missed", lambda _, fit: fit),
     "held out": ("laws.search", "_Search.of_held_out", lambda *_: 0.0),

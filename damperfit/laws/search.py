@@ -240,35 +240,7 @@ class _Search:
             alone = dict(zip(settings, pool.map(own, settings), strict=True))
         model = model.weighed_at(alone)
         best = model.best_of(list(model.starts(alone)))
-        return self.restarted(_Fit(structure, model, best))
-
-    def restarted(self, fit: _Fit) -> _Fit:
-        """The fit with settings started again from the numbers of others, if that is better."""
-        model, values = fit.model, fit.values
-        if len(model.settings) < 2:
-            return self.ended_at(fit)
-        own = model.own
-        better = dict(values)
-
-        def again(setting: Setting) -> Values:
-            misfit = replace(model.blocks[setting], free=own)
-            best, least = values[setting], misfit.cost(values[setting])
-            for other in model.settings:
-                if other == setting:
-                    continue
-                lending = {n: getattr(values[other], n) for n in own}
-                try:
-                    ended = misfit.descend(values[setting].replace(lending), _GLANCE)
-                except SimulationError:
-                    continue
-                if ended.cost < 0.9 * least:
-                    best, least = ended.extra, ended.cost
-            return best
-
-        if own:
-            with executor(self.jobs) as pool:
-                better = dict(zip(model.settings, pool.map(again, model.settings), strict=True))
-        return self.ended_at(replace(fit, minimum=model.minimise(better, _END)))
+        return self.ended_at(_Fit(structure, model, best))
 
     def ended_at(self, fit: _Fit) -> _Fit:
         """The minimum with the weights that it gives the settings itself."""
@@ -680,7 +652,7 @@ class _Search:
                 known[name] = times * getattr(values, name)
             start[setting] = self.start(structure, setting).replace(known)
         ended = model.minimise(model.with_common(start), _END)
-        return self.restarted(_Fit(structure, model, ended))
+        return self.ended_at(_Fit(structure, model, ended))
 
     # against what is no candidate of the search
 
@@ -968,7 +940,7 @@ class _Search:
             values = dict(fit.values) | dict(zip(missing, pool.map(at, missing), strict=True))
         values = model.with_common(values)
         model = model.weighed_at(values)
-        return self.restarted(_Fit(fit.structure, model, model.minimise(values, _END)))
+        return self.ended_at(_Fit(fit.structure, model, model.minimise(values, _END)))
 
 
 class _Linear:
