@@ -45,7 +45,6 @@ from damperfit.identification.fit_problem import (
     FRICTION_SPREAD,
     Block,
     Point,
-    is_at_edge,
 )
 from damperfit.identification.fit_setting import spread_starts
 from damperfit.identification.least_squares import (
@@ -470,16 +469,9 @@ class _Search:
         return best
 
     def candidate(self, glance: _Fit, beside: _Fit, words: str) -> _Fit | None:
-        """A candidate followed to its minimum, and kept with what it gains.
-
-        None where a number that it has more strains against its range at every setting.
-        """
+        """A candidate followed to its minimum, and kept with what it gains."""
         try:
             ended = self.ended_at(glance)
-            values = ended.values.values()
-            more = (name for name in ended.model.free if name not in beside.model.free)
-            if any(all(is_at_edge(at, name) for at in values) for name in more):
-                return None
             gain = self.criterion(beside) - self.criterion(ended)
         except SimulationError:
             return None
