@@ -10,7 +10,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import permutations
 
 import numpy as np
 
@@ -26,8 +25,7 @@ from damperfit.tested.setting import Setting
 _SHORTEST = 1e-8
 _LOOK = Stopping(cost_tolerance=1e-2, step_tolerance=_SHORTEST, max_evaluations=10, rest=math.inf)
 _END = Stopping(cost_tolerance=1e-3, step_tolerance=_SHORTEST, max_evaluations=50, rest=math.inf)
-# Settings all of whose orders are starts; of more so many come first in turn.
-_FEW, _FIRST = 3, 6
+_FIRST = 6  # settings whose values are starts
 # Starts that are looked at, and those that are followed to their end.
 _LOOKED_AT, _FOLLOWED = 6, 3
 _LEAST = 2e-6  # of what a setting leaves, per unit of its variance
@@ -86,15 +84,8 @@ class OneModel(FitProblem):
         """
         yield self.with_common(at)
         settings, weights = self.settings, self.weights or {}
-        orders = (
-            permutations(settings)
-            if len(settings) <= _FEW
-            else (
-                (setting, *(other for other in settings if other != setting))
-                for setting in sorted(settings, key=lambda s: -weights[s])[:_FIRST]
-            )
-        )
-        for order in orders:
+        for setting in sorted(settings, key=lambda s: -weights[s])[:_FIRST]:
+            order = setting, *(other for other in settings if other != setting)
             first = {
                 unknown: getattr(at[next(s for s in order if unknown.holds_at(s))], unknown.name)
                 for unknown in self.border
