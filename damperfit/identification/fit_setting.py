@@ -72,11 +72,9 @@ _NEAR = Stopping(
 )
 _LIMIT, _MET_COST = 0, 2  # endings, as `Minimum.status` has them
 # The largest relative change of a value in a step that is not evaluated, and the most errors that
-# it may be on the logs: what it leaves out is its square, 4e-4, a twentieth of an error of 1 %. On
-# mean cycles it may leave so many errors times the largest change, for the logs' own step.
+# it may be: what it leaves out is its square, 4e-4, a twentieth of an error of 1 %.
 _SMALL = 0.02
 _AN_ERROR = 1.0
-_LEFT_TO_LOGS = 0.3
 # A number with a standard error above this share of itself is not found by the fit. One that all
 # settings are to share must be three errors away from nothing: it bends every one of them.
 NOT_FOUND = 0.5
@@ -183,20 +181,9 @@ def minimised(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
 def _ended(block: Block, start: Values) -> FitResult:
     if block.cycles is None or block.max_evaluations == 1:
         return _on_logs(block.whole, start)
-    # The minimum of the mean cycles, or where a small step from there is left to the logs, which
-    # have one evaluation more.
-    cycles = replace(block, max_evaluations=block.max_evaluations - 1)
+    cycles = replace(block, max_evaluations=block.max_evaluations - 1)  # the logs have one more
     try:
-        near = descended(cycles, start, _NEAR._replace(near=_SMALL))
-        small = None if near.ending == _LIMIT else _stepped(cycles, near, left=_LEFT_TO_LOGS)
-        if small is None and near.ending != _LIMIT:
-            stepped = _stepped(cycles, near) or near
-            rest = replace(
-                cycles, max_evaluations=max(cycles.max_evaluations - near.evaluations, 1)
-            )
-            small = descended(rest, stepped.values, _NEAR)
-            small = small.after(near.evaluations, near.failed_trials)
-        near = small or near
+        near = descended(cycles, start, _NEAR)
     except SimulationError:
         return _on_logs(block.whole, start)
     left = max(block.max_evaluations - near.evaluations, 1)
@@ -222,12 +209,39 @@ def _on_logs(block: Block, start: Values) -> FitResult:
 
 
 def _last_step(block: Block, near: Values) -> FitResult | None:
-    """One step on the logs from the minimum of their mean cycles; None where that is too far."""
-    with suppress(SimulationError):
+    """The full step on the logs from the minimum of their mean cycles, not evaluated again.
+
+    None where it changes a value by more than `_SMALL`, leads out of the ranges or is too long.
+    """
+    free = block.free
+    if not free or any(is_at_edge(near, name) for name in free):
+        return None
+    try:
         first = descended(replace(block, max_evaluations=1), near, _FINE)
-        if first.mse_percent > block.solvers_percent:
-            return _stepped(block, first, errors=_AN_ERROR)
-    return None
+    except SimulationError:
+        return None
+    if first.mse_percent <= block.solvers_percent:
+        return None
+    jacobian, cost = first.jacobian, first.mse_percent / 100.0
+    step = np.linalg.lstsq(jacobian.T @ jacobian, -first.gradient, rcond=None)[0]
+    moved = jacobian @ step
+    gain = float(moved @ moved)
+    if gain * first.n_independent > _AN_ERROR**2 * cost or not largest_of(step) <= _SMALL:
+        return None
+    numbers = block.variables.pack(values_of(free, first.values)) + step
+    values = with_values(first.values, free, block.variables.unpack(numbers))
+    if not is_within(values, free):
+        return None
+    rest = first.gradient + jacobian.T @ moved
+    lengths = np.sqrt(np.add.reduce(jacobian**2) * cost)
+    return replace(
+        first,
+        values=values,
+        mse_percent=100.0 * (cost - gain),
+        gradient=rest,
+        gradient_cosine=largest_of(rest / np.maximum(lengths, 1e-300)),
+        ending=_MET_COST,
+    )
 
 
 def descended(block: Block, start: Values, stopping: Stopping) -> FitResult:
@@ -250,43 +264,6 @@ def descended(block: Block, start: Values, stopping: Stopping) -> FitResult:
         gradient_cosine=ended.gradient_cosine,
         n_independent=ended.extra.n_independent[setting],
         is_cavitating=ended.extra.is_cavitating,
-    )
-
-
-def _stepped(
-    block: Block, near: FitResult, *, errors: float = math.inf, left: float = math.inf
-) -> FitResult | None:
-    """Where the full step leads that is left at a point, without an evaluation there.
-
-    None where it changes a value by more than `_SMALL`, leads out of the ranges, is more than so
-    many errors, or leaves more of them: the step's times its largest change.
-    """
-    free, jacobian = block.free, near.jacobian
-    if not free or any(is_at_edge(near.values, name) for name in free):
-        return None
-    information = jacobian.T @ jacobian
-    try:
-        step = np.linalg.solve(information, -near.gradient)
-    except np.linalg.LinAlgError:
-        step = np.linalg.lstsq(information, -near.gradient, rcond=None)[0]
-    moved = jacobian @ step
-    gain, cost, largest = float(moved @ moved), near.mse_percent / 100.0, largest_of(step)
-    squared = gain * near.n_independent / cost
-    if squared > errors**2 or squared * largest**2 > left**2 or not largest <= _SMALL:
-        return None
-    numbers = block.variables.pack(values_of(free, near.values)) + step
-    values = with_values(near.values, free, block.variables.unpack(numbers))
-    if not is_within(values, free):
-        return None
-    rest = near.gradient + jacobian.T @ moved
-    lengths = np.sqrt(np.add.reduce(jacobian**2) * cost)
-    return replace(
-        near,
-        values=values,
-        mse_percent=100.0 * (cost - gain),
-        gradient=rest,
-        gradient_cosine=largest_of(rest / np.maximum(lengths, 1e-300)),
-        ending=_MET_COST,
     )
 
 
@@ -413,7 +390,7 @@ def own_start(
         coarse = replace(block, cycles=None)
         coarse = coarse.on_cycles() if block.model.kinks else coarse
         if coarse.cycles is not None:
-            return best_of_starts(coarse, starts, is_thorough=True).extra
+            return best_of_starts(coarse, starts).extra
     except SimulationError:
         return starts[0]
     ranked = _best_fitting(replace(coarse, traces=block.traces[:1]), starts)
@@ -688,14 +665,11 @@ def _is_level(best: FitResult, other: FitResult) -> bool:
 # The best of several starts.
 
 
-def best_of_starts(
-    block: Block, starts: Sequence[Values], *, known: int = 0, is_thorough: bool = False
-) -> Minimum[Values]:
+def best_of_starts(block: Block, starts: Sequence[Values], *, known: int = 0) -> Minimum[Values]:
     """Where the best of some starts leads; so many of the first are followed in any case.
 
     Those that fit best, with unlike offsets or frictions, are followed for a few evaluations, the
     best of them to its end; where it loses a valve's part there, the next start is followed too.
-    Thoroughly, the others are followed until one leaves about what differs by cycle.
     """
     ranked = [*starts[:known], *_in_turn(block, _best_fitting(block, starts[known:]))]
     looks: list[Minimum[Values]] = []
@@ -711,18 +685,15 @@ def best_of_starts(
             f"{block.model.name} cannot be simulated from any of its starts.", code="no-start"
         )
     nfev = sum(look.evaluations for look in looks)
-    best, *others = sorted(looks, key=lambda look: look.cost)
-    ended = block.descend(best.extra, COMPARING)
+    ended = block.descend(min(looks, key=lambda look: look.cost).extra, COMPARING)
     nfev += ended.evaluations
-    further = [(look.extra, False) for look in others if is_thorough]
-    for start, is_next in (*further, *((start, True) for start in ranked[many : many + 1])):
-        # The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
-        if ended.cost <= expected or (is_next and not _lost_a_valve(block, ended)):
-            break
-        with suppress(SimulationError):
-            other = block.descend(start, COMPARING)
-            nfev += other.evaluations
-            ended = min(ended, other, key=lambda end: end.cost)
+    # The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
+    if ended.cost > expected and _lost_a_valve(block, ended):
+        for start in ranked[many : many + 1]:
+            with suppress(SimulationError):
+                other = block.descend(start, COMPARING)
+                nfev += other.evaluations
+                ended = min(ended, other, key=lambda end: end.cost)
     return replace(ended, evaluations=nfev)
 
 
