@@ -111,36 +111,13 @@ _FEW_ADJUSTERS = 4
 def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> Minimum[Point]:
     """Minimise the misfit of all settings together, from starts at which what is shared is equal.
 
-    Where all logs repeat, first on mean cycles. A `SettingError`: a setting cannot be simulated at
-    its start, or has met a bug.
+    A `SettingError`: a setting cannot be simulated at its start, or has met a bug.
     """
-    if any(block.cycles is None for block in problem.blocks.values()):
-        return _minimised(problem, starts)
-    logs = replace(problem, blocks={s: block.whole for s, block in problem.blocks.items()})
-    nfev = 0
-    if problem.weights is None:
-        # Weights are of the logs at the start, whichever way the descent takes.
-        weights = _minimised(logs, starts, max_evaluations=1).extra.weights
-        problem, logs, nfev = replace(problem, weights=weights), replace(logs, weights=weights), 1
-    try:
-        near = _minimised(problem, starts)
-    except SettingError:
-        return _minimised(logs, starts)
-    ended = _minimised(replace(logs, gas=near.extra.gas), near.extra.values)
-    return replace(ended, evaluations=ended.evaluations + near.evaluations + nfev)
-
-
-def _minimised(
-    problem: FitProblem,
-    starts: Mapping[Setting, Values],
-    *,
-    max_evaluations: int = _MAX_EVALUATIONS,
-) -> Minimum[Point]:
-    """The minimum of what the blocks have, their mean cycles or their logs."""
+    problem = replace(problem, blocks={s: block.whole for s, block in problem.blocks.items()})
     n_samples = sum(block.facts.n_samples for block in problem.blocks.values())
     stopping = Stopping(
         step_tolerance=_STEP_TOLERANCE,
-        max_evaluations=max_evaluations,
+        max_evaluations=_MAX_EVALUATIONS,
         least_gain=_COST_TOLERANCE * n_samples,  # weighted squares are about 1 each
         longest_step=_LONGEST_STEP,
     )
