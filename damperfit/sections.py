@@ -76,7 +76,10 @@ def key(default: Any, about: str, dimension: str = "", **how: Any) -> Any:
 
 
 class Section(SimpleNamespace):
-    """A section as the program reads it, what is not given by default; equal by its values."""
+    """A section as the program reads it, what is not given by default; equal by its values.
+
+    It is frozen: `but` makes another.
+    """
 
     name = ""
     about = ""
@@ -86,6 +89,9 @@ class Section(SimpleNamespace):
         if unknown := given.keys() - defaults.keys():
             raise TypeError(f"{type(self).__name__} has no {min(unknown)}")
         super().__init__(**{name: copy(value) for name, value in defaults.items()} | given)
+
+    def __setattr__(self, name: str, _: Any) -> None:
+        raise AttributeError(f"{type(self).__name__}.{name} is not to be set: take but({name}=...)")
 
     def but(self, **values: Any) -> Self:
         """Return the section with other values, which are taken as they are."""

@@ -131,6 +131,8 @@ def test_values_arrive_where_they_are_used(write) -> None:
     assert settings.identification.free == ("r_m1", "k_e")
     assert settings.identification.fixed == {"r_m2": 3e6, "f_f": 50.0}
     assert settings.output.max_mse_percent == 1.0
+    with pytest.raises(AttributeError):  # who is handed it cannot change it for the others
+        reading.encoding = "cp1252"
     # What the command line fixes adds up with it.
     fit = load_configuration(write(FULL), overlay={"identification": {"fix": {"f_f": "45N"}}})
     assert fit.identification.fixed == {"r_m2": 3e6, "f_f": 45.0}
