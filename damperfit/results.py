@@ -9,10 +9,9 @@ its tables or a method of it; nothing computes one again.
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -21,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.adjustment.force_at import Sine, Stage, fastest_sine, has_lost_errors, open_limits
-from damperfit.damper.model import Model, Values
+from damperfit.adjustment.force_at import Sine, fastest_sine, has_lost_errors, open_limits
+from damperfit.damper.model import Model
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
 from damperfit.identification.outcome import Status
@@ -40,6 +39,16 @@ from damperfit.reporting.records import (
     problems_in,
     units_in,
 )
+from damperfit.settings_and_logs import (
+    LogResult,
+    SettingResult,
+    Tested,
+    api_function,
+    errors_of,
+    motions_in,
+    numbers_in,
+    segments_in,
+)
 from damperfit.simulation import Motion, SolverOptions
 from damperfit.store import file_set, path_of, settle
 from damperfit.tables import files as table_files
@@ -55,219 +64,24 @@ if TYPE_CHECKING:
 
     from damperfit.comparison.measured import MeasuredTest
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.stepping import SteppedDamper
     from damperfit.queries.settings import SettingForces
     from damperfit.reporting.sheet import Sheet
 
 
 PAGE = "report.html"
 NOTEBOOK_COLUMNS = 100
-_BEYOND = 1.05  # times what was tested, or less than that part of it
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
 _OF_FIT = ("adjusters", "rig", "conditioning", "identification", "simulation")  # sections
 _OF_LOGS = ("start", "start_values", "profile", "hold_out", "hold_out_cycles")  # of a fit
 _OF_TABLE = {"schema_version", "table", "quantities"}  # facts that each table has of its own
 _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
-_LONG = 10.0  # s of a log
 _WORDS = Words("damperfit.identify")
 _OF_CALL = {"_config", "_temperature"}  # of a run that is read: they are its reader's
 _IN_MEMORY = (
     *("record", "quantities", "facts", "report_text", "place", "shown_as"),
     *("_rows", "_signals", "_remarks", "_lost", "_config", "_temperature", "_source"),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Tested:
-    """The range of the tests that were fitted; None: not known.
-
-    `stroke` is the largest amplitude of a motion that repeats, m, `speed` the highest peak speed,
-    m/s; of frequencies, Hz, and temperatures, degC, the lowest and the highest.
-    """
-
-    __test__ = False  # no class of tests
-
-    n_logs: int = 0
-    stroke: float | None = None
-    speed: float | None = None
-    frequencies: tuple[float, float] | None = None
-    temperatures: tuple[float, float] | None = None
-
-    def outside(
-        self,
-        *,
-        amplitude: float | None = None,
-        frequency: float | None = None,
-        speed: float | None = None,
-    ) -> Iterator[str]:
-        """Yield what of a motion, SI, was never tested, as in "15 Hz (tested: 1.5 Hz)"."""
-        if amplitude and self.stroke and amplitude > _BEYOND * self.stroke:
-            tested = f"{1e3 * self.stroke:.4g} mm"
-            yield f"an amplitude of {1e3 * amplitude:.4g} mm (tested: up to {tested})"
-        low, high = self.frequencies or (0.0, math.inf)
-        if frequency and not low / _BEYOND <= frequency <= high * _BEYOND:
-            tested = f"{low:.3g} Hz" if high <= _BEYOND * low else f"{low:.3g} to {high:.3g} Hz"
-            yield f"{frequency:.4g} Hz (tested: {tested})"
-        if speed and self.speed and speed > _BEYOND * self.speed:
-            yield f"{speed:.3g} m/s (tested: up to {self.speed:.3g} m/s)"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SettingResult(Stage):
-    """One setting of a run: its values, what is known of their errors, and its grade.
-
-    As of `Stage`: where the adjusters stand, the values in SI, and the covariance of u = ln y
-    (plain y for linear quantities) of those with an error, the setting's own ones first. `row` is
-    its row of the table of parameters.
-    """
-
-    row: Mapping[str, Any] | None = None
-    run: Run | None = None
-
-    @property
-    def label(self) -> str:
-        """Where the adjusters stand."""
-        return self.setting.label
-
-    @property
-    def values(self) -> Values:
-        """The parameters, SI: an attribute and a key for each."""
-        return self.parameters
-
-    @property
-    def status(self) -> dict[str, str]:
-        """How each value was found: fitted, shared, fixed, at_bound, not_identifiable."""
-        row = self.row or {}
-        return {name: str(row.get(f"{name}_status") or "") for name in self.parameters.names}
-
-    @property
-    def intervals(self) -> dict[str, tuple[float | None, float | None]]:
-        """95 % intervals, SI; a limit that the logs do not determine is None."""
-        row, names = self.row or {}, self.parameters.names
-        return {name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high")) for name in names}
-
-    @property
-    def unlimited(self) -> tuple[str, ...]:
-        """Names of values to which the logs set no upper limit.
-
-        Rigid oil or mounting is none: any stiffness above its limit gives the same force.
-        """
-        status, intervals = self.status, self.intervals
-        return tuple(
-            quantity.name
-            for quantity in self.parameters.quantities
-            if not (quantity.is_open or quantity.is_of_mounting)
-            and status[quantity.name] == Status.NOT_IDENTIFIABLE
-            and intervals[quantity.name][1] is None
-        )
-
-    @property
-    def grade(self) -> str:
-        """excellent, good, poor or withheld."""
-        return str((self.row or {}).get("grade") or "")
-
-    @property
-    def mse_percent(self) -> float:
-        """Normalised MSE, eq. (22); NaN where it is not known."""
-        mse = (self.row or {}).get("mse_percent")
-        return math.nan if mse is None else float(mse)
-
-    def simulate(self, wave: str | Motion | None = None, **motion: Any) -> Any:
-        """Simulate this setting; keywords as of `damperfit.simulate`.
-
-        Of a `damperfit.Motion`, arrays of displacement and velocity, its response: `time`, `force`,
-        `pressures`, all in SI.
-        """
-        from damperfit.simulation import Motion
-
-        if isinstance(wave, Motion) and not motion:
-            assert self.run is not None
-            how: dict[str, Any] = {"sensitivities": (), "options": self.run.solver}
-            return self.run.damper.simulate(self.parameters, wave, **how)
-        if idle := [name for name in ("setting", "parameters") if name in motion]:
-            text = (
-                f"setting.simulate: found {idle[0]}=...; the parameters are those of setting "
-                f"{self.label}; leave it out, or call damperfit.simulate"
-            )
-            raise ConfigurationError(text, code="wrong-call")
-        return _api("simulate")(self.label, parameters=self.run, wave=wave, **motion)
-
-    def stepped(self, x: float = 0.0, *, with_rig: bool = False) -> SteppedDamper:
-        """Return the damper at this setting for a program that steps it: ``step(x, v, dt)``."""
-        from damperfit.damper.stepping import SteppedDamper
-
-        assert self.run is not None
-        how: dict[str, Any] = {"options": self.run.solver, "with_rig": with_rig}
-        return SteppedDamper(self.run.damper, self.values, x=x, **how)
-
-    def sensitivity(self, motion: Motion) -> pd.DataFrame:
-        """Return the force along a motion, N, and what it changes by each value in error, SI.
-
-        Columns are time_s, force_N and the names of the values: dF/dy, unfiltered.
-        """
-        import pandas as pd
-
-        assert self.run is not None
-        how: dict[str, Any] = {"sensitivities": self.names, "options": self.run.solver}
-        response = self.run.damper.simulate(self.parameters, motion, **how)
-        slopes = {name: response.sensitivities[name] for name in self.names}
-        return pd.DataFrame({"time_s": response.time, "force_N": response.force, **slopes})
-
-    def __repr__(self) -> str:
-        return f"<setting {self.label}: MSE {self.mse_percent:.3g} %, {self.grade}>"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LogResult:
-    """One log of a run: what it tested, what was read off it, how well it was fitted.
-
-    `role` is "fitted", or "held_out": predicted with what the other logs gave. `mse_percent` is the
-    normalised MSE, `noise_floor_percent` what of it the scatter between cycles explains. `facts` is
-    its entry in run.json; `segments` are rows of the characteristics, the peaks of each segment:
-    amplitude, frequency, peak forces and speeds, energy, hysteresis, measured beside simulated.
-    """
-
-    setting: Setting
-    name: str
-    role: str
-    mse_percent: float | None
-    noise_floor_percent: float | None
-    facts: Mapping[str, Any]
-    segments: tuple[Mapping[str, Any], ...]
-    run: Run
-
-    @property
-    def temperature(self) -> float | None:
-        """Mean over the log, degC."""
-        return number_in(self.facts, "temperature_degC")
-
-    @property
-    def noise(self) -> float | None:
-        """Scatter of the filtered force between its cycles, N; None: no cycles."""
-        return min(_numbers(_segments_in(self.facts), "noise_N"), default=None)
-
-    @property
-    def effective_rate(self) -> float | None:
-        """Samples that count as independent of noise behind the filter of the run, 1/s."""
-        from damperfit.conditioning.filters import passed_filter
-        from damperfit.uncertainty.covariance import independent_samples
-
-        rate = number_in(self.facts, "sample_rate_Hz")
-        if rate is None:
-            return None
-        design = passed_filter(self.run.own_configuration.conditioning, rate)
-        return independent_samples(design, round(_LONG * rate)) / _LONG
-
-    @property
-    def signals(self) -> LogSignals | None:
-        """Measured and simulated signals; None of a log that was held out."""
-        own = (self.setting, self.name)
-        return next((log for log in self.run.signals if (log.setting, log.log) == own), None)
-
-    def __repr__(self) -> str:
-        n = len(self.segments)
-        return f"<log {self.name}, setting {self.setting}: {self.role}, {n} segments>"
 
 
 class Run:
@@ -407,7 +221,7 @@ class Run:
             log = facts.get(signals.log, {})
             logged = number_in(log, "temperature_degC")
             temperature = math.nan if logged is None else logged
-            tests += measured_tests(signals, _segments_in(log), temperature=temperature)
+            tests += measured_tests(signals, segments_in(log), temperature=temperature)
         return tuple(tests)
 
     def rows(self, name: str) -> tuple[dict[str, Any], ...]:
@@ -515,7 +329,7 @@ class Run:
         """The settings that have all parameters, rising."""
         tops: dict[Any, float] = {}
         for log in self.inputs:
-            for _, _, speed in _motions(log):
+            for _, _, speed in motions_in(log):
                 tops[log.get("setting")] = max(speed, tops.get(log.get("setting"), 0.0))
         entries = {entry.get("setting"): entry for entry in entries_in(self.record, "uncertainty")}
         settings = []
@@ -526,7 +340,7 @@ class Run:
                 continue
             values = values_from(self.quantities, numbers)  # type: ignore[arg-type]
             setting = Setting.of(row["setting"])
-            own, shared, covariance = _errors(values, row, entries.get(setting.cell, {}))
+            own, shared, covariance = errors_of(values, row, entries.get(setting.cell, {}))
             lost = [n for n in values.names if row.get(f"{n}_status") == Status.NOT_IDENTIFIABLE]
             limits = {n: (row.get(f"{n}_ci_low"), row.get(f"{n}_ci_high")) for n in lost}
             misfits = {n: float(row.get(f"{n}_misfit_se") or 0.0) for n in values.names}
@@ -746,7 +560,7 @@ class Run:
     @property
     def motion_of_tests(self) -> Sine | None:
         """The fastest motion of the logs that were fitted, as far as it is told."""
-        motions = [motion for log in self._fitted_inputs for motion in _motions(log)]
+        motions = [motion for log in self._fitted_inputs for motion in motions_in(log)]
         return fastest_sine(motions) if motions else None
 
     @cached_property
@@ -761,14 +575,14 @@ class Run:
     def tested(self) -> Tested:
         """The range of the tests that were fitted."""
         logs = self._fitted_inputs
-        segments = [segment for log in logs for segment in _segments_in(log)]
-        rates = _numbers(segments, "frequency_Hz")
-        speeds = _numbers(segments, "peak_speed_m_per_s")
-        speeds = speeds or [speed for log in logs for _, _, speed in _motions(log)]
-        warm = _numbers(logs, "temperature_degC")
+        segments = [segment for log in logs for segment in segments_in(log)]
+        rates = numbers_in(segments, "frequency_Hz")
+        speeds = numbers_in(segments, "peak_speed_m_per_s")
+        speeds = speeds or [speed for log in logs for _, _, speed in motions_in(log)]
+        warm = numbers_in(logs, "temperature_degC")
         return Tested(
             len(logs),
-            max(_numbers(segments, "amplitude_m"), default=None),
+            max(numbers_in(segments, "amplitude_m"), default=None),
             max(speeds, default=None),
             (min(rates), max(rates)) if rates else None,
             (min(warm), max(warm)) if warm else None,
@@ -874,7 +688,9 @@ class Run:
         A bare number is SI; a minus before one of them means compression, and so does the
         ``stroke`` "bump".
         """
-        forces: SettingForces = _api("settings")(self, force=force, velocity=speed, stroke=stroke)
+        forces: SettingForces = api_function("settings")(
+            self, force=force, velocity=speed, stroke=stroke
+        )
         return forces
 
     def predict(
@@ -1018,15 +834,15 @@ class Run:
 
     def advise(self, for_: str, **limits: Any) -> Any:
         """Say which further test narrows an interval most; keywords as of `damperfit.advise`."""
-        return _api("advise")(self, for_=for_, **limits)
+        return api_function("advise")(self, for_=for_, **limits)
 
     def ride(self, **how: Any) -> Any:
         """Return comfort and wheel load by setting; keywords as of `damperfit.ride`."""
-        return _api("ride")(self, **how)
+        return api_function("ride")(self, **how)
 
     def valves(self, **how: Any) -> Any:
         """Return the valves as parts; keywords as of `damperfit.valves`."""
-        return _api("valves")(self, **how)
+        return api_function("valves")(self, **how)
 
     def plot(self, name: str | None = None) -> Any:
         """Draw a figure with matplotlib and return its axes, a list where it has several panels.
@@ -1065,7 +881,7 @@ class Run:
         An OutputError tells that it cannot be written, or is the folder of this run.
         """
         where = path_of(folder, "run.save", "the path of a folder")
-        spare_others(where)
+        table_files.spare_others(where)
         if self.place is None:
             self._write(where)
             return where
@@ -1111,7 +927,7 @@ class Run:
             with files.path("run.json").open("wb") as file:
                 for piece in table_files.json_pieces(self.record):
                     file.write(piece.encode("utf-8", "backslashreplace"))
-        forget_figures(folder)
+        table_files.forget_figures(folder)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all that is known, in memory: what a pickle holds."""
@@ -1167,86 +983,6 @@ class Run:
         return shown
 
 
-# Folders of results: what an earlier run left there and a new one must not keep, or not lose.
-#
-# Page and figures are drawn after the run, on request; beside new tables the old ones would tell of
-# other numbers. Only files with the names that damperfit gives them go.
-
-_BESIDE = "folders_of_this_run"  # in run.json, where one command wrote results of several dampers
-_DRAWN = re.compile(
-    r"(mse|fan|absolute_velocity|peak_force|named_speeds|(parameter|profile)_\w+"
-    r"|setting_[\w.+-]+_(force_velocity|force_displacement|force_time|residual|pressures|peaks|valves))"
-    r"\.(png|svg|pdf)"
-)
-_WRITTEN = re.compile(rf"({'|'.join(TABLES)})\.(csv|parquet)|run\.json|report\.(md|html)")
-
-
-def holds_fits(folder: Path) -> bool:
-    """Whether a folder holds the results of a run that fitted something."""
-    try:
-        rows = [line for line in read_text(folder / "parameters.csv").splitlines() if line.strip()]
-    except (OSError, ValueError):
-        return False
-    return (folder / "run.json").is_file() and len(rows) > 1
-
-
-def spare_others(folder: Path) -> None:
-    """Refuse a folder in which results would replace what somebody else has put there."""
-    if (folder / "run.json").exists() or not folder.is_dir():
-        return
-    for path in sorted(folder.iterdir()):
-        if _WRITTEN.fullmatch(path.name):
-            text = (
-                "is there already, without a run.json that tells of a run of damperfit; nothing "
-                "was written. Move it away, or give another {out}"
-            )
-            raise ConfigurationError(text, code="not-ours", subject=path, out=Option("out"))
-
-
-def forget_others(folder: Path, written: Sequence[str]) -> None:
-    """Remove what an earlier command left in a results folder: it holds one run only.
-
-    ``written`` are the folders inside that this command writes; "" for itself. A folder inside goes
-    only where its run.json says that it was written as one of several dampers; what somebody put
-    there by another command stays.
-    """
-    if "" not in written:
-        _forget_run(folder)
-    with suppress(OSError):
-        for inside in sorted(folder.iterdir()):
-            siblings = (
-                table_files.read_record(inside / "run.json", []).get(_BESIDE)
-                if inside.is_dir()
-                else None
-            )
-            is_listed = isinstance(siblings, list) and inside.name in siblings
-            if is_listed and inside.name not in written and not inside.is_symlink():
-                _forget_run(inside)
-                with suppress(OSError):  # what else it holds stays
-                    inside.rmdir()
-
-
-def _forget_run(folder: Path) -> None:
-    if (folder / "run.json").is_file():
-        with file_set(folder) as files:
-            for path in folder.iterdir():
-                if _WRITTEN.fullmatch(path.name) and path.is_file():
-                    files.without(path.name)
-        forget_figures(folder)
-
-
-def forget_figures(folder: Path) -> None:
-    """Remove the figures that damperfit drew into the results folder, and their folder if empty."""
-    figures = folder / "figures"
-    with suppress(OSError):  # what cannot be removed is no reason to lose the run
-        if figures.is_symlink() or not figures.is_dir():
-            return
-        for path in figures.iterdir():
-            if _DRAWN.fullmatch(path.name):
-                path.unlink()
-        figures.rmdir()
-
-
 def with_temperature(configuration: Configuration, temperature: str | None) -> Configuration:
     """Return the configuration with its damper at a temperature, as typed; None: as it is."""
     from damperfit.damper.temperature_law import at_temperature
@@ -1259,56 +995,3 @@ def with_temperature(configuration: Configuration, temperature: str | None) -> C
         where = Option("temperature", temperature)
         raise ConfigurationError(f"{error}", where=where, code="wrong-value") from error
     return replace(configuration, damper=at_temperature(configuration.damper, asked))
-
-
-# What run.json tells, whatever else may stand there
-
-
-def _segments_in(log: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the segments of a log's entry in run.json; older runs tell of one, in the entry."""
-    return entries_in(log, "stretches") if isinstance(log.get("stretches"), list) else [dict(log)]
-
-
-def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:
-    """Yield amplitude, frequency and peak speed of each segment of a log."""
-    for segment in _segments_in(log):
-        keys = ("amplitude_m", "frequency_Hz", "peak_speed_m_per_s")
-        size, rate, speed = (number_in(segment, key) or 0.0 for key in keys)
-        if size > 0.0 and rate > 0.0:
-            yield size, rate, speed if speed > 0.0 else 2.0 * math.pi * size * rate
-
-
-def _errors(
-    values: Values, row: Mapping[str, Any], entry: Mapping[str, Any]
-) -> tuple[tuple[str, ...], tuple[str, ...], Any]:
-    """Return the setting's own names with an error, the shared ones, and the covariance of ln y."""
-    try:
-        names = [str(name) for name in entry["parameters"]]
-        status = {name: row[f"{name}_status"] for name in values.names}
-        if has_lost_errors(names, status):
-            return (), (), None
-        # Older runs left it to the status, and told the errors of the values alone.
-        tied = entry.get("shared", [name for name in names if status[name] == Status.SHARED])
-        scales = {n: values[n] if values.quantity(n).is_logarithmic else 1.0 for n in names}
-        errors = entry.get("errors") or [float(row[f"{n}_se"]) / scales[n] for n in names]
-        correlation = np.array(entry["correlation"], dtype=np.float64)
-        covariance = correlation.reshape(len(names), len(names)) * np.outer(errors, errors)
-    except (KeyError, TypeError, ValueError):
-        return (), (), None
-    if not np.all(np.isfinite(covariance)):
-        return (), (), None
-    own = tuple(name for name in names if name not in tied)
-    shared = tuple(name for name in names if name in tied)
-    order = [names.index(name) for name in (*own, *shared)]
-    return own, shared, covariance[np.ix_(order, order)]
-
-
-def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
-    return [number for row in rows if (number := number_in(row, key)) is not None]
-
-
-def _api(name: str) -> Any:
-    """Return a function of damperfit's, which takes runs itself."""
-    import damperfit
-
-    return getattr(damperfit, name)

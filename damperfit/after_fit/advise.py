@@ -56,8 +56,9 @@ from damperfit.statistics import NORMAL_95
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from damperfit.results import Run, SettingResult
+    from damperfit.results import Run
     from damperfit.sections import RigSection
+    from damperfit.settings_and_logs import SettingResult
 
 LAW = "law"
 # Twice the logarithm of a likelihood ratio is very strong evidence from 10 on (Kass and Raftery, J.

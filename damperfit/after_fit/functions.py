@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from damperfit.after_fit.ride import DrivenStroke, Ride
     from damperfit.after_fit.valves import Orifices
     from damperfit.after_fit.watch import Arrival
-    from damperfit.results import Run, SettingResult
+    from damperfit.results import Run
+    from damperfit.settings_and_logs import SettingResult
 
 _RESULTS = Path("results")
 

@@ -45,7 +45,8 @@ from damperfit.units.quantities import QuantityError, parse_quantity
 from damperfit.workers import available_cores, executor
 
 if TYPE_CHECKING:
-    from damperfit.results import Run, SettingResult
+    from damperfit.results import Run
+    from damperfit.settings_and_logs import SettingResult
 
 # G_d(n_0) at n_0 = 0.1 cycles/m, m3: geometric means of the classes of ISO 8608.
 _ROUGHNESS = {name: 16e-6 * 4.0**k for k, name in enumerate("ABCDEFGH")}

@@ -27,7 +27,8 @@ from damperfit.tables.files import finite, json_values
 from damperfit.tested.setting import Setting, clicks_between
 
 if TYPE_CHECKING:
-    from damperfit.results import Run, SettingResult
+    from damperfit.results import Run
+    from damperfit.settings_and_logs import SettingResult
 
     Row = Mapping[str, Any]
 

@@ -46,7 +46,8 @@ from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Option
 from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
-from damperfit.results import Run, SettingResult
+from damperfit.results import Run
+from damperfit.settings_and_logs import SettingResult
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tables.columns import describe_tables
 from damperfit.tables.files import finite, safe_cell

@@ -27,8 +27,9 @@ from damperfit.identification.sharing import unlimited_in, values_from_others
 from damperfit.io import read_log
 from damperfit.problem import Option, listed_names
 from damperfit.recording import Trace
-from damperfit.results import Run, SettingResult, Tested
+from damperfit.results import Run
 from damperfit.run.logs import Labels, conditioned_as_tested, facts_of
+from damperfit.settings_and_logs import SettingResult, Tested
 from damperfit.simulation import (
     Characteristics,
     Response,

@@ -29,7 +29,8 @@ from damperfit.tested.identity import identity_sentence
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from damperfit.results import Run, Tested
+    from damperfit.results import Run
+    from damperfit.settings_and_logs import Tested
 
 
 class Section(NamedTuple):

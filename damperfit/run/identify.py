@@ -160,7 +160,7 @@ def written(configuration: Configuration, logs: Sequence[str], **how: Any) -> It
     OutputError
         The folder cannot be written to, or another run is at work there; nothing was touched.
     """
-    from damperfit.results import forget_others, holds_fits, spare_others
+    from damperfit.tables.files import forget_others, holds_fits, spare_others
 
     folder = configuration.output.folder
     check_writable(folder)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from base64 import b64decode, b64encode
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -31,9 +32,11 @@ from damperfit.arrays import FloatArray
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text, regular, sha256_of
-from damperfit.store import settle
+from damperfit.problem import Option
+from damperfit.store import file_set, settle
 from damperfit.tables.columns import (
     PAPER_QUANTITIES,
+    TABLES,
     adjusters_in,
     column_kinds,
     quantities_in,
@@ -628,3 +631,81 @@ def title_of(place: Path) -> str:
     if serial is None:
         return place.resolve().name or str(place)
     return unquote(serial_in(serial), errors="replace")
+
+
+# Folders of results: what an earlier run left there and a new one must not keep, or not lose.
+#
+# Page and figures are drawn after the run, on request; beside new tables the old ones would tell of
+# other numbers. Only files with the names that damperfit gives them go.
+
+_BESIDE = "folders_of_this_run"  # in run.json, where one command wrote results of several dampers
+_DRAWN = re.compile(
+    r"(mse|fan|absolute_velocity|peak_force|named_speeds|(parameter|profile)_\w+"
+    r"|setting_[\w.+-]+_(force_velocity|force_displacement|force_time|residual|pressures|peaks|valves))"
+    r"\.(png|svg|pdf)"
+)
+_WRITTEN = re.compile(rf"({'|'.join(TABLES)})\.(csv|parquet)|run\.json|report\.(md|html)")
+
+
+def holds_fits(folder: Path) -> bool:
+    """Whether a folder holds the results of a run that fitted something."""
+    try:
+        rows = [line for line in read_text(folder / "parameters.csv").splitlines() if line.strip()]
+    except (OSError, ValueError):
+        return False
+    return (folder / "run.json").is_file() and len(rows) > 1
+
+
+def spare_others(folder: Path) -> None:
+    """Refuse a folder in which results would replace what somebody else has put there."""
+    if (folder / "run.json").exists() or not folder.is_dir():
+        return
+    for path in sorted(folder.iterdir()):
+        if _WRITTEN.fullmatch(path.name):
+            text = (
+                "is there already, without a run.json that tells of a run of damperfit; nothing "
+                "was written. Move it away, or give another {out}"
+            )
+            raise ConfigurationError(text, code="not-ours", subject=path, out=Option("out"))
+
+
+def forget_others(folder: Path, written: Sequence[str]) -> None:
+    """Remove what an earlier command left in a results folder: it holds one run only.
+
+    ``written`` are the folders inside that this command writes; "" for itself. A folder inside goes
+    only where its run.json says that it was written as one of several dampers; what somebody put
+    there by another command stays.
+    """
+    if "" not in written:
+        _forget_run(folder)
+    with suppress(OSError):
+        for inside in sorted(folder.iterdir()):
+            siblings = (
+                read_record(inside / "run.json", []).get(_BESIDE) if inside.is_dir() else None
+            )
+            is_listed = isinstance(siblings, list) and inside.name in siblings
+            if is_listed and inside.name not in written and not inside.is_symlink():
+                _forget_run(inside)
+                with suppress(OSError):  # what else it holds stays
+                    inside.rmdir()
+
+
+def _forget_run(folder: Path) -> None:
+    if (folder / "run.json").is_file():
+        with file_set(folder) as files:
+            for path in folder.iterdir():
+                if _WRITTEN.fullmatch(path.name) and path.is_file():
+                    files.without(path.name)
+        forget_figures(folder)
+
+
+def forget_figures(folder: Path) -> None:
+    """Remove the figures that damperfit drew into the results folder, and their folder if empty."""
+    figures = folder / "figures"
+    with suppress(OSError):  # what cannot be removed is no reason to lose the run
+        if figures.is_symlink() or not figures.is_dir():
+            return
+        for path in figures.iterdir():
+            if _DRAWN.fullmatch(path.name):
+                path.unlink()
+        figures.rmdir()

@@ -15,7 +15,7 @@ from damperfit.damper.valve_dampers import TwinTube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.exporting import TARGETS, ExportOptions, exported_run
 from damperfit.exporting.check import check_export, read_back
-from damperfit.results import SettingResult
+from damperfit.settings_and_logs import SettingResult
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units

@@ -13,7 +13,7 @@ from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.exporting import TARGETS, ExportOptions
 from damperfit.exporting.targets import force_tables, road_misses, standard_road
-from damperfit.results import SettingResult
+from damperfit.settings_and_logs import SettingResult
 from damperfit.synthetic import made_up_values
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units

@@ -18,7 +18,8 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.exporting import TARGETS, ExportOptions, exported_run
 from damperfit.exporting.check import check_export
 from damperfit.exporting.targets import force_tables
-from damperfit.results import Run, SettingResult
+from damperfit.results import Run
+from damperfit.settings_and_logs import SettingResult
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tables.files import LogSignals, write_table
 from damperfit.tested.setting import Setting

@@ -16,7 +16,7 @@ from damperfit.damper.valve_dampers import (
     ThroughFlow,
     TwinTube,
 )
-from damperfit.results import SettingResult
+from damperfit.settings_and_logs import SettingResult
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 

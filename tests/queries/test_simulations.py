@@ -17,7 +17,7 @@ from damperfit.queries.simulations import (
     parse_variation,
     run_sweep,
 )
-from damperfit.results import Tested
+from damperfit.settings_and_logs import Tested
 from damperfit.tables.files import write_table
 from tests import fakes
 from tests.fakes import make_tables

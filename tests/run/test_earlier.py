@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from damperfit.results import forget_others
+from damperfit.tables.files import forget_others
 
 BESIDE = ["A1", "B_2"]
 
