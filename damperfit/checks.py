@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment.trends import Trend, in_few_words
+from damperfit.adjustment.trends import LEAST_FOR_TREND, Trend, in_few_words
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.fit_setting import Fit
@@ -22,7 +22,7 @@ from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import of_runs, of_settings
 from damperfit.problem import FEW, Key, listed_names
 from damperfit.recording import Trace
-from damperfit.tested.setting import ADJUSTER, Setting, clicks_between
+from damperfit.tested.setting import ADJUSTER, Setting, clicks_between, lines_of
 from damperfit.uncertainty.assessment import Assessment
 from damperfit.uncertainty.grades import doubted_cavitation, what_spreads
 from damperfit.uncertainty.residuals import Diagnosis
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 _EXPLAINED = 0.5  # share of the MSE
 _MATTERS = 0.01  # of the force, or of a parameter, which moves the force by no more
+_TURNS_OF_THREE = 0.05  # of a parameter, which three settings show by their errors alone
 _Verdict = tuple[bool | None, str]
 _FOUND = (Status.FITTED, Status.SHARED)
 
@@ -138,7 +139,8 @@ def _trend_monotone(subject: Subject) -> _Verdict:
     trends = subject.adjustment.trends
     evaluated = [trend for trend in trends if trend.monotone is not None]
     if not evaluated:
-        return None, _no_trend(subject)
+        turns = "; ".join(_turns_of_three(subject))
+        return (False, turns) if turns else (None, _no_trend(subject))
     turning = [trend for trend in evaluated if not trend.monotone]
     if bad := [trend.sentence for trend in turning if _turn_of(trend) > _MATTERS]:
         return False, "; ".join(bad)
@@ -152,6 +154,30 @@ def _trend_monotone(subject: Subject) -> _Verdict:
     notes = [f"; {trend.parameter} is not determined" for trend in trends if trend.monotone is None]
     notes += [f"; {trend.parameter} turns by less than 1 %" for trend in turning]
     return True, f"with {text}, within errors and scatter{''.join(notes)}"
+
+
+def _turns_of_three(subject: Subject) -> Iterator[str]:
+    """Yield the valves of three settings that turn at the middle one, far beyond their errors."""
+    for line in lines_of(fit.setting for fit in subject.fits):
+        fits = [fit for fit in subject.fits if fit.setting in line.numbers]
+        if len(fits) != LEAST_FOR_TREND - 1:
+            continue
+        fits.sort(key=lambda fit: line.numbers[fit.setting])
+        place = f"{line.adjuster} {line.numbers[fits[1].setting]:g}"
+        for q in fits[0].parameters.quantities:
+            if not q.is_logarithmic or q.is_open or q.is_friction:
+                continue
+            limits = [subject.assessment.limits(fit.setting, q.name) for fit in fits]
+            ends = [(low, high) for low, high in limits if low and high]
+            if len(ends) < len(fits) or any(fit.status[q.name] != Status.FITTED for fit in fits):
+                continue
+            first, (low, high), last = ends
+            times = max(low / max(first[1], last[1]), min(first[0], last[0]) / high)
+            if times > 1.0 + _TURNS_OF_THREE:
+                yield (
+                    f"{q.symbol} turns at {place}, by {100.0 * (times - 1.0):.0f} % or more: are "
+                    "settings mixed up?"
+                )
 
 
 def _turn_of(trend: Trend) -> float:

@@ -24,6 +24,15 @@ _STIRLING_FROM = 50.0  # its next term is below 1e-15
 _FOREVER = 100_000  # terms; a fraction of a million freedoms needs some thousand
 
 
+def independent_share(power: np.ndarray) -> float:
+    """Return the share of numbers that count as independent, by their power at even places.
+
+    Places of a spectrum: how they are correlated; of a cycle: how uneven they are (Satterthwaite).
+    """
+    mean = mean_of(power)
+    return mean * mean / mean_of(power * power) if mean > 0.0 else 1.0
+
+
 def largest_of(values: np.ndarray) -> float:
     """Return the largest size of an array's values, 0 of none; NaN where one is no number."""
     return float(np.maximum.reduce(np.abs(values), axis=None)) if values.size else 0.0

@@ -23,12 +23,12 @@ from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.identification import LogFit, Outcome, Status
 from damperfit.recording import Finding
-from damperfit.uncertainty import Assessment, Diagnosis, Objection
+from damperfit.uncertainty import Assessment, Diagnosis, Interval, Objection, Uncertainty
 from tests.fakes import campaign, fit, trace
 
 
 def diagnosis(setting=1, *, mse=0.01, noise=0.0098, is_structured=False):
-    return Diagnosis(setting, mse, noise, is_structured, 0.0, 1.0, (), f"sentence of {setting}")
+    return Diagnosis(setting, mse, noise, is_structured, (), f"sentence of {setting}")
 
 
 def trend(**more):
@@ -280,6 +280,22 @@ def test_a_check_passes_or_not(name, seen, passed, words) -> None:
     check = result(name, seen)
     assert check.passed is passed, check.reason
     assert words in check.reason
+
+
+@pytest.mark.parametrize(
+    ("middle", "passed"), [(1.5, None), (2.17, False), (2.11, None), (0.91, False), (0.97, None)]
+)
+def test_three_settings_of_which_the_middle_one_turns_may_be_mixed_up(middle, passed) -> None:
+    fits, known = [], []
+    for setting, value in ((1, 1.0), (2, middle), (3, 2.0)):
+        plain = fit(setting)
+        fits.append(replace(plain, parameters=replace(plain.parameters, r_m1=value)))
+        interval = {"r_m1": Interval(0.005, 0.99 * value, 1.01 * value)}
+        known.append(Uncertainty(setting, interval, ("r_m1",), np.eye(1)))
+    seen = replace(subject(*fits, trends=[]), assessment=Assessment(uncertainties=tuple(known)))
+    check = result("trend_monotone", seen)
+    assert check.passed is passed
+    assert ("turns at setting 2" in check.reason) is (passed is False)
 
 
 def test_without_fits_nothing_is_looked_at() -> None:

@@ -279,7 +279,7 @@ def with_choice(assessment: Assessment, damper: Model, law: Mapping[str, Any]) -
         if beside and math.isfinite(own.high):  # else it says "anything" already
             value = math.sqrt(own.low * own.high)
             misfit = math.hypot(own.misfit / value, beside)
-            own = make_interval(value, own.error / value, own.cycle_ratio, misfit=misfit)
+            own = make_interval(value, own.error / value, misfit=misfit)
         is_valve = stroke in {"rebound", "compression"}
         if layouts and is_valve and isinstance(damper, ValveDamper):
             raised = widened.intervals.get(f"{stroke}_power")
@@ -543,7 +543,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         from damperfit.laws.description import described_again
 
         law = described_again(law, campaign, configuration.damper)
-    method = (METHOD, assessment.cycle_check) if campaign.fits else ()
+    method = (METHOD,) if campaign.fits else ()
     gas = () if assessment.gas is None else (assessment.gas.sentence,)
     cavitation = describe_cavitation(
         {fit.setting: fit.cavitation for fit in campaign.fits},
@@ -581,7 +581,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
             *batch.notes,
             *procedure_sentences(configuration, campaign),
             *gas,
-            *filter(None, method),
+            *method,
         ],
         "gates_missed": list(map(str, gates)),
         "checks": to_record(judgement.checks),
@@ -593,9 +593,6 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
                 "shared": list(u.shared),
                 "correlation": u.correlation.tolist(),
                 "errors": np.sqrt(np.diag(u.covariance)).tolist(),
-                "jackknife_over_sandwich": {
-                    name: interval.cycle_ratio for name, interval in u.intervals.items()
-                },
                 "residuals": to_record(diagnosis),
                 "cavitation": to_record(by_setting[u.setting].cavitation),
             }

@@ -26,7 +26,7 @@ from damperfit.identification.procedures import TAKEN, Campaign
 from damperfit.identification.sharing import Sharing, of_settings, unknown_at
 from damperfit.problem import Option, Problem, warning
 from damperfit.simulation import SolverOptions
-from damperfit.statistics import NORMAL_95, percentiles
+from damperfit.statistics import NORMAL_95
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.covariance import (
     GasContent,
@@ -391,8 +391,6 @@ def _seen(profile: MisfitProfile, unit: str) -> str:
 
 # Of an MSE in per cent: a misfit of 1 % of the force.
 _MATTERS = 0.01
-# A jackknife over 15 cycles scatters by a fifth; below this it misses something.
-_BLIND = 0.4
 
 METHOD = (
     "Errors and 95 % intervals: sandwich covariance on the logarithm of the parameter with the "
@@ -548,22 +546,6 @@ class Assessment:
             if diagnosis.is_structured and (hints or is_much):
                 groups[hints[0].name if hints else ""].append(diagnosis)
         return (*self.apart, *(group_warning(group) for group in groups.values()))
-
-    @property
-    def cycle_check(self) -> str:
-        """How the errors compare with a jackknife over whole cycles; empty with nothing to say."""
-        every = (interval for known in self.uncertainties for interval in known.intervals.values())
-        ratios = [interval.cycle_ratio for interval in every if math.isfinite(interval.cycle_ratio)]
-        if not ratios:
-            return ""
-        low, middle, high = percentiles(ratios, 5.0, 50.0, 95.0)
-        blind = (
-            "; it cannot see a misfit that repeats in every cycle, and the larger errors are given"
-        )
-        return (
-            f"Check of these errors: a jackknife over whole cycles gives {middle:.2g} times as "
-            f"much (median; 9 of 10 from {low:.2g} to {high:.2g}){blind if low < _BLIND else ''}."
-        )
 
     @property
     def sentences(self) -> tuple[str, ...]:

@@ -60,7 +60,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.conditioning.filters import apply_filter, impulse_of
+from damperfit.conditioning.filters import apply_filter, passed_at
 from damperfit.damper.model import Model, Values
 from damperfit.damper.mounting import other_turns, with_pressed_seal
 from damperfit.errors import SimulationError, sparing
@@ -78,7 +78,7 @@ from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import GAS_FOLLOWER, GAS_NAMES, Sharing
 from damperfit.recording import FilterDesign, Segment, Trace
 from damperfit.simulation import SolverOptions, simulate
-from damperfit.statistics import NORMAL_95, student_quantile
+from damperfit.statistics import NORMAL_95, independent_share, student_quantile
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
@@ -100,13 +100,6 @@ class Interval:
     # noise and misfit together.
     low: float
     high: float
-    # The error from the scatter between whole cycles (linearised jackknife, the setting's own logs
-    # only) over the same from the residuals' autocorrelation. 1 within about
-    # 1/sqrt(2 (cycles - 1)) when both are right; far below 1 where the residuals repeat with the
-    # cycle; now and then far above 1 where noise of the displacement, which enters as its
-    # derivative, leaves hardly more than their ends in the cycles' sums (Monte Carlo: the errors
-    # given are right there). NaN for a shared parameter and for a single cycle.
-    cycle_ratio: float
     # From the model's misfit: what repeats in the residual, what is held at a default that nobody
     # has measured, and flaws; 0 where there is none.
     misfit: float = 0.0
@@ -156,7 +149,6 @@ class Uncertainty:
 def make_interval(
     value: float,
     error: float,
-    ratio: float = math.nan,
     *,
     is_logarithmic: bool = True,
     misfit: float = 0.0,
@@ -164,10 +156,10 @@ def make_interval(
     """Return the 95 % interval of a value whose u has standard errors of noise and misfit."""
     reach = NORMAL_95 * math.hypot(error, misfit)
     if not is_logarithmic:
-        return Interval(error, value - reach, value + reach, ratio, misfit)
+        return Interval(error, value - reach, value + reach, misfit)
     # e^700 is the largest factor that is a number; such an interval says "anything".
     factor = math.exp(min(reach, 700.0))
-    return Interval(value * error, value / factor, value * factor, ratio, value * misfit)
+    return Interval(value * error, value / factor, value * factor, value * misfit)
 
 
 def uncertainties(
@@ -239,11 +231,6 @@ def _of_setting(
     for name, of_all in flawed.items():
         shift = shifts(of_all, linear.flawed.get(name))
         misfit = misfit + np.outer(shift, shift)
-    by_cycles, by_lags = (
-        np.diag(direct @ scores @ direct.T) for scores in (linear.cycle_scores, linear.scores)
-    )
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratios = np.sqrt(by_cycles / by_lags)
     # What no log tells has a variance of rounding alone: huge, and of either sign.
     errors = np.sqrt(np.abs(noise.diagonal())).tolist()
     bends = np.sqrt(np.maximum(misfit.diagonal(), 0.0)).tolist()
@@ -251,11 +238,10 @@ def _of_setting(
         name: make_interval(
             float(getattr(values, name)),
             error,
-            ratio if name in own else math.nan,
             is_logarithmic=values.quantity(name).is_logarithmic,
             misfit=bend,
         )
-        for name, error, ratio, bend in zip(names, errors, ratios.tolist(), bends, strict=True)
+        for name, error, bend in zip(names, errors, bends, strict=True)
     }
     return Uncertainty(fit.setting, intervals, names, noise, common, misfit=misfit)
 
@@ -435,8 +421,7 @@ def gas_content(linearised: Sequence[Linearisation], sharing: Sharing) -> GasCon
 #
 # It takes the noise to be alike everywhere; `larger` of both, direction by direction, errs least.
 #
-# Numbers with the autocorrelation rho are worth n / (2 sum of rho^2 - 1) independent ones. Lags
-# and lengths are in samples, matrices (k, k) and positive semi-definite.
+# Lags and lengths are in samples, matrices (k, k) and positive semi-definite.
 
 # A sample autocorrelation within this many of its standard errors counts as none.
 _NO_CORRELATION = 2.5
@@ -444,8 +429,6 @@ _NO_CORRELATION = 2.5
 _NOTHING = 1e-14
 # Independent samples a parameter; with more, errors are hardly short.
 _ENOUGH = 50.0
-# Samples to which lengths are rounded up: what a filter keeps of an impulse ends long before.
-_LIKE_LONG = 1024
 
 
 def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
@@ -458,25 +441,10 @@ def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
     return np.asarray(sums / sums[0])
 
 
-def independent(rho: FloatArray, n: float) -> float:
-    """Return how many independent numbers n with an autocorrelation from lag 0 on are worth."""
-    return n / (2.0 * float(rho @ rho) - 1.0)
-
-
 def independent_samples(design: FilterDesign, n: int) -> float:
     """Return how many independent samples n of white noise behind a filter are worth."""
-    sections = np.ascontiguousarray(design.sections, dtype=np.float64)
-    longer = -(-n // _LIKE_LONG) * _LIKE_LONG
-    return independent(_behind(sections.tobytes(), longer, design.is_zero_phase)[:n], n)
-
-
-@lru_cache(maxsize=16)  # logs of one rig have one filter, and are as long to a few cycles
-def _behind(sections: bytes, n: int, is_zero_phase: bool) -> FloatArray:  # noqa: FBT001
-    """Autocorrelation of white noise behind a filter, (n,)."""
-    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
-    rho = autocorrelation(impulse_of(design, n), n - 1)
-    rho.flags.writeable = False
-    return rho
+    turns = np.linspace(0.0, 0.5, n // 2 + 1)
+    return n * independent_share(np.abs(passed_at(design, turns)) ** 2)
 
 
 def correlation_length(residuals: FloatArray, *, longest: int) -> int:
@@ -572,28 +540,6 @@ def larger(own: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(own + unit * more)
 
 
-def cycle_covariance(sums: Sequence[FloatArray]) -> FloatArray:
-    """Return M from sums of the scores over whole cycles, (cycles, k) a segment: a jackknife."""
-    table = np.concatenate(sums)
-    n = len(table)
-    if n < 2:  # nothing is known of one cycle
-        return np.full((table.shape[1],) * 2, math.nan)
-    table -= table.mean(axis=0)
-    return np.asarray(table.T @ table * (n / (n - 1.0)))
-
-
-def sums_by_cycle(scores: FloatArray, edges: FloatArray) -> FloatArray:
-    """Return the sums of scores (n, k) between edges of cycles, in samples: (cycles, k)."""
-    if len(edges) < 2:
-        return np.empty((0, scores.shape[1]))
-    n = len(scores)
-    before = np.vstack([np.zeros(scores.shape[1]), np.cumsum(scores, axis=0)])
-    at = np.clip(edges, 0.0, n)
-    whole = np.minimum(at.astype(np.int64), n - 1)
-    inside = (at - whole)[:, None] * (before[whole + 1] - before[whole])
-    return np.asarray(np.diff(before[whole] + inside, axis=0))
-
-
 def widening(segments: Sequence[tuple[int, float, int]], n_fitted: int) -> float:
     """Return the factor, 1 or more, on the covariance of the scores of a short log.
 
@@ -655,7 +601,6 @@ class Linearisation:
     fit: Fit
     information: FloatArray  # H, N^2
     scores: FloatArray  # covariance of the summed scores, correlation allowed for, N^4
-    cycle_scores: FloatArray  # the same from the scatter of whole cycles; NaN for a single one
     gradient: FloatArray  # (k,), sum of the scores
     logs: tuple[LogLinearisation, ...]
     conditions: tuple[str, ...] = ()  # of the columns of each log's `gas`
@@ -794,7 +739,6 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and segment by segment, best
         seen_logs = _beside_own_offsets(seen_logs)
     information, covariance, gradient = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     supposed: FloatArray | None = None
-    cycles: list[FloatArray] = []
     counted: list[tuple[int, float, int]] = []
     squares = 0.0
     for log, seen_log, unknown in zip(fit.logs, seen_logs, unknowns, strict=True):
@@ -818,14 +762,12 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and segment by segment, best
             information += jacobian.T @ jacobian
             covariance += noise
             gradient += scores.sum(axis=0)
-            cycles.append(sums_by_cycle(scores, segment.cycle_starts - segment.first))
             counted.append((len(rest), independent_samples(trace.model_filter, len(rest)), lag))
     wider = widening(counted, sum(status in _FOUND for status in fit.status.values()))
     return Linearisation(
         fit=fit,
         information=information,
         scores=wider * covariance,
-        cycle_scores=wider * cycle_covariance(cycles),
         gradient=gradient,
         logs=tuple(seen_logs),
         conditions=damper.conditions,

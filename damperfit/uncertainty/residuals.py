@@ -27,9 +27,16 @@ from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings
 from damperfit.problem import Problem, warning
 from damperfit.recording import Segment, Trace
-from damperfit.statistics import fisher_chance, mean_of, median, student_quantile, variance_of
+from damperfit.statistics import (
+    fisher_chance,
+    independent_share,
+    mean_of,
+    median,
+    student_quantile,
+    variance_of,
+)
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.covariance import Linearisation, autocorrelation, independent
+from damperfit.uncertainty.covariance import Linearisation
 
 # Flaws
 
@@ -449,12 +456,6 @@ class Diagnosis:
     mse_percent: float  # eq. (22)
     noise_percent: float  # the part that differs from cycle to cycle; NaN for a single cycle
     is_structured: bool  # whether more of the residual repeats with the cycle than noise explains
-    # Autocorrelation of the residual at a lag of one cycle: 0 for noise, towards 1 when it repeats.
-    # NaN for two cycles or less.
-    correlation: float
-    # Runs of one sign over what noise behind the same filter would have; well below 1 when the
-    # residual is structured.
-    runs_ratio: float
     # What may be missing, best first; empty where nothing repeats or nothing explains it.
     hints: tuple[Hint, ...]
     sentence: str
@@ -521,23 +522,11 @@ def diagnose(
         return hint.name == "delay" and any(abs(hint.amount - skew) > allowed for skew in skews)
 
     hints = tuple(hint for hint in hints if not is_contradicted(hint))
-    runs, of_noise, correlations = 0, 0, [math.nan]
-    for part in parts:
-        runs += int(np.count_nonzero(np.diff(np.signbit(part.folded))))
-        of_noise += int(np.count_nonzero(np.diff(np.signbit(part.about))))
-        rest, n = part.residuals, len(part.residuals)
-        period = round(1.0 / (part.segment.frequency * part.interval))
-        if 2 * period < n:
-            power = max(float(rest @ rest), 1e-300)
-            repeated = float(rest[:-period] @ rest[period:]) / power * n / (n - period)
-            correlations.append(repeated)
     diagnosis = Diagnosis(
         setting=fit.setting,
         mse_percent=fit.mse_percent,
         noise_percent=float(min(100.0 * noise / variance, fit.mse_percent)),
         is_structured=is_structured,
-        correlation=max(filter(math.isfinite, correlations), default=math.nan),
-        runs_ratio=runs / of_noise if of_noise else math.nan,
         hints=hints,
         sentence="",
         held_share=share,
@@ -595,12 +584,10 @@ def independent_phases(scatter: FloatArray) -> float:
     From the scatter about the mean cycle, (cycles, phases); uneven it is fewer (Satterthwaite).
     """
     n_cycles, n_phases = scatter.shape
-    rho = autocorrelation(scatter.ravel(), n_phases // 2)
-    power = np.einsum("ij,ij->j", scatter, scatter)
+    worth = n_phases * independent_share(np.mean(np.abs(np.fft.fft(scatter)) ** 2, axis=0))
     # A variance from few cycles is itself uneven, by 2/(n - 1).
-    uneven = n_phases * float(power @ power) / max(float(np.sum(power)) ** 2, 1e-300)
-    uneven = max(uneven / (1.0 + 2.0 / (n_cycles - 1)), 1.0)
-    return float(max(independent(rho, n_phases) / uneven, 1.0))
+    uneven = independent_share(np.einsum("ij,ij->j", scatter, scatter))
+    return float(max(worth * min(uneven * (1.0 + 2.0 / (n_cycles - 1)), 1.0), 1.0))
 
 
 def residual_scatter(residuals: FloatArray, segment: Segment) -> float:

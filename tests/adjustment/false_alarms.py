@@ -112,7 +112,6 @@ def fitted(
             errors[name] * getattr(parameters, name),
             getattr(parameters, name) * (1.0 - 2.0 * errors[name]),
             getattr(parameters, name) * (1.0 + 2.0 * errors[name]),
-            1.0,
         )
         for name in names
     }

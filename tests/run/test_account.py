@@ -123,7 +123,7 @@ def test_what_many_settings_or_files_have_in_common_is_one_line(n) -> None:
 def test_intervals_hold_the_numbers_of_a_layout_that_is_alike() -> None:
     damper = Monotube(rod_diameter=0.012, piston_diameter=0.03)
     names = ("rebound_opening", "compression_opening", "compression_slope", "k_s")
-    own = dict.fromkeys(names, Interval(1.0, 98.0, 102.0, math.nan))
+    own = dict.fromkeys(names, Interval(1.0, 98.0, 102.0))
 
     def reaching(*layouts: str) -> dict[str, tuple[float, float]]:
         known = Assessment((Uncertainty(Setting.of(1), own, (), np.zeros((0, 0))),))

@@ -36,8 +36,6 @@ def test_a_sound_set_is_left_in_peace(seed) -> None:
     for one in found.diagnoses:
         assert not one.is_structured
         assert one.noise_percent > 0.9 * one.mse_percent
-        assert abs(one.correlation) < 0.3
-        assert 0.8 < one.runs_ratio < 1.2
     (sentence,) = found.sentences
     assert sentence.startswith("settings 1, 10, 20: no misfit repeats")
     assert judged(short_traces(SETTINGS, seed=seed)).warnings == ()  # nor without any noise
@@ -57,8 +55,6 @@ def test_a_flaw_is_named_with_its_size(flaw, settings) -> None:
                 assert hint.words in found.sentence
         if flaw.expected == "delay":
             assert found.mse_percent < 0.1  # excellent, and wrong: K_e is off by up to half
-            assert found.correlation > 0.9
-            assert found.runs_ratio < 0.5
 
 
 def test_a_weak_misfit_that_repeats_for_long_is_seen_below_white_noise() -> None:
@@ -172,7 +168,7 @@ def test_from_which_share_on_it_yields() -> None:
 
 def test_causes_of_one_run_do_not_contradict_each_other() -> None:
     def diagnosis(setting, *hints):
-        return Diagnosis(setting, 1.0, 0.1, True, 0.9, 0.3, hints, "")
+        return Diagnosis(setting, 1.0, 0.1, True, hints, "")
 
     late, early, valve = hint("delay", 3.0), hint("delay", -2.0), hint("valve_law_bump", 50.0)
     divided = reconciled([diagnosis(1, late), diagnosis(2, late), diagnosis(3, early, valve)])

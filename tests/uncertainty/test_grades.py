@@ -33,7 +33,7 @@ GAS = GasFacts(
 
 
 def told(mse=0.05, noise=0.001, *, misses=True, hints=()):
-    return Diagnosis(1, mse, noise, misses, 0.9, 0.3, hints, "")
+    return Diagnosis(1, mse, noise, misses, hints, "")
 
 
 def reasons(fit, seen=None, gas=None):
@@ -75,7 +75,7 @@ def test_an_offset_that_turns_the_gas_force_round_withholds(
 ) -> None:
     gas = GAS._replace(rod_area=share * GAS.rod_area)
     fit = having(mse=0.001, status={"f_0": "fitted"}, f_0=times * gas.force)
-    known = Interval(error, 0.0, 0.0, 1.0)
+    known = Interval(error, 0.0, 0.0)
     assessment = Assessment(uncertainties=(Uncertainty(fit.setting, {"f_0": known}, (), None),))
     found = objections(campaign(fit), assessment, gas).get(fit.setting, ())
     assert ("direction" in {one.kind for one in found}) is is_withheld

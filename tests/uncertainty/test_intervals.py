@@ -12,12 +12,10 @@ from damperfit.uncertainty import linearise_settings, uncertainties
 from damperfit.uncertainty.covariance import (
     autocorrelation,
     correlation_length,
-    cycle_covariance,
     independent_samples,
     larger,
     score_covariance,
     stationary_covariance,
-    sums_by_cycle,
     widening,
 )
 from tests.identification.rig import short_trace
@@ -101,17 +99,6 @@ def test_the_larger_of_two_covariances_is_that_in_every_direction() -> None:
         assert larger(one, times * one) == pytest.approx(max(times, 1.0) * one)
     nothing = np.diag([1.0, 4.0, 0.0])
     assert larger(nothing, np.diag([2.0, 3.0, 0.0])) == pytest.approx(np.diag([2.0, 4.0, 0.0]))
-
-
-@pytest.mark.parametrize("n", [1, 2, 12])
-def test_the_jackknife_over_cycles_is_that_of_the_cycle_sums(n) -> None:
-    scores = np.random.default_rng(13).standard_normal((1200, 2))
-    found = cycle_covariance([sums_by_cycle(scores, np.linspace(0.0, 1200.0, n + 1))])
-    if n == 1:
-        assert np.isnan(found).all()
-        return
-    sums = scores.reshape(n, -1, 2).sum(axis=1)
-    assert found == pytest.approx(n * np.cov(sums.T), rel=1e-12)
 
 
 def test_autocorrelation_is_that_of_the_definition() -> None:

@@ -130,7 +130,7 @@ def test_an_interval_with_the_misfit_as_wide_as_that_of_no_value_is_told(misfit,
     assert changed == (set() if is_told else {name})
     is_lost = not is_told and name == "k_e"
     assert found.outcome is (Outcome.NOT_IDENTIFIABLE if is_lost else Outcome.CONVERGED)
-    offset = replace(seen, intervals={"f_0": Interval(1.0, -9.0, 9.0, math.nan)})
+    offset = replace(seen, intervals={"f_0": Interval(1.0, -9.0, 9.0)})
     assert reconsidered(fit, errors=[offset])[1] == set()
 
 
@@ -152,7 +152,7 @@ def test_a_friction_that_follows_the_clicks_is_none(found, is_said) -> None:
         for n, (value, error, misfit) in enumerate(found, start=1):
             fit = fakes.fit(n, status={"f_f": status})
             fits.append(replace(fit, parameters=fit.parameters.replace({"f_f": value})))
-            interval = Interval(error, value - error, value + error, math.nan, misfit)
+            interval = Interval(error, value - error, value + error, misfit)
             errors.append(Uncertainty(n, {"f_f": interval}, ("f_f",), np.eye(1)))
         judged = Assessment(uncertainties=tuple(errors))
         said = list(unlike_frictions(fakes.campaign(*fits), judged))
