@@ -211,8 +211,9 @@ class Force:
 
     @property
     def measured_error(self) -> float:
-        """Standard error of the measured force as it was read, N; NaN: none."""
-        return math.nan if self.measured is None else self.measured.error
+        """Standard error of the measured force, with that of the tare taken out, N; NaN: none."""
+        error = math.nan if self.measured is None else self.measured.error
+        return math.hypot(error, self.tare_error, self.tare_misfit)
 
     @property
     def difference(self) -> float:
@@ -255,12 +256,11 @@ class Force:
         """The measured force in place of the model's, where there is one."""
         if self.measured is None:
             return self
-        error = math.hypot(self.measured.error, self.tare_error, self.tare_misfit)
         return replace(
             self,
             force=self.measured_force,
-            error=error,
-            rest=error,
+            error=self.measured_error,
+            rest=self.measured_error,
             carried=np.zeros_like(self.carried),
             origin=MEASURED,
             misfit=0.0,

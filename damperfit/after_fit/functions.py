@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -98,7 +97,9 @@ def valves(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.after_fit.valves import read_valves, sized
     from damperfit.queries.settings import parse_question, positive
 
-    if not 0.0 <= cd_spread < _above_zero("cd", cd):
+    if not 0.0 < cd <= 1.0:
+        raise usage("expected more than 0, and 1 at most", "out-of-range", Option("cd", cd))
+    if not 0.0 <= cd_spread < cd:
         text = f"expected 0 or more, and less than the coefficient, {cd:g}"
         raise usage(text, "cd-spread", Option("cd_spread", cd_spread))
     run = run_of(results, "damperfit.valves", config)
@@ -267,9 +268,3 @@ def _reference(given: object, call: str, model: str) -> Run | None:
 def _settings(run: Run, setting: str | None) -> tuple[SettingResult, ...]:
     with blamed_on(Option("setting", setting)):
         return run.settings if setting is None else (run.setting(setting),)
-
-
-def _above_zero(name: str, given: float) -> float:
-    if not 0.0 < given < math.inf:
-        raise usage("expected more than 0", "out-of-range", Option(name, given))
-    return given

@@ -24,7 +24,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 from damperfit.tables.files import finite, json_values
-from damperfit.tested.setting import Setting, clicks_between
+from damperfit.tested.setting import Setting, clicks_between, lines_of
 
 if TYPE_CHECKING:
     from damperfit.results import Run
@@ -160,7 +160,8 @@ def _rows(
     """Yield a valve at each setting that has it; the spread is relative."""
     factor = 1.0 / (discharge * math.sqrt(2.0 * getattr(run.damper, "oil_density", math.nan)))
     what, si, *_ = _kind(quantity)
-    before: tuple[Setting, float] | None = None
+    sizes: dict[Setting, float] = {}
+    before = {b: a for line in _lines(run, quantity) for a, b in pairwise(line)}
     for setting in run.settings:
         (size, low, high), more = _read(setting, quantity), {}
         if what == "area":
@@ -171,12 +172,26 @@ def _rows(
             size = factor / size
             low, high = size * (1.0 - below), size * (1.0 + above)
             more = {"diameter_m": math.sqrt(4.0 * size / math.pi)}
-        clicks = clicks_between(before[0], setting.setting) if before else None
-        change = (size - before[1]) / clicks if before and clicks else math.nan
+        first = before.get(setting.setting)
+        clicks = clicks_between(first, setting.setting) if first in sizes else None
+        change = (size - sizes[first]) / clicks if first and clicks else math.nan
         ends = {"": size, "_ci_low": low, "_ci_high": high, "_change": change}
         numbers = {f"{what}{end}_{si}": finite(value) for end, value in ends.items()}
         yield {"setting": setting.setting, "quantity": quantity.name, **numbers, **more}
-        before = setting.setting, size
+        sizes[setting.setting] = size
+
+
+def _lines(run: Run, quantity: Quantity) -> list[tuple[Setting, ...]]:
+    """Return the lines of settings along the adjuster that moves a valve most."""
+    sizes = {s.setting: float(s.parameters[quantity.name]) for s in run.settings}
+    lines = lines_of(sizes)
+
+    def moved(adjuster: str) -> float:
+        own = (line.settings for line in lines if line.adjuster == adjuster)
+        return median([abs(sizes[b] - sizes[a]) for line in own for a, b in pairwise(line)] or [0])
+
+    adjuster = max((line.adjuster for line in lines), key=moved)
+    return [line.settings for line in lines if line.adjuster == adjuster]
 
 
 def _kind(quantity: Quantity) -> tuple[str, str, float, str]:
@@ -188,8 +203,14 @@ def _read(setting: SettingResult, quantity: Quantity) -> tuple[float, float, flo
     return float(setting.parameters[quantity.name]), low, high
 
 
-def _jumps(run: Run, quantity: Quantity, rows: Sequence[Row]) -> Iterator[str]:
+def _jumps(run: Run, quantity: Quantity, mine: Sequence[Row]) -> Iterator[str]:
     """Say where a click changes a valve far more than the others, or the other way."""
+    by_setting = {row["setting"]: row for row in mine}
+    for line in _lines(run, quantity):
+        yield from _jumps_along(run, quantity, [by_setting[s] for s in line if s in by_setting])
+
+
+def _jumps_along(run: Run, quantity: Quantity, rows: Sequence[Row]) -> Iterator[str]:
     what, si, factor, unit = _kind(quantity)
     reach = {}  # half of the interval over the value; what C_d may be off is common to all
     for setting in run.settings:
@@ -226,7 +247,7 @@ def _worn(quantity: Quantity, run: Run, reference: Run) -> Iterator[str]:
             what, change = ("area", then / now - 1.0) if is_hole else ("preload", now / then - 1.0)
             yield (
                 f"{quantity.symbol} of setting {setting.label}: {what} {100.0 * change:+.2g} % "
-                f"since {reference.name}, beyond both intervals"
+                f"since {reference.name}, beyond the errors of both fits, at the same C_d"
             )
 
 

@@ -127,9 +127,10 @@ def compared(
     step = math.log(b / a) if is_log else b - a
     reach, chance = reach_of(of_both, step)
     if is_log:
+        percent = 100.0 * (b / a - 1.0)
         low, high = (math.exp(min(log, _MOST_LOG)) - 1.0 for log in (step - reach, step + reach))
         share = reach
-        numbers = (a * low, a * high, 100.0 * (b / a - 1.0), 100.0 * low, 100.0 * high)
+        numbers = (a * low, a * high, percent, 100.0 * low, 100.0 * high)
     else:
         scale = first.scale if math.isfinite(first.scale) else a
         percent = share = math.nan
@@ -148,7 +149,8 @@ def compared(
         verdict = DIFFERENT
     elif not reason and share > SEEN:
         # At its passage through zero a force has no per cent to speak of: newtons say it.
-        reason = f"a difference of {100.0 * share:.2g} % would go unnoticed"
+        size = f"{reach:.2g} {subject.unit}" if math.isnan(percent) else f"{100.0 * share:.2g} %"
+        reason = f"a difference of {size} would go unnoticed"
     elif not reason:
         verdict = SAME
     return Difference(subject, first, second, *numbers, chance, verdict, reason)
@@ -180,18 +182,18 @@ def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) 
     if n_measured:
         part = f" ({n_measured} of {len(lines)} as measured)"
         words += " as measured" if n_measured == len(lines) else part
-    clear = [line for line in lines if line.verdict != UNDETERMINED]
+    clear, n = [line for line in lines if line.verdict != UNDETERMINED], len(lines)
     if not clear:
         return f"{words}: cannot be determined ({lines[0].reason})"
     different = [line for line in clear if line.verdict == DIFFERENT]
     sure = [line for line in different if line.is_sure]
-    undetermined = len(lines) - len(clear)
-    beside = f"; {undetermined} cannot be determined" if undetermined else ""
+    beside = f"; {n - len(clear)} cannot be determined" if n > len(clear) else ""
     if not different:
-        return f"{words}: all {len(clear)} the same within errors{beside}"
+        which = f"{len(clear)} of {n}" if beside else f"all {n}"
+        return f"{words}: {which} the same within errors{beside}"
     if not sure:
         return (
-            f"{words}: no significant difference: {len(different)} of {len(clear)} lie outside "
+            f"{words}: no significant difference: {len(different)} of {n} lie outside "
             f"their 95 % interval, where chance alone puts {0.05 * len(clear):.2g}{beside}"
         )
     worst = max(
@@ -199,7 +201,7 @@ def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) 
     )
     how_many = "all" if len(sure) == len(different) else str(len(sure))
     return (
-        f"{words}: {len(different)} of {len(clear)} differ, {how_many} of them significantly; most "
+        f"{words}: {len(different)} of {n} differ, {how_many} of them significantly; most "
         f"{worst.subject.place(units)}: {difference_of(worst, units)}{beside}"
     )
 
@@ -519,7 +521,7 @@ def force_readings(
                 repeat_freedom=repeat_freedom,
                 misfit=force.misfit,
                 misses=force.difference,
-                misses_error=force.measured_error,
+                misses_error=math.nan if force.measured is None else force.measured.error,
                 disagrees=force.disagrees,
                 scale=force.damping,
                 is_measured=force.is_measured,

@@ -25,7 +25,6 @@ import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter, passed_filter
-from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.exporting.fmu import PLATFORMS, exported_damper
 from damperfit.exporting.fmu_build import this_platform
@@ -57,8 +56,9 @@ class SettingCheck:
     def __str__(self) -> str:
         beyond = f"; {self.beyond_percent:.2g} % of the samples are beyond the table"
         return (
-            f"setting {self.setting}: MSE {self.mse_percent:.3g} % against the logs, the fit's own "
-            f"{self.fit_mse_percent:.3g} %{beyond * bool(self.beyond_percent)}"
+            f"setting {self.setting}: MSE {self.mse_percent:.3g} % against the logs, the model's "
+            f"on the same samples, without the ends, {self.fit_mse_percent:.3g} %"
+            f"{beyond * bool(self.beyond_percent)}"
         )
 
 
@@ -71,14 +71,7 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
             where=Option("check"),
             code="no-signals",
         )
-    document = run.run.record.get("configuration") or {}
-    names = ("filter", "filter_corner", "filter_order")
-    overlay = {
-        section: {name: (document.get(section) or {})[name] for name in names}
-        for section in ("conditioning", "rig")
-        if set(names) <= (document.get(section) or {}).keys()
-    }
-    conditioning = load_configuration(overlay=overlay).conditioning
+    conditioning = run.run.own_configuration.conditioning
     checks = []
     with TemporaryDirectory(prefix="damperfit-", ignore_cleanup_errors=True) as folder:
         forces, ends = _forces(run, export, Path(folder))

@@ -66,14 +66,14 @@ def comparison_sheets(
 
     def change(line: Difference) -> str:
         of_value = units.write(line.difference, line.subject.unit, "+.3g")
-        return of_value if math.isnan(line.percent) else f"{line.percent:+.2f}"
+        return of_value if math.isnan(line.percent) else f"{line.percent:+.2f} %"
 
     def interval(line: Difference) -> str:
-        low, high, form = line.percent_low, line.percent_high, "+.2f"
+        low, high, form, unit = line.percent_low, line.percent_high, "+.2f", "%"
         if math.isnan(line.percent):
             low, high = (units.show(end, line.subject.unit) for end in (line.low, line.high))
-            form = "+.3g"
-        return f"{low:{form}} to {high:{form}}" if math.isfinite(low) else NOTHING
+            form, unit = "+.3g", units.of(line.subject.unit)
+        return f"{low:{form}} to {high:{form}} {unit}" if math.isfinite(low) else NOTHING
 
     def figure(line: Difference) -> str:
         return f"{line.subject.label}, {units.of(line.subject.unit)}"
@@ -82,8 +82,8 @@ def comparison_sheets(
         _SETTING,
         Column("parameter", "", lambda line: line.subject.label, is_number=False),
         *_pair(units, "", 5),
-        Column("B - A", "%", change),
-        Column("", "%, 95 %", interval),
+        Column("B - A", "", change),
+        Column("", "95 %", interval),
         _verdict(units),
     ]
     of_figures = [
@@ -113,7 +113,7 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
         top = [line for line in lines if line.subject.speed == fastest]
         shown = [line for line in lines if line in top or line.verdict != SAME]
         shown = shown if len(shown) <= _MANY else top
-    of = "A's damping" if has_model else "A's measured force, gas included"
+    of = "A's damping" if has_model else "A's force as logged, gas and tare in it"
     notes = [f"%: of {of}; positive where B is harder"]
     if not has_model:
         notes.append("measured with the slowest motion common to both that reaches the speed")

@@ -124,6 +124,7 @@ advise RESULTS --for k_e --minutes 0 -> --minutes
 advise RESULTS --for k_e --max-stroke -5mm -> --max-stroke
 advise RESULTS --for k_e --max-force -1N -> --max-force
 valves RESULTS --cd 0 -> --cd
+valves RESULTS --cd 7 -> --cd
 valves RESULTS --cd-spread 0.8 -> --cd-spread
 valves RESULTS --force 400N -> --velocity
 watch folder --out folder -> --out

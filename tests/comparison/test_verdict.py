@@ -99,7 +99,7 @@ def test_differences_and_per_cents_have_intervals() -> None:
     line = compared(OFFSET, OFF, Reading(3.0, 0.5, scale=100.0))
     assert (line.difference, math.isnan(line.percent)) == (pytest.approx(3.1), True)
     far = Reading(-0.1, 5.0, scale=100.0)
-    assert compared(OFFSET, far, far).reason.startswith("a difference of 14 %")
+    assert compared(OFFSET, far, far).reason.startswith("a difference of 14 N")
 
 
 @pytest.mark.parametrize(
