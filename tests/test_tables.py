@@ -120,7 +120,7 @@ def test_parameters_come_back_exactly(tmp_path: Path, suffix: str) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [
-        ("none.csv", None, "No such file"),
+        ("none.csv", None, "no such file"),
         ("x.csv", b"setting,r_m1\n1,2\n", "has no column 'r_m2'"),
         ("x.csv", b"r_m1,r_m2,r_m3,k_e,f_f\n1,2,3,4,5\n", "has no column 'setting'"),
         ("x.csv", b"setting,r_m1,r_m2,r_m3,k_e,f_f\n1,a,2,3,4,5\n", "could not convert"),

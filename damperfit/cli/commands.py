@@ -185,7 +185,8 @@ def _tell_of_run(damper: Identified, how: Shown) -> None:
     else:
         seconds = f" in {record['timings']['total_s']:.1f} s"
         done = (
-            f"{'interrupted; ' * damper.is_interrupted}{done}{seconds}; results in {damper.folder}"
+            f"{'interrupted; ' * damper.is_interrupted}{done}{seconds}; "
+            f"{'results' if n_fits else 'why'} in {damper.folder}"
         )
     say(f"damperfit: {done}{', the profiles in profiles.csv' if configuration.profile else ''}")
 

@@ -18,7 +18,7 @@ from damperfit.comparison.comparing import (
 )
 from damperfit.comparison.measured import Reading, measured_readings
 from damperfit.errors import ConfigurationError
-from damperfit.io.files import read_text
+from damperfit.io.files import read_text, why_unread
 from damperfit.problem import Option
 from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, ShownUnits
@@ -136,8 +136,7 @@ def parse_bands(text: str | None) -> Tolerance | None:
     try:
         lines = read_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        why = f"cannot be read: {getattr(error, 'strerror', None) or error}"
-        raise _refused(path, why) from error
+        raise _refused(path, why_unread(error)) from error
     reader = csv.DictReader(line for line in lines if line.strip() and not line.startswith("#"))
     names = {_UNIT.sub("", (name or "").strip().lower()): name for name in reader.fieldnames or ()}
     has_band = {"force", "tolerance"} <= names.keys() or {"low", "high"} <= names.keys()

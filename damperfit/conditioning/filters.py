@@ -41,6 +41,7 @@ _SETTLED = 1e-8
 _FADED = 1e-3
 # How often a signal is run through, as the compiled core has it.
 _FORWARD, _BOTH = 1, 0
+_SLOW = 20.0  # samples a second; of fewer the unit of time is in doubt
 
 
 def design_filter(
@@ -67,9 +68,11 @@ def design_filter(
     if kind == "none":
         return FilterDesign(np.empty((0, 6)), is_zero_phase=True, description="no filter")
     if not corner < sample_rate / 2.0:
+        of_time = "if the time is in another unit, declare rig.units.time; else "
         raise ConditioningError(
             f"the filter corner of {corner:g} Hz is not below half the sample rate "
-            f"({sample_rate / 2.0:.4g} Hz at {sample_rate:.4g} samples per second); sample faster, "
+            f"({sample_rate / 2.0:.4g} Hz at {sample_rate:.4g} samples per second); "
+            f"{of_time * (sample_rate < _SLOW)}sample faster, "
             f"set {key} = '{float(f'{0.4 * sample_rate:.2g}'):g}Hz', which fits, or choose the "
             "filter 'none'",
             code="corner-too-high",

@@ -106,7 +106,7 @@ def examine(seen: Seen) -> tuple[Finding, ...]:
 _MADE_BY = {
     "values_repeated": {"force_stuck", "displacement_stuck", "force_smoothed"},
     "force_stuck": {"force_smoothed"},
-    "frozen_rows": {"unsteady_cycles", "force_smoothed"},
+    "frozen_rows": {"unsteady_cycles", "force_smoothed", "rig_filter"},
     "another_force": {"cycle_scatter", "force_trend", "force_drift"},
 }
 
@@ -435,7 +435,7 @@ _SCATTER = 1.0  # %
 _FALL = 3.0  # %, of the peaks from the first cycle to the last; K_e is off by half of it or more
 _FORCE_DRIFT = 1.0  # % of the peak force
 _STROKE_DRIFT = 5.0  # % of the amplitude
-_SURE = 4.0  # standard errors
+_SURE, _SURE_OF_FEW = 4.0, 12.0  # standard errors; the second where three cycles give one
 _ENOUGH = 4  # cycles, to tell a trend from scatter
 _STEP, _STEPS_OVER, _MOST_STEPS = 0.05, 3.0, 20  # of the peak; times what stays level moves
 _CURVED = 8  # cycles, from which on a trend may bend
@@ -609,21 +609,23 @@ def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Finding]:
         starts = clean if len(clean := clean_cycles(segment)) > 2 else segment.cycle_starts
         sums = cycle_energies(np.ones_like(trace.force), trace.force, starts, 1.0)
         means.append((0.5 * (starts[1:] + starts[:-1]), sums / np.diff(starts)))
-    # Four cycles of one speed change three times; of several, whose edges disturb them, one more.
+    # Three cycles of one speed change twice; of several, whose edges disturb them, twice more.
     n_changes = sum(len(values) - 1 for _, values in means)
-    if n_changes < _ENOUGH - (len(means) < 2) or not half > 0.0:
+    if n_changes < (_ENOUGH if len(means) > 1 else _ENOUGH - 2) or not half > 0.0:
         return
+    are_few = n_changes == _ENOUGH - 2
     drift, error = _drift(means)
     share = 100.0 * drift / half
     text = f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the "
     text += "peak"
     fault = ""
-    if not (abs(share) <= _FORCE_DRIFT or abs(drift) <= _SURE * error):
+    if not (abs(share) <= _FORCE_DRIFT or abs(drift) <= (_SURE, _SURE_OF_FEW)[are_few] * error):
         if is_warming:
             text += ", as the peaks change with the temperature"
         else:
             fault = "; K_e is off by about as much; check amplifier and temperature"
-    yield _judged("force_drift", text, share, "%", fault=fault)
+    if fault or not are_few:
+        yield _judged("force_drift", text, share, "%", fault=fault)
 
 
 def _drift(groups: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[float, float]:

@@ -211,6 +211,10 @@ def _continued(
     return _kept(continued.seen, more, n_found, single)._replace(findings=(finding,))
 
 
+_BRIEF = 0.1  # s; of a shorter log the unit of time is in doubt
+_OF_TIME = "if the time is in another unit, declare rig.units.time; else "
+
+
 def _window(motion: _Motion) -> FloatArray:
     """Return boundaries of the steady cycles that neither run-in nor filter edges touch."""
     cycles, edge = motion.cycles, motion.seen.edge
@@ -227,7 +231,7 @@ def _window(motion: _Motion) -> FloatArray:
         raise ConditioningError(
             f"found {n_cycles} whole steady cycle{'s' * (n_cycles != 1)} in the displacement "
             f"(it spans {stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{needed}; "
-            "record a longer log",
+            f"{_OF_TIME * (n * h < _BRIEF)}record a longer log",
             subject=motion.name,
             code="no-cycles",
         )

@@ -33,6 +33,7 @@ _JITTER = 0.01  # share of the interval; what the filter does not notice
 _ROUNDED = 0.75  # of the rounding: half of it, and what a least-squares line may be off by itself
 # Wrong stamps cost more of K_e than right ones of an uneven clock.
 _ROUGHER = 1.5
+_ROUND_RATE = 2e-4  # of a rate, by which a round one may be off
 _MAX_FILLED = 0.05  # share of the log that may be put in before it is no measurement any more
 
 _TRIES = 8
@@ -134,9 +135,12 @@ def _jitter(
     )
     if by_stamp <= _ROUGHER * by_count:
         return Finding("jitter", "note", text, spread, "%")
+    short = float(f"{rate:.3g}")
+    known = short if abs(short / rate - 1.0) < _ROUND_RATE else rate
     text += (
         f"; but the displacement is {by_stamp / max(by_count, 1e-300):.2g} times smoother without "
-        "the stamps: they are those of the computer, not of the samples; declare rig.sample_rate"
+        "the stamps: they are those of the computer, not of the samples; declare "
+        f"rig.sample_rate = '{known:.6g}Hz'"
     )
     return Finding("jitter", "warning", text, spread, "%")
 

@@ -22,7 +22,7 @@ from damperfit.configuration.drawings import MEASURED
 from damperfit.configuration.options import Configuration, build_configuration
 from damperfit.damper.model import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.io.files import IrregularFileError, read_text
+from damperfit.io.files import IrregularFileError, read_text, why_unread
 from damperfit.problem import FilePlace, Key, Option
 from damperfit.sections import SECTIONS, ProfileSection
 
@@ -169,7 +169,7 @@ def _read(path: Path) -> _Layer:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         why, code = f"not valid TOML: {error}", "not-toml"
         if isinstance(error, OSError):
-            why, code = f"cannot be read: {error.strerror}", "unreadable"
+            why, code = why_unread(error), "unreadable"
         elif isinstance(error, UnicodeDecodeError):
             why, code = f"not UTF-8 text, at byte {error.start}", "not-utf8"
         place = FilePlace(str(path), 0, _OF_FILE)

@@ -25,15 +25,18 @@ from damperfit.errors import LogError
 from damperfit.io.formats import FloatArray, Samples
 from damperfit.io.options import EXTRAS
 from damperfit.recording import Finding
-from damperfit.statistics import median
+from damperfit.statistics import median, percentiles
 
 _FEWEST = 50  # rows; of fewer nothing is said
 _CLOCK_BITS = (16, 24, 32)
 _RARE = 0.1  # of its period, the longest step of a clock that rolls over
 _TICKS = (1.0, 1e-3, 1e-6)  # of a clock, in the unit in which it is written
-_BITS = (10, 12, 14, 16, 18, 20, 24, 32)  # of encoders and converters
+_BITS = range(8, 33)  # of encoders and converters, the sign perhaps beside them
+_FINE = 1e-6  # of the range; smaller gaps are rounding
 _ROLLED = 0.75  # of the range: a step as large is a jump, or nothing rolls over
-_SMOOTH = 0.25  # of the range: no step is larger once the jumps are taken out
+# What is left of most jumps (%) once they are taken out, of the range and of the largest other
+# step: spikes leave more.
+_MOST, _SMOOTH, _ALIKE = 90.0, 0.25, 2.0
 _LATE = 3.0  # usual steps; where more are missing, a clock may have been set
 _BLANK = 0.25  # of a channel's rows; fewer blanks are damage
 _LONGEST = 20  # rows between two values; a longer blank is a hole
@@ -135,13 +138,17 @@ def _period(values: FloatArray) -> tuple[int, float] | None:
     span = float(np.max(values) - np.min(values))
     if not max(float(np.max(steps)), -float(np.min(steps))) > _ROLLED * span:  # nor of blanks
         return None
-    quantum = _quantum(steps)
+    # Two steps may differ by one where none is as small, in a short log.
+    gaps = np.diff(np.sort(np.abs(steps)))
+    quantum = _quantum(np.append(steps, gaps[gaps > _FINE * span]))
     bits = math.ceil(math.log2(span / quantum))
     period = quantum * 2.0**bits
     if bits not in _BITS or _ROLLED * period > span:
         return None
     rest = np.abs(np.diff(np.unwrap(values, period=period)))
-    return (bits, quantum) if float(np.max(rest)) < _SMOOTH * period else None
+    is_jump = np.abs(steps) > 0.5 * period
+    largest = min(_SMOOTH * period, _ALIKE * float(np.max(rest[~is_jump])) + quantum)
+    return (bits, quantum) if percentiles(rest[is_jump], _MOST)[0] < largest else None
 
 
 def _quantum(steps: FloatArray) -> float:

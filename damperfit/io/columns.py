@@ -23,8 +23,8 @@ _COUNTED = {"millis": "ms", "micros": "us"}  # a microcontroller's clocks, named
 # English, German, French, Italian, Spanish.
 _WORDS = {
     "time": (
-        "time", "times", "t", "elapsed", "seconds", "timestamp", "timestamps", "datetime", "zeit",
-        "uhrzeit", "temps", "tempo", "tiempo", "epoch", "unix", *_COUNTED,
+        "time", "times", "t", "ts", "elapsed", "seconds", "timestamp", "timestamps", "datetime",
+        "zeit", "temps", "tempo", "tiempo", "epoch", "unix", *_COUNTED,
     ),
     "displacement": (
         "displacement", "disp", "position", "pos", "stroke", "travel", "extension", "x",
@@ -40,6 +40,16 @@ _WORDS = {
     ),
     "setting": ("setting",),
 }  # fmt: skip
+_ENDINGS: dict[str, str | tuple[str, ...]] = {  # of German compounds: Kolbenweg, Dämpferkraft
+    "time": "zeit", "displacement": ("weg", "nhub", "rhub"), "force": "kraft",
+    "temperature": "temperatur", "velocity": "geschwindigkeit",
+}  # fmt: skip
+_COMMANDED = {
+    *("command", "commanded", "cmd", "setpoint", "demand", "target", "reference", "soll"),
+    *("sollwert", "consigne"),
+}
+_LAST = 100  # words; a command is taken where nothing measured is there
+_NO_UNIT = {"1", "-", "--", "n/a", "none"}  # what a row of units has of raw values
 _ALL_WORDS = frozenset(word for words in _WORDS.values() for word in words)
 _IN_BRACKETS = re.compile(r"(?P<base>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*", re.DOTALL)
 _BEFORE_UNIT = re.compile(r"[_/, ]")
@@ -172,12 +182,17 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
         words, has_unit = words_of_name(base), _is_unit_of(column.unit or unit, channel)
         # A letter counts by itself, or beside its unit: degF is no force.
         counts_letters = has_unit or len(words) == 1
-        own = [w for w in words if w in _WORDS[channel] and (len(w) > 1 or counts_letters)]
+        own = [w for w in words if _names(w, channel) and (len(w) > 1 or counts_letters)]
         if own:
-            candidates.append((not (column.is_clock or has_unit), len(words) - len(own), i))
+            n_others = len(words) - len(own) + _LAST * (not _COMMANDED.isdisjoint(words))
+            candidates.append((not (column.is_clock or has_unit), n_others, i))
     if channel == "time" and not candidates:  # times of day need no name
         return [(False, 0, i) for i, column in enumerate(columns) if column.is_clock]
     return candidates
+
+
+def _names(word: str, channel: str) -> bool:
+    return word in _WORDS[channel] or word.endswith(_ENDINGS.get(channel, "\0"))
 
 
 def _is_unit_of(unit: str | None, channel: str) -> bool:
@@ -241,6 +256,8 @@ def channel_choice(channel: str, index: int, column: Column, options: ReadOption
             raise LogError(text, code="unclear-column")
         return ChannelChoice(index, find_unit("s", dimension), f"time: wall clock in column {name}")
     logged = column.unit or split_name(column.name)[1]
+    if logged is not None and logged.lower() in _NO_UNIT:
+        logged = None
     if channel == "time":
         logged = logged or _COUNTED.get(column.name.strip("() ").lower())
     if declared := options.units.get(channel):
@@ -263,8 +280,11 @@ def channel_choice(channel: str, index: int, column: Column, options: ReadOption
     except QuantityError as error:
         if channel == "velocity":  # a motor's, in revolutions per minute
             return ChannelChoice(index, None, f"velocity: left out; column {name}: {error}")
-        advice = f" For volts declare rig.scales and the unit in rig.units of the {channel}."
-        advice *= is_unit(logged, "voltage")
+        unit_of = units_of(dimension)[0]
+        advice = (
+            f"; of volts declare rig.scales.{channel}, {unit_of} a {logged}, and "
+            f"rig.units.{channel} = '{unit_of}'"
+        ) * is_unit(logged, "voltage")
         raise LogError(f"column {name}: {error}{advice}", code="unclear-column") from error
 
 
@@ -298,6 +318,10 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
     advice = f" Name {'them' if len(channels) > 1 else 'it'}: {names}"
     if "force" in channels:
         advice += "; without a force nothing can be fitted"
+    if "displacement" in channels and _candidates("velocity", columns):
+        advice += "; a velocity does not stand for it"
+    if "time" in channels:
+        advice += "; or declare rig.sample_rate, as '500Hz', of rows that are evenly spaced"
     reason = f" ({hint})" if hint else ""
     begin = f"no column for {in_a_row(channels)}{reason}"
     return f"{begin}; there are {_listed(columns)}.{hints}{advice}"

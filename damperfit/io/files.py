@@ -82,6 +82,13 @@ def read_text(path: str | os.PathLike[str], *, max_bytes: int = MAX_TEXT) -> str
     return read_bytes(path, max_bytes=max_bytes).decode("utf-8-sig")
 
 
+def why_unread(error: Exception) -> str:
+    """Return why a file cannot be read, for people."""
+    if isinstance(error, FileNotFoundError):
+        return "no such file"
+    return f"cannot be read: {getattr(error, 'strerror', None) or error}"
+
+
 def sha256_of(path: Path) -> str:
     """Return the hash of a file, hexadecimal."""
     with open_regular(path) as file:

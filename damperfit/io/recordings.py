@@ -377,7 +377,7 @@ def _cut_at_levels(
     starts, levels = steps_of_level(samples.channels.get(_CURRENT, np.empty(0)))
     if not starts:
         return [(first, stop)], ()
-    listed = ", ".join(f"{level:.3g}" for level in levels)
+    listed = ", ".join(f"{float(f'{level:.3g}'):g}" for level in levels)
     places = ", ".join(samples.place(start) for start in starts)
     is_named = bool(options.part_settings) and options.setting is None
     words = (

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.io.files import IrregularFileError, open_regular, read_bytes
+from damperfit.io.files import IrregularFileError, open_regular, read_bytes, why_unread
 from damperfit.problem import FilePlace
 from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
 from damperfit.tested.setting import ADJUSTER, Place, parse_place, parse_setting
@@ -27,6 +27,16 @@ FACTS = {
 }
 # What the test was; a tare or a skew that a log itself names may have been taken off already.
 _OF_PREAMBLES = ("gas_pressure", "temperature")
+# What a preamble may call the temperature of the oil, and what else may stand in that name.
+_TEMPERATURES = {
+    *("temp", "temperature", "temperatur", "température", "temperatura", "öltemperatur"),
+    *("oeltemperatur", "dämpfertemperatur"),
+}
+_OF_OIL = {
+    *("oil", "fluid", "damper", "shock", "body", "test", "öl", "huile", "olio", "aceite"),
+    *("of", "de", "l", "d", "the", "amortisseur"),
+}
+_IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _FILE = ("file", "log", "filename", "datei")
 _MAX_BYTES = 10_000_000
 _MAX_SKEW = 0.1  # s; more is no skew between channels but two clocks
@@ -49,11 +59,21 @@ def _key(name: str) -> str:
 
 def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return the facts in a log's own preamble, and notes on lines that are not used."""
-    facts, notes = {}, []
+    facts: dict[str, float] = {}
+    notes = []
     for name, text in preamble.items():
+        base, unit = _IN_BRACKETS.sub("", name), "".join(_IN_BRACKETS.findall(name))
+        words, stated = set(_key(base).split("_")), text.replace(",", ".")
+        if (key := _key(name)) in _OF_PREAMBLES:
+            pass
+        elif words & _TEMPERATURES and words <= _TEMPERATURES | _OF_OIL:
+            key = "temperature"
+            # A bare number is degrees of some kind, and keys are in lower case.
+            stated += f" {(unit or '?').upper().replace('DEG', 'deg')}" * stated[-1:].isdigit()
+        else:
+            continue
         try:
-            if (key := _key(name)) in _OF_PREAMBLES:
-                facts[key] = fact_of(key, text)
+            facts[key] = fact_of(key, stated)
         except ValueError as error:
             notes.append(f"{name}: {text}: not used; {error}")
     return facts, tuple(notes)
@@ -104,7 +124,7 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:  # noqa: C90
     try:
         lines = _text(read_bytes(path, max_bytes=_MAX_BYTES)).splitlines()
     except (OSError, ValueError) as error:
-        reason = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+        reason = why_unread(error)
         if isinstance(error, IrregularFileError):
             reason = f"{error.strerror}; this is not a table of tests"
         raise refused(reason) from error

@@ -20,7 +20,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, takewhile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,6 +52,7 @@ _VALUE = re.compile(
 )
 _ENTRY = re.compile(r"[#%;\s]*(?P<key>[^:=,;\t]{1,60}?)\s*[:=]\s*(?P<value>.*?)[\s;,]*")
 _CELLS = re.compile(r"[\s\"]*(?P<key>[^:=,;\t]{1,60}?)\"?\s*[,;\t]\s*(?P<value>[^;\t]*?)[\s;,]*")
+_AMOUNT = re.compile(r"[+-]?\d+(?:[.,]\d+)?\s*[^\d,;]*")
 _LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 _EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
@@ -141,7 +142,9 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
         notes = (*notes, f"left out: the block in line {empty[0].first_line}{others}, without rows")
         blocks = [block for block in blocks if block not in empty]
-    tables = tuple(_table(block, source.name, notes, options) for block in blocks)
+    tables = tuple(
+        table for block in blocks for table in _tables(block, source.name, notes, options)
+    )
     return _with_time_of_titles(tables, options)
 
 
@@ -152,7 +155,7 @@ def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     facts = dict(_LVM_ENTRY.findall(data[: ends[0].start()].decode() if ends else ""))
     preamble = tuple(f"{key}: {text}" for key, text in facts.items())
     separator = {"Comma": ","}.get(facts.get("Separator", ""), "\t")
-    tables = []
+    tables: list[Table] = []
     for k, end in enumerate(ends[1:], start=1):
         following = ends[k + 1].start() if k + 1 < len(ends) else len(data)
         begins = _LVM_SEGMENT.search(data, end.end(), following)  # the next segment's header
@@ -186,7 +189,7 @@ def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         line, decimal = data.count(b"\n", 0, end.end()) + 1, facts.get("Decimal_Separator", "")
         text = heading.encode() + b"\n" + rows
         block = _Block(text, line, decimal, f"segment {k}", preamble)
-        tables.append(_table(block, source.name, notes, options))
+        tables += _tables(block, source.name, notes, options)
     if not tables:
         raise LogError("a LabVIEW measurement file without a segment", code="no-data")
     return tuple(tables)
@@ -397,17 +400,49 @@ def _decimal(rows: Sequence[_Row], separator: str, thousands: str, below: bytes)
 
 def _metadata(preamble: Sequence[str]) -> dict[str, str]:
     """Return the ``key: value`` lines of a preamble, keys in lower case."""
-    # Whose test it is may stand in two cells, as in ``Operator;J. Smith``.
+    # Whose test it is, or an amount, may stand in two cells: ``Operator;J. Smith``.
     cells = [match for line in preamble if (match := _CELLS.fullmatch(line))]
-    pairs = [match for match in cells if names_identity(match["key"])]
+    pairs = [m for m in cells if names_identity(m["key"]) or _AMOUNT.fullmatch(m["value"])]
     pairs += [match for line in preamble if (match := _ENTRY.fullmatch(line))]
     return {pair["key"].strip("#%\" '").lower(): pair["value"].strip('" ') for pair in pairs}
 
 
-def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, marks, rows
+def _tables(
     block: _Block, name: str, notes: tuple[str, ...], options: ReadOptions
+) -> Iterator[Table]:
+    """Yield the table of a block, or one for each time that the same names stand above rows."""
+    head = _parted_head(block, options)
+    separator, rows, first_row = head
+    data_at, names_at, _ = _heading(rows, first_row)
+    begin, start = (rows[k].offset for k in (data_at if names_at is None else names_at, data_at))
+    again = block.data.find(b"\n" + block.data[begin:start], start) + 1 if begin < start else 0
+    if not again:
+        yield _table(block, head, name, notes, options)
+        return
+    # A preamble of its own may stand above the second names, too.
+    above = block.data[max(again - _MAX_PREAMBLE, start) : again].splitlines(keepends=True)[::-1]
+
+    def is_data(line: bytes) -> bool:
+        row = _Row(0, 0, line.decode("utf-8", "replace"))
+        return _parted(row, separator, options.thousands).is_data
+
+    again -= sum(map(len, takewhile(lambda line: not is_data(line), above)))
+    line = block.first_line + len(_LINE_END.findall(block.data, 0, again))
+    title = block.title or f"from line {block.first_line}"
+    yield _table(block._replace(data=block.data[:again], title=title), head, name, notes, options)
+    preamble = (*block.preamble, *(row.text for row in rows[: names_at or 0]))
+    rest = _Block(block.data[again:], line, block.decimal, f"from line {line}", preamble)
+    yield from _tables(rest, name, notes, options)
+
+
+def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, marks, rows
+    block: _Block,
+    parted: tuple[str, Sequence[_Row], int],
+    name: str,
+    notes: tuple[str, ...],
+    options: ReadOptions,
 ) -> Table:
-    separator, head, first_row = _parted_head(block, options)
+    separator, head, first_row = parted
     if (n := len(head[first_row].fields)) > _MAX_COLUMNS:
         where, text = head[first_row].number, f"{n} columns, more than the limit of {_MAX_COLUMNS}"
         raise LogError(text, subject=f", line {where}", code="bad-row")

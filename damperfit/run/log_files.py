@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.purdy.parameters import QUANTITIES
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.io.files import open_regular, read_text
+from damperfit.io.files import open_regular, read_text, why_unread
 from damperfit.io.formats import LOG_SUFFIXES
 from damperfit.recording import Recording, Trace, natural_order
 from damperfit.units.quantities import units_of
@@ -81,8 +81,7 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
         try:
             entries = sorted(path.iterdir())
         except OSError as error:
-            why = f"cannot be read: {error.strerror or error}"
-            raise refused(why, str(path), "unreadable") from error
+            raise refused(why_unread(error), str(path), "unreadable") from error
         names = {entry: entry.name.lower() for entry in entries if entry.name[0] != "."}
         logs = [e for e in names if names[e].endswith(LOG_SUFFIXES) and not _is_folder(e)]
         are_own = bool(logs) and all(map(is_own_table, logs))
@@ -121,7 +120,7 @@ def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
     try:
         lines = read_text(path).splitlines()
     except (OSError, ValueError) as error:
-        why = f"the list {path} cannot be read: {getattr(error, 'strerror', None) or error}"
+        why = f"the list {path}: {why_unread(error)}"
         raise ConfigurationError(why, subject=pattern, code="no-log") from error
     paths: list[Path] = []
     for number, line in enumerate(lines, start=1):
@@ -191,6 +190,8 @@ def is_own_table(path: Path) -> bool:  # noqa: PLR0911 - one a kind of file
 
     So is what --log-file wrote, and what `export` wrote of tables and text.
     """
+    if path.suffix in {".md", ".html"}:  # a report
+        path = path.with_name("run.json")
     try:
         if not path.is_file():
             return False

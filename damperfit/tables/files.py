@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from damperfit.arrays import FloatArray
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
-from damperfit.io.files import read_text, regular, sha256_of
+from damperfit.io.files import read_text, regular, sha256_of, why_unread
 from damperfit.problem import Option
 from damperfit.store import file_set, settle
 from damperfit.tables.columns import (
@@ -506,8 +506,7 @@ def read_table(
                 )
         rows = typed_rows("parameters", cells, quantities, names)
     except OSError as error:
-        why = f"cannot be read: {error.strerror or error}"
-        raise ConfigurationError(why, subject=path, code="unreadable") from error
+        raise ConfigurationError(why_unread(error), subject=path, code="unreadable") from error
     except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
         raise ConfigurationError(
             f"not a parameters table: {error}", subject=path, code="not-a-table"

@@ -14,9 +14,12 @@ _WORDS = {
         "serial", "serialnumber", "serialno", "serialnr", "sn", "damperserial", "seriennummer",
         "seriennr", "damperid",
     ),
-    "customer": ("customer", "client", "kunde", "team"),
-    "operator": ("operator", "tester", "engineer", "technician", "prüfer", "pruefer", "bediener"),
-    "date": ("date", "testdate", "dateoftest", "datum", "datetime"),
+    "customer": ("customer", "client", "kunde", "cliente", "team"),
+    "operator": (
+        "operator", "tester", "engineer", "technician", "prüfer", "pruefer", "bediener",
+        "opérateur", "operateur", "operatore", "operador",
+    ),
+    "date": ("date", "testdate", "dateoftest", "datum", "datetime", "fecha"),
     "rig": ("rig", "testrig", "machine", "dyno", "prüfstand", "pruefstand"),
     "text": ("text", "comment", "remark", "notes", "note", "bemerkung", "kommentar"),
 }  # fmt: skip

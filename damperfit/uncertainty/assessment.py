@@ -9,7 +9,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import itemgetter
-from statistics import mode
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -66,6 +65,7 @@ from damperfit.workers import executor, in_copies, raised_in_copy
 
 if TYPE_CHECKING:
     from damperfit.errors import OnError
+    from damperfit.recording import Trace
     from damperfit.uncertainty.grades import Objection
 
 
@@ -183,13 +183,17 @@ def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
 
 def motions_apart(campaign: Campaign) -> Iterator[Problem]:
     """Yield the one log whose clock or stroke is off those of all others, which agree."""
-    traces = [log.trace for fit in campaign.fits for log in fit.logs]
-    usual = mode([len(trace.segments) for trace in traces] or [1])
-    traces = [trace for trace in traces if len(trace.segments) == usual and trace.fastest.n_cycles]
-    if len(traces) < _ENOUGH_LOGS:
-        return
+    logs = [log.trace for fit in campaign.fits for log in fit.logs]
+    for n_segments in sorted({len(trace.segments) for trace in logs}):
+        alike = [trace for trace in logs if len(trace.segments) == n_segments]
+        if len(traces := [trace for trace in alike if trace.fastest.n_cycles]) >= _ENOUGH_LOGS:
+            yield from _motions_apart(traces)
+
+
+def _motions_apart(traces: Sequence[Trace]) -> Iterator[Problem]:
+    """Yield the one log that is off all others, which have as many segments."""
     names = [trace.name for trace in traces]
-    is_few = usual > 1 or len(traces) == _ENOUGH_LOGS
+    is_few = len(traces[0].segments) > 1 or len(traces) == _ENOUGH_LOGS
     least, greatest = _APART_OF_FEW if is_few else _APART
     kinds = (
         ("clock-apart", "Hz", 1.0, "clock", "frequency"),

@@ -55,17 +55,18 @@ _ABSOLUTE: dict[str, float | tuple[float, float]] = {
 }  # fmt: skip
 # Dimension -> spelling(s) divided by blanks -> factor (or factor and offset) to SI.
 # Case matters: MN and mN, or MPa and mPa, are a billion apart. Spellings in capitals are listed
-# only where they can mean nothing else.
+# only where they can mean nothing else; words of five letters or more may begin with one, or be all
+# of them.
 _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
     "length": {
         "m": 1.0,
-        "mm MM Millimeter Millimeters millimeter millimeters millimetre millimetres": 1e-3,
+        "mm MM millimeter millimeters millimetre millimetres": 1e-3,
         "cm": 1e-2,
         "um µm μm micron microns": 1e-6,  # micro sign and Greek mu both occur
-        "in in. IN inch inches": _INCH,
+        "in in. IN inch Inch INCH inches": _INCH,
     },
     "force": {
-        "N newton newtons Newton Newtons": 1.0,
+        "N newton newtons": 1.0,
         "mN": 1e-3,
         "daN DAN": 10.0,
         "kN KN": 1e3,
@@ -109,13 +110,19 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
 }
 
 
+def _is_word(name: str) -> bool:
+    return len(name) >= _WORD and name.isascii() and name.isalpha() and name.islower()
+
+
+_WORD = 5  # letters; a slip in a shorter name is another unit: kip and kp are 454 apart
 _UNITS = {
     dimension: {
         spelling: Unit(
             spellings.split()[0], dimension, *(value if isinstance(value, tuple) else (value,))
         )
         for spellings, value in table.items()
-        for spelling in spellings.split()
+        for word in spellings.split()
+        for spelling in ({word, word.capitalize(), word.upper()} if _is_word(word) else {word})
     }
     for dimension, table in _TABLE.items()
 }
@@ -158,7 +165,6 @@ _PREFIXES = (
     *"TGMkhdcmunpµμ", "da", "giga", "mega", "kilo", "hecto", "deca", "deci", "centi", "milli",
     "micro", "nano",
 )  # fmt: skip
-_WORD = 5  # letters; a slip in a shorter name is another unit: kip and kp are 454 apart
 _SLIP = 0.85  # likeness of a word with one letter wrong; millimetre and centimetre have 0.73
 
 
@@ -166,8 +172,8 @@ def _hint(name: str, units: dict[str, Unit]) -> str:
     """Return " Did you mean 'X'?" where nothing but a slip makes the name another than X."""
     if any(name == prefix + unit for prefix in _PREFIXES for unit in units):
         return ""
-    if name.lower() == "kg" and "kgf" in units:
-        return " A kilogram is a mass: a load in kilograms is 'kgf', 9.80665 N each"
+    if (weight := f"{name.lower()}f") in units:
+        return f" {name} is a unit of mass: its weight, as a load, is {weight!r}"
     # Whoever writes a capital M means mega.
     near = [
         unit for unit in units if unit.lower() == name.lower() and (name[0], unit[0]) != ("M", "m")

@@ -18,7 +18,7 @@ identify nope.csv -> nope.csv: no such file #no-such-file
 identify 'nope*.csv' -> nope*.csv: the pattern matches no file
 identify fol* -> matches only folders
 identify folder -> no log in this folder
-inspect @none.txt -> none.txt cannot be read
+inspect @none.txt -> none.txt: no such file
 inspect @empty.txt -> @empty.txt: the list names no log
 inspect @list.txt -> list.txt:2: nowhere.csv: no such file
 inspect @nested.txt -> nested.txt:1: a list in a list is not followed
@@ -48,14 +48,14 @@ identify LOG --setting '?' -> --setting ?: expected clicks
 identify LOG --setting 0 -> --setting 0: setting_01.csv says setting 1 #other-setting
 identify LOG --rig-profile lab -> --rig-profile: no profile 'lab'
 identify LOG --github-summary -> GITHUB_STEP_SUMMARY is not set
-identify LOG --config nope.toml -> --config nope.toml: cannot be read #unreadable
+identify LOG --config nope.toml -> --config nope.toml: no such file #unreadable
 identify LOG --config bad.toml -> --config bad.toml:2: rig.skew #out-of-range
 identify LOG --config unknown.toml -> --config unknown.toml:2: unknown #unknown-key
 identify LOG --rig skip_lines=a -> --rig skip_lines #wrong-value
 identify LOG --rig max_log_bytes=0 -> --rig max_log_bytes: expected more than 0
 identify LOG --rig profiles.lab.encoding=no -> --rig profiles.lab.encoding: 'no' is not #wrong-value
 identify LOG --skew=-100 -> 'auto' or -0.1 or more; a bare number is in s #out-of-range
-identify LOG --tests nope.csv -> --tests nope.csv: cannot be read #bad-table-of-tests
+identify LOG --tests nope.csv -> --tests nope.csv: no such file #bad-table-of-tests
 identify LOG --out '' -> --out: found ''
 identify LOG --out text -> --out text: cannot be written: text is not a folder #not-a-folder
 identify LOG --out s3://bucket/x -> s3://bucket/x #no-address

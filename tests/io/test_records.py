@@ -406,6 +406,7 @@ ALL = slice(None)
 HALF = slice(None, None, 2)
 READ = {
     "force of 16 bits": (rows_of(f=rolled(F, 16, 0.008)), ALL, "rolled_over"),
+    "force of 15 bits": (rows_of(f=rolled(F, 15, 0.008)), ALL, "rolled_over"),
     "encoder of 12 bits": (rows_of(x=rolled(X + 20.0, 12, 0.01)), ALL, "rolled_over"),
     "seconds of a millisecond counter of 16 bits": (
         rows_of((TIME + 65.0) % 65.536, form=".3f"),
@@ -473,7 +474,7 @@ def test_stamps_that_repeat_name_the_rate_that_reads_them(tmp_path, time, rate) 
         np.clip(F, -200.0, 200.0),
         np.round(F),  # a coarse converter
         np.where(np.arange(N) % 100 < 50, -300.0, 300.0),  # a force that jumps
-        np.where(np.arange(N) == 77, 5000.0, F),  # a spike
+        np.where(np.arange(N) == 77, 9999.0, np.round(F, 2)),  # a spike by nearly 2^20 steps
         np.floor(np.arange(N) / 2.5),  # a coarse converter at one speed
     ],
 )

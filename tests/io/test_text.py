@@ -129,7 +129,8 @@ READ = {
             (names + "\n" + EURO.replace(".", mark)).encode("latin-1"), {}, EURO_VALUES, "",
         )
         for names, mark in {
-            "Zeit [s];Weg [mm];Kraft [N]": ",",
+            "Messzeit [s];Kolbenweg [mm];D\u00e4mpferkraft [N]": ",",
+            "ts (s);stroke actual (mm);Load (N)": ".",
             "Temps (s);D\u00e9placement (mm);Effort (N)": ",",
             "Tempo (s);Corsa (mm);Forza (N)": ",",
             "Tiempo (s);Desplazamiento (mm);Fuerza (N)": ",",
@@ -142,9 +143,13 @@ READ = {
             f"{SHORT}\ns,in,lbf,degF",
             f"{SHORT}\nsec,inches,lbs,F",
             "Time (seconds),Position (in.),Load (pounds),Temp (F)",
-            "TIME (SEC),POSITION (IN),LOAD (LBF),TEMP (F)",
+            "TIME SECONDS,POSITION INCHES,LOAD POUNDS,TEMP (F)",
         )
     },
+    "a command beside": (
+        "time_s,travel cmd (mm),travel now (mm),force_N\n0,9,1,2\n1,9,2,3\n", {},
+        ([0, 1], [1, 2], [2, 3]), "displacement: column 'travel now (mm)'",
+    ),
     "one field short throughout": (
         f"Time (s),Displacement (mm),Force (N),Marker (V)\n{ROWS}", {},
         ([0, 0.1, 0.2, 0.3], [1, 2, 3, 4], [2, 3, 4, 5]), "the last, 'Marker (V)', was taken to",
@@ -295,6 +300,10 @@ REFUSED = {
         {"columns": {"force": "Loat"}, "units": {"displacement": "mm"}},
         "(2) no column 'Loat' for force; there are 'time', 'displacement', 'Load'. Did you mean",
     ),
+    "raw": ("time;x;force\ns;mm;1\n0;1;2\n1;2;3\n2;3;4\n", {}, "'force' has no unit, needed for"),
+    "volts": (PLAIN.replace("force_N", "force (mV)"), {}, "declare rig.scales.force, N a mV, and"),
+    "no time": ("No.,x_mm,force_N\n0,1,2\n1,2,3\n", {}, "or declare rig.sample_rate, as '500Hz'"),
+    "speed alone": ("time_s,v_mm/s,force_N\n0,1,2\n1,2,3\n", {}, "a velocity does not stand for"),
     "no force": ("time_s,front_pos_mm,v_mm_s\n0,1,2\n1,2,3\n", {}, "without a force nothing can"),
     "unknown unit": (PLAIN.replace("force_N", "force (stone)"), {}, "no unit of force 'stone'"),
     "duplicate": ("time_s,force_N,displacement_mm,force_N\n0,1,2,3\n1,2,3,4\n", {},
@@ -341,6 +350,14 @@ def test_one_bad_row_in_a_large_log(put, end) -> None:
 
 
 # Several tests in one file.
+
+
+def test_names_that_stand_above_rows_again_begin_another_test(put) -> None:
+    more = f"\n# setting: 8\n# Oil temp, 31 degC\n{NAMES}\n{ROWS}"
+    parts = read_logs(put(f"# setting: 4\n{NAMES}\n{ROWS}{more}"))
+    assert [(len(part.time), str(part.setting)) for part in parts] == [(4, "4"), (4, "8")]
+    whole = f"{NAMES}\n0,1,2\n1,2,3\n2,3,4\n{NAMES}\n3,4,5\n4,5,6\n5,6,7\n"  # time runs on
+    assert len(read_log(put(whole)).time) == 6
 
 
 def test_restarts_pauses_and_settings_part_a_file(put) -> None:
