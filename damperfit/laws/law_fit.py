@@ -19,21 +19,15 @@ from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 
-# What a law misses of logs: in all, and at the speed where it is off most.
-
-# Of half the range: the least force that what is left in a stroke is held against.
-_LEAST_FORCE = 0.2
-# Forces are compared at as many speeds of a stroke, from a third of the highest one on.
-_SPEEDS, _FROM_SPEED = 12, 4
+# What a law misses of logs.
 
 
 class _Missed(NamedTuple):
-    """Residuals of each segment, N; the MSE of each, of all; the force as of `LawFit`."""
+    """Residuals of each segment, N; the MSE of each, and of all."""
 
     residuals: tuple[FloatArray, ...]
     segment_mses: tuple[float, ...]
     mse_percent: float
-    worst_force_percent: float
 
 
 def _misses(
@@ -45,7 +39,7 @@ def _misses(
     has_own_offsets: bool = False,
 ) -> _Missed:
     """What a law misses of logs, beside what is an offset of each where a rig is tared anew."""
-    residuals, alone, measured, forces = [], [], [], [0.0]
+    residuals, alone, measured = [], [], []
     for trace in traces:
         force = compare(values, trace, model, solver=solver).force
         if has_own_offsets:
@@ -55,34 +49,9 @@ def _misses(
             residuals.append(force[part] - trace.force[part])
             alone.append(normalised_mse(trace.force[part], force[part]))
             measured.append(trace.force[part])
-            if segment.n_cycles:
-                velocity = trace.drive.velocity[part]
-                forces.append(_worst_force(measured[-1], residuals[-1], velocity))
     together, rest = np.concatenate(measured), np.concatenate(residuals)
     mse = normalised_mse(together, together + rest)
-    return _Missed(tuple(residuals), tuple(alone), mse, max(forces))
-
-
-def _worst_force(force: FloatArray, rest: FloatArray, velocity: FloatArray) -> float:
-    """By how much the mean force at a speed of whole cycles is off where it is off most, per cent.
-
-    A speed is a twelfth of the highest of its stroke, from a third of that on.
-    """
-    least = max(_LEAST_FORCE * 0.5 * float(np.ptp(force)), 1e-300)
-    worst = 0.0
-    for towards in (1.0, -1.0):
-        speed = towards * velocity
-        place = np.floor(_SPEEDS * speed / max(float(np.max(speed)), 1e-300)).astype(np.intp)
-        seen = (place >= _FROM_SPEED) & (place < _SPEEDS)
-        n, of, off = (
-            np.bincount(place[seen], weights, _SPEEDS)
-            for weights in (None, force[seen], rest[seen])
-        )
-        passed = n > 0
-        beside = np.maximum(np.abs(of[passed] / n[passed]), least)
-        missed = np.abs(off[passed] / n[passed]) / beside
-        worst = max(worst, float(np.max(missed, initial=0.0)))
-    return 100.0 * worst
+    return _Missed(tuple(residuals), tuple(alone), mse)
 
 
 # A standard error of this factor to both sides, and a quantity is not determined.
@@ -130,9 +99,6 @@ class LawFit:
     residuals: tuple[FloatArray, ...]  # model less measurement over each segment, N
     evaluations: int  # simulations with sensitivities
     undetermined: tuple[str, ...] = ()  # `UNDETERMINED` times as much or as little would do
-    # 100 times the force by which the model is off at the speed where it is off most, over the
-    # force there or a fifth of half the range.
-    worst_force_percent: float = math.nan
 
 
 def fit_law(
@@ -246,16 +212,10 @@ def _undetermined(
 
 
 # A structure with its fits at several settings, and how well it fits and predicts.
-#
-# A force at a speed is the mean that was measured over all compared cycles within a twelfth of
-# the highest speed of its stroke, from a third of that on (`missed`): a knee is a small force, of
-# which the MSE of a setting knows little.
 
 GAIN = 1.5
 ENOUGH_PERCENT = 0.02
-# A law whose MSE is below that may still have a force at a speed off by some per cent, for a small
-# force weighs little; or predict another speed badly.
-ENOUGH_FORCE_PERCENT = 1.0
+# A law whose MSE is below that may still predict another speed badly.
 ENOUGH_HELD_OUT_PERCENT = 0.2
 # Two layouts whose MSE, times that of what was held out, differ by less cannot be told apart.
 SEEN_APART = 1.5
@@ -284,12 +244,9 @@ class Candidate:
 
     @property
     def left_over(self) -> float:
-        """What it leaves, times what is enough: MSE, a force at a speed, a held-out log."""
-        forces = [fit.worst_force_percent / ENOUGH_FORCE_PERCENT for fit in self.fits]
+        """What it leaves, times what is enough: MSE, a held-out log."""
         logs = [fit.held_out_percent for fit in self.fits if fit.held_out == "logs"]
-        logs = [percent / ENOUGH_HELD_OUT_PERCENT for percent in logs]
-        # NaN, of what was not looked at, is less than anything.
-        known = [share for share in (*forces, *logs) if not math.isnan(share)]
+        known = [percent / ENOUGH_HELD_OUT_PERCENT for percent in logs if not math.isnan(percent)]
         return max([self.mse_percent / ENOUGH_PERCENT, *known])
 
     @property
