@@ -167,7 +167,7 @@ def _network(one: Drawn) -> tuple[Network, dict[str, float]]:
         for k, more in enumerate(slopes.tolist()):
             names = f"{passage.opening}_{k}", f"{passage.resistance}_{k}"
             numbers |= {names[0]: p + knots[k] * top, names[1]: slope / more}
-            passages.append(replace(passage, opening=names[0], resistance=names[1]))
+            passages.append(passage._replace(opening=names[0], resistance=names[1]))
     return replace(network, passages=tuple(passages)), numbers
 
 
