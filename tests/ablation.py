@@ -33,7 +33,6 @@ def _without_rubber(damper: Any, name: str) -> Any:
 PIECES: dict[str, tuple[str, str, Any]] = {
     # The search over structures.
     "layouts again": ("laws.search", "_Search.in_its_layout", lambda _, fit, __: fit),
-    "missed": ("laws.search", "_Search.missed", lambda _, fit: fit),
     "held out": ("laws.search", "_Search.of_held_out", lambda *_: 0.0),
     "believed friction": ("identification.fit_problem", "_UNBELIEVED", 0.0),
     "yielding": ("laws.search", "_Search.yielding", lambda _, law, *__: law),
@@ -43,7 +42,11 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "rubber": ("laws.structures", "with_part", _without_rubber),
     "ties of parts": ("laws.structures", "Structure.ties_of", lambda _, other: other.ties),
     "hopeless valves": ("laws.search", "_Search.is_hopeless", lambda *_: False),
+    "determined values": ("laws.search", "_Linear.is_shown", lambda *_: True),
     # Fits.
+    "mean friction": ("identification.procedures", "_with_mean_friction", lambda _, fit, *__: fit),
+    "contradicted R_m3": ("identification.procedures", "_is_contradicted", lambda *_: False),
+    "first beta": ("identification.procedures", "_with_first_beta", lambda _, given, __: given),
     "clip": ("identification.fit_problem", "Block.stays_beyond", property(lambda _: False)),
     "idle parts": ("identification.procedures", "_without_idle_parts", _first),
     "last step": ("identification.fit_setting", "_last_step", lambda *_: None),

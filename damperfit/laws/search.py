@@ -56,7 +56,6 @@ from damperfit.identification.least_squares import (
 from damperfit.identification.logs import compare, effective_samples
 from damperfit.identification.sharing import Follows, Unknown, one_by_one, unknown_at
 from damperfit.laws.law_fit import (
-    ENOUGH_PERCENT,
     GAIN,
     SEEN_APART,
     UNDETERMINED,
@@ -76,7 +75,6 @@ from damperfit.laws.one_model import OneModel
 from damperfit.laws.rivals import YIELDING, held_against, is_open_to, unbelievable
 from damperfit.laws.structures import (
     BOTH,
-    STROKES,
     Structure,
     everything,
     exchanges,
@@ -100,8 +98,7 @@ _NEEDLESS = 2.0
 _FREED = 2.0
 # The most that a friction costs which seals hardly have.
 _MOST_UNBELIEVED = 9.0
-# Settings that moves are screened at; the chosen structure is fitted at all, and those that it
-# misses are screened at too.
+# Settings that moves are screened at; the chosen structure is fitted at all.
 _MOST_COMPARED = 5
 # Candidates that are followed to their minimum after each screening.
 _FOLLOWED = 4
@@ -129,8 +126,6 @@ _END = Stopping(cost_tolerance=1e-3, step_tolerance=_STEP, max_evaluations=40, r
 _FAR_WORSE = 8.0
 # Two predictions this near each other differ by noise.
 _NO_WORSE = 1.1
-# A setting that was not compared is missed where it leaves so many times what is usual.
-_MISSED, _MOST_MISSED = 4.0, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +135,6 @@ class _Fit:
     structure: Structure
     model: OneModel
     minimum: Minimum[Point]
-    began: str = ""  # which of its starts beside another structure led here
 
     @property
     def values(self) -> Mapping[Setting, Values]:
@@ -246,19 +240,11 @@ class _Search:
         model = fit.model.weighed_at(fit.values)
         return replace(fit, model=model, minimum=model.minimise(fit.values, _END))
 
-    def starts(
-        self, structure: Structure, model: OneModel, near: _Fit
-    ) -> dict[str, dict[Setting, Values]]:
-        """Starts beside another structure: what is new as the loops tell it, or little of it.
-
-        A valve of another kind starts, as well, wholly as the loops tell it: a bleed that takes
-        over from a blow-off, or shares with a new part, is another one.
-        """
-        changed = tuple(
-            f"{stroke}_" for stroke in STROKES
-            if getattr(structure.damper, stroke) != getattr(near.structure.damper, stroke)
-        )  # fmt: skip
-        full, little, anew = {}, {}, {}
+    def start_beside(
+        self, model: OneModel, structure: Structure, near: _Fit
+    ) -> dict[Setting, Values]:
+        """A start beside another structure: what is new as the loops tell it."""
+        starts = {}
         for setting in model.settings:
             own = near.values[setting]
             if "breakaway" in own.names and "breakaway" not in structure.damper.names:
@@ -266,19 +252,9 @@ class _Search:
                 # nothing has no slope: no fit finds it again.
                 name = next(quantity.name for quantity in own.quantities if quantity.is_friction)
                 own = own.replace({name: getattr(own, name) + own.breakaway})
-            start = self.start(structure, setting)
             known = {n: x for n in model.free if n in own.names and (x := getattr(own, n))}
-            full[setting] = start.replace(known)
-            absent = model.blocks[setting].absent_beside(known)
-            half = {n: math.sqrt(a * getattr(start, n)) for n, a in absent.items()}
-            little[setting] = full[setting].replace(half)
-            beside = {n: x for n, x in known.items() if not n.startswith(changed or "-")}
-            anew[setting] = start.replace(beside)
-        begun = {"full": full}
-        for words, at in (("little", little), ("anew", anew)):
-            if at not in begun.values():
-                begun[words] = at
-        return {words: model.with_common(at) for words, at in begun.items()}
+            starts[setting] = self.start(structure, setting).replace(known)
+        return model.with_common(starts)
 
     def start(self, structure: Structure, setting: Setting) -> Values:
         """The model's own first start at a setting."""
@@ -293,25 +269,14 @@ class _Search:
             self._starts[key] = ValveDamper.start(damper, logs, held, known)[0]
         return self._starts[key]
 
-    def glanced(self, structure: Structure, near: _Fit, began: str = "") -> _Fit | None:
-        """A few evaluations from the structure at hand, from the start that promises most.
-
-        Where it is known which start leads on, from that one alone.
-        """
+    def glanced(self, structure: Structure, near: _Fit) -> _Fit | None:
+        """A few evaluations from the structure at hand; None where it cannot be simulated there."""
         model = replace(self.model(structure, near.model.settings), weights=near.model.weights)
         try:
-            starts = self.starts(structure, model, near)
-        except (SimulationError, ValueError):
+            start = self.start_beside(model, structure, near)
+            return _Fit(structure, model, model.minimise(start, _GLANCE))
+        except (SimulationError, ValueError):  # LinAlgError is one
             return None
-        fits: list[_Fit] = []
-        for words, at in starts.items():
-            if began in starts and words != began:
-                continue
-            with suppress(SimulationError, np.linalg.LinAlgError):
-                fits.append(_Fit(structure, model, model.minimise(at, _GLANCE), words))
-                if fits[-1].minimum.cost < near.minimum.cost:
-                    break  # the others are for where this one leads away
-        return min(fits, key=lambda fit: fit.promised, default=None)
 
     # the criterion
 
@@ -440,15 +405,14 @@ class _Search:
 
         What is better beside the best is tried on top of it.
         """
-        began: Mapping[str, str] = {}
         candidates = {words: structure for words, structure in known.items() if words in which}
         pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
         if len(fit.values) > len(pair) and candidates:
-            few = self.screened(candidates, self.at(fit, pair, _ONE), fit, {})
+            few = self.screened(candidates, self.at(fit, pair, _ONE), fit)
             rises |= {words: rise for rise, words, _ in few}
-            near = {w: g.began for rise, w, g in few[:_LOOKED_AT] if rise <= self.margin(fit)}
-            candidates, began = {words: candidates[words] for words in near}, near
-        screened = self.screened(candidates, fit, fit, began)
+            near = [words for rise, words, _ in few[:_LOOKED_AT] if rise <= self.margin(fit)]
+            candidates = {words: candidates[words] for words in near}
+        screened = self.screened(candidates, fit, fit)
         rises |= {words: rise for rise, words, _ in screened}
         ends = []
         for rise, words, glance in screened[:_FOLLOWED]:
@@ -495,11 +459,7 @@ class _Search:
         return gain > math.log(sum(self.n_eff[s] for s in fit.values))
 
     def screened(
-        self,
-        candidates: Mapping[str, Structure],
-        near: _Fit,
-        fit: _Fit,
-        began: Mapping[str, str],
+        self, candidates: Mapping[str, Structure], near: _Fit, fit: _Fit
     ) -> list[tuple[float, str, _Fit]]:
         """By how much the criterion of each promises to rise above that of a fit.
 
@@ -512,7 +472,7 @@ class _Search:
             halves = [rises[d] for d in structure.strokes_beside(fit.structure) if d in rises]
             if min(halves, default=-math.inf) > self.margin(fit):
                 continue  # what neither stroke gains both do not
-            glance = self.glanced(structure, near, began.get(words, ""))
+            glance = self.glanced(structure, near)
             if glance is not None:
                 glances.append((self.rise(glance, near, fit), words, glance))
                 rises[structure.damper] = glances[-1][0]
@@ -871,24 +831,6 @@ class _Search:
 
     # all settings
 
-    def missed(self, fit: _Fit) -> _Fit:
-        """The structure again, beside settings that it misses and that were not compared."""
-        if len(self.compared) == len(self.evidence):
-            return fit
-        percent = fit.percent
-        usual = np.median([percent[s] for s in self.compared])
-        least = max(_MISSED * usual, ENOUGH_PERCENT)
-        others = sorted((s for s in percent if s not in self.compared), key=lambda s: -percent[s])
-        missed = [s for s in others if percent[s] > least][:_MOST_MISSED]
-        if not missed:
-            return fit
-        self.compared = sorted([*self.compared, *missed])
-        for setting in missed:
-            self.n_eff[setting] = float(np.median([*self.n_eff.values()]))
-        few = self.at(fit, self.compared)
-        better = self.improved(few)
-        return fit if better is few else self.at_all(better)
-
     def at(self, fit: _Fit, settings: Sequence[Setting], stopping: Stopping = _END) -> _Fit:
         """A fit at fewer settings."""
         model = self.model(fit.structure, settings)
@@ -1126,7 +1068,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
         fit = search.improved(fit)
         if isinstance(plain, ValveDamper):
             fit = search.held_against_declared(fit, plain)
-        fit = search.missed(search.at_all(search.in_its_layout(fit, layouts)))
+        fit = search.at_all(search.in_its_layout(fit, layouts))
         if adjusted is not None:
             fit = search.tied(fit, adjusted)
     chosen = search.judged(fit)
