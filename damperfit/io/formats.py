@@ -77,6 +77,8 @@ class Format(NamedTuple):
 _MAT73 = (b"MATLAB 7.3 MAT-file", b"\x89HDF")
 _OFFICE = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 _MDF = (b"MDF     ", b"UnFinMF ")
+_JSON = Format("JSON", "json_log:read_json", (".json", ".jsonl", ".ndjson"))
+_TEXT = Format("text", "text:read_delimited", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"))
 FORMATS = (
     Format("Parquet", "binary:read_parquet", (".parquet", ".pq"), (b"PAR1",)),
     Format("MATLAB", "foreign:read_matlab", (".mat",), (b"MATLAB 5.0 MAT-file",), in_child=True),
@@ -84,11 +86,10 @@ FORMATS = (
     Format("TDMS", "binary:read_tdms", (".tdms",), (b"TDSm",)),
     Format("MDF", "foreign:read_mdf", (".mf4", ".mdf"), _MDF, in_child=True),
     Format("Excel", "foreign:read_excel", (".xlsx", ".xls"), _OFFICE),
-    Format("JSON", "json_log:read_json", (".json", ".jsonl", ".ndjson")),
+    _JSON,
     Format("LabVIEW text", "text:read_lvm", (".lvm",), (b"LabVIEW Measurement",)),
-    Format("text", "text:read_delimited", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")),
+    _TEXT,  # any suffix may stand for it
 )
-_JSON, _, _TEXT = FORMATS[-3:]  # any suffix may stand for text
 
 # What a file in a folder is called that is taken for a log.
 _PLAIN = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
