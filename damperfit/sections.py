@@ -225,9 +225,9 @@ class Declarations(Section):
         "what its logs were tested at, where tests.csv does not say, as in {gas_pressure = "
         '"8bara", temperature = "31", tare = "12N", skew = "2ms"}', given=dict[str, float | str])
     encoding: str = key("", 'of text logs, as in "cp1252"; "": UTF-8, UTF-16 or Latin-1')
-    separator: str = key("", '"," ";" "|" "tab" or "blanks"; "": found from the rows',
+    separator: str = key("", '"," ";" "|" "tab" or "blanks"; "": detected from the rows',
         words=("", *SEPARATORS))
-    decimal: str = key("", 'decimal mark, "." or ","; "": found from the rows',
+    decimal: str = key("", 'decimal mark, "." or ","; "": detected from the rows',
         words=("", ".", ","))
     thousands: str = key("", 'mark between groups of three digits; "": none',
         words=("", ".", ",", "'", " "))

@@ -254,7 +254,7 @@ def _steps(channel: _Channel, step: float) -> Finding:
         low, high = percentiles(whole, 5.0, 95.0)
         is_stepped = bool(high > low and mean_of(np.abs(steps - whole) < 0.1) > 0.9)
     if count > _FINE or not is_stepped:
-        return Finding(name, "note", f"the {channel.name} has no steps to be seen")
+        return Finding(name, "note", f"the {channel.name} has no visible steps")
     text = f"the {channel.name} has steps of {channel.shown(step)}, {count:.0f} over its range"
     if count >= few or (channel.name == "force" and noise > _DITHER * step):
         return Finding(name, "note", text, count)

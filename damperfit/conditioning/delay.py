@@ -153,7 +153,7 @@ def estimate_delay(  # noqa: PLR0911 - one return a reason
     if not jumps.min() > _ALIKE * jumps.max():
         return "the jump at the ends of the stroke is not friction alone"
     if width > _SHARP or min(least[0.0], least[_AS_IT_IS]) > _ROUNDED * least[width]:
-        reason = "a filter in the rig, or seals that stretch before they slide"
+        reason = "a filter of the rig, or seals that yield before they slide"
         return f"the friction's jump is rounded by {reason}"
     if abs(delay) > _FARTHEST - 1.5 * _STEP:
         return f"it would be more than {1e3 * _FARTHEST:.0f} ms"

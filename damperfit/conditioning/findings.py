@@ -411,7 +411,7 @@ def _size(seen: Seen) -> Iterator[Finding]:
 
     half = 0.5 * float(np.ptp(trace.force[trace.compared]))
     if half < _LITTLE:
-        text = f"the force swings by +-{half:.3g} N, little for a damper; was kN read as N?"
+        text = f"the force swings by ±{half:.3g} N, little for a damper; was kN read as N?"
         yield Finding("force_range", "warning", text, half, "N")
 
     if trace.fastest.n_cycles:

@@ -73,8 +73,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         raise too_large from None
     if (swing := traced.trace.amplitude) < options.min_amplitude:
         raise ConditioningError(
-            f"displacement swings +-{1e3 * swing:.4g} mm, expected at "
-            f"least +-{1e3 * options.min_amplitude:g} mm; was m read as mm? Declare the unit "
+            f"displacement swings ±{1e3 * swing:.4g} mm, expected at "
+            f"least ±{1e3 * options.min_amplitude:g} mm; was m read as mm? Declare the unit "
             "(rig.units.displacement) or lower conditioning.min_amplitude",
             subject=recording.name,
             code="too-small",
@@ -330,8 +330,8 @@ def _oversize(recording: Recording, options: ConditionOptions) -> ConditioningEr
         if options.chamber_lengths is not None:
             chambers = " (chambers l_1 {:g} m, l_2 {:g} m)".format(*options.chamber_lengths)
         text = (
-            f"displacement swings +-{half:.4g} m, expected at most "
-            f"+-{options.max_amplitude:g} m{chambers}; was mm read as m? "
+            f"displacement swings ±{half:.4g} m, expected at most "
+            f"±{options.max_amplitude:g} m{chambers}; was mm read as m? "
             "Declare the unit or raise conditioning.max_amplitude"
         )
     elif peak > options.max_force:

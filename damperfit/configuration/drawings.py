@@ -17,7 +17,7 @@ _CHAMBERS = """\
 DRAWINGS = {
     "purdy": _CHAMBERS.format(bottom="the valves below")
     + """\
-  +-- valves 2, 3 +  valve 2 lets oil from chamber 2 to 1 in bump, valve 3 from 3 to 2 in rebound;
+  +-- valves 2, 3 +  valve 2 lets oil from chamber 2 to 1 in compression, 3 from 3 to 2 in rebound;
   |   chamber 3   |  valve 1 is the adjuster's orifice between chambers 1 and 3
   |== gas piston =|  gas_piston_diameter across
   |      gas      |  gas_length from gas piston to the end, gas_pressure at mid-stroke

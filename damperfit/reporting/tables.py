@@ -40,7 +40,7 @@ _MARKS = {
     "absent": ("none", "does nothing here, the model is fitted without it"),
     "fixed": ("f", "fixed"),
     "shared": ("s", "shared by all settings"),
-    "at_bound": ("!", "ran into a bound"),
+    "at_bound": ("!", "at its bound"),
     "not_identifiable": ("?", "not determined by these logs"),
 }
 _BY_CLICK = "shared by all settings, or by those with one click of the adjuster that it follows"
