@@ -129,6 +129,7 @@ def test_the_speed_up_to_which_a_force_is_determined_is_told_and_rows_beyond_are
     assert more.low[0] < 1.5 * more.forces[0]  # of the bleed alone
     export = TARGETS["carsim"].export(run, ExportOptions(extend=0.3))
     assert f"to {table.determined:.2g} m/s at setting 10" in export.determined
+    assert ("no log shows" in export.determined) == (table.determined > table.tested)
     assert b"not determined" not in TARGETS["adams"].export(run).files["damper_s10.dpr"]
     content = TARGETS["adams"].export(run, ExportOptions(extend=0.3)).files["damper_s10.dpr"]
     assert b"$ NOT DETERMINED from here on" in content
