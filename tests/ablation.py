@@ -15,14 +15,19 @@ import runpy
 import sys
 from typing import Any
 
-from damperfit.laws import structures
+from damperfit.laws import search, structures
 from tests.bench_numbers import CASES, compared, load_frozen
 
 _WITH_PART = structures.with_part
+_STARTS = search._Search.starts
 
 
 def _first(given: Any, *_: Any, **__: Any) -> Any:
     return given
+
+
+def _one_start(*given: Any) -> Any:
+    return {"full": _STARTS(*given)["full"]}
 
 
 def _without_rubber(damper: Any, name: str) -> Any:
@@ -42,6 +47,7 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "rubber": ("laws.structures", "with_part", _without_rubber),
     "ties of parts": ("laws.structures", "Structure.ties_of", lambda _, other: other.ties),
     "hopeless valves": ("laws.search", "_Search.is_hopeless", lambda *_: False),
+    "more starts of a move": ("laws.search", "_Search.starts", _one_start),
     "determined values": ("laws.search", "_Linear.is_shown", lambda *_: True),
     # Fits.
     "mean friction": ("identification.procedures", "_with_mean_friction", lambda _, fit, *__: fit),

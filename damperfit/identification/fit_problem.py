@@ -13,7 +13,7 @@ click of it, and stands in the border of the Jacobian with what all of them shar
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -255,6 +255,13 @@ class Block:
         rest = np.zeros((1 + len(names), 1))
         rest[0] = math.sqrt(self.cycles.scatter)  # what differs between cycles
         yield rest, False
+
+    def absent_beside(self, known: Collection[str]) -> dict[str, float]:
+        """Values of what is free beside some quantities at which it does nothing to them."""
+        # A bleed with its laminar share does without an orifice that is wide, not one closed.
+        absent = [self.model.quantity(name) for name in self.free if name not in known]
+        wide = {q.name for q in absent if q.part == "bleed" and q.beside("leak") in known}
+        return {q.name: q.plausible[0] if q.name in wide else q.vanishes_at for q in absent}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

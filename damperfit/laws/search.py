@@ -75,6 +75,7 @@ from damperfit.laws.one_model import OneModel
 from damperfit.laws.rivals import YIELDING, held_against, is_open_to, unbelievable
 from damperfit.laws.structures import (
     BOTH,
+    STROKES,
     Structure,
     everything,
     exchanges,
@@ -135,6 +136,7 @@ class _Fit:
     structure: Structure
     model: OneModel
     minimum: Minimum[Point]
+    began: str = ""  # which of its starts beside another structure led here
 
     @property
     def values(self) -> Mapping[Setting, Values]:
@@ -240,11 +242,19 @@ class _Search:
         model = fit.model.weighed_at(fit.values)
         return replace(fit, model=model, minimum=model.minimise(fit.values, _END))
 
-    def start_beside(
-        self, model: OneModel, structure: Structure, near: _Fit
-    ) -> dict[Setting, Values]:
-        """A start beside another structure: what is new as the loops tell it."""
-        starts = {}
+    def starts(
+        self, structure: Structure, model: OneModel, near: _Fit
+    ) -> dict[str, dict[Setting, Values]]:
+        """Starts beside another structure: what is new as the loops tell it, or little of it.
+
+        A valve of another kind starts, as well, wholly as the loops tell it: a bleed that takes
+        over from a blow-off, or shares with a new part, is another one.
+        """
+        changed = tuple(
+            f"{stroke}_" for stroke in STROKES
+            if getattr(structure.damper, stroke) != getattr(near.structure.damper, stroke)
+        )  # fmt: skip
+        full, little, anew = {}, {}, {}
         for setting in model.settings:
             own = near.values[setting]
             if "breakaway" in own.names and "breakaway" not in structure.damper.names:
@@ -252,9 +262,19 @@ class _Search:
                 # nothing has no slope: no fit finds it again.
                 name = next(quantity.name for quantity in own.quantities if quantity.is_friction)
                 own = own.replace({name: getattr(own, name) + own.breakaway})
+            start = self.start(structure, setting)
             known = {n: x for n in model.free if n in own.names and (x := getattr(own, n))}
-            starts[setting] = self.start(structure, setting).replace(known)
-        return model.with_common(starts)
+            full[setting] = start.replace(known)
+            absent = model.blocks[setting].absent_beside(known)
+            half = {n: math.sqrt(a * getattr(start, n)) for n, a in absent.items()}
+            little[setting] = full[setting].replace(half)
+            beside = {n: x for n, x in known.items() if not n.startswith(changed or "-")}
+            anew[setting] = start.replace(beside)
+        begun = {"full": full}
+        for words, at in (("little", little), ("anew", anew)):
+            if at not in begun.values():
+                begun[words] = at
+        return {words: model.with_common(at) for words, at in begun.items()}
 
     def start(self, structure: Structure, setting: Setting) -> Values:
         """The model's own first start at a setting."""
@@ -269,14 +289,25 @@ class _Search:
             self._starts[key] = ValveDamper.start(damper, logs, held, known)[0]
         return self._starts[key]
 
-    def glanced(self, structure: Structure, near: _Fit) -> _Fit | None:
-        """A few evaluations from the structure at hand; None where it cannot be simulated there."""
+    def glanced(self, structure: Structure, near: _Fit, began: str = "") -> _Fit | None:
+        """A few evaluations from the structure at hand, from the start that promises most.
+
+        Where it is known which start leads on, from that one alone.
+        """
         model = replace(self.model(structure, near.model.settings), weights=near.model.weights)
         try:
-            start = self.start_beside(model, structure, near)
-            return _Fit(structure, model, model.minimise(start, _GLANCE))
-        except (SimulationError, ValueError):  # LinAlgError is one
+            starts = self.starts(structure, model, near)
+        except (SimulationError, ValueError):
             return None
+        fits: list[_Fit] = []
+        for words, at in starts.items():
+            if began in starts and words != began:
+                continue
+            with suppress(SimulationError, np.linalg.LinAlgError):
+                fits.append(_Fit(structure, model, model.minimise(at, _GLANCE), words))
+                if fits[-1].minimum.cost < near.minimum.cost:
+                    break  # the others are for where this one leads away
+        return min(fits, key=lambda fit: fit.promised, default=None)
 
     # the criterion
 
@@ -405,14 +436,15 @@ class _Search:
 
         What is better beside the best is tried on top of it.
         """
+        began: Mapping[str, str] = {}
         candidates = {words: structure for words, structure in known.items() if words in which}
         pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
         if len(fit.values) > len(pair) and candidates:
-            few = self.screened(candidates, self.at(fit, pair, _ONE), fit)
+            few = self.screened(candidates, self.at(fit, pair, _ONE), fit, {})
             rises |= {words: rise for rise, words, _ in few}
-            near = [words for rise, words, _ in few[:_LOOKED_AT] if rise <= self.margin(fit)]
-            candidates = {words: candidates[words] for words in near}
-        screened = self.screened(candidates, fit, fit)
+            near = {w: g.began for rise, w, g in few[:_LOOKED_AT] if rise <= self.margin(fit)}
+            candidates, began = {words: candidates[words] for words in near}, near
+        screened = self.screened(candidates, fit, fit, began)
         rises |= {words: rise for rise, words, _ in screened}
         ends = []
         for rise, words, glance in screened[:_FOLLOWED]:
@@ -459,7 +491,11 @@ class _Search:
         return gain > math.log(sum(self.n_eff[s] for s in fit.values))
 
     def screened(
-        self, candidates: Mapping[str, Structure], near: _Fit, fit: _Fit
+        self,
+        candidates: Mapping[str, Structure],
+        near: _Fit,
+        fit: _Fit,
+        began: Mapping[str, str],
     ) -> list[tuple[float, str, _Fit]]:
         """By how much the criterion of each promises to rise above that of a fit.
 
@@ -472,7 +508,7 @@ class _Search:
             halves = [rises[d] for d in structure.strokes_beside(fit.structure) if d in rises]
             if min(halves, default=-math.inf) > self.margin(fit):
                 continue  # what neither stroke gains both do not
-            glance = self.glanced(structure, near)
+            glance = self.glanced(structure, near, began.get(words, ""))
             if glance is not None:
                 glances.append((self.rise(glance, near, fit), words, glance))
                 rises[structure.damper] = glances[-1][0]
