@@ -310,8 +310,8 @@ def _readings(linearised: Linearisation) -> Iterator[_Readings]:
 
 def _of_loop(test: Sequence[_Readings], sign: float) -> FloatArray:
     """Return the rows of a loop at named speeds and shares of its peak speed, below the peak."""
-    strokes = median([reading.segment.amplitude for reading in test])
-    alike = [x for x in test if abs(x.segment.amplitude / strokes - 1.0) <= _SAME_MOTION]
+    usual = sorted(reading.segment.amplitude for reading in test)[len(test) // 2]
+    alike = [x for x in test if abs(x.segment.amplitude / usual - 1.0) <= _SAME_MOTION]
     top = min(float(reading.peaks[:, _SPEED].min()) for reading in alike)
     slowest = math.ceil(1e6 * max(reading.slowest for reading in alike)) / 1e6
     asked = {slowest, *NAMED_SPEEDS, *(round(share * top, 6) for share in _SHARES)}
