@@ -278,7 +278,7 @@ compare() -> found no result
 compare(result) -> or tolerance=FILE with nominal forces
 compare(result, result, tolerance='x') -> (tolerance='x'): expected per cent, newtons
 compare(result, result, tolerance=5) -> found 5; expected '5%', '20N' or the path of a table
-compare(result, result, tolerance=Path('no.csv')) -> (tolerance='no.csv'): cannot be read
+compare(result, result, tolerance=Path('no.csv')) -> (tolerance='no.csv'): no such file
 settings(result, force=True, velocity=0.2) -> 'True' cannot be read as force
 compare(result, result, measured='x') -> (measured=...): found 'x'; expected True
 compare(result, result, amplitude='5mm') -> amplitude= and frequency= make the sine
