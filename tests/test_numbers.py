@@ -1,7 +1,7 @@
 """Every number of small whole runs, held against `snapshots/numbers.txt`.
 
-    python -m tests.test_numbers           # writes them anew: review the difference
-    python -m tests.test_numbers joint     # those of one case
+    OMP_NUM_THREADS=1 python -m tests.test_numbers         # writes them anew: review the difference
+    OMP_NUM_THREADS=1 python -m tests.test_numbers joint   # those of one case, rounded as tests do
 
 A line of the snapshot is a place in what a case returns, and its numbers in order; more than six
 are held as their count, the mean of their sizes and a mean with uneven weights. Of a sentence its
