@@ -43,7 +43,7 @@ from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.signals import FloatArray, noise_of, parts_where
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.passed_speeds import cycle_energies
-from damperfit.problem import Option
+from damperfit.problem import Option, counted
 from damperfit.recording import Finding, Recording, Segment, Trace
 from damperfit.statistics import mean_of, median, percentiles
 from damperfit.units.quantities import parse_quantity
@@ -276,15 +276,15 @@ def _segments(seen: Seen) -> Iterator[Finding]:
     """What is compared; a run that something broke; a motion that comes back with another force."""
     trace, segments = seen.trace, seen.trace.segments
     parts = ", ".join(
-        f"{segment.n_cycles} cycles of {segment.frequency:.3g} Hz to {segment.peak_speed:.3g} m/s"
+        f"{counted(segment.n_cycles, 'cycle')} of {segment.frequency:.3g} Hz to "
+        f"{segment.peak_speed:.3g} m/s"
         if segment.n_cycles
         else f"{segment.n_samples * trace.interval:.3g} s of motion that does not repeat, to "
         f"{segment.peak_speed:.3g} m/s"
         for segment in segments
     )
     n = len(segments)
-    text = f"{n} segment{'s' * (n > 1)} evaluated: {parts}"
-    yield Finding("stretches", "note", text, float(n))
+    yield Finding("stretches", "note", f"{counted(n, 'segment')} evaluated: {parts}", float(n))
 
     peaks = {
         segment.first: (segment.figures.peak_force_rebound, segment.figures.peak_force_bump)

@@ -59,11 +59,18 @@ class Inspection(Answer):
         return tuple(failure.message for failure in self.batch.failures)
 
     @property
-    def findings(self) -> tuple[str, ...]:
-        """What their data show, a sentence each."""
-        return tuple(finding_lines(self.facts, has_notes=True))
+    def findings(self) -> tuple[Facts, ...]:
+        """What their data show, a record each: log, name, severity, sentence, value, unit ..."""
+        return tuple(
+            {"log": log["name"]} | finding
+            for log in self.facts
+            for finding in log.get("findings", ())
+        )
 
-    remarks = findings
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The same as lines, the worst first."""
+        return tuple(finding_lines(self.facts))
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""

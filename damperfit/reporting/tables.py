@@ -61,7 +61,8 @@ class Shown:
         shown = units.of("N") if is_converted else quantity.shown_unit
         has_power = shown[:2] == "10"  # "10³ s √N / (m kg)" is for an axis alone
         self.quantity, self.name, self.symbol = quantity, quantity.name, quantity.symbol
-        self.unit = shown if shown and not has_power else quantity.unit
+        unit = shown if shown and not has_power else quantity.unit
+        self.unit = "" if unit == "1" else unit
         self.axis, self.power = shown or quantity.unit, quantity.power
         self.factor = 10.0**-quantity.power  # from SI to what is shown
         if is_converted:
@@ -77,7 +78,7 @@ class Shown:
     def say(self, text: str) -> str:
         """Return a shown value, with or without its interval, and its unit."""
         if len(self.unit) <= _SHORT:
-            return f"{text} {self.unit}"
+            return f"{text} {self.unit}".rstrip()
         if "(" in text:
             return f"{text} times 1e{self.power} {self.unit}"
         return f"{f'({text})' if ' ' in text else text}e{self.power} {self.unit}"
@@ -147,7 +148,8 @@ def parameter_sheet(
             own.append(shown)
 
     def unit(shown: Shown) -> str:
-        return shown.short_unit + " ±95 %" * any(" " in shown.value(row) for row in rows)
+        mark = " ±95 %" * any(" " in shown.value(row) for row in rows)
+        return f"{shown.short_unit}{mark}".strip()
 
     columns = [
         Column.text("set", "setting", is_number=True),
@@ -253,7 +255,7 @@ def _sparklines(rows: Sequence[Row], quantities: Sequence[Shown], levels: str) -
         span = f"{number(min(values), digits=4)} to {number(max(values), digits=4)}"
         flat = ", drawn flat: within their standard errors" if is_flat else ""
         line = sparkline(heights, levels=levels)
-        yield f"{quantity.symbol:<4} {line}  {span} {quantity.short_unit}{flat}"
+        yield f"{quantity.symbol:<4} {line}  {span} {quantity.short_unit}".rstrip() + flat
     line = sparkline([math.log10(error) if error else None for error in errors], levels=levels)
     span = f"{percent(min(finite))} to {percent(max(finite))} %, logarithmic"
     yield f"{'MSE':<4} {line}  {span}"

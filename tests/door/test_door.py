@@ -320,6 +320,8 @@ def test_logs_are_inspected():
     assert repr(seen).startswith("2 logs, 0 cannot be used")
     assert "<td>setting_10.csv</td>" in seen._repr_html_()
     assert "setting_10.csv" in str(seen)
+    rate = next(finding for finding in seen.findings if finding["name"] == "sample_rate")
+    assert (rate["log"], rate["severity"]) == ("setting_01.csv", "note")
 
 
 def test_a_type_error_that_is_no_wrong_call_stays_what_it_is():
