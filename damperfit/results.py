@@ -87,10 +87,10 @@ _IN_MEMORY = (
 class Run:
     """What `identify` found, or `load` read: parameters by setting, with intervals and verdicts.
 
-    It prints itself, and pickles with all its files. `record` is what run.json tells; `quantities`
+    It prints itself, and pickles with all its files. `record` is what run.json holds; `quantities`
     what the columns of the parameters are of; `place` the folder, part of a fleet or table that it
-    stands in, None: nowhere yet; `facts` what its tables tell of how they were made. ``config`` is
-    a file of the user, whose damper is taken where the run does not tell its own, ``temperature``
+    stands in, None: nowhere yet; `facts` how its tables were made. ``config`` is
+    a file of the user, whose damper is taken where the run does not state its own, ``temperature``
     that of the oil, as typed. ``signals`` may be what makes them, one log after the other, when
     they are first wanted.
     """
@@ -116,7 +116,7 @@ class Run:
         self._signals = signals
         self._remarks = list(remarks)
         self._config, self._temperature = config, temperature
-        # Where people are told that it stands.
+        # The path that people are shown.
         self._source = self.shown_as = str(place or "this run")
         self._lost: set[str] = set()  # tables that should be there
         if facts is not None:
@@ -263,7 +263,7 @@ class Run:
 
     @cached_property
     def facts(self) -> dict[str, Any]:
-        """What its tables tell of how they were made."""
+        """How its tables were made."""
         if self._stored is None:
             return {}
         facts = table_files.read_facts(self._stored / "parameters.parquet")
@@ -442,7 +442,7 @@ class Run:
 
     @cached_property
     def own_configuration(self) -> Configuration:
-        """What it was read and fitted with but for its logs and starts, as far as it is told."""
+        """Configuration of reading and fit without logs and starts, as far as it is known."""
         from damperfit.configuration.loading import load_configuration
 
         known = {name: inside(self.record, "configuration", name) for name in _OF_FIT}
@@ -475,13 +475,13 @@ class Run:
 
     @cached_property
     def declared_damper(self) -> Mapping[str, Any] | None:
-        """Its [damper], as it was written; None: it is not told."""
+        """Its [damper], as it was written; None: not known."""
         dampers = (inside(of, "configuration", "damper") for of in (self.record, self.facts))
         return next((damper for damper in dampers if isinstance(damper, dict)), None)
 
     @property
     def source(self) -> str:
-        """Where damper and motion are told, for people."""
+        """Where damper and motion are recorded, for people."""
         if self._stored is None:
             return self._source
         is_in_record = isinstance(inside(self.record, "configuration", "damper"), dict)
@@ -559,7 +559,7 @@ class Run:
 
     @property
     def motion_of_tests(self) -> Sine | None:
-        """The fastest motion of the logs that were fitted, as far as it is told."""
+        """The fastest motion of the logs that were fitted, as far as it is known."""
         motions = [motion for log in self._fitted_inputs for motion in motions_in(log)]
         return fastest_sine(motions) if motions else None
 
@@ -646,7 +646,7 @@ class Run:
 
     @property
     def clicks(self) -> pd.DataFrame:
-        """The rows of `forces` that tell of a click from the setting before."""
+        """The rows of `forces` with the change from the setting before."""
         table = self.forces
         return table[table["change_N"].notna()].reset_index(drop=True)
 

@@ -1,4 +1,4 @@
-"""A setting and a log of a run, the range of its tests, and what run.json tells of them."""
+"""A setting and a log of a run, the range of its tests, as run.json holds them."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ class LogResult:
 
 
 def segments_in(log: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the segments of a log's entry in run.json; older runs tell of one, in the entry."""
+    """Return the segments of a log's entry in run.json; older runs have one, in the entry."""
     return entries_in(log, "stretches") if isinstance(log.get("stretches"), list) else [dict(log)]
 
 
@@ -246,7 +246,7 @@ def errors_of(
         status = {name: row[f"{name}_status"] for name in values.names}
         if has_lost_errors(names, status):
             return (), (), None
-        # Older runs left it to the status, and told the errors of the values alone.
+        # Older runs left it to the status, and had errors of the values alone.
         tied = entry.get("shared", [name for name in names if status[name] == Status.SHARED])
         scales = {n: values[n] if values.quantity(n).is_logarithmic else 1.0 for n in names}
         errors = entry.get("errors") or [float(row[f"{n}_se"]) / scales[n] for n in names]

@@ -1,1 +1,1 @@
-"""What a run does unless told otherwise: the defaults, then a file, then the command line."""
+"""Where the options of a run come from: the defaults, then a file, then the command line."""

@@ -1,7 +1,7 @@
 """Configuration: the defaults, then a file, then the command line, to one `Configuration`.
 
 A profile of a rig goes before [rig] for its logs; the command line goes before both. A key that no
-section has is an error; a mistake is told with the file and line, or the option, that gave it.
+section has is an error; a mistake is reported with the file and line, or the option, that gave it.
 """
 
 import json

@@ -58,9 +58,9 @@ from damperfit.units.shown_units import parse_units
 
 # Keys of [damper] that say what a damper's gas is.
 GAS = ("gas_volume", "gas_pressure", "gas_exponent")
-# Those that say what its valves, its rig and its friction are made of, which nobody measures.
+# Those that say what its valves, its rig and its friction are made of, which is not measured.
 _OF_THE_LAW = {"rebound", "compression", "mounting", "friction", "passages", "floating_piston"}
-_OUTSIDE = "ambient_pressure"  # nobody declares it, and it is told by itself
+_OUTSIDE = "ambient_pressure"  # rarely declared, and reported by itself
 _HARMLESS = {"oil_density", "gas_exponent"}
 _OF_ANY = {"model", "reference_temperature"}  # keys of [damper] whatever the model
 _USUALLY_SHARED: tuple[list[str], ...] = ([], ["r_m3", "f_f"], ["detect"])  # by default
@@ -123,7 +123,7 @@ class Configuration:
 
     @property
     def undeclared(self) -> tuple[str, ...]:
-        """Keys of [damper] that the model has and nobody gave."""
+        """Keys of [damper] of this model that are not declared."""
         keys = (name for name in self.document["damper"] if name not in _OF_ANY)
         return tuple(name for name in keys if f"damper.{name}" not in self.declared)
 
@@ -134,13 +134,13 @@ class Configuration:
 
     @property
     def is_assumed(self) -> bool:
-        """Whether nobody gave anything that is measured of the damper."""
+        """Whether no measured key of the damper is declared."""
         measured = {*self.document["damper"]} - _OF_THE_LAW - _OF_ANY
         return bool(measured) and measured <= set(self.undeclared)
 
     @property
     def whose(self) -> str:
-        """Whose dimensions stand where nobody has declared any."""
+        """Whose dimensions are the default where none is declared."""
         return "the paper's damper" if self.damper.name == "purdy" else "a generic damper"
 
     @property
@@ -151,7 +151,7 @@ class Configuration:
 
     @property
     def assumed_dimensions(self) -> str:
-        """What nobody declared of the dimensions, and what stands for it; empty for nothing.
+        """Which dimensions are not declared, and their defaults; empty for none.
 
         What the oil weighs, how its gas is compressed and what presses on the rod bend nothing that
         the grade hides.
@@ -328,7 +328,7 @@ def build_configuration(
 ) -> Configuration:
     """Return the configuration that a complete TOML document describes."""
     model = document["damper"]["model"]
-    own: dict[str, Any] = {}  # what a model has of its own where nobody has declared it
+    own: dict[str, Any] = {}  # defaults of the model, for what is not declared
     if model != "purdy":
         own = {"procedure": MODELS[model].procedures[0], "share": [DETECT]}
     if document["damper"]["reference_temperature"] != "none":

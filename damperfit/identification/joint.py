@@ -1,14 +1,14 @@
 r"""One fit of a campaign: who takes part, what settings share, from where, and what came out.
 
-Which quantities follow which adjuster is declared, or the logs tell it. With the settings fitted
+Which quantities follow which adjuster is declared, or from the logs. With the settings fitted
 apart, residuals r_s and their derivatives J_s make the problem of any way of sharing a linear least
 squares in its unknowns theta (A_s picks those of a setting)::
 
     X(way) = min over theta of  sum_s w_s |r_s + J_s (A_s theta - u_s)|^2  +  n_theta ln n_eff
 
 Each w_s, one for each stroke, makes the term n_eff of the setting where that is fitted apart; but
-a problem of less than `ENOUGH_PERCENT` of what the stroke's force is counts as that, for what it
-could tell nobody would use. Of all ways that differ in what one quantity follows the best is taken
+a term below `ENOUGH_PERCENT` of the stroke's force counts as that much: a smaller misfit decides
+nothing of use. Of all ways that differ in what one quantity follows the best is taken
 until none is better, from everything shared and from nothing shared. A joint fit with that way is
 then the point from which the sum is drawn up anew, for a straight line between settings that were
 fitted apart does not reach far; it ends when the way stays as it is.
@@ -147,7 +147,7 @@ def declared_sharing(
     untied: Sequence[str] = (),
 ) -> Sharing:
     """What does not follow an adjuster as declared is the damper's, but for what is each log's."""
-    each = adjusters if SETTING in adjusters else ()  # clicks that are not told apart
+    each = adjusters if SETTING in adjusters else ()  # clicks that are not distinguished
     whole = {name: each if damper.quantity(name).scope == SETTING else () for name in moving}
     whole |= _known(damper, moving, adjusters)
     whole |= {n: tuple(a for a in adjusters if a in follows[n]) for n in moving if n in follows}

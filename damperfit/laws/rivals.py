@@ -102,7 +102,7 @@ def is_open_to(law: Candidate, other: Candidate) -> bool:
 
 
 def unbelievable(law: Candidate) -> str:
-    """Return what the logs tell of a law that no damper or rig has; empty for nothing.
+    """Return the first value of a law that no damper or rig has, in words; empty for none.
 
     A law of valves that is bent to what yields has oil as soft as air at one setting, and as stiff
     as steel at another.

@@ -140,7 +140,7 @@ def profile_rows(profiles: Iterable[MisfitProfile]) -> list[dict[str, Any]]:
 
 
 def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[dict[str, Any]]:
-    """Return the rows of the table "adjustment": by setting, speed and stroke, as they are told.
+    """Return the rows of the table "adjustment": by setting, speed and stroke, as they are shown.
 
     The rows of the lowest setting have no change. With several adjusters a setting has a row for
     each that has a neighbour below it.

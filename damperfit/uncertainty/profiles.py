@@ -16,7 +16,7 @@ procedure `joint` over all settings at once.
 sqrt(rise) runs nearly straight, so that few points do and a limit is interpolated in it. A point
 of one setting costs one or two simulations: the others follow their tangent, the loop of every fit
 (`identification.least_squares`) corrects them until another step promises next to nothing, and the
-next point starts there. A parameter of a joint fit is walked with all settings refitted.
+next point starts there. A parameter of a joint fit is profiled with all settings refitted.
 """
 
 from __future__ import annotations
@@ -192,11 +192,11 @@ def _unit(fit: Fit, name: str) -> float:
     return 1.0 if quantity.is_logarithmic else quantity.size
 
 
-# A parameter is walked along its line, at one setting or over all of a joint fit.
+# A parameter is profiled along its line, at one setting or over all of a joint fit.
 
 
-class _Place(NamedTuple):
-    """Where a walk is: what is needed to go on, what the misfit has risen by, all values there."""
+class _Point(NamedTuple):
+    """A point of the profile: state to go on from, rise of the misfit, all values there."""
 
     state: Any
     rise: float
@@ -204,7 +204,7 @@ class _Place(NamedTuple):
     nfev: int  # simulations
 
 
-class _Walk:
+class _Line:
     """Refits with one parameter held at places along its line."""
 
     def __init__(
@@ -212,8 +212,8 @@ class _Walk:
         quantity: Quantity,
         best: float,
         error: float,  # standard error of u as printed; where nothing is known, infinity
-        centre: _Place,  # the best fit
-        refit: Callable[[Any, float, int], _Place],  # from a state, to a place, with so many left
+        centre: _Point,  # the best fit
+        refit: Callable[[Any, float, int], _Point],  # from a state, to a place, with so many left
     ) -> None:
         self.quantity, self.best, self.error = quantity, best, error
         self.centre, self.here, self.refit, self.nfev = centre, centre, refit, centre.nfev
@@ -228,7 +228,7 @@ class _Walk:
         return root
 
     def profiles(self, stride: Stride) -> dict[Setting, MisfitProfile]:
-        """Walk both sides; return the profile of every setting."""
+        """Profile both sides; return the profile of every setting."""
         low, high = self.quantity.plausible
         if self.quantity.is_logarithmic:
             edges = math.log(low / self.best), math.log(high / self.best)
@@ -258,7 +258,7 @@ class _Walk:
     def _side(
         self, side: float, stride: Stride, edges: tuple[float, float]
     ) -> tuple[float | None, bool]:
-        """Walk one side; return where the limit is (None: not reached), and whether it is known."""
+        """Profile one side; return the limit (None: not reached), and whether it is known."""
         self.here = self.centre
         edge, other_edge = edges[side > 0.0], edges[side < 0.0]
         if edge * side <= 0.0:
@@ -319,8 +319,8 @@ class _State(NamedTuple):
     jacobian: FloatArray
 
 
-def _own_walk(fit: Fit, name: str, misfit: Block, scale: float, error: float, budget: int) -> _Walk:
-    """The walk at one setting: along one of the misfit's free parameters; L is in 1/N^2."""
+def _own_line(fit: Fit, name: str, misfit: Block, scale: float, error: float, budget: int) -> _Line:
+    """The line at one setting: along one of the misfit's free parameters; L is in 1/N^2."""
     free, packing, quantity = misfit.free, misfit.common_variables, fit.parameters.quantity(name)
     bounds = [packing.pack(edges) for edges in misfit.bounds]
     place, every = free.index(name), np.arange(len(free), dtype=np.intp)
@@ -354,7 +354,7 @@ def _own_walk(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
     moving = others if is_at_edge(fit.parameters, name) else every
     centre, least, nfev = settled(packing.pack(values_of(free, fit.parameters)), moving, budget)
 
-    def refit(state: _State, along: float, left: int) -> _Place:
+    def refit(state: _State, along: float, left: int) -> _Point:
         """Go along the line, the others along their tangent, and settle there."""
         moved = state.variables.copy()
         moved[place] = centre.variables[place] + along
@@ -364,11 +364,11 @@ def _own_walk(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
         length = float(np.max(np.abs(change), initial=0.0))
         moved[others] += change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
         ended, cost, nfev = settled(moved, others, left)
-        return _Place(ended, scale * (cost - least), {fit.setting: ended.parameters}, nfev)
+        return _Point(ended, scale * (cost - least), {fit.setting: ended.parameters}, nfev)
 
     best = float(getattr(centre.parameters, name))
-    start = _Place(centre, 0.0, {fit.setting: centre.parameters}, nfev)
-    return _Walk(quantity, best, error, start, refit)
+    start = _Point(centre, 0.0, {fit.setting: centre.parameters}, nfev)
+    return _Line(quantity, best, error, start, refit)
 
 
 def _full_step(system: LinearSystem) -> Step:
@@ -416,9 +416,9 @@ def profile_at(
         scale = float(row[linear.names.index(name)]) / variance
         error = math.sqrt(variance) / _unit(fit, name)
     misfit = bench.misfit(fit, tuple(free))
-    walk = _own_walk(fit, name, misfit, scale, error, stride.budget)
+    line = _own_line(fit, name, misfit, scale, error, stride.budget)
     return replace(
-        walk.profiles(stride)[setting],
+        line.profiles(stride)[setting],
         is_shared=name in sharing.estimated,
         is_partial=sharing.is_mean(name),
         is_doubtful=bench.is_doubtful(name, fit),
@@ -473,7 +473,7 @@ def profile_jointly(
     error = bench.known[next(having)].whole_error(name)
     scale = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)] / error**2
 
-    def refit(state: Point, along: float, left: int) -> _Place:
+    def refit(state: Point, along: float, left: int) -> _Point:
         del left  # a joint fit is not cut short
         there = {name: _moved(quantity, best, along)}
         starts = {
@@ -481,10 +481,10 @@ def profile_jointly(
         }
         ended = fit_jointly(replace(held, gas=state.gas), starts)
         rise = scale * (ended.cost - centre.cost)
-        return _Place(ended.extra, rise, ended.extra.values, ended.evaluations)
+        return _Point(ended.extra, rise, ended.extra.values, ended.evaluations)
 
-    begin = _Place(centre.extra, 0.0, at, 0)
-    profiles = _Walk(quantity, best, error / _unit(fits[0], name), begin, refit).profiles(stride)
+    begin = _Point(centre.extra, 0.0, at, 0)
+    profiles = _Line(quantity, best, error / _unit(fits[0], name), begin, refit).profiles(stride)
     mine = [setting for setting in sorted(profiles) if unknown.holds_at(setting)]
     return tuple(replace(profiles[setting], is_shared=True) for setting in mine)
 
@@ -494,7 +494,7 @@ def shared_limits(linearised: Sequence[Linearisation], bench: Bench) -> Iterator
 
     A mounting that no log shows give ends at the upper edge of its range, where a change of it does
     nothing: the quadratic approximation then excludes no value. Softer ones do fit worse, and a
-    short walk with all settings refitted says from where on.
+    short profile with all settings refitted says from where on.
     """
     budget = int(_SHARED_SHARE * sum(linear.fit.evaluations for linear in linearised))
     # The law of K_e has numbers of the gas, which are none of a setting.

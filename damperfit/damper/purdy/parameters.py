@@ -65,7 +65,7 @@ QUANTITIES = (
         "s sqrt(N)/(m kg)", (1e1, 1e7), power=3, shown_unit="10³ s √N / (m kg)",
     ),
     Quantity(
-        "r_m2", "R_m2", "valve 2 (bump)", "resistance of valve 2, in the piston, open in bump",
+        "r_m2", "R_m2", "valve 2 (compression)", "resistance of valve 2, open in compression",
         "N s/(m2 kg)", (1e3, 1e10), power=6, shown_unit="10⁶ N s / (m² kg)", role=VISCOUS,
     ),
     Quantity(
