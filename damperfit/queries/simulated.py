@@ -304,7 +304,12 @@ class Sweep(Answer):
             }
             for name, member in named
         ]
-        self.sentences = tuple(_in_words(each.name, members) for each, members, _ in self.sweeps)
+        self.symbols = {each.name: each.name for each, _, _ in self.sweeps} | {
+            quantity.name: quantity.symbol for quantity in self.model.quantities
+        }
+        self.sentences = tuple(
+            _in_words(self.symbols[each.name], members) for each, members, _ in self.sweeps
+        )
         speeds = [member.response.velocity for _, member in named]
         fastest = max(float(max(velocity.max(), -velocity.min())) for velocity in speeds)
         self.warnings = choice.warnings(fastest, getattr(self.model, "temperature", None))
@@ -322,27 +327,27 @@ class Sweep(Answer):
 
     @cached_property
     def plots(self) -> tuple[Plot, ...]:
-        """Its figures: force-velocity loops, x1 in the text colour; pressures that cavitate."""
+        """Its figures: force-velocity loops (black at factor 1), pressures that cavitate."""
         plots = []
         families = {family.name: family for family in FAMILIES}
         for (variation, members, is_paper), words in zip(self.sweeps, self.sentences, strict=True):
             name, family = variation.name, families[variation.name] if is_paper else None
-            lines = []
+            symbol, lines = self.symbols[name], []
             colours = setting_colours(range(len(members))).values()
             for member, colour in zip(members, colours, strict=True):
                 signals = (member.response.velocity, member.response.force)
                 ink = "ink" if member.factor == 1.0 else colour
-                label = f"{name} x{member.factor:g}"
+                label = f"{member.factor:g} × {symbol}"
                 lines.append(Line(*loop(*signals, member.last_cycle), label, ink))
             file_name = f"figure_{family.number}_{name}" if family else f"sweep_{name}"
-            title = f"Force against velocity, {name} varied"
+            title = f"Force against velocity, {symbol} varied"
             panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
             plots.append(Plot(file_name, title, (panel,), words))
             worst = max(members, key=lambda member: member.cavitation)
             of_pressures = family.of_pressures if family else 0
             if worst.cavitation > 0.0 or of_pressures:
                 first = f"figure_{of_pressures or 7}" if family else "sweep"
-                title = f"Chamber pressures, {name} x{worst.factor:g}"
+                title = f"Chamber pressures, {worst.factor:g} × {symbol}"
                 response = worst.response
                 panel = pressure_panel(response.time, response.pressures, worst.last_cycle)
                 caption = "Shaded: cavitation." if panel.bands else ""
@@ -375,7 +380,7 @@ class Sweep(Answer):
         return tuple(
             laid_out(members, [
                 Column("factor", "", lambda member: f"{member.factor:g}"),
-                Column(name, units[name], lambda member: number(member.value, digits=5)),
+                Column(self.symbols[name], units[name], lambda member: number(member.value)),
                 *figures,
                 Column(*cavitation),
             ])
@@ -392,14 +397,14 @@ def _in_words(name: str, members: Sequence[SweepMember]) -> str:
     ranked = sorted(members, key=lambda member: member.factor)
     first, last = ranked[0], ranked[-1]
     dry = [
-        f"chamber {i} for {100.0 * share:.1f} % of the cycle at x{member.factor:g}"
+        f"chamber {i} for {100.0 * share:.1f} % of the cycle at {member.factor:g} × {name}"
         for member in ranked
         for i, share in enumerate(member.figures.cavitation_shares, start=1)
         if share > 0.0
     ]
     cavitation = f"cavitation: {', '.join(dry)}" if dry else "no chamber cavitates"
     if len(ranked) == 1:
-        return f"{name} x{first.factor:g}: {cavitation}."
+        return f"{first.factor:g} × {name}: {cavitation}."
     changes = []
     for *_, figure, words in _SWEPT:
         if words:
@@ -408,4 +413,4 @@ def _in_words(name: str, members: Sequence[SweepMember]) -> str:
             share_of = "" if gain is None else f" ({gain:+.1f} %)"
             both = f"{number(before, digits=4)} to {number(after, digits=4)} N"
             changes.append(f"{words} {both}{share_of}")
-    return f"{name} x{first.factor:g} to x{last.factor:g}: {', '.join(changes)}; {cavitation}."
+    return f"{first.factor:g} to {last.factor:g} × {name}: {', '.join(changes)}; {cavitation}."

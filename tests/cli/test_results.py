@@ -179,11 +179,11 @@ def test_whose_parameters_are_taken_is_told(run, logs, folder) -> None:
 def test_a_family_is_table_figure_and_sentence(run) -> None:
     ended = run("sweep", "--setting", "10", "--vary", "R_m1=0.8,1,1.2", "--figures", "svg")
     assert ended.code == 0, ended.err
-    assert "r_m1 x0.8 to x1.2: peak rebound " in ended.out
+    assert "0.8 to 1.2 × R_m1: peak rebound " in ended.out
     assert {path.name for path in Path("sweep").iterdir()} == {"sweep.csv", "sweep_r_m1.svg"}
     with Path("sweep/sweep.csv").open(encoding="utf-8", newline="") as file:
         assert [row["factor"] for row in csv.DictReader(file)] == ["0.8", "1.0", "1.2"]
-    assert "r_m1 x0.8" in Path("sweep/sweep_r_m1.svg").read_text(encoding="utf-8")
+    assert "0.8 × R_m1" in Path("sweep/sweep_r_m1.svg").read_text(encoding="utf-8")
 
 
 def test_the_papers_figures_at_once(run, undrawn) -> None:
