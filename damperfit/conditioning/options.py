@@ -79,6 +79,7 @@ class ConditionOptions(ConditioningSection):
     offset: OffsetFacts = OffsetFacts()  # what a fit knows of a constant force of the rig's
     # l_1 and l_2 of the damper, m: a stroke beyond the chambers is refused.
     chamber_lengths: tuple[float, float] | None = None
+    has_free_k_e: bool = True  # whether a fit finds it: noise of the displacement bends it
     nominal: NominalTest = NominalTest()  # what the test was meant to be, for findings
 
     def __init__(self, **given: Any) -> None:

@@ -25,6 +25,7 @@ from pydantic import (
 from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest, OffsetFacts
 from damperfit.configuration.damper_section import damper_defaults, damper_of, damper_record
 from damperfit.configuration.drawings import MEASURED
+from damperfit.damper.cylinder import K_E
 from damperfit.damper.model import MODELS, Model
 from damperfit.damper.quantity import Quantity
 from damperfit.damper.temperature_law import BETA, WithTemperature
@@ -469,8 +470,10 @@ def offset_facts(damper: Model, named: Collection[str]) -> OffsetFacts:
 def facts_of_damper(damper: Model, named: Collection[str]) -> dict[str, Any]:
     """Return what conditioning asks of a damper, by the names of `ConditionOptions`."""
     gas = None if damper.gas is None else GasFacts(*damper.gas)
-    offset = offset_facts(damper, named)
-    return {"gas": gas, "offset": offset, "chamber_lengths": damper.chamber_lengths}
+    offset, lengths = offset_facts(damper, named), damper.chamber_lengths
+    moduli = [q for q in damper.quantities if q.name == K_E.name]
+    is_free = any(q.default is None or q.name in named for q in moduli)
+    return {"gas": gas, "offset": offset, "chamber_lengths": lengths, "has_free_k_e": is_free}
 
 
 def _with_beta(damper: Model, names: tuple[str, ...], *, named: Collection[str]) -> tuple[str, ...]:
