@@ -253,6 +253,9 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
             "out (output.max_mse_percent = 0)"
         )
         raise usage(text, "out-of-range", Option("max_mse", "0"))
+    if given.get("free") == []:
+        text = "no parameter is named; leave it out, or hold what must not be fitted with {--fix}"
+        raise usage(text, "nothing-named", Option("free"))
     is_open = given.get("model") == _AUTO
     start_file, start_values = starts_of(given.get("start"))
     configuration = configured(

@@ -103,6 +103,12 @@ def test_a_file_is_named_as_it_is(name) -> None:
     assert name in str(caught.value)
 
 
+def test_parameters_to_free_are_named(log) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        damperfit.identify([log], free=[])
+    assert caught.value.problem.code == "nothing-named"
+
+
 def test_a_wrong_value_is_blamed_on_its_own_line(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("two.toml").write_text(

@@ -130,8 +130,9 @@ class Configuration:
 
     @property
     def not_measured(self) -> tuple[str, ...]:
-        """Those that somebody could have measured: the air is everywhere much the same."""
-        return tuple(name for name in self.undeclared if name not in {*_OF_THE_LAW, _OUTSIDE})
+        """Those to be measured: the air is everywhere much the same, and some move no force."""
+        others = {*_OF_THE_LAW, _OUTSIDE, *self.damper.plain.unfelt}
+        return tuple(name for name in self.undeclared if name not in others)
 
     @property
     def is_assumed(self) -> bool:

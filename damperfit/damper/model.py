@@ -192,6 +192,7 @@ class Model(ABC):
     determined_together: ClassVar[tuple[tuple[str, ...], ...]] = ()
     # Range of each declared number in SI, and its unit; what lies outside was misread.
     ranges: ClassVar[Ranges] = MappingProxyType({})
+    unfelt: ClassVar[tuple[str, ...]] = ()  # keys of [damper] that move no force
     # How the bulk modulus of the settings may be found.
     bulk_moduli: ClassVar[tuple[str, ...]] = ("free",)
 

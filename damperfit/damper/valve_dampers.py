@@ -271,6 +271,7 @@ class Monotube(ValveDamper):
     title = "monotube: a piston valve for each stroke, floating piston"
     ways = ((1, 2), (2, 1))
     pressed = ("annulus_area", "annulus_area")  # chamber 2 stays at the gas pressure
+    unfelt = ("chamber_2_length",)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
+from damperfit.configuration.damper_section import damper_defaults
 from damperfit.configuration.loading import (
     configuration_toml,
     default_document,
@@ -60,6 +61,25 @@ def test_the_defaults_are_those_of_the_libraries_below() -> None:
     offset = offset_facts(ThroughFlow(), ())
     assert offset.name == "f_0"
     assert ("rebound_bleed" in offset.beside, "f_0" in offset.beside) == (True, False)
+
+
+MEASURED = "gas_pressure gas_volume rod_diameter piston_diameter chamber_1_length"
+
+
+@pytest.mark.parametrize(
+    ("given", "is_missing", "has_free_k_e"),
+    [("monotube", False, False), ("twin_tube", True, False), ("twin_tube --free", True, True)],
+)
+def test_a_model_says_what_of_a_damper_must_be_measured_and_whether_k_e_is_fitted(
+    given, is_missing, has_free_k_e
+) -> None:
+    model, _, frees = given.partition(" ")
+    damper = damper_defaults(model)
+    damper = {"model": model} | {name: damper[name] for name in MEASURED.split()}
+    fit = {"free": ["k_e", "f_0"]} if frees else {}
+    configuration = load_configuration(overlay={"damper": damper, "identification": fit})
+    assert ("chamber_2_length" in configuration.not_measured) is is_missing
+    assert configuration.conditioning.has_free_k_e is has_free_k_e
 
 
 FULL = """
