@@ -153,7 +153,7 @@ class ForceLevel(NamedTuple):
         """The level beside the gas force, for people."""
         return (
             f"at zero velocity the force is {self.force - unsure:.0f} to "
-            f"{self.force + unsure:.0f} N; the gas force alone is {self.expected:.0f} N"
+            f"{self.force + unsure:.0f} N; the gas of [damper] alone gives {self.expected:.0f} N"
         )
 
     @property
@@ -310,8 +310,8 @@ def rest_of(
     ratio = force / expected if expected else 0.0
     is_clear = 0.5 < abs(ratio) < _REST_LIMIT and abs(force) > 2.0 * friction
     text = (
-        f"at rest the force is {force - friction:.0f} to {force + friction:.0f} N; the gas force "
-        f"alone is {expected:.0f} N"
+        f"at rest the force is {force - friction:.0f} to {force + friction:.0f} N; the gas of "
+        f"[damper] alone gives {expected:.0f} N"
     )
     return _Rest(int(math.copysign(1.0, ratio)) if is_clear else 0, text)
 

@@ -82,15 +82,19 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
             "the logs do not say their setting: name them setting_10.csv, write '# setting: 10' "
             f"into them, or give a table tests.csv or rig.setting_pattern{offered}"
         )
-    conditioning = _load(model, given).conditioning
-    signs = [_signs(recording, conditioning) for recording in recordings]
+    configuration = _load(model, given)
+    signs = [_signs(recording, configuration.conditioning) for recording in recordings]
+    assumed = f", by the gas of {configuration.whose}: fill in [damper], then inspect"
+    assumed *= configuration.is_assumed
     for channel in ("displacement", "force"):
         if signs and all(channel in reversed_ for reversed_, _ in signs):
             rig[f"reverse_{channel}"] = True
-            why.append(f"{channel} is positive in compression: the loops show it")
+            why.append(f"{channel} is positive in compression: the loops show it{assumed}")
     if doubt := next((doubt for _, doubt in signs if doubt), ""):
         doubted = doubt.partition("; taken as logged")[0].partition("; declare")[0]
-        unknown.append(f"signs: {doubted}; decide reverse_displacement and reverse_force in [rig]")
+        unknown.append(
+            f"signs: {doubted}{assumed}; decide reverse_displacement and reverse_force in [rig]"
+        )
     identity = common_identity(identity_in(recording.metadata) for recording in recordings)
     facts = {key: getattr(identity, key) for key in IDENTITY_KEYS}
     test = {key: value for key, value in facts.items() if value and "," not in value}

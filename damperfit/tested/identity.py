@@ -9,7 +9,10 @@ from typing import Any
 
 # What a preamble or a table may call it, in lower case and without what is no letter.
 _WORDS = {
-    "damper": ("damper", "shock", "shockabsorber", "daempfer", "dämpfer", "article", "part"),
+    "damper": (
+        "damper", "shock", "shockabsorber", "daempfer", "dämpfer", "article", "part", "prüfling",
+        "pruefling", "specimen",
+    ),
     "serial": (
         "serial", "serialnumber", "serialno", "serialnr", "sn", "damperserial", "seriennummer",
         "seriennr", "damperid",

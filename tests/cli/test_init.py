@@ -88,7 +88,8 @@ def test_units_and_signs_that_the_loops_show_are_written(
     said = capsys.readouterr().err
     for channel, sign in (("displacement", x_sign), ("force", f_sign)):
         assert written.get(f"reverse_{channel}", False) is (sign < 0.0)
-        assert (f"{channel} is positive in compression: the loops show it" in said) is (sign < 0.0)
+        shown = f"{channel} is positive in compression: the loops show it, by the gas of the paper"
+        assert (shown in said) is (sign < 0.0)
 
 
 def test_doctor_fits_and_names_what_is_there(capsys):
