@@ -190,10 +190,12 @@ def _standing(channel: _Channel, step: float) -> Iterator[Finding]:
             rails.append(rail)
             clipped.update(cut)
     if rails:
+        # A small share of all may be all of the speed whose force it takes.
+        of_fastest = "of the fastest segment " * (name == "force" and channel.period > 0.0)
         share = 100.0 * sum(int(np.count_nonzero(values == rail)) for rail in rails) / n
         text = (
             f"the {name} is clipped at {' and '.join(map(channel.shown, rails))}: "
-            f"{share:.2g} % of the evaluated samples are there, the first of them in "
+            f"{share:.2g} % of the samples {of_fastest}are there, the first of them in "
             f"{channel.place(min(clipped))}; "
             "choose a larger range of sensor or amplifier and record again"
         )
