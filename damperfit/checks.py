@@ -105,7 +105,15 @@ def _with_status(subject: Subject, status: Status, words: str) -> str:
         ]
         for name in subject.fits[0].parameters.names
     }
-    return "; ".join(f"{name} {words} at {_settings(fits)}" for name, fits in parts.items() if fits)
+    return "; ".join(
+        f"{_symbol(subject, name)} {words} at {_settings(fits)}"
+        for name, fits in parts.items()
+        if fits
+    )
+
+
+def _symbol(subject: Subject, name: str) -> str:
+    return subject.fits[0].parameters.quantity(name).symbol
 
 
 def _is_rigid(subject: Subject, fit: Fit, name: str) -> bool:
@@ -149,10 +157,12 @@ def _trend_monotone(subject: Subject) -> _Verdict:
     for trend in evaluated:
         by = "the setting" if trend.adjuster == ADJUSTER else trend.adjuster
         by += f" ({trend.held})" if trend.held else ""
-        lines[by].append(f"{trend.parameter} {directions[trend.direction or '']}")
+        symbol = _symbol(subject, trend.parameter)
+        lines[by].append(f"{symbol} {directions[trend.direction or '']}")
     text = "; with ".join(f"{by} {', '.join(trends)}" for by, trends in lines.items())
-    notes = [f"; {trend.parameter} is not determined" for trend in trends if trend.monotone is None]
-    notes += [f"; {trend.parameter} turns by less than 1 %" for trend in turning]
+    unknown = [trend for trend in trends if trend.monotone is None]
+    notes = [f"; {_symbol(subject, trend.parameter)} is not determined" for trend in unknown]
+    notes += [f"; {_symbol(subject, trend.parameter)} turns by less than 1 %" for trend in turning]
     return True, f"with {text}, within errors and scatter{''.join(notes)}"
 
 
@@ -197,7 +207,8 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     for trend in evaluated:
         for outlier in trend.outliers:
             if abs(outlier.deviation) > _MATTERS:
-                deviation = f"{trend.parameter} {100.0 * outlier.deviation:+.1f} %"
+                symbol = _symbol(subject, trend.parameter)
+                deviation = f"{symbol} {100.0 * outlier.deviation:+.1f} %"
                 off[trend.adjuster, trend.held, outlier.setting].append(deviation)
     if off:
         places = (
@@ -210,7 +221,8 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
         return None, "; ".join(trend.sentence for trend in mixed_up)
     small = [outlier for trend in evaluated for outlier in trend.outliers]
     more = " by more than 1 %" if small else ""
-    return True, f"no setting is off the trend of {', '.join(t.parameter for t in evaluated)}{more}"
+    symbols = ", ".join(_symbol(subject, trend.parameter) for trend in evaluated)
+    return True, f"no setting is off the trend of {symbols}{more}"
 
 
 def _no_trend(subject: Subject) -> str:
@@ -428,7 +440,8 @@ def _series_stiffness_found(subject: Subject) -> _Verdict:
         if fit.status[name].has_failed and not _is_rigid(subject, fit, name)
     ]
     if lost:
-        return False, f"{' and '.join(names)} is not determined by the logs at {_settings(lost)}"
+        symbols = " and ".join(_symbol(subject, name) for name in names)
+        return False, f"{symbols} is not determined by the logs at {_settings(lost)}"
     return _unless_objected(subject, subject.fits, names, "beyond", "in the range of test rigs")
 
 
@@ -443,9 +456,10 @@ def _unless_objected(
     if against := _against(subject, names, kind):
         return False, against
     determined = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
+    symbols = [_symbol(subject, name) for name in names]
     if not determined:
-        return None, f"no log determined {' or '.join(names)}"
-    return True, f"{' and '.join(names)} is {what} at {_settings(determined)}"
+        return None, f"no log determined {' or '.join(symbols)}"
+    return True, f"{' and '.join(symbols)} is {what} at {_settings(determined)}"
 
 
 def _against(subject: Subject, names: Sequence[str], kind: str) -> str:

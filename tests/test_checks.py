@@ -97,11 +97,11 @@ FAILING = {
     ),
     "no_parameter_at_bound": (
         subject(fit(1), fit(2, status={"k_e": "at_bound"})),
-        "k_e is at a bound of its plausible range at setting 2",
+        "K_e is at a bound of its plausible range at setting 2",
     ),
     "all_parameters_identifiable": (
         subject(*(fit(n, status={"k_e": "not_identifiable"}) for n in (1, 2, 3, 7))),
-        "k_e is not determined by the logs at settings 1-3, 7",
+        "K_e is not determined by the logs at settings 1-3, 7",
     ),
     "no_cavitation": (
         subject(fit(19), fit(20, outcome=Outcome.CAVITATING)),
@@ -119,7 +119,7 @@ FAILING = {
         subject(trends=[trend(monotone=False, sentence="R_m1 turns")]),
         "R_m1 turns",
     ),
-    "no_outlier_setting": (subject(trends=[OFF]), "setting 20 (r_m1 +12.5 %)"),
+    "no_outlier_setting": (subject(trends=[OFF]), "setting 20 (R_m1 +12.5 %)"),
     "every_click_counts": (
         subject(clicks=[click(0.5), click(-0.2, stroke="bump"), click(90.0, speed=0.1)]),
         "at 0.3 m/s does not change from setting 1 to 2",
@@ -159,7 +159,7 @@ FAILING |= {
 UNSEEN = {
     "bulk_modulus_of_oil": (
         subject(fit(1, status={"k_e": "fixed"})),
-        "no log determined k_e",
+        "no log determined K_e",
     ),
     "friction_within_jump": (subject(elastic(1)), "the mounting is elastic"),
     "series_stiffness_found": (subject(), "the model has no stiffness in series"),

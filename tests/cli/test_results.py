@@ -81,7 +81,7 @@ def test_the_sample_runs_get_what_the_paper_found_by_hand(samples) -> None:
     record = record_of(samples)
     failed = [check for check in record["checks"] if check["passed"] is False]
     assert [check["name"] for check in failed] == ["no_outlier_setting"]
-    assert "setting 20 (r_m1 +12." in failed[0]["reason"]
+    assert "setting 20 (R_m1 +12." in failed[0]["reason"]
     trends = {trend["parameter"]: trend for trend in record["trends"]}
     outliers = {name: [o["setting"] for o in one["outliers"]] for name, one in trends.items()}
     assert (outliers["r_m1"], outliers["r_m2"], outliers["k_e"]) == ([20], [20], [])
