@@ -127,7 +127,7 @@ def yielding_sentences(search: LawSearch, fits: Sequence[LawFit]) -> tuple[str, 
         what = (
             "something that yields before it slides, as a magneto-rheological fluid or dry friction"
         )
-        return (f"{holds}, and {search.doubt}: what acts may be {what}, and no valve is named.",)
+        return (f"{holds}, and {search.doubt}: it may be {what}; valves are not reported.",)
     if not isinstance(model, YIELDING):
         return ()
     return (
