@@ -633,12 +633,12 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         reading = {name: given[name] for name in ("rig", "rig_profile", "config")}
         options = configured("settings", reading, is_law_open=True).reading
         return measured_forces(paths, question, reading=options)
+    named = [place if isinstance(place, Path) else place.shown_as for place in places]
     if len(places) > 1:
-        listed = ", ".join(map(str, places[:3]))
+        listed = ", ".join(map(str, named[:3]))
         text = f"found {listed}; expected one results folder, or files of measured curves alone"
         raise usage(text, "several-results")
-    whose = places[0] if isinstance(places[0], Path) else "this run"
-    refuse_idle(given, ("rig", "rig_profile"), f"{whose} holds results, and no log is read")
+    refuse_idle(given, ("rig", "rig_profile"), f"{named[0]} holds results, and no log is read")
     how = {name: given[name] for name in ("config", "temperature")}
     run = Run.load(places[0], parts=("parameters",), **how)
     motion = {name: given[name] for name in ("amplitude", "frequency")}

@@ -355,7 +355,7 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 if keyword.kind in {"path", "paths", "results", "table"}:
                     shown = given if isinstance(given, str | list) else value
                     shown = shown if isinstance(shown, list) else [shown]
-                    paths.extend((name, path) for path in shown if not isinstance(path, Mapping))
+                    paths.extend((name, path) for path in shown if isinstance(path, str | Path))
                 return value
 
             for name, given in list(bound.arguments.items()):

@@ -58,7 +58,8 @@ _MANY = 40  # logs that are listed by their hash on the page; the JSON has all
 
 def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Path]:
     """Write passport_NAME.html and .json into a folder; NAME is the serial number, or the run's."""
-    title = run.identity.get("serial") or run.identity.get("damper") or run.name
+    name = run.name if run.place else "damper"
+    title = run.identity.get("serial") or run.identity.get("damper") or name
     stem = f"passport_{re.sub(r'[^A-Za-z0-9._-]+', '_', Path(title).name) or 'damper'}"
     document: dict[str, Any] = json.loads(baseline_text(run))
     known = document["passport"] = {
