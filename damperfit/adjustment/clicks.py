@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -190,39 +190,70 @@ class Wanted:
     adjuster: str = ADJUSTER  # which was looked along
     held: str = ""  # where the other adjusters stand, for people; empty where there are none
     origin: str = MODEL  # of the forces that it was looked for among
+    gas: float = math.nan  # force of the gas that is in them; NaN: none that is known
 
     @property
     def sentence(self) -> str:
         """For people, in newtons and metres a second."""
-        return self.sentence_in(SI)
+        return wanted_sentences((self,))[0]
 
-    def sentence_in(self, units: ShownUnits) -> str:
-        """Return the sentence with forces and speeds in the units that people want."""
-        wanted = units.write(self.force, "N", ".5g")
-        asked = f"{wanted} in {STROKE_WORDS[self.stroke]} at {units.write_speed(self.speed)}"
-        if self.origin == MEASURED:
-            asked += ", as measured"
-        if self.held:
-            asked += f", along {self.adjuster} with {self.held}"
+    @property
+    def is_still(self) -> bool:
+        """Whether the adjuster does not move the force."""
         (_, least), (_, most) = self.weakest, self.hardest
-        if abs(most - least) <= _STILL * abs(least):
-            return (
-                f"{asked}: {self.adjuster} does not move it: {units.write(least, 'N', '.5g')} at "
-                "every setting tested"
-            )
+        return abs(most - least) <= _STILL * abs(least)
+
+    def words(self, units: ShownUnits) -> str:
+        """Return where it is found, for people, in the units that they want."""
+        if self.is_still:
+            force = units.write(self.weakest[1], "N", ".5g")
+            return f"{self.adjuster} does not move it: {force} at every setting tested"
         if not self.answers:
             harder = abs(self.force - self.hardest[1]) < abs(self.force - self.weakest[1])
-            setting, force = self.hardest if harder else self.weakest
+            setting, force_there = self.hardest if harder else self.weakest
             side = "more than the hardest" if harder else "less than the weakest"
+            gas = f", gas force {units.write(self.gas, 'N', '.4g')} in it" * math.isfinite(self.gas)
             return (
-                f"{asked}: no setting gives it; it is {side}, setting {setting} with "
-                f"{units.write(force, 'N', '.5g')}"
+                f"no setting gives it; it is {side}, setting {setting} with "
+                f"{units.write(force_there, 'N', '.5g')}{gas}"
             )
-        words = "; or ".join(
+        several = f"{len(self.answers)} answers, " * (len(self.answers) > 1)
+        return several + "; or ".join(
             _words(answer, self.force, self.adjuster, units) for answer in self.answers
         )
-        several = len(self.answers)
-        return f"{asked}: {f'{several} answers, ' if several > 1 else ''}{words}"
+
+
+def wanted_sentences(wanted: Sequence[Wanted], units: ShownUnits = SI) -> tuple[str, ...]:
+    """Return a sentence an adjuster; one for all where no setting gives the force."""
+    by_adjuster: dict[str, list[Wanted]] = {}
+    has_answer = any(line.answers for line in wanted)
+    for line in wanted:
+        by_adjuster.setdefault(line.adjuster if has_answer else "", []).append(line)
+    return tuple(_sentence(lines, units, has_answer=has_answer) for lines in by_adjuster.values())
+
+
+def _sentence(lines: Sequence[Wanted], units: ShownUnits, *, has_answer: bool) -> str:
+    first, *others = lines
+    text = f"{units.write(first.force, 'N', '.5g')} in {STROKE_WORDS[first.stroke]} at "
+    text += units.write_speed(first.speed) + ", as measured" * (first.origin == MEASURED)
+    if not others:
+        along = f", along {first.adjuster} with {first.held}" * bool(first.held)
+        return f"{text}{along}: {first.words(units)}"
+    if has_answer and all(line.is_still for line in lines):
+        return f"{text}: {first.adjuster} does not move it"
+    answered = [line for line in lines if line.answers]
+    if answered:
+        words = [f"with {line.held}: {line.words(units)}" for line in answered]
+        if missing := [line.held for line in lines if line not in answered]:
+            words.append(f"none with {' or '.join(missing)}")
+        return f"{text}, along {first.adjuster} {'; '.join(words)}"
+    ends = [end for line in lines for end in (line.weakest, line.hardest)]
+    weakest, *_, hardest = sorted(ends, key=lambda end: end[1], reverse=first.stroke == "bump")
+    if has_answer:
+        return f"{text}, along {first.adjuster}: no setting gives it"
+    if (first.force - weakest[1]) * (first.force - hardest[1]) < 0.0:  # between two lines
+        return f"{text}: no setting gives it"
+    return f"{text}: {replace(first, weakest=weakest, hardest=hardest).words(units)}"
 
 
 def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> str:
@@ -331,6 +362,7 @@ class _Curve:
             adjuster=self.line.adjuster,
             held=self.line.held,
             origin=weakest.origin,
+            gas=weakest.gas,
         )
 
     def looked(self, gap: int, kind: str = SMOOTH) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.adjustment.clicks import Click, Wanted, clicks, which_setting
+from damperfit.adjustment.clicks import Click, Wanted, clicks, wanted_sentences, which_setting
 from damperfit.adjustment.force_at import (
     STROKE_WORDS,
     STROKES,
@@ -153,12 +153,12 @@ class SettingForces(_Forces):
     @property
     def sentence(self) -> str:  # type: ignore[override]
         """The answer to the question, in SI; empty where none was asked."""
-        return "; ".join(answer.sentence for answer in self.wanted)
+        return "; ".join(wanted_sentences(self.wanted))
 
     @property
     def answers(self) -> tuple[str, ...]:
-        """The same in the units that people want, one for each line of settings."""
-        return tuple(answer.sentence_in(self.units) for answer in self.wanted)
+        """The same in the units that people want, one for each adjuster."""
+        return wanted_sentences(self.wanted, self.units)
 
     @property
     def heading(self) -> str:
