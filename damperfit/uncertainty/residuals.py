@@ -221,7 +221,7 @@ def seek_flaws(
     # Parameters that nothing in the logs has set may be held at a wrong value, but for an offset,
     # which is among the flaws already. Of a law that does not fit none can be said to be the cause.
     fixed = [q for q in quantities if fit.status[q.name] == Status.FIXED and not q.is_offset]
-    held = [quantity.name for quantity in fixed if fit.mse_percent < EXCELLENT]
+    held = [q.name for q in fixed if fit.mse_percent < EXCELLENT and q.name not in columns]
     for name in (*held, *doubted):
         columns[name] = [linearised.jacobian[:, linearised.names.index(name)]]
     pairs, sizes = [], _sizes(linearised)
