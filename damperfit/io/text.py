@@ -416,7 +416,7 @@ def _tables(
     data_at, names_at, _ = _heading(rows, first_row)
     begin, start = (rows[k].offset for k in (data_at if names_at is None else names_at, data_at))
     again = block.data.find(b"\n" + block.data[begin:start], start) + 1 if begin < start else 0
-    if not again:
+    if not again or options.bad_rows == "drop":  # what is no row is dropped, names too
         yield _table(block, head, name, notes, options)
         return
     # A preamble of its own may stand above the second names, too.
