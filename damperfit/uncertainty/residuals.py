@@ -217,7 +217,8 @@ def seek_flaws(
     is_tied = any(status == Status.SHARED for status in fit.status.values())
     own = _absorbed(linearised, alone) if doubted or is_tied else absorbed
     columns = _columns(linearised)
-    columns["force_gain"] = [force]
+    if is_tied or fit.mse_percent < EXCELLENT:  # a wrong law alone looks like a gain
+        columns["force_gain"] = [force]
     # Parameters that nothing in the logs has set may be held at a wrong value, but for an offset,
     # which is among the flaws already. Of a law that does not fit none can be said to be the cause.
     fixed = [q for q in quantities if fit.status[q.name] == Status.FIXED and not q.is_offset]
