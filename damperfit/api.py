@@ -363,7 +363,7 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
 
 @public
 def fleet(  # noqa: PLR0913 - one keyword an option of the command line
-    logs: Sequence[str] | str | None = None,
+    logs: object = None,
     *,
     out: str | Path = Path("fleet"),
     jobs: int | None = None,
@@ -386,7 +386,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
 
     Parameters
     ----------
-    logs : str or sequence of str, optional
+    logs : path, list of such, optional
         Folders, files, patterns, or addresses; without it only the parts that are there are read.
     """
     given = dict(locals())
@@ -394,13 +394,14 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.fleets.done import FleetDone
     from damperfit.fleets.run import planned, run_fleet, share_of
     from damperfit.run.identify import Watch
+    from damperfit.run.log_files import as_files
     from damperfit.workers import Cluster, Processes
 
     watch = watch or Watch()
     folder: Any = out
-    logs = [logs] if isinstance(logs, str) else logs
+    has_logs = logs is not None and logs != []
     asked = [name for name in ("collect", "report", "tolerance") if given[name]]
-    if not logs and not asked:
+    if not has_logs and not asked:
         text = "fleet: expected LOGS, or {--collect} or {--report} for the parts that are there"
         raise usage(text, "nothing-to-do")
     if scheduler is not None and jobs is not None:
@@ -422,12 +423,13 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         ("covariate", "damper.reference_temperature", covaried("fleet", given, of_fleet=True)),
     )
     takes = (lambda _: True) if part is None else share_of(part)
-    done = FleetDone(folder, has_logs=bool(logs))
-    if logs:
+    done = FleetDone(folder, has_logs=has_logs)
+    if has_logs:
         check_writable(folder)
-        tasks = planned(configuration, logs, folder, takes)
-        done.n_tasks = len(tasks)
         with ExitStack() as stack:
+            paths = stack.enter_context(as_files(logs, call="damperfit.fleet"))
+            tasks = planned(configuration, paths, folder, takes)
+            done.n_tasks = len(tasks)
             if scheduler is None:
                 engine: Any = Processes(min(workers(jobs), max(1, len(tasks))))
             else:
@@ -883,7 +885,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
 
 @public
 def init(
-    logs: Sequence[str] | str | None = None,
+    logs: object = None,
     *,
     model: str | None = None,
     set: Mapping[str, Any] | None = None,  # noqa: A002 - the option's name
@@ -904,7 +906,7 @@ def init(
         first_configuration,
         guess_from_logs,
     )
-    from damperfit.run.log_files import expand
+    from damperfit.run.log_files import as_files, expand
 
     path: Any = out
     check_writable(None if path is None else path.parent)
@@ -912,11 +914,14 @@ def init(
         text = "is there already; give {--overwrite} to replace it, or {--out}"
         raise usage(text, "is-there", str(path))
     keys: dict[str, str] = dict(set or {})
-    kind = model or "purdy"
+    kind, guessed = model or "purdy", Guessed({}, {})
     check_damper(kind, keys)
-    paths = expand([logs] if isinstance(logs, str) else list(logs)) if logs else ()
-    guessed = guess_from_logs(paths, kind, keys) if paths else Guessed({}, {})
-    text = first_configuration(kind, keys, guessed)
+    if logs is not None and logs != []:
+        with as_files(logs, call="damperfit.init") as paths:
+            guessed = guess_from_logs(expand(paths), kind, keys)
+    if model is None:
+        guessed = guessed.without_model
+    text = first_configuration(model, keys, guessed)
     if path is not None:
         write_text(path, text)
     return FirstConfiguration(text, guessed.why, guessed.open)

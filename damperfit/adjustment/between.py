@@ -26,8 +26,9 @@ from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import SimulationError
 
 if TYPE_CHECKING:
-    from damperfit.damper.model import Model
+    from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
+    from damperfit.tested.setting import Setting
 
 # What a closed valve does not determine lies within this factor of the nearest setting where it is
 # determined: a step of a preload adjuster changes the preload by 1.5 to 2.3 times.
@@ -35,6 +36,38 @@ _LEFT_OPEN = 2.0
 _MOVES = 1e-3  # of a force: less nobody sees
 SMOOTH, STRAIGHT, AREAS, LEAST, MOST = "smooth", "straight", "areas", "least", "most"
 BENDS = (STRAIGHT, AREAS)
+_CURVE = 3  # settings; two alone tell no curve
+
+
+def values_between(
+    damper: Model, stages: Sequence[Stage], setting: Setting
+) -> tuple[Values, tuple[Stage, Stage]] | None:
+    """Return the parameters of a setting between tested ones of an adjuster, and those beside it.
+
+    An offset, which is each test's own, is the mean of theirs. None where no curve leads there.
+    """
+    for adjuster, place in setting.places:
+        turned = {
+            number: stage
+            for stage in stages
+            if (number := stage.setting.number(adjuster)) is not None
+            and dict(stage.setting.places) | {adjuster: place} == dict(setting.places)
+        }
+        at, places = setting.number(adjuster), sorted(turned)
+        if at is not None and len(places) >= _CURVE and places[0] < at < places[-1]:
+            own = [turned[number] for number in places]
+            curve = Between(damper, own, np.array(places), np.zeros(len(own)))
+            first = own[0].parameters
+            means = {q.name for q in first.quantities if q.is_offset}
+            values = {
+                name: float(np.mean(row))
+                if name in means
+                else float(curve.values_at(first.quantity(name), np.array([at]), SMOOTH)[0])
+                for name, row in curve.values.items()
+            }
+            above = int(np.searchsorted(places, at))
+            return first.replace(values), (own[above - 1], own[above])
+    return None
 
 
 class Between:
@@ -47,8 +80,8 @@ class Between:
         places: FloatArray,
         forces: FloatArray,
         *,
-        speed: float,
-        stroke: str,
+        speed: float = math.nan,
+        stroke: str = STROKES[0],
     ) -> None:
         self.damper, self.stages, self.places, self.shown = damper, stages, places, forces
         self.speed = speed if stroke == STROKES[0] else -speed
@@ -101,7 +134,7 @@ class Between:
             return forces
         first = self.stages[0].parameters
         kinds = {name: kind if only in {"", name} else SMOOTH for name in self.values}
-        rows = {name: self._values(first.quantity(name), at, own) for name, own in kinds.items()}
+        rows = {name: self.values_at(first.quantity(name), at, own) for name, own in kinds.items()}
         try:
             for k in range(len(at)):
                 values = first.replace({name: float(row[k]) for name, row in rows.items()})
@@ -110,7 +143,8 @@ class Between:
             forces[:] = math.nan
         return forces
 
-    def _values(self, quantity: Quantity, at: FloatArray, kind: str) -> FloatArray:
+    def values_at(self, quantity: Quantity, at: FloatArray, kind: str) -> FloatArray:
+        """Return the values of a quantity at some places, by one of the ways."""
         y = self.values[quantity.name]
         if not quantity.is_logarithmic:
             return _along(self.places, y, at, is_smooth=kind == SMOOTH)

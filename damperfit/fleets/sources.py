@@ -27,6 +27,7 @@ from damperfit.run.log_files import is_own_table, matches, real_path
 from damperfit.workers import executor
 
 AT_ONCE = 16  # requests; nearly all of the time is waiting
+_PATIENCE = 3  # s; the last of several tries may end much later
 _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://")
 _SHOWN = ".csv, .txt, .xlsx, .mat, .tdms"
 _HEAD = 4096  # bytes of a log in which its preamble is looked for
@@ -116,10 +117,14 @@ def _reached(address: str) -> Iterator[tuple[Any, str, str]]:
             code="secret-key",
         )
     try:
-        store = _file_system(f"{scheme}://{user}{at}{bucket}{mark}{query}")
+        root = f"{scheme}://{user}{at}{bucket}{mark}{query}"
+        if scheme in {"gs", "gcs"} and "retry_limit_seconds=" not in query:  # else for 15 minutes
+            root += f"{'&' if mark else '?'}retry_limit_seconds={_PATIENCE}"
+        store = _file_system(root)
         yield store, path.rstrip("/"), f"{scheme}://{user}{at}{{}}{mark}{query}"
     except OSError as error:
-        raise UnreachableError(f"cannot be fetched: {error}", subject=address) from error
+        reason = str(error).partition(" error_info=")[0]  # of Google's, the same once more
+        raise UnreachableError(f"cannot be fetched: {reason}", subject=address) from error
 
 
 def _listed(address: str) -> list[FleetLog]:

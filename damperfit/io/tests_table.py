@@ -36,6 +36,7 @@ _OF_OIL = {
     *("oil", "fluid", "damper", "shock", "body", "test", "öl", "huile", "olio", "aceite"),
     *("of", "de", "l", "d", "the", "amortisseur"),
 }
+_TOO_COLD = 45.0  # degF, 7 degC: a bare number below it is degrees Celsius
 _IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _FILE = ("file", "log", "filename", "datei")
 _MAX_BYTES = 10_000_000
@@ -68,14 +69,19 @@ def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, 
             pass
         elif words & _TEMPERATURES and words <= _TEMPERATURES | _OF_OIL:
             key = "temperature"
-            # A bare number is degrees of some kind, and keys are in lower case.
-            stated += f" {(unit or '?').upper().replace('DEG', 'deg')}" * stated[-1:].isdigit()
+            if stated[-1:].isdigit():  # degrees of some kind, and keys are in lower case
+                is_cold = not unit and stated.isdecimal() and float(stated) < _TOO_COLD
+                notes += [f"{name}: {text}: taken as degC, as it has no unit"] * is_cold
+                stated += " degC" if is_cold else f" {unit.upper().replace('DEG', 'deg') or '?'}"
         else:
             continue
         try:
-            facts[key] = fact_of(key, stated)
+            value = fact_of(key, stated)
         except ValueError as error:
             notes.append(f"{name}: {text}: not used; {error}")
+            continue
+        if facts.setdefault(key, value) != value:
+            notes.append(f"{name}: {text}: not used; a line before it says {facts[key]:g}")
     return facts, tuple(notes)
 
 

@@ -1,7 +1,9 @@
 """The first configuration of a damper of your own: what its logs show, what must be measured."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -20,7 +22,8 @@ from damperfit.damper.model import model_named
 from damperfit.errors import ConditioningError, ConfigurationError, DamperfitError, LogError
 from damperfit.io import ReadOptions, read_logs
 from damperfit.io.labels import guess_settings, unclear_names
-from damperfit.problem import Option
+from damperfit.laws.structures import LAYOUTS
+from damperfit.problem import Option, note
 from damperfit.recording import Recording
 from damperfit.statistics import median
 from damperfit.tested.identity import IDENTITY_KEYS, common_identity, identity_in
@@ -43,6 +46,16 @@ class Guessed:
     open: tuple[str, ...] = ()  # what they do not show, a sentence each
     adjusters: tuple[str, ...] = ()  # names of the adjusters, where their names show several
     asks_signs: bool = False  # somebody must decide them
+
+    @property
+    def without_model(self) -> Guessed:
+        """The same where nobody has named the model."""
+        text = (
+            "the model is not named: [damper] has the keys of the paper's; name one "
+            f"({', '.join(LAYOUTS)}) by {{--model}}, or let the logs choose: identify "
+            "{--model auto}"
+        )
+        return replace(self, open=(str(note("no-model", text)), *self.open))
 
 
 def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) -> Guessed:
@@ -167,15 +180,15 @@ _ADJUSTERS = [
 ]
 
 
-def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) -> str:
+def first_configuration(model: str | None, given: Mapping[str, str], guessed: Guessed) -> str:
     """Return a commented TOML: what was given, what was seen, what is to be measured."""
-    kind = model_named(model)
+    kind = model_named(model or "purdy")
     lines = [
         "# Configuration of one damper and its rig: damperfit identify LOGS --config THIS_FILE.",
         "# A key with # in front has its default; damperfit config prints all keys and defaults.",
         "",
         "[damper]",
-        f'model = "{kind.name}"',
+        f'{"# " * (model is None)}model = "{kind.name}"',
     ]
     if kind.name in DRAWINGS:
         lines += ["#", *(f"# {line}".rstrip() for line in DRAWINGS[kind.name].splitlines()), "#"]

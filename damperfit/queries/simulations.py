@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from damperfit.adjustment.between import values_between
 from damperfit.configuration.options import Configuration, parameter_value
 from damperfit.damper.model import Model, Values
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
@@ -161,16 +162,24 @@ def _of_run(
     source, fitted = f"setting {chosen} of {path}", results.get(chosen)
     if fitted is None:
         together = values_from_others(values, chosen)
-        if together is None:
+        if together is not None:
+            names = frozenset(unlimited_in(together, values, unlimited))
+            source = f"setting {chosen}, put together from the clicks of the settings of {path}"
+        elif (curve := values_between(run.damper, run.settings, chosen)) is not None:
+            together, beside = curve
+            names = frozenset(name for result in beside for name in unlimited[result.setting])
+            between = " and ".join(str(result.setting) for result in beside)
+            source = (
+                f"setting {chosen}, not tested, its values between those of {between} of {path}"
+            )
+        else:
             there = ", ".join(str(number) for number in sorted(results)) or "none"
             raise ConfigurationError(
-                f"no parameters of setting {chosen}; there are {there}; only tested settings are "
-                "simulated, damperfit settings gives forces between them",
+                f"no parameters of setting {chosen}; there are {there}; one in between is "
+                "simulated where three of its adjuster were tested, the others held",
                 subject=path,
                 code="unknown-setting",
             )
-        names = frozenset(unlimited_in(together, values, unlimited))
-        source = f"setting {chosen}, put together from the clicks of the settings of {path}"
     else:
         together, names = fitted.parameters, unlimited[chosen]
     return ChosenParameters(

@@ -56,6 +56,14 @@ def test_what_is_written_is_read_with_and_without_its_marks(model, folder):
     assert {f"damper.{key}" for key in damper_keys(model)} <= declared.declared
 
 
+def test_a_model_that_nobody_named_is_left_open(folder, capsys):
+    assert main(["init"]) == 0
+    assert "warning: the model is not named" in capsys.readouterr().err
+    assert '# model = "purdy"' in Path("my_damper.toml").read_text()
+    assert main(["init", "--model", "purdy", "--overwrite"]) == 0
+    assert "warning" not in capsys.readouterr().err
+
+
 def test_settings_units_and_serials_are_seen_in_logs(folder, text, capsys):
     for click in ("02", "10"):
         head = "# serial: SN7\n# operator: Kim\n"

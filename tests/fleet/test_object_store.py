@@ -183,7 +183,7 @@ def test_who_asks_is_part_of_an_address_and_of_no_path(monkeypatch):
     asked = []
     monkeypatch.setattr(sources, "_file_system", asked.append)
     with sources._reached("gs://anonymous@bench/runs/a@b.csv?scheme=http") as (_, path, form):
-        assert asked == ["gs://anonymous@bench?scheme=http"]
+        assert asked == ["gs://anonymous@bench?scheme=http&retry_limit_seconds=3"]
         assert path == "bench/runs/a@b.csv"
         assert form.format(path) == "gs://anonymous@bench/runs/a@b.csv?scheme=http"
 

@@ -65,6 +65,21 @@ def test_a_setting_that_was_not_tested_is_put_together(suffix: str, tmp_path: Pa
         assert quiet == ()
 
 
+def test_a_setting_between_three_tested_ones_has_values_between_theirs(tmp_path: Path) -> None:
+    path = tmp_path / "parameters.csv"
+    rows = [f"{n},{1e4 * 1.1**n},2e6,3e6,9e8,20" for n in (1, 5, 9)]
+    path.write_text("\n".join(["setting,r_m1,r_m2,r_m3,k_e,f_f", *rows]) + "\n")
+    between = choose_parameters(setting="3", table=path, replaced={})
+    assert between.parameters.r_m1 == pytest.approx(1e4 * 1.1**3, rel=1e-9)
+    assert (between.parameters.r_m2, between.setting.cell) == (2e6, 3)
+    for beyond in (0, 10):
+        with pytest.raises(ConfigurationError, match="there are 1, 5, 9"):
+            choose_parameters(setting=beyond, table=path, replaced={})
+    path.write_text("\n".join(["setting,r_m1,r_m2,r_m3,k_e,f_f", *rows[:2]]) + "\n")
+    with pytest.raises(ConfigurationError, match="three"):
+        choose_parameters(setting=3, table=path, replaced={})
+
+
 EXTRAPOLATED = "the tests were at 20 to 55 degC; beyond that the viscosity is extrapolated"
 
 

@@ -20,6 +20,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.exporting import exported_run
 from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
+from damperfit.io.tests_table import facts_in
 from damperfit.queries.simulations import choose_parameters, damper_of, simulated
 from damperfit.recording import Recording
 from damperfit.results import Run, with_temperature
@@ -251,3 +252,9 @@ def test_beta_is_lost_by_its_error_beside_what_oils_have(value, error, *, is_los
     assert is_loose(QUANTITY, value, error, NOT_FIT_TO_SHARE) is is_lost
     offset = PURDY_DAMPER.quantity("f_0")
     assert not is_loose(offset, value, 10.0 * error, NOT_FIT_TO_SHARE)
+
+
+def test_of_a_preamble_the_first_temperature_is_taken_and_a_cold_one_is_celsius() -> None:
+    taken, notes = facts_in({"temp": "28", "oil temp (degf)": "104", "shock temp": "80"})
+    assert taken == {"temperature": 28.0}
+    assert ["degC" in notes[0], "not used" in notes[1], "not used" in notes[2]] == [True] * 3
