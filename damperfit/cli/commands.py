@@ -36,8 +36,8 @@ from damperfit.cli.console import (
     record,
     say,
     say_failures,
-    say_lines,
     screen_columns,
+    show_trace,
     spark_levels,
     stop_on_signal,
     summary_file,
@@ -310,8 +310,8 @@ def settings(how: Shown, **given: Any) -> int:
     """Show force by setting and what a click changes; find the setting for a force."""
     done: Any = api.settings(**{**given, "results": given["results"] or []})
     code = _warn(done.run.shown_as, done.remarks) if done.remarks else 0  # curves are of no run
-    for trace in getattr(done, "traces", ()) if how.debug else ():
-        say_lines(trace)
+    for trace in getattr(done, "traces", ()):
+        show_trace(trace, is_debug=how.debug)
     if hasattr(done, "run") or not how.quiet:
         for note in done.notes:
             say(f"note: {note}")
@@ -337,8 +337,8 @@ def compare(how: Shown, runs: list[str], **given: Any) -> int:
             return 0
     for problem in (*done.remarks, *done.alone):
         say(f"damperfit: {problem}")
-    if how.debug:
-        say_lines("\n".join(trace for pair in done.comparisons for trace in pair.traces))
+    for trace in (trace for pair in done.comparisons for trace in pair.traces):
+        show_trace(trace, is_debug=how.debug)
     if how.json:
         print_json(done.document())
     else:

@@ -19,7 +19,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,7 +50,8 @@ def one_line(text: str) -> str:
 
 def say(text: str, level: int = logging.INFO) -> None:
     """Write one line for people to stderr, and into the log file if there is one."""
-    record(logging.WARNING if text.startswith("warning: ") else level, one_line(text))
+    level = logging.WARNING if text.startswith("warning: ") else level
+    record(level, one_line(text), is_step=False)
     with suppress(OSError):  # without a reader the work goes on
         _write(sys.stderr, one_line(text) + "\n")
 
@@ -63,11 +63,14 @@ def say_failures(failures: Sequence[Failure], *, is_debug: bool) -> None:
     for line in failure_lines(failures):
         say(f"damperfit: {line}", logging.ERROR)
     for failure in failures:
-        (say_lines if is_debug else partial(record, logging.DEBUG))(failure.trace)
+        show_trace(failure.trace, is_debug=is_debug)
 
 
-def say_lines(text: str) -> None:
-    """Write several lines for people to stderr."""
+def show_trace(text: str, *, is_debug: bool) -> None:
+    """Write a traceback to stderr where it is asked for, else into the log file alone."""
+    if not is_debug:
+        record(logging.DEBUG, text, is_step=False)
+        return
     for line in text.splitlines():
         say(line, logging.DEBUG)
 
@@ -237,11 +240,11 @@ _STREAM = re.compile(r"/dev/(stdout|stderr|fd/\d+)")
 _FORMAT = "%(asctime)s %(levelname)-7s damperfit[%(process)d] %(message)s"
 
 
-def record(level: int, text: str) -> None:
-    """Keep a text, as the terminal shows it, in the log file if there is one, line by line."""
+def record(level: int, text: str, *, is_step: bool = True) -> None:
+    """Keep a text in the log file if there is one, line by line; `show_steps` shows a step."""
     for line in text.splitlines() if _kept else ():
         if line.strip():
-            _LOGGER.log(level, "%s", line)
+            _LOGGER.log(level, "%s", line, extra={"is_step": is_step})
 
 
 class LogFile:
@@ -317,8 +320,8 @@ class _Steps(logging.Handler):
     """Shows on stderr what is otherwise for the log file alone: logs read, fits, times, files."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a step; lines for people are there already."""
-        if record.levelno == logging.DEBUG:
+        """Write a step; lines for people are there already, a traceback is not asked for."""
+        if record.levelno == logging.DEBUG and getattr(record, "is_step", True):
             with suppress(OSError):
                 _write(sys.stderr, one_line(record.getMessage()) + "\n")
 

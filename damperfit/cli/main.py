@@ -15,7 +15,7 @@ import typer
 
 from damperfit.cli import commands
 from damperfit.cli.command import Commands, PanelledCommand, parameter, with_options
-from damperfit.cli.console import LogFile, record, say, say_lines, shield_streams, unprinted
+from damperfit.cli.console import LogFile, say, shield_streams, show_trace, unprinted
 from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.own_process import CLOSED_STREAMS, begin
 
@@ -115,10 +115,9 @@ def _ended_with(argv: list[str]) -> int:
         return 0
     except Exception as error:  # noqa: BLE001 - the one place that catches everything
         message, exit_code = _explain(error)
-        if "--debug" in argv:
-            say_lines(traceback.format_exc())
-        elif not hasattr(error, "format_message"):  # a mistyped option needs no traceback
-            record(logging.DEBUG, traceback.format_exc())
+        is_debug = "--debug" in argv
+        if is_debug or not hasattr(error, "format_message"):  # a mistyped option needs none
+            show_trace(traceback.format_exc(), is_debug=is_debug)
         say(f"damperfit: {message}", logging.ERROR)
         unprinted()
         return exit_code

@@ -59,7 +59,7 @@ def test_a_bug_leaves_its_traceback_there_and_a_line_on_the_terminal(
 
     monkeypatch.setattr("damperfit.configuration.loading.load_configuration", broken)
     kept = tmp_path / "run.log"
-    ended = run("config", "--log-file", kept)
+    ended = run("config", "--log-file", kept, "-v")
     assert ended.code == 70
     assert "Traceback" not in ended.err
     told = records(kept)
