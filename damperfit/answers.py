@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
     """The paths that were written, and what to know of them.
 
-    `remarks` tell what was missing or damaged in the results, `notes` what was assumed or left out;
+    `remarks` say what was missing or damaged in the results, `notes` what was assumed or left out;
     `made` is what was exported, `checked` how it was held against the logs.
     """
 
@@ -39,7 +39,7 @@ class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
 
 
 class FirstConfiguration(NamedTuple):
-    """A commented configuration: TOML, what the logs have told, and what is left to measure."""
+    """A commented configuration: TOML, what the logs showed, and what is left to measure."""
 
     text: str
     why: tuple[str, ...]

@@ -1,8 +1,8 @@
 """The jobs of damperfit as functions; the commands call them and print what they return.
 
 Every option of a command is a keyword of the function of the same name (`damperfit.arguments` says
-what each is), with the same checks and the same sentences. A function writes nothing unless it is
-told where to, but for `export` and `report`, whose job it is.
+what each is), with the same checks and the same sentences. A function writes nothing without
+an `out`, but for `export` and `report`, whose job it is.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     Returns
     -------
     Run
-        It has the settings that could be fitted; `Run.failures` tells of the others.
+        It has the settings that could be fitted; `Run.failures` has the others.
 
     Raises
     ------
@@ -445,7 +445,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         try:
             done.collect(bands, is_reported=report)
         except DamperfitError as error:
-            error.done = done  # type: ignore[attr-defined] # it is told first
+            error.done = done  # type: ignore[attr-defined] # it is printed first
             raise
     return done
 
@@ -892,7 +892,7 @@ def init(
     out: str | Path | None = None,
     overwrite: bool = False,
 ) -> FirstConfiguration:
-    """Make a commented configuration for a damper of your own, with what its logs tell.
+    """Make a commented configuration for a damper of your own, with what its logs show.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What commands and functions may be asked for, each told once, and how it is read.
+"""What commands and functions take, each defined once, and how it is read.
 
 A function of `damperfit.api` names its keywords in its signature; what a keyword takes and what it
 is for stand here, or with the key of the configuration that it sets
@@ -264,7 +264,7 @@ def option_of(name: str) -> str:
 
 
 def with_keywords(function: Callable[..., Any]) -> str:
-    """Return the docstring of a function with the keywords that it does not tell itself."""
+    """Return the docstring of a function with the keywords that it does not describe itself."""
     text, command = function.__doc__ or "", function.__name__
     documented = {
         name.strip().lstrip("*")

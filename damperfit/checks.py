@@ -1,7 +1,7 @@
 """Named checks of a run, each passed, failed or not evaluated, with the reason; which are gates.
 
 A check that cannot be evaluated has passed None and says why. A reason names the settings it speaks
-of. A check that nobody looked at is a gate not met: it must not be let through. What moves no force
+of. A check that was not evaluated is a gate not met: it must not pass. What moves no force
 by more than 1 % fails no check: it is a note in the reason of one that passed.
 """
 
@@ -56,7 +56,7 @@ class Subject:
     missing: tuple[str, ...] = ()  # logs and settings without a result, by name, and why
     temperature: float = 26.0  # what the test should be held at, degrees Celsius
     temperature_tolerance: float = 1.0
-    undeclared: tuple[str, ...] = ()  # figures of the damper that nobody declared
+    undeclared: tuple[str, ...] = ()  # undeclared figures of the damper
     whose: str = ""  # whose dimensions are taken where none is declared; empty where some is
 
     @property
@@ -292,7 +292,7 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
 
 
 def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
-    """Return what tells noise from lack of fit, and why the other settings do not."""
+    """Return the diagnoses of noise and lack of fit, and why the other settings have none."""
     diagnoses = subject.assessment.diagnoses
     single = [diagnosis.setting for diagnosis in diagnoses if math.isnan(diagnosis.noise_percent)]
     lacking = {fit.setting for fit in subject.fits} - {diagnosis.setting for diagnosis in diagnoses}

@@ -33,7 +33,7 @@ class Finding:
     The text is one plain sentence with what was found, where, and what to do; without the log's
     name, and with ``{name}`` in place of its values. Its severity is "note": good to know, or put
     right with certainty; "warning": the parameters are doubtful; "refusal": the log cannot be used
-    (only in what `inspect` tells; a trace has none).
+    (only in what `inspect` reports; a trace has none).
     """
 
     name: str  # what was looked at, a fixed word for scripts, such as "clipping"
@@ -80,7 +80,7 @@ class Recording:
     findings: tuple[Finding, ...] = ()  # what the reader had to leave out or to take on trust
     velocity: FloatArray | None = None  # m/s, with the log's own sign; only checked, never used
     # Whether the log was declared to count the channel positive in bump, and the channel is
-    # reversed here. None: nobody said, and it is as logged.
+    # reversed here. None: not declared, and it is as logged.
     reverse_displacement: bool | None = None
     reverse_force: bool | None = None
 

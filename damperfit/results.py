@@ -379,7 +379,7 @@ class Run:
 
     @property
     def remarks_on_errors(self) -> tuple[str, ...]:
-        """Settings whose errors the run should tell, and does not."""
+        """Settings whose errors the run should have, and has not."""
         lost = [setting for setting, is_recorded in self._without_errors.items() if not is_recorded]
         which = "all settings" if len(lost) == len(self.rows("parameters")) else of_settings(lost)
         why = "are missing in run.json: forces without intervals"
@@ -387,7 +387,7 @@ class Run:
 
     @property
     def _without_errors(self) -> dict[Setting, bool]:
-        """Settings without errors, and whether the record tells that there are none."""
+        """Settings without errors, and whether the record says that there are none."""
         failed = {failure.setting for failure in failures_in(self.record)}
         recorded = {
             entry.get("setting"): names
@@ -426,8 +426,8 @@ class Run:
     def configuration(self) -> Configuration:
         """The user's configuration with the run's damper, at the temperature that was asked for.
 
-        A ConfigurationError tells that the user declares another damper, that of the run cannot be
-        used, or the damper does not follow a temperature.
+        A ConfigurationError: the user declares another damper, that of the run cannot be used, or
+        the damper does not follow a temperature.
         """
         from damperfit.configuration.loading import load_configuration
 
@@ -878,7 +878,7 @@ class Run:
     def save(self, folder: str | Path) -> Path:
         """Write its files into a folder, as a set, and return it.
 
-        An OutputError tells that it cannot be written, or is the folder of this run.
+        An OutputError: it cannot be written, or is the folder of this run.
         """
         where = path_of(folder, "run.save", "the path of a folder")
         table_files.spare_others(where)

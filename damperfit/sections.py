@@ -46,7 +46,7 @@ class Entry(NamedTuple):
     option: str = ""  # word for the value of its option
     panel: str = ""  # where the help shows it; without one it is no option
     keyword: str = ""  # name of the option, where it is not the key's
-    kind: str = ""  # as in `damperfit.arguments`, where the default does not tell
+    kind: str = ""  # as in `damperfit.arguments`, unless the default shows it
 
     def in_place_of(self, value: Any) -> str:
         """Return what is expected where a value, as the program reads it, is not allowed."""
@@ -189,7 +189,7 @@ class TestSection(Section):
         "table of tests: columns file, damper, serial, adjusters, anything else; by default "
         "tests.csv beside the logs, where there is one",
         option="FILE", panel="Logs", keyword="tests", kind="path")
-    # Facts of tests that the command line tells, or sets aside: no table goes before it.
+    # Facts of tests that the command line gives, or sets aside: no table goes before it.
     typed: frozenset[str]
 
     @property

@@ -220,7 +220,7 @@ class LogResult:
         return f"<log {self.name}, setting {self.setting}: {self.role}, {n} segments>"
 
 
-# What run.json tells, whatever else may stand there
+# What run.json says, whatever else may stand there
 
 
 def segments_in(log: Mapping[str, Any]) -> list[dict[str, Any]]:

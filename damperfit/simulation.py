@@ -214,7 +214,7 @@ class Work(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """A damper's answer to a motion: arrays of shape (n,), but for those that tell theirs."""
+    """A damper's answer to a motion: arrays of shape (n,), unless another is given."""
 
     time: FloatArray  # s
     displacement: FloatArray  # m

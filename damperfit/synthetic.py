@@ -411,7 +411,7 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
     Raises
     ------
     ConfigurationError
-        A setting has no parameters, or nobody knows numbers of such a model; a file of another
+        A setting has no parameters, or there are none for such a model; a file of another
         origin stands where one is to go.
     SimulationError
         The model cannot be integrated.

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # What a closed valve does not determine lies within this factor of the nearest setting where it is
 # determined: a step of a preload adjuster changes the preload by 1.5 to 2.3 times.
 _LEFT_OPEN = 2.0
-_MOVES = 1e-3  # of a force: less nobody sees
+_MOVES = 1e-3  # of a force: less is invisible
 SMOOTH, STRAIGHT, AREAS, LEAST, MOST = "smooth", "straight", "areas", "least", "most"
 BENDS = (STRAIGHT, AREAS)
 _CURVE = 3  # settings; two alone tell no curve

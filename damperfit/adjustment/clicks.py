@@ -140,7 +140,7 @@ def compare_settings(
 # theirs (`damperfit.adjustment.between`). The interval of an answer is where the wanted force lies
 # within the force's 95 % interval; between settings that are more than one click apart, where
 # nothing was measured, it is widened by how far from the answer other curves have the force. Two
-# settings alone tell no curve, so that the interval is the whole gap. How many intervals hold
+# settings alone show no curve, so that the interval is the whole gap. How many intervals hold
 # the truth: `python -m tests.adjustment.gap_coverage`.
 #
 # A force that the model does not reach and the measured forces do is answered by these.
@@ -398,7 +398,7 @@ class _Curve:
         undetermined: tuple[str, ...] = ()
         if math.isfinite(reach):
             edges: list[float] = []
-            if len(self.places) > 2 or gap <= 1.0:  # two settings tell no curve
+            if len(self.places) > 2 or gap <= 1.0:  # two settings show no curve
                 beside = {above - 1, above} & {*range(len(self.places) - 1)}
                 for end in (force - reach, force + reach):
                     off = self.forces - end

@@ -91,7 +91,7 @@ class Stage:
 
     @property
     def knows_offset(self) -> bool:
-        """Whether an offset was found or given: one that is held at 0 tells of no tare."""
+        """Whether an offset was found or given: one that is held at 0 is no tare."""
         return self.offset != 0.0 or any(name in self.names for name in self.offsets)
 
 
@@ -291,7 +291,7 @@ def force_at(
     """Return the model's forces of settings at speeds in both strokes, what was measured beside.
 
     Speeds, m/s, are positive, also such as were never tested. A setting that cannot be simulated is
-    left out; of another error `on_error` is told, or it is raised.
+    left out; another error is passed to `on_error`, or raised.
     """
     by_stroke = {(test.setting, test.stroke): test for test in measured}
     forces: list[Force] = []

@@ -349,7 +349,7 @@ class Trend:
     # Neighbouring settings between which the value goes against the direction.
     reversals: tuple[tuple[int | float, int | float], ...] = ()
     outliers: tuple[Outlier, ...] = ()
-    outliers_judged: bool = False  # False: too few settings to tell, or the values go to and fro
+    outliers_judged: bool = False  # False: too few settings, or the values go to and fro
     points: tuple[TrendPoint, ...] = ()
     sentence: str = ""
     adjuster: str = ADJUSTER  # along which the settings stand

@@ -176,7 +176,7 @@ class NextTest(NamedTuple):
 
     @property
     def decided(self) -> list[str]:
-        """Titles of the structures that it tells from the chosen one."""
+        """Titles of the structures that it separates from the chosen one."""
         return [title for title, evidence in self.evidence.items() if evidence >= DECIDES]
 
     @property
@@ -252,7 +252,7 @@ class Advice(Answer):
 def advise(
     run: Run, question: Question, limits: RigSection, settings: Sequence[SettingResult]
 ) -> Advice:
-    """Return which sine tells most about a question, at the settings together."""
+    """Return which sine shows most about a question, at the settings together."""
     if question.quantity == LAW:
         return _advise_law(run, limits, settings)
     title, rig = question.title, _Rig(run, question, limits, settings)
@@ -353,7 +353,7 @@ def remaining(run: Run) -> tuple[Rival, ...]:
     """Return the structures that the logs of a run have not decided against."""
     choice = run.record.get("law_choice")
     if not isinstance(choice, dict) or "remaining" not in choice:
-        why = "its model was not chosen by the logs, so no structures remain to tell apart"
+        why = "its model was not chosen by the logs, so no structures remain to compare"
         again = "identify the logs with {model}"
         if isinstance(choice, dict) and "chosen" in choice:
             why = "an earlier damperfit chose its model and did not keep which structures remain"
@@ -433,7 +433,7 @@ def _displacement_noise(run: Run, corner: float) -> float:
 
 
 class _Rig:
-    """What tests tell on a rig."""
+    """What tests show on a rig."""
 
     def __init__(
         self, run: Run, question: Question, limits: RigSection, settings: Sequence[SettingResult]
@@ -450,7 +450,7 @@ class _Rig:
                 "identify logs with steady cycles",
                 code="no-noise",
             )
-        # A test is tried at some of them; the others of the run tell what they share.
+        # A test is tried at some of them; the others of the run show what they share.
         self.probed = _spread(self.planned, _TRIED)
         others = [k for k in known if k.label not in labels and k.segments]
         self.fitted = [*self.probed, *_spread(others, _TRIED - len(self.probed))]
@@ -538,7 +538,7 @@ class _Rig:
         return math.hypot(error, more) if error > 0.0 else 0.0
 
     def decided(self, rivals: Sequence[Rival], test: NextTest) -> NextTest | None:
-        """What a test tells of structures that remain; None: it is beyond rig or damper."""
+        """What a test decides of the structures that remain; None: it is beyond rig or damper."""
         evidence = dict.fromkeys([rival.title for rival in rivals], 0.0)
         n = self._samples(test)
         for known in self.planned:

@@ -59,7 +59,7 @@ _LEVEL = 0.05  # of all verdicts of a comparison together
 _MOST_LOG = 700.0  # beyond it exp overflows
 _EACH, _CONSTANT = "the motion of each test", "constant speed"
 _KINDS = ("measured", "force", "parameter", "figure")
-_FEW_REPEATS = 3  # fewer tell little of a scatter
+_FEW_REPEATS = 3  # fewer show little of a scatter
 _OBJECTIONS = {
     Status.AT_BOUND.value: "it is at a bound of its range",
     Status.NOT_IDENTIFIABLE.value: "the logs do not determine it",
@@ -257,7 +257,7 @@ class ComparisonOptions:
     speeds: tuple[float, ...] = ()  # m/s, positive; none: the named test speeds
     is_measured: bool = False  # measured curves alone, without a model
     jobs: int = 1  # threads
-    units: ShownUnits = SI  # in which forces and speeds are told in words; every number stays SI
+    units: ShownUnits = SI  # of forces and speeds in sentences; every number stays SI
 
 
 class Circumstance(NamedTuple):
@@ -281,7 +281,7 @@ class RunComparison:
     is_without_model: bool  # measured curves alone are compared
     lines: tuple[Difference, ...]  # measured forces, forces, parameters, figures
     identical: tuple[Setting, ...] = ()  # at which both have the same logs, byte for byte
-    units: ShownUnits = SI  # in which people want it told
+    units: ShownUnits = SI  # of its sentences
     notes: tuple[str, ...] = ()  # what a reader must know; nothing is missing
     remarks: tuple[str, ...] = ()  # what could not be compared
     traces: tuple[str, ...] = ()  # where internal errors happened
@@ -340,8 +340,8 @@ def compare_runs(
 ) -> RunComparison:
     """Return a run beside the reference; of `repeats`, its further runs, scatter is the measure.
 
-    A ConfigurationError tells that they have no setting in common, or no motion reaches the speeds
-    that were asked for.
+    A ConfigurationError: they have no setting in common, or no motion reaches the speeds that
+    were asked for.
     """
     runs = (first, *repeats, second)
     is_bare = options.is_measured or not all(run.settings for run in runs)
@@ -605,7 +605,7 @@ def parameter_readings(runs: Sequence[Run], settings: Sequence[Setting]) -> tupl
 
 
 def figure_lines(first: Run, second: Run, settings: Sequence[Setting]) -> Iterator[Difference]:
-    """Yield MSE and distance from cavitation by setting: numbers without errors, told in words."""
+    """Yield MSE and distance from cavitation by setting: numbers without errors, in words."""
     for setting in settings:
         rows = (first.row(setting), second.row(setting))
         misfits = [_number(row.get("mse_percent")) for row in rows]

@@ -1,7 +1,7 @@
 """What was measured of a run: mean cycles of steady motions, how tests repeat, the zero shift.
 
 Force is taken where the samples of a segment pass a speed, the mean of opening and closing branch;
-at its peak speed as it is there. Energy and hysteresis are those that the run tells.
+at its peak speed as it is there. Energy and hysteresis are the run's.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ class MeasuredTest:
 def measured_tests(
     signals: LogSignals, segments: Sequence[Mapping[str, Any]], *, temperature: float = math.nan
 ) -> tuple[MeasuredTest, ...]:
-    """Return a test for each steady segment of a log, whose segments are as run.json tells them."""
+    """Return a test for each steady segment of a log, whose segments are as in run.json."""
     time = signals.time
     if len(time) < _FEWEST:
         return ()

@@ -67,7 +67,7 @@ class Point(NamedTuple):
     reach: float = math.nan  # half of the 95 % interval of the force; NaN: not known
     reason: str = ""  # why it could not be looked at
     is_measured: bool = False
-    units: ShownUnits = SI  # in which people want it told
+    units: ShownUnits = SI  # of its sentences
 
     @property
     def margin(self) -> float:

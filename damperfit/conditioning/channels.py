@@ -3,7 +3,7 @@
 q is the step of the channel, from the differences of its sorted values. A smooth signal that is
 rounded to steps stays at its top value for L samples and is at most 4 q (a parabola: 3 q, and
 rounding) below it L/2 samples further on; a clipped one has gone on like the motion. The same
-distance tells a channel that stands still from one whose steps are coarse.
+distance separates a stuck channel from one whose steps are coarse.
 
 What the faults cost near the limits (the largest error at settings 1, 10 and 20 of the reference
 set, 500 Hz, no noise):

@@ -1,7 +1,7 @@
 """By how much the force is late against the displacement.
 
 At one frequency a late force looks like softer oil: both open the loop, and no fit of one sine
-test tells them apart. Friction does: it changes its sign with the motion, at once, while oil takes
+test separates them. Friction does: it changes its sign with the motion, at once, while oil takes
 a millisecond or more. So the force jumps by 2 f_f where the velocity is zero plus the skew. Around
 each end of the stroke a smooth curve with a kink stands for the hydraulic force, and the time of
 the jump is scanned, one skew for the ends of rebound and those of bump::
@@ -16,8 +16,8 @@ stretch before they slide: friction that only slides after 0.1 mm is 8 ms behind
 to its uncertainty.
 
 Where the mounting gives, the piston turns after the rod's end, by C/k_s of a valve that resists
-with C at low speed, and friction with it; the force is right all the same. No jump tells one from
-the other: a stiff mounting goes through the friction within a millisecond or two. An early force
+with C at low speed, and friction with it; the force is right all the same. No jump separates the
+two: a stiff mounting goes through the friction within a millisecond or two. An early force
 is never that.
 """
 

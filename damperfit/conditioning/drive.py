@@ -45,7 +45,7 @@ from damperfit.statistics import mean_of, median, variance_of
 # What drives the model of a motion with corners is hardly filtered: at rest the noise in its speed
 # would turn the friction from one sample to the next, behind the compared filter it would nearly
 # vanish, and a fit has it a third too small. So within a rest the model is driven by the level, at
-# no speed; what friction holds there nobody knows.
+# no speed; what friction holds there is unknown.
 #
 # A part rests where its samples lie about one level as noise does, without slope and without
 # bend, and where the motion comes to it and leaves it at a speed. The crest of a slow sine lies
@@ -138,7 +138,7 @@ _NOISE_BETWEEN = 0.005
 _UNCLEAR = 4.0  # times the noise of the speed; a sample at so little has friction of either sign
 _ON_SAMPLES = 0.004  # of the samples: 1 % cost 2 % of the friction and of R_m3
 _HALF = math.log(2.0)  # median over mean of the power of noise
-_LINES = 8.0  # that tell the noise of an order, near enough
+_LINES = 8.0  # enough to estimate the noise of an order
 _CLEAR_DRIVE = 8.0  # a line of pure noise is so much above its mean once in 3000
 # Hz; hum and what rectifiers make of it. A line there is hum where it has so many times the power
 # of all that lies beside it: the orders of a motion have neighbours of their own size.
@@ -252,7 +252,7 @@ def _of_cycles(left_out: FloatArray, segment: Segment) -> _Spectrum:
     # Row k: the line at k times the frequency, then those up to the next one.
     table = power[: n_orders * n_cycles].reshape(n_orders, n_cycles)
     between = table[:, 1:].mean(axis=1)
-    # Few lines between two orders do not tell the noise: two cycles have one, and a ninth of pure
+    # Few lines between two orders do not fix the noise: two cycles have one, and a ninth of pure
     # noise would stand out of that. Those of its neighbours count too.
     reach = math.ceil(0.5 * (_LINES / (n_cycles - 1) - 1.0))
     if reach >= 1:
@@ -333,7 +333,7 @@ def content_beyond(displacement: FloatArray, interval: float, corner: float) -> 
 
 # A motion of straight lines: at even speeds, with corners that are sharp between two samples.
 #
-# At the corners of a triangle the force tells most of K_e, and a speed that jumps between two
+# At the corners of a triangle the force shows most of K_e, and a speed that jumps between two
 # samples is in no sample. But where the motion is straight on both sides within its noise, the
 # lines cross where it turned: to a thousandth of a sample, of 128 samples with 3 um of noise that
 # turn by 0.5 m/s. What drives the model is then these lines, and a jump of the speed there.

@@ -34,7 +34,7 @@ REPEATS = 0.05  # a damper at one setting, taken off and put on again, is within
 SCATTERS = 3.0  # standard deviations
 _TOLD = 0.005  # a difference of the peaks that is worth a word
 _WARMER = 5.0  # degC; forces fall as the oil thins
-_APART = 0.1  # gas pressures nearer than this tell the rod's area badly
+_APART = 0.1  # closer gas pressures determine the rod's area badly
 
 
 def copies_in(traces: Sequence[Trace], files: Mapping[str, str]) -> dict[str, list[Trace]]:
@@ -166,7 +166,7 @@ def _differences(first: Trace, second: Trace, a: Segment, b: Segment) -> Iterato
 
 
 def rod_area_ratio(traces: Sequence[Trace], damper: Model) -> float | None:
-    """Return the rod's area over the declared one, as the level of the force over pressure tells.
+    """Return the rod's area over the declared one, from the level of the force over pressure.
 
     Of tests of one setting and motion at gas pressures of their own; None where there are none.
     """

@@ -102,7 +102,7 @@ def examine(seen: Seen) -> tuple[Finding, ...]:
     return tuple(finding for finding in findings if finding.name not in beside)
 
 
-# What else a fault of the record looks like: it is told once, by its cause.
+# What else a fault of the record looks like: it is reported once, by its cause.
 _MADE_BY = {
     "values_repeated": {"force_stuck", "displacement_stuck", "force_smoothed"},
     "force_stuck": {"force_smoothed"},
@@ -159,7 +159,7 @@ def _rows(seen: Seen) -> Iterator[Finding]:
 # Rate, filter and what drives the model.
 
 _HARMONICS = 8.0
-_TELLING = 20.0  # samples in a cycle, from which on noise can be told from motion
+_TELLING = 20.0  # samples in a cycle, from which noise is separable from motion
 # % of the peak velocity. It bends K_e alone: 7 % of it move a k_s that is fitted by 0.6 %.
 _VELOCITY_NOISE = 0.35
 _BEYOND_HALF = 2.0  # % of the speed; noise of 8 um makes far less, a triangle far more
@@ -437,7 +437,7 @@ _FALL = 3.0  # %, of the peaks from the first cycle to the last; K_e is off by h
 _FORCE_DRIFT = 1.0  # % of the peak force
 _STROKE_DRIFT = 5.0  # % of the amplitude
 _SURE, _SURE_OF_FEW = 4.0, 12.0  # standard errors; the second where three cycles give one
-_ENOUGH = 4  # cycles, to tell a trend from scatter
+_ENOUGH = 4  # cycles, to separate a trend from scatter
 _STEP, _STEPS_OVER, _MOST_STEPS = 0.05, 3.0, 20  # of the peak; times what stays level moves
 _CURVED = 8  # cycles, from which on a trend may bend
 _TREND = 12.0  # F, from which on peaks go with the cycle's number; scatter has it once in 300
@@ -678,7 +678,7 @@ def _temperature(seen: Seen) -> Iterator[Finding]:
     yield _judged("temperature_drift", text, drift, "degC", fault=fault)
 
 
-# A force that is smoothed beside a displacement that is not is told alone; a displacement is not,
+# A force that is smoothed beside a displacement that is not is reported; a displacement is not,
 # for a heavy actuator is smooth by itself.
 _FILTERED = 100.0
 _SMOOTHED, _NOT_SMOOTHED = 30.0, 10.0

@@ -250,7 +250,7 @@ def _middle_and_wandering(x: FloatArray) -> tuple[float, bool]:
 
 
 def _middle_of(displacement: FloatArray, segments: Sequence[Segment]) -> float:
-    """What is taken as x = 0 where nobody has declared it, in the log's own count."""
+    """What is taken as x = 0 unless it was declared, in the log's own count."""
     # The middle of the widest segment. A motion that wanders, such as a road, has none that is the
     # damper's: the log's own 0 is taken, if it lies anywhere near the middle of the range.
     widest = max(segments, key=lambda segment: segment.amplitude)

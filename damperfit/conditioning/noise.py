@@ -130,8 +130,8 @@ def _folded(
 #
 # Sensor noise is about as strong just above the motion as near half the sample rate; a low-pass in
 # the rig takes it away up there. Of steady cycles noise is what differs from cycle to cycle. The
-# ratio of its two levels, as medians over the lines of the spectrum, is 0.1 to 9 in logs that
-# nobody filtered, of real rigs too. A 30 or 60 Hz filter makes it 80 to 25 000 in the force and 4
+# ratio of its two levels, as medians over the lines of the spectrum, is 0.1 to 9 in
+# unfiltered logs, of real rigs too. A 30 or 60 Hz filter makes it 80 to 25 000 in the force and 4
 # to 1700 in the displacement, by the last digit of the log; a running mean over 50 ms 50.
 #
 # Where nothing repeats, the noise is looked at in two bands far above the motion, the upper one
@@ -157,7 +157,7 @@ def noise_ratio(
     *,
     beyond: tuple[float, float] | None = None,
 ) -> float:
-    """Return the noise just above the motion over that in a band far above; NaN: none can tell."""
+    """Return the noise just above the motion over that in a band far above; NaN: not known."""
     if len(starts) < 3:
         return math.nan
     unlike, begins, period = _unlike_cycles(signal, starts)

@@ -38,7 +38,7 @@ class OffsetFacts:
 
 
 class GasFacts(NamedTuple):
-    """What is known of the damper's gas: it pushes the rod out and so tells the signs of a log."""
+    """What is known of the damper's gas: it pushes the rod out and so shows the signs of a log."""
 
     rod_area: float  # a_r, m2
     pressure: float  # P_0 at mid-stroke, Pa
@@ -72,9 +72,9 @@ class ConditionOptions(ConditioningSection):
     rig_filter_order: int = 4
     centre: float | None = None  # x = 0 of the model, as the log counts it, m; None: mid-stroke
     # What the force is late against the displacement, s, beyond what a declared rig filter does to
-    # both; corrected. "auto": as estimated, where the log can tell.
+    # both; corrected. "auto": as estimated, where the log determines it.
     skew: float | str = 0.0
-    # With it the gas force tells the signs of the channels, and whether the force was tared.
+    # With it the gas force shows the signs of the channels, and whether the force was tared.
     gas: GasFacts | None = None
     offset: OffsetFacts = OffsetFacts()  # what a fit knows of a constant force of the rig's
     # l_1 and l_2 of the damper, m: a stroke beyond the chambers is refused.

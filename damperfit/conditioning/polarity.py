@@ -4,7 +4,7 @@
 2. What was declared is taken as it is, and doubted only where the opposite were certain: then the
    grade is withheld. With one sign declared, the energy fixes the other.
 3. The gas pushes the rod out. Where the log rests, the force is that of the gas within the
-   friction, and tells the signs (`rest_of`).
+   friction, and shows the signs (`rest_of`).
 4. In the motion the force level (`force_level`) is -a_r P_0 in the project's signs, and of the
    other sign when the force is counted positive in bump. That is certain when
 
@@ -174,7 +174,7 @@ def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> For
     whole = _level_of(trace, gas, corner)
     if len(trace.segments) < 2:
         return whole
-    # The motion that hides it least tells the level: valves that open below a tenth of the highest
+    # The motion that hides it least gives the level: valves that open below a tenth of the highest
     # speed look like a level there. The curvature is that of all of them.
     alone = (replace(trace, segments=(segment,)) for segment in trace.segments)
     clearest = min((_level_of(log, gas, corner) for log in alone), key=lambda level: level.doubt)
@@ -454,7 +454,7 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
     severity = "note"
     values: dict[str, Any] = {}
     if unsure > _KNOWN * size:
-        text = f"cannot tell whether the force was tared: {numbers}"
+        text = f"the log does not show whether the force was tared: {numbers}"
     elif abs(missing) <= _NEAR * size + unsure:
         text = f"gas force present: {numbers}"
     else:

@@ -428,7 +428,7 @@ def _moving(motion: _Motion) -> tuple[FoundSegment, ...]:
     return tuple(parts)
 
 
-# The part of a log that nobody fits: run-up, coast-down, changes of speed.
+# The part of a log that is not fitted: run-up, coast-down, changes of speed.
 #
 # Other speeds and part of a stroke: what a law makes of them it was not bent to. Nearly every log
 # has them, so that no further test is needed. Only what moves counts, and no passage from turn to
@@ -437,7 +437,7 @@ def _moving(motion: _Motion) -> tuple[FoundSegment, ...]:
 
 TRANSIENTS = "transients"  # their name among what is held out
 
-_SHORTEST = 0.25  # s; less tells nothing
+_SHORTEST = 0.25  # s; less shows nothing
 _AT_REST = 0.02  # of the highest speed: slower is rest, as the model begins
 _LEAD = 0.05  # s, over which a log's beginning is looked at
 _MOVES = 0.02  # of the longest stroke: what moves less is rest

@@ -101,7 +101,7 @@ class Configuration:
     declared: frozenset[str] = field(compare=False)  # keys that were given: "damper.rod_diameter"
     # The same as one TOML document, quantities as they were written.
     document: dict[str, Any] = field(compare=False, repr=False)
-    # Where the logs chose the damper's law: what they tell, as it stands in run.json, and the MSE
+    # Where the logs chose the damper's law: the choice, as it stands in run.json, and the MSE
     # of that law at each setting when it was chosen, per cent: what is delivered must reach it.
     chosen_law: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
     chosen_mse: Mapping[Setting, float] = field(default_factory=dict, compare=False, repr=False)

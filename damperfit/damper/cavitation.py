@@ -6,7 +6,7 @@ rebound through valve 3, so that with little oil stored in compression::
     P_2 = P_3 - rho_0 R_m3 a_p2 v,     P_3 in proportion to P_0
 
 Its lowest value falls in a straight line with R_m3 and rises in one with P_0: a response that does
-not cavitate tells where both lines meet zero, and two or three short simulations find the root.
+not cavitate shows where both lines meet zero, and two or three short simulations find the root.
 """
 
 from __future__ import annotations

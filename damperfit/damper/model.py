@@ -184,11 +184,11 @@ class Model(ABC):
     # Share of the sum of squares that a step must promise to be tried: what the misfit of a law
     # with kinks jumps by, as a sample falls to one side of one or the other.
     kinks: ClassVar[float] = 0.0
-    # What its responses tell besides the force; what it does not tell is not a number there.
+    # Signals of its responses besides the force; what it does not compute is NaN there.
     signals: ClassVar[tuple[Signal, ...]] = ()
     # Flaws of log or model that its residuals may be said to show.
     flaws: ClassVar[tuple[str, ...]] = FLAWS_OF_FORCE
-    # Quantities of one part: where the logs do not tell the first, they tell none of them.
+    # Quantities of one part: where the logs leave the first open, they leave all of them open.
     determined_together: ClassVar[tuple[tuple[str, ...], ...]] = ()
     # Range of each declared number in SI, and its unit; what lies outside was misread.
     ranges: ClassVar[Ranges] = MappingProxyType({})

@@ -13,8 +13,8 @@ Friction of seals and bearings beyond Coulomb's. While it slides it is
 f_f + f_b exp(-(v/v_s)^2) + a_s P_1: Coulomb's, what it has more at rest (Stribeck), and what the
 pressure on the rod's seal adds. It turns with the motion at once, within a speed (a film of oil
 carries a part of it below), or over a distance (Dahl). The equations stand in
-`damperfit.damper.network`. Loops seldom tell any of them from soft oil and bleeds: a friction that
-changes with the clicks is none. Forms that nobody has excluded count by how much it matters that
+`damperfit.damper.network`. Loops seldom separate them from soft oil and bleeds: a friction that
+changes with the clicks is none. Forms that are not excluded count by how much it matters that
 they are not known (`with_pressed_seal`, `other_turns`).
 
 Pressed: a lip that is pressed on the rod rubs with a_s P_1. In rebound that looks like a larger
@@ -22,8 +22,8 @@ piston, in bump like a smaller one: valves, of which only opening times area is 
 with no misfit left. So does Coulomb's friction what the gas adds at rest.
 
 Turning: within which speed seals turn, and in what form, is seldom known: at once, in a straight
-line up to a speed, or like the hyperbolic tangent of tests on seals. Slow passages tell one from
-the other; elsewhere the difference looks like a drag of the seals, of the opposite sign to the
+line up to a speed, or like the hyperbolic tangent of tests on seals. Slow passages separate
+them; elsewhere the difference looks like a drag of the seals, of the opposite sign to the
 friction's.
 """
 

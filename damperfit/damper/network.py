@@ -162,7 +162,7 @@ BLOW_OFF_WORDS: dict[str, tuple[str, str]] = {
     "port": ("port blow-off", "with a port behind the blow-offs"),
     "power": ("blow-off by a power", "with blow-offs by a power of their flow"),
 }
-# Numbers of blow-offs of any kind: a valve that does not open tells none of them.
+# Numbers of blow-offs of any kind: a valve that does not open shows none of them.
 BLOW_OFF_PARTS = tuple(dict.fromkeys(part for parts in BLOW_OFFS.values() for part in parts))
 
 

@@ -40,7 +40,7 @@ class Quantity:
     size: float = 1.0
     scope: str = SETTING  # or DAMPER, LOG, RIG, or an adjuster's name
     default: float | None = None  # where it is held unless freed; None: it is free unless held
-    fallback: float | None = None  # what is known of it where no log tells it
+    fallback: float | None = None  # what is known of it where no log determines it
     power: int = 0  # people read it in 10^power of the unit,
     shown_unit: str = ""  # which they write like this
     is_open: bool = False  # beyond the upper edge all is alike: rigid, and no fault of the logs
@@ -50,7 +50,7 @@ class Quantity:
     # What dampers and rigs have: a fit beyond it is not believed. And why not, in a phrase.
     believable: tuple[float, float] = (float("-inf"), float("inf"))
     belief: str = ""
-    # Standard error of a default that nobody has measured: of its logarithm, or in `unit` of what
+    # Standard error of an unmeasured default: of its logarithm, or in `unit` of what
     # may vanish.
     ignorance: float = 0.0
     is_absolute: bool = False  # a pressure from vacuum: people say bara or barg, psia or psig

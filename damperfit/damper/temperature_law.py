@@ -55,7 +55,7 @@ class WithTemperature(Model):
 
     damper: Model  # as it is at the reference temperature
     reference: float = math.nan  # T_ref, degrees Celsius; NaN: the mean of the logs, not yet read
-    temperature: float | None = None  # where a motion does not tell its own; None: T_ref
+    temperature: float | None = None  # of motions without their own; None: T_ref
 
     # One beta for all logs takes one fit of all.
     procedures: ClassVar[tuple[str, ...]] = ("joint", "plain")
@@ -110,7 +110,7 @@ class WithTemperature(Model):
 
     @property
     def oil_temperature(self) -> float:
-        """Where a motion does not tell its temperature, degrees Celsius."""
+        """Of motions without their own temperature, degrees Celsius."""
         return self.reference if self.temperature is None else self.temperature
 
     def at_reference(self, values: Values, temperature: float | None) -> Values:

@@ -8,7 +8,7 @@ Three layouts, of the passages of `damperfit.damper.network`::
                    piggyback or remote reservoir, adjusters for each stroke
 
 Each valve has a bleed that is always open and a blow-off that opens at p_open, D = p_open + R w;
-its return check closes in its own stroke. What logs of this kind cannot tell is held unless it is
+its return check closes in its own stroke. What such logs cannot determine is held unless it is
 freed: the oil's bulk modulus in series with an elastic mounting, the returns, the seals' drag
 beside the slopes of the blow-offs.
 
@@ -74,7 +74,7 @@ _OF_PISTON = {"gas_piston_diameter", "gas_length"}  # have no other damper
 VALVE_RANGES = {name: bounds for name, bounds in RANGES.items() if name not in _OF_PISTON}
 
 # Held unless freed: oil with its tube and a trace of air; the return check of a car's damper. What
-# they are off by where nobody has measured them, of their logarithms, is 0.3; seals drag with up to
+# they are off by if not measured, of their logarithms, is 0.3; seals drag with up to
 # 30 N s/m, none of which is known.
 _OIL, _RETURN, _IGNORANCE, _DRAG_IGNORANCE = 1e9, 2.5e5, 0.3, 15.0
 _RETURN_SLOPE = Quantity(
@@ -539,7 +539,7 @@ _LEAST = 0.1
 # A blow-off whose port was read off the loops: share of the port's pressure at the largest flow.
 _BESIDE_A_PORT = 0.1
 _FRICTION = 0.01  # of the force's standard deviation, at least
-# What few logs tell, where it is freed. A few steps from a turning speed of 1 mm/s do not show one
+# What few logs show, where it is freed. A few steps from a turning speed of 1 mm/s do not show one
 # of 18 mm/s, for friction that turns so early hardly changes with it.
 _RARE = {
     "play": 3e-4, "lag": 5e-3, "moving_mass": 0.5, "drag": 10.0,
@@ -635,7 +635,7 @@ def read_valves(
 ) -> ValveReading:
     """Return both valves of a setting, with the friction and offset at which its logs fit best.
 
-    Offset and friction are given where they are known, N. A loop tells little of the friction
+    Offset and friction are given where they are known, N. A loop shows little of the friction
     beside a blow-off.
     """
     whole = Loop(*map(np.concatenate, zip(*loops, strict=True)))

@@ -69,7 +69,7 @@ _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
 # Weights of settings beside each other that are this near those of the end move nothing.
 _SAME_WEIGHT = 1.5
-# What a factor of e costs of a number that no log tells, as a share of what is left at a setting:
+# What a factor of e costs of a number that logs leave open, as a share of a setting's misfit:
 # its root. Without it such numbers run to where a simulation takes longest.
 _HELD = 0.02
 # Friction of a car damper's seals, N, and the deviation of its logarithm: 5 to 100 N are believed.

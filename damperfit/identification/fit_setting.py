@@ -640,7 +640,7 @@ def _grouped(ends: Sequence[FitResult], block: Block) -> list[list[FitResult]]:
 
 
 def _is_same(end: FitResult, other: FitResult, block: Block) -> bool:
-    """Whether all parameters that the logs tell agree."""
+    """Whether all parameters that the logs determine agree."""
     for name, error in end.errors.items():
         if end.status[name] != Status.FITTED and other.status[name] == end.status[name]:
             continue  # a flat direction is one minimum however far along it a descent stopped

@@ -96,7 +96,7 @@ _CHANCE = 0.001
 # An rms of 1.4 % of the force's deviation: what is found below changes nothing that anyone uses.
 ENOUGH_PERCENT = 0.02
 _MAX_DETECTIONS = 6
-# What no log tells stays within a factor of e^2 of where the settings apart have it.
+# What no log determines stays within a factor of e^2 of where the settings apart have it.
 _NOT_DETERMINED = 0.5
 # A setting that a joint fit meets this much better was in a wrong local minimum alone.
 _CLEARLY_BETTER = 0.8
@@ -186,7 +186,7 @@ def detected_sharing(
     untied: Sequence[str] = (),
     jobs: int = 1,
 ) -> tuple[Sharing, Mapping[Setting, Values], int]:
-    """What is shared as the logs tell it, or as declared; where its fit starts; simulations.
+    """What is shared as the logs show it, or as declared; where its fit starts; simulations.
 
     Of two settings or more with the same quantities free; `single` is each fitted by itself.
     """
@@ -357,9 +357,9 @@ def fit_settings_jointly(
     """Fit the settings that have a minimum together; None where there are not two.
 
     A setting that cannot be simulated at the start is left out and follows the others; one that
-    meets a bug is left out for good, and the second value returned tells why.
+    meets a bug is left out for good, and the second value returned says why.
     """
-    # Where something follows an adjuster, settings take part too that do not tell every quantity.
+    # Where something follows an adjuster, settings take part too that leave a quantity open.
     is_plain = not (given.options.is_detecting or given.options.follows)
     outcomes = [Outcome.CONVERGED] if is_plain else [end for end in Outcome if end.is_minimum]
     sound = {fit.setting: fit for fit in before if fit.outcome in outcomes}
@@ -544,7 +544,7 @@ def _judged_law(rises: Mapping[Setting, float]) -> list[Problem]:
     """Say so when a K_e of each setting fits better than noise explains."""
     spare = len(rises) - _LAW_UNKNOWNS
     if spare < 1:
-        text = "the gas content is drawn through two settings: only a third can tell whether it "
+        text = "the gas content is drawn through two settings: only a third can show whether it "
         return [warning("two-settings", f"{text}holds.")]
     if sum(rises.values()) <= chi_squared_quantile(spare, 1.0 - _CHANCE):
         return []

@@ -1,4 +1,4 @@
-"""The logs of a setting as a fit sees them: what they tell, mean cycles, the model beside them."""
+"""The logs of a setting as a fit sees them: what they show, mean cycles, the model beside them."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from damperfit.recording import Segment, Trace
 from damperfit.simulation import Motion, Response, SolverOptions, motion_of, simulate
 from damperfit.statistics import mean_of, median, variance_of
 
-# What a fit asks of its logs: how much each sample counts, how many count, what they can tell.
+# What a fit asks of its logs: how much each sample counts, how many count, what they can show.
 
 FEWEST_SAMPLES = 20.0  # effective ones, of a segment
 
@@ -43,7 +43,7 @@ def effective_samples(residuals: FloatArray, n_cycles: int) -> float:
 # How much each sample counts in the fit of a setting: by its segment's noise, and not at a corner.
 #
 # Where the speed jumps, as at the corners of a triangle, the force of some milliseconds follows
-# from the microns and microseconds of the turn, which no sensor tells: noise of a few um there
+# from the microns and microseconds of the turn, which no sensor shows: noise of a few um there
 # bent R_m3 of two triangles. These samples are simulated, shown and in every MSE, but the fit
 # takes no notice of them, unless the motion is straight on both sides (`conditioning.drive`).
 
@@ -58,7 +58,7 @@ _JUMP = 0.5
 # at 30 Hz are 10 and 20 ms.
 _BEFORE, _AFTER = 0.6, 1.2
 _IMPULSE = 1 << 12  # samples to both sides, far longer than any filter's answer
-# Where corners are more of a segment than this, they are what it tells.
+# Where corners are more of a segment than this, they are what it shows.
 _MOST = 1.0 / 3.0
 
 
@@ -66,7 +66,7 @@ def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
     """What the residuals of each log are multiplied by, over its compared samples; mean square 1.
 
     One over the noise of each segment (the middle one's, where none is known), nothing beside a
-    jump of the speed. None for all where nothing is to be told apart.
+    jump of the speed. None for all where no sample differs.
     """
     counted = [_counted(trace) for trace in traces]
     segments = [segment for trace in traces for segment in trace.segments]
@@ -110,12 +110,12 @@ def _counted(trace: Trace) -> NDArray[np.bool_] | None:
     return None if counts.all() else counts[trace.compared]
 
 
-# Logs that hold one speed, or a few: what triangle waves cannot tell.
+# Logs that hold one speed, or a few: what triangle waves cannot show.
 #
-# At constant speed a stroke shows one level of force, and two levels cannot tell R_m1, R_m2, R_m3
+# At constant speed a stroke shows one level of force, and two levels cannot give R_m1, R_m2, R_m3
 # and f_f. What is left are the corners, a few milliseconds in which the elasticity of the oil
 # settles; a descent finds a minimum there that is several of its errors away from the truth. Six
-# levels, of three speeds, do not tell the eight numbers of two valves, a friction and an offset
+# levels, of three speeds, do not give the eight numbers of two valves, a friction and an offset
 # either: above the knee of both curves a friction and a preload make one level.
 
 _ONE_SPEED = (
@@ -210,7 +210,7 @@ def speed_warnings(
 
 # The settled mean cycle of each steady segment, in place of a whole log.
 #
-# What repeats tells a model the same in every cycle. Half a cycle, from one turn of the motion to
+# What repeats shows a model the same in every cycle. Half a cycle, from one turn of the motion to
 # the next, lets the model settle, one more is compared with the mean of the measured ones. The
 # cycle being periodic, the filter is a factor of each harmonic. What differs from cycle to cycle
 # stays as one more residual that nothing moves, so that sums of squares are those of the whole

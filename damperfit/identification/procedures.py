@@ -75,7 +75,7 @@ class Campaign:
     sharing: Sharing = Sharing()  # how the shared parameters were estimated
     searches: tuple[Search, ...] = ()  # what fits from many starts found, where asked for
     failure: Failure | None = None  # what damperfit got wrong in a step over all settings
-    named: tuple[Quantity, ...] = ()  # quantities of the model, where no fit may tell them
+    named: tuple[Quantity, ...] = ()  # quantities of the model, where no fit has them
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -178,11 +178,11 @@ def fit_every_setting(
 #
 # 1. All five parameters at every setting, the lowest one first. The mean friction of the sound fits
 #    is f_f.
-# 2. The lowest setting whose logs tell R_m3 once more with that friction: R_m3 and f_f are strongly
+# 2. The lowest setting whose logs show R_m3 once more with that friction: R_m3 and f_f are strongly
 #    correlated within one setting, and the mean over the settings knows f_f better than any.
 # 3. R_m1, R_m2 and K_e at every setting with both held.
 #
-# What the logs do not tell is taken from the options or the model, with a warning.
+# What the logs leave open is taken from the options or the model, with a warning.
 
 # R_m3 is taken from one setting, f_f is the mean over the settings.
 TAKEN, MEAN = "r_m3", "f_f"
@@ -239,10 +239,10 @@ class _Stages:
         self.broken: dict[Setting, Failure] = {}  # met a bug, which a second fit would only hide
         self.searches: tuple[Search, ...] = ()
         self.shared: dict[str, float] = {}  # R_m3 and f_f as far as they are wanted
-        self.status: dict[str, Status] = {}  # of a shared value that the logs do not tell
+        self.status: dict[str, Status] = {}  # of a shared value that the logs leave open
         self.sharing = Sharing()  # where they came from
         self.warnings: list[Problem] = []
-        # What is taken for a shared parameter that no log tells; its model knows one.
+        # What is taken for a shared parameter that no log determines; its model knows one.
         known = {name: given.options.fallback(given.damper.quantity(name)) for name in wanted}
         self.fallbacks = cast("dict[str, float]", known)
 
@@ -353,7 +353,7 @@ class _Stages:
         def is_sound(result: FitResult) -> bool:
             return _is_good(result) and agrees(result)
 
-        def lacks_r_m3_alone(result: FitResult) -> bool:  # where no setting tells it
+        def lacks_r_m3_alone(result: FitResult) -> bool:  # where no setting determines it
             is_told = all(result.status[n] == Status.FITTED for n in result.errors if n != TAKEN)
             end = result.outcome
             return is_told and end.is_minimum and end is not Outcome.CAVITATING
@@ -391,10 +391,10 @@ class _Stages:
             self.sharing = replace(self.sharing, spread=spread, is_spread_certain=bool(is_certain))
 
     def _take_r_m3(self, setting: Setting, f_f: float | None) -> None:
-        """R_m3 from the logs of one setting, and how far they tell it."""
+        """R_m3 from the logs of one setting, and how well they determine it."""
         block, first = self.given.block(setting, self.names), self.judged[setting]
         fallback, again = self.fallbacks[TAKEN], first
-        # An unsound fit that tells R_m3 all the same is left alone: other friction may upset it.
+        # An unsound fit that determines R_m3 is left alone: other friction may upset it.
         is_safe = not _tells_r_m3(first) or (first.is_sound and len(self.judged) > 1)
         if f_f is not None and is_safe:
             again = _with_mean_friction(block, first, f_f, fallback)
@@ -622,7 +622,7 @@ def _joint(given: ProcedureInput) -> Campaign:
     failed = {failure.setting: failure for failure in before.failures} | broken
     if not before.is_complete or together is None:
         warnings = before.warnings
-        # The logs of one setting tell beta by themselves: nothing was to be shared.
+        # The logs of one setting determine beta by themselves: nothing was to be shared.
         if before.is_complete and not (BETA.name in free and len(given.settings) == 1):
             text = (
                 "the joint fit needs two settings at a sound minimum and a shared parameter: these "
@@ -667,7 +667,7 @@ def _each_beside(
 
 
 def _sharing_of(given: ProcedureInput) -> tuple[Sharing | None, tuple[str, ...]]:
-    """What is shared, None where the logs are to tell it, and what moves."""
+    """What is shared, None where the logs are to show it, and what moves."""
     options, damper = given.options, given.damper
     wanted = [
         q.name for q in damper.quantities if q.default is None and q.name not in options.fixed
@@ -696,13 +696,13 @@ PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {
 # Settings whose logs are all equally warm do not determine what temperature does, and one whose
 # logs are not is missed by a fit that knows nothing of it: the widest ranges are fitted first.
 _ASKED = 3  # settings; their mean only has to be near
-_WIDE = 3.0  # K within a setting that tell it anything
+_WIDE = 3.0  # K within a setting that are of use
 
 
 def _with_first_beta(
     given: ProcedureInput, options: FitOptions, fit: Callable[[ProcedureInput], Campaign]
 ) -> FitOptions:
-    """The options of a fit of single settings that hold beta at what some of them tell."""
+    """The options of a fit of single settings that hold beta at what some of them show."""
     beta, reach = options.start.named.get(BETA.name, 0.0), {}
     for setting, traces in given.settings.items():
         known = [trace.temperature for trace in traces if trace.temperature is not None]
@@ -722,7 +722,7 @@ def _with_first_beta(
 # fit strains against.
 
 # Friction at rest and the speed at which it has gone: two numbers of one part, but for a speed that
-# is lower than logs tell.
+# is lower than logs show.
 _AT_REST = ("breakaway", "stribeck_speed")
 # Oil that does not give, and gas whose pressure does not change: what the logs do not show.
 _AS_IF = {

@@ -259,7 +259,7 @@ def _listed_runs(runs: Sequence[tuple[int, int]]) -> str:
 
 
 def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Values | None:
-    """The values of a setting from those of others, fitted together; None where they tell none.
+    """The values of a setting from those of others, fitted together; None where they have none.
 
     An offset, which is each test's own, is the mean of theirs.
 

@@ -116,5 +116,5 @@ def _is_left_by_fits(pair: Pair, damper: Model, options: FitOptions) -> bool:
             return False
         alone = [missed((log,))[0] for log in pair]
     except DamperfitError:
-        return False  # the run itself tells why this setting cannot be fitted
+        return False  # the run itself says why this setting cannot be fitted
     return power(alone) <= _EXPLAINED * power(both)

@@ -24,7 +24,7 @@ from damperfit.tested.setting import Setting
 
 _UNDETERMINED = (frozenset({Status.NOT_IDENTIFIABLE, Status.ABSENT}), frozenset({Status.AT_BOUND}))
 _NAMED = 3  # settings; of more only the number is given
-_SHOWN_FLOW = 1e-5  # m3/s, at which people are told what a laminar passage costs
+_SHOWN_FLOW = 1e-5  # m3/s, at which the pressure of a laminar passage is printed
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ def _with(status: Mapping[str, Status], wanted: frozenset[Status]) -> tuple[str,
 def physics_in(fits: Sequence[LawFit | LawAt], layouts: Sequence[str] = ()) -> tuple[str, ...]:
     """Return one sentence for each part that the law has.
 
-    With what the valves' numbers are in layouts that the logs do not tell from its own.
+    With the valves' numbers in layouts that the logs do not separate from its own.
     """
     if not hasattr(fits[0].model, "rebound"):
         return ()
@@ -230,7 +230,7 @@ class _Tests:
 
     @property
     def has_one_frequency(self) -> bool:
-        # What does not repeat has many, of which a segment tells the mean.
+        # What does not repeat has many, of which a segment has the mean.
         return self.repeats and self.highest_frequency <= _ONE_FREQUENCY * self.lowest_frequency
 
     @property

@@ -217,7 +217,7 @@ GAIN = 1.5
 ENOUGH_PERCENT = 0.02
 # A law whose MSE is below that may still predict another speed badly.
 ENOUGH_HELD_OUT_PERCENT = 0.2
-# Two layouts whose MSE, times that of what was held out, differ by less cannot be told apart.
+# Two layouts whose MSE, times that of what was held out, differ by less count as equal.
 SEEN_APART = 1.5
 # The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
 _NOTHING_APART = 4.0
@@ -281,7 +281,7 @@ def times_worse(best: Candidate, other: Candidate) -> float:
 
 
 def are_alike(best: Candidate, other: Candidate) -> bool:
-    """Whether nobody would choose a layout by what the same parts fit and predict in the two."""
+    """Whether what the same parts fit and predict in two layouts is no reason to choose one."""
     held = other.held_out_percent
     left = max(other.mse_percent, 0.0 if math.isnan(held) else held)
     return times_worse(best, other) < (SEEN_APART if left > ENOUGH_PERCENT else _NOTHING_APART)

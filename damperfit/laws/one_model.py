@@ -21,7 +21,7 @@ from damperfit.identification.logs import FEWEST_SAMPLES
 from damperfit.identification.sharing import Unknown, unknown_at
 from damperfit.tested.setting import Setting
 
-# Steps are short beside numbers that logs tell to a thousandth: no step is too short to be tried.
+# Steps are short beside numbers known to a thousandth: no step is too short to be tried.
 _SHORTEST = 1e-8
 _LOOK = Stopping(cost_tolerance=1e-2, step_tolerance=_SHORTEST, max_evaluations=10, rest=math.inf)
 _END = Stopping(cost_tolerance=1e-3, step_tolerance=_SHORTEST, max_evaluations=50, rest=math.inf)

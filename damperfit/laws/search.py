@@ -18,7 +18,7 @@ held-out MSE h (per cent of the variance)::
 
 n is the effective number of samples of what the largest structure leaves (`effective_samples`), n_k
 that of all settings that a number is in, m_0
-a misfit below which nothing is told apart, h_0 the same of a prediction, p the number of parts that
+a misfit below which laws count as equal, h_0 the same of a prediction, p the number of parts that
 a damper or its rig may well be without. A friction that seals hardly have costs a little, too, and
 so does a default that is freed and runs far away.
 
@@ -88,7 +88,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting, nearest_setting
 from damperfit.workers import executor
 
-# Per cent of the variance: misfits below are not told apart, whatever the number of samples.
+# Per cent of the variance: misfits below count as equal, whatever the number of samples.
 FLOOR_PERCENT = 0.0003
 # The same of what was held out, which counts as so many effective samples a setting.
 _HELD_FLOOR_PERCENT, _HELD_SAMPLES = 0.05, 10.0
@@ -245,9 +245,9 @@ class _Search:
     def starts(
         self, structure: Structure, model: OneModel, near: _Fit
     ) -> dict[str, dict[Setting, Values]]:
-        """Starts beside another structure: what is new as the loops tell it, or little of it.
+        """Starts beside another structure: what is new as the loops show it, or little of it.
 
-        A valve of another kind starts, as well, wholly as the loops tell it: a bleed that takes
+        A valve of another kind starts, as well, wholly as the loops show it: a bleed that takes
         over from a blow-off, or shares with a new part, is another one.
         """
         changed = tuple(
@@ -739,7 +739,7 @@ class _Search:
         return True
 
     def yielding(self, law: Candidate, share: float, by_some: float) -> Candidate:
-        """What yields before it slides, where the logs do and valves tell them less well."""
+        """What yields before it slides, where the logs do and valves fit them less well."""
         is_unasked = math.isnan(share) and not math.isnan(by_some)
         if is_unasked and (law.leaves_something or unbelievable(law)):
             share, self.is_held_by_some = by_some, True

@@ -300,7 +300,7 @@ def _without_lost(damper: ValveDamper, freed: tuple[str, ...]) -> Structure:
     )
 
 
-# The numbers of a valve in layouts that the logs cannot tell from the one that was taken.
+# The numbers of a valve in layouts that the logs cannot separate from the chosen one.
 #
 # A stroke's force is a pressure on an area, which is another one in another layout; what flows
 # through the valve is that area times the speed::

@@ -37,7 +37,7 @@ class Page(NamedTuple):
 
 
 def read_page(topic: str, others: Iterable[str] = ()) -> Page:
-    """Return the page of a topic; a ConfigurationError tells that there is none, nor another."""
+    """Return the page of a topic; a ConfigurationError: there is none, nor another."""
     name = topic.strip().lower()
     if name not in TOPICS:
         raise ConfigurationError(

@@ -110,7 +110,7 @@ class Simulation(Answer):
 
     @property
     def trust(self) -> str:
-        """Grade, interval, and that the motion was tested; empty where no run tells of it."""
+        """Grade, interval, and that the motion was tested; empty where no run has it."""
         fitted, figures = self.choice.fitted, self.characteristics
         if fitted is None:
             return ""

@@ -56,9 +56,9 @@ _MANY = 40  # lines that a terminal shows of forces that are the same
 def comparison_sheets(
     comparison: RunComparison, *, is_short: bool = False
 ) -> list[tuple[str, Sheet]]:
-    """Return forces, parameters and figures by title; ``is_short``: of many forces what tells."""
+    """Return forces, parameters and figures by title; ``is_short``: of many forces a few."""
     parameters, units = comparison.of("parameter"), comparison.units
-    # Some units are longer than the numbers: they are told once.
+    # Some units are longer than the numbers: they are printed once.
     unit_of = {
         line.subject.label: units.of(line.subject.unit) for line in parameters if line.subject.unit
     }
@@ -241,7 +241,7 @@ def _source(line: Difference | Point) -> str:
     return "measured" if line.is_measured else "model"
 
 
-# Name, kind, meaning and value of each column; what is compared tells its unit.
+# Name, kind, meaning and value of each column; each line has its own unit.
 _COLUMNS: _Columns = (
     ("kind", _TEXT, "force, parameter or figure", lambda d: d.subject.kind),
     ("name", _TEXT, "what is compared", lambda d: d.subject.name),

@@ -279,7 +279,7 @@ def pressure_panel(
 
 
 class LogView:
-    """A log with what the run tells of it: its signals, its entry of the inputs in run.json.
+    """A log in a run: its signals, and its entry of the inputs in run.json.
 
     ``rows`` are its rows of the table "characteristics"; its plots are called ``name`` and more.
     """
@@ -300,7 +300,7 @@ class LogView:
 
     @cached_property
     def cycles(self) -> tuple[slice, ...]:
-        """The last whole cycle of each steady segment; older runs tell of one, in the entry."""
+        """The last whole cycle of each steady segment; older runs have one, in the entry."""
         time, cycles = self.signals.time, []
         for segment in entries_in(self.facts, "stretches") or [dict(self.facts)]:
             rate = number_in(segment, "frequency_Hz") or 0.0
@@ -620,7 +620,7 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
         default = quantity.default
         is_default = default is not None and {row[name] for row in filled} == {default}
         if not filled or is_default or (len(rows) > 1 and is_one_for_all(rows, name)):
-            continue  # a sentence tells it: twenty equal bars say no more
+            continue  # a sentence says it: twenty equal bars say no more
         far = _far(filled, name)
         near = [row for row in filled if row not in far]
         mine = [trend for trend in trends if trend.parameter == name and trend.points]
@@ -812,7 +812,7 @@ def _force_time(log: LogView) -> Iterator[Plot]:
     residual = signals.force_measured - signals.force
     kept = thin(_LOG_BUCKETS, signals.force_measured, signals.force, residual)
     time = signals.time - signals.time[0]
-    # A line across what was not compared would show a motion that nobody ran.
+    # A line across what was not compared would show a motion that was not run.
     gaps = np.flatnonzero(np.diff(time) > _GAP * float(np.median(np.diff(time)))) + 1
     kept = np.union1d(kept, np.concatenate([gaps - 1, gaps]))
 

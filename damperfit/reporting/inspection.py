@@ -243,7 +243,7 @@ def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
         for finding in log.get("findings", ()):
             if finding["severity"] == severity:
                 name, sentence = str(log["name"]), f"{finding['name']}: {finding['sentence']}"
-                # Refusals share a few names: the problem tells their causes apart.
+                # Refusals share a few names: the problem's code separates their causes.
                 code = str((severity == "refusal" and log.get("code")) or finding["name"])
                 key = code, sentence
                 if (key, name) not in entries:

@@ -224,7 +224,7 @@ def failures_in(record: Record) -> tuple[Failure, ...]:
 
 
 def problems_in(record: Record) -> list[Problem]:
-    """Return what to know before believing the numbers; older runs told sentences without codes."""
+    """Return what to know before believing the numbers; older runs stored plain sentences."""
     problems = []
     for entry in listed_in(record, "problems"):
         with suppress(TypeError, KeyError, AttributeError):

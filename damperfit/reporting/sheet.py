@@ -287,7 +287,7 @@ def _decimals(value: float, digits: int) -> int:
 def with_interval(
     value: float | None, low: float | None, high: float | None, *, digits: int = 5, plus: str = ""
 ) -> str:
-    """Return a value and half of its interval, both to the place that the interval tells.
+    """Return a value and half of its interval, both to the decimal place of the interval.
 
     Where the limits are not as far below as above, they stand behind it. Without limits
     ``digits`` significant digits are shown. ``plus`` is "+" for changes, which show their sign.
@@ -308,7 +308,7 @@ def with_interval(
     below, above = value - low, high - value
     is_even = max(below, above) <= _UNEVEN * min(below, above)
     error = half if is_even else max(min(below, above), _LEAST * half)
-    place = math.floor(math.log10(error)) - 1  # of the last digit that the error tells
+    place = math.floor(math.log10(error)) - 1  # of the last significant digit
     place += round(error / 10.0**place) > _TWO_DIGITS
 
     def rounded(x: float, plus: str = "") -> str:

@@ -611,7 +611,7 @@ def segment_sheet(
     return laid_out(shown, columns, _SEGMENTS, *more)
 
 
-# Which model structure the logs support, of what run.json tells: a row a candidate
+# Which model structure the logs support, from run.json: one row per candidate
 
 
 _FREE = Column("free", "", lambda row: str(len(listed_in(row, "free")) or ""))

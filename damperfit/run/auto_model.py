@@ -39,7 +39,7 @@ from damperfit.tables.files import finite, json_values
 from damperfit.tested.setting import Setting
 from damperfit.workers import available_cores
 
-# What is not determined of a damper whose layout, dimensions or gas nobody has declared.
+# What is not determined of a damper whose layout, dimensions or gas were not declared.
 
 # What a law has of its own, and the lengths that make the paper's gas volume.
 _VALVES = {"rebound", "compression"}
@@ -59,7 +59,7 @@ _OF_RIG = {
 }
 
 # Against a law the evidence is very strong from here on (Kass and Raftery, J. Am. Stat. Assoc. 90
-# (1995) 773); of those that remain so many are told.
+# (1995) 773); of those that remain so many are listed.
 _DECIDED, _MOST_LEFT = 10.0, 3
 
 
@@ -87,7 +87,7 @@ def _declared(configuration: Configuration) -> set[str]:
 
 
 def is_monotube_open(configuration: Configuration, search: LawSearch, layout: str | None) -> bool:
-    """Whether a monotube is excluded only by a gas pressure that nobody has declared.
+    """Whether a monotube is excluded only by an undeclared gas pressure.
 
     Its rod side is empty in bump at the gas pressure times the annulus.
     """
@@ -148,7 +148,7 @@ def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...
 
 
 def assumed_gas(configuration: Configuration, tried: Sequence[Candidate]) -> tuple[Problem, ...]:
-    """What the layouts that were tried have of the gas that nobody has declared, in a sentence."""
+    """The undeclared gas that the layouts tried need, in a sentence."""
     damper = configuration.damper
     has_valves = any(isinstance(law.fits[0].model, ValveDamper) for law in tried)
     if not has_valves or not isinstance(damper, Damper):
@@ -207,8 +207,8 @@ class LawChoice(Answer):
     those compared, if asked for. `failures` are logs that cannot be used, `remarks` say what was
     done with the logs. `undecided` is what the logs leave open, and which test would decide it;
     `alike`, of these, what may be taken for each other; `open_layouts` what the logs exclude only
-    with a gas pressure that nobody has declared; `assumed` what the configuration takes of the
-    damper where nobody has declared it.
+    with an undeclared gas pressure; `assumed` what the configuration takes of the damper where
+    it was not declared.
     """
 
     search: LawSearch
@@ -464,7 +464,7 @@ def _tied_still(untied: Sequence[str], best: LawFit) -> Iterator[Problem]:
 
 
 def _is_tying(configuration: Configuration) -> bool:
-    """Whether the logs say what follows an adjuster: where nobody else has."""
+    """Whether the logs say what follows an adjuster: unless they are declared."""
     is_declared = {"identification.procedure", "identification.share"} & configuration.declared
     followers = configuration.document["adjusters"].values()
     return not is_declared and not any(names for names in followers if not isinstance(names, str))
@@ -512,7 +512,7 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
         "share": own["share"] if options.share is None else list(options.share),
         "bulk_modulus": options.bulk_modulus,
     }
-    # Nobody has measured what stood at its default.
+    # What stood at its default was not measured.
     chosen = {"damper.model", "damper.rebound", "damper.compression", "damper.mounting"}
     chosen |= {"damper.friction"}
     if isinstance(best.model, Damper) and "damper.gas_volume" in configuration.declared:

@@ -15,7 +15,7 @@ from damperfit.problem import Option
 from damperfit.tables.files import read_known_numbers
 from damperfit.tested.setting import Setting
 
-# What dampers of every kind have: a table that tells no more is of another model.
+# What dampers of every kind have: a table without more is of another model.
 _EVERYWHERE = frozenset({OFFSET, FRICTION, STIFFNESS, GAS_AMOUNT})
 
 

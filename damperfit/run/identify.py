@@ -444,7 +444,7 @@ def prepare(
 ) -> Configuration:
     """Part the logs of one damper, and leave out copies and contradictions among them.
 
-    Returns the configuration with the temperature that resistances are told for. Where the law is
+    Returns the configuration with the temperature that resistances refer to. Where the law is
     open, what takes a model is left out.
     """
     part(batch, options, named)
@@ -597,7 +597,7 @@ def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) ->
 
 
 def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Configuration:
-    """Return the configuration with the temperature that the damper's resistances are told for.
+    """Return the configuration with the temperature that the damper's resistances refer to.
 
     Refused are logs of nearly one temperature, or where whatever it does could be the setting's.
     """
@@ -741,7 +741,7 @@ def note_unpredicted(
 ) -> None:
     """Put the held-out logs that could not be predicted among the failures of the batch.
 
-    Logs of which it is known already why are not said again. What nobody asked to hold out is no
+    Logs of which it is known already why are not said again. What is held out by default is no
     failure: a remark says so, where the setting is fitted.
     """
     done = {id(prediction.trace) for prediction in predictions}

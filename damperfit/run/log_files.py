@@ -150,7 +150,7 @@ def _is_folder(path: Path) -> bool:
 
 
 def _is_there(path: Path) -> bool:
-    """Whether there is a file, or nobody may look: then reading it says so."""
+    """Whether there is a file, or access is denied: then reading it says so."""
     try:
         path.lstat()
     except PermissionError:
@@ -160,7 +160,7 @@ def _is_there(path: Path) -> bool:
     return True
 
 
-# What damperfit has written itself, so that nobody fits its results as if they were measured
+# What damperfit has written itself, so that its results are not fitted as if measured
 
 _SPEEDS = [f"setting,speed_{unit.replace('/', '_per_')}," for unit in units_of("velocity")]
 # How the tables in CSV begin, as far as their settings are of one adjuster.
@@ -223,7 +223,7 @@ def is_own_table(path: Path) -> bool:  # noqa: PLR0911 - one a kind of file
 
 
 def is_own_log_file(path: Path) -> bool:
-    """Whether a file begins as --log-file writes it; an OSError tells that it cannot be read."""
+    """Whether a file begins as --log-file writes it; an OSError: it cannot be read."""
     with open_regular(path) as file:
         return _LOGGED.match(file.read(_BEGIN)) is not None
 

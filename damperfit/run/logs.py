@@ -160,7 +160,7 @@ class LogBatch:
         return next((own.path for own in self.logs if own.log == log), "")
 
     def document(self) -> dict[str, Any]:
-        """Return what `inspect` tells, as JSON values."""
+        """Return what `inspect` reports, as JSON values."""
         document: dict[str, Any] = json_values(
             {
                 "logs": [log.describe() for log in self.logs],
@@ -219,7 +219,7 @@ class Labels:
         return ranks[max(ranks)] if ranks else None
 
     def labelled(self, recording: Recording, path: Path) -> tuple[Recording, Identity]:
-        """Return the recording with its setting, None where nobody says it, and whose it is."""
+        """Return the recording with its setting, None where it is unknown, and whose it is."""
         row = self.row(path)
         if path.name in self.unclear and _FROM_NAME in recording.notes:
             rest = tuple(note for note in recording.notes if note != _FROM_NAME)

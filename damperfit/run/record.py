@@ -5,7 +5,7 @@ log or the setting out, and it becomes a failure.
 
 Of many equal problems the first is shown, and how many more: hundreds of logs or settings with the
 same flaw are one sentence. The facts that go into the tables depend on the good logs and the
-configuration alone, so that a bad log beside them changes no byte; run.json tells everything.
+configuration alone, so that a bad log beside them changes no byte; run.json has everything.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ _Result = TypeVar("_Result")
 # What checks of another layout take of a valve's numbers: up to 5 % were seen beside the areas.
 _RETURNS = 1.06
 # MSE over that of the choice beyond which another fit was delivered; below a thousandth of the
-# force, rms, nobody sees a difference.
+# force, rms, the difference is invisible.
 _DELIVERED, _OF_NO_USE = 1.5, 1e-4
 
 
@@ -458,7 +458,7 @@ def gates_not_met(
         if not fit.outcome.is_minimum:
             text = f"the fit did not converge ({fit.outcome.value})"
             unsound.append((fit.setting, warning("not-converged", text)))
-    if len(above) + len(unsound) > MANY:  # one sentence on many settings tells of one gate
+    if len(above) + len(unsound) > MANY:  # one sentence on many settings is about one gate
         yield from _at_settings(above)
         yield from _at_settings(unsound)
     else:

@@ -309,7 +309,7 @@ def column_names(quantities: tuple[Quantity, ...] = PAPER_QUANTITIES) -> frozens
 def unknown_schema(record: Mapping[str, Any]) -> str | None:
     """Return a sentence where results, by their record, are of a schema that is not known here."""
     version = record.get("schema_version", SCHEMA_VERSION)
-    if version in (1, SCHEMA_VERSION):  # 1 did not tell the quantities: they are the paper's
+    if version in (1, SCHEMA_VERSION):  # 1 did not name the quantities: they are the paper's
         return None
     return (
         f"the results are of schema version {version} (damperfit {record.get('version')}), "
@@ -340,8 +340,8 @@ def adjusters_in(
 def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setting | None:
     """Return the setting of a row that was read back, None where its cell is empty.
 
-    Where the columns of the adjusters are missing the label is taken as it is; a ValueError tells
-    of a cell that says no place of an adjuster.
+    Where the columns of the adjusters are missing the label is taken as it is. A ValueError:
+    a cell is not the place of an adjuster.
     """
     cells = [row.get(name) for name in adjusters]
     if adjusters and all(cell not in (None, "") for cell in cells):
@@ -369,7 +369,7 @@ def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
 
 
 def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tuple[Quantity, ...]:
-    """Return the quantities that the facts of a table or run.json tell, else the paper's.
+    """Return the quantities in the facts of a table or run.json, else the paper's.
 
     Where the facts are lost, and a column has a status that is none of the paper's, ``columns``
     say what there is.

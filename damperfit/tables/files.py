@@ -145,7 +145,7 @@ def write_responses(
     schema = table_schema("responses", facts or {}, **of)
     # A dictionary of numbers that never repeat costs twice the time and a sixth more space; to pack
     # them takes three tenths of the time, for a sixth less. Row groups are found by setting and
-    # log; nobody looks for one by the range of its signals.
+    # log, never by the range of their signals.
     repeating = ["setting", "log"]
     how: Any = {"write_page_checksum": True, "use_dictionary": repeating}
     how["compression"] = {n: "SNAPPY" if n in repeating else "NONE" for n in schema.names}
@@ -294,7 +294,7 @@ def _laid_out(value: Any, line: str) -> Iterator[str]:
 # A results folder, a table of parameters or a part of a fleet read back, for `results.Run`.
 #
 # Whatever is whole is returned; what is missing or damaged becomes a remark. What a file should
-# hold run.json says: a column that its version did not write is missing to nobody, and its cells
+# hold run.json says: a column that its version did not write is not missing, and its cells
 # are None. A part of a fleet is a table of parameters with what is compared of run.json in its
 # metadata.
 
@@ -303,14 +303,14 @@ def _laid_out(value: Any, line: str) -> Iterator[str]:
 
 
 def read_facts(path: Path) -> dict[str, Any]:
-    """Return what a Parquet table tells of the run that wrote it; empty where it tells nothing."""
+    """Return what a Parquet table says about the run that wrote it; empty where it says nothing."""
     with suppress(OSError, ValueError, pa.ArrowException):
         return facts_of(pq.read_schema(regular(path)))
     return {}
 
 
 def facts_of(schema: pa.Schema) -> dict[str, Any]:
-    """Return what the schema of a table tells of the run that made it."""
+    """Return what the schema of a table says about the run that made it."""
     with suppress(ValueError, RecursionError):
         facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
         return facts if isinstance(facts, dict) else {}
@@ -335,7 +335,7 @@ def typed_rows(
     """Return the rows that say their setting, by column; None where a cell or a column is missing.
 
     They come from a file with columns of these names, or from a fit. A KeyError, TypeError or
-    ValueError tells of a column of settings that is missing, or of a cell that is none of its kind.
+    ValueError: a column of settings is missing, or a cell is not of its kind.
     """
 
     def cell(value: Any, kind: type) -> Any:
@@ -400,7 +400,7 @@ def read_rows(
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
     record: Mapping[str, Any] | None = None,
 ) -> Rows:
-    """Return the rows of a table, from Parquet, else from CSV; a column that was lost is told."""
+    """Return the rows of a table, from Parquet, else from CSV; a lost column is reported."""
     schema = (record or {}).get("schema")
     columns = schema.get(table) if isinstance(schema, dict) else None
     listed = [c for c in columns if isinstance(c, dict)] if isinstance(columns, list) else []
@@ -487,7 +487,7 @@ def table_quantities(path: Path, record: Mapping[str, Any] | None = None) -> tup
 def read_table(
     path: Path, *, is_whole: bool = True
 ) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows, str]:
-    """Return what a table of parameters and run.json beside it tell, and where the damper stands.
+    """Return what a table of parameters and run.json beside it say, and where the damper stands.
 
     It was written by `write_table`, or is any table with the columns ``setting`` and those of the
     quantities in SI; ``is_whole``: of each quantity that has no default.
@@ -519,7 +519,7 @@ def read_table(
 
 
 def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
-    """Read what a parameters table tells of its own model's quantities, by setting and name.
+    """Read the quantities of its own model in a parameters table, by setting and name.
 
     Empty cells are left out, and so are settings without a number; errors as of `read_table`.
     """
@@ -599,7 +599,7 @@ def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
         )
     quantities = quantities_in(record)
     adjusters = adjusters_in(table.column_names, quantities)
-    # A setting is text here: what it was in the run, the record tells.
+    # A setting is text here: what it was in the run, the record says.
     cells = (entry["setting"] for entry in record.get("uncertainty") or () if "setting" in entry)
     cell_of = {str(cell): cell for cell in cells}
     rows = [row for row in table.to_pylist() if not row["error_kind"]]
@@ -634,7 +634,7 @@ def title_of(place: Path) -> str:
 
 # Folders of results: what an earlier run left there and a new one must not keep, or not lose.
 #
-# Page and figures are drawn after the run, on request; beside new tables the old ones would tell of
+# Page and figures are drawn after the run, on request; beside new tables the old ones would show
 # other numbers. Only files with the names that damperfit gives them go.
 
 _BESIDE = "folders_of_this_run"  # in run.json, where one command wrote results of several dampers
@@ -662,7 +662,7 @@ def spare_others(folder: Path) -> None:
     for path in sorted(folder.iterdir()):
         if _WRITTEN.fullmatch(path.name):
             text = (
-                "is there already, without a run.json that tells of a run of damperfit; nothing "
+                "is there already, without a run.json of damperfit; nothing "
                 "was written. Move it away, or give another {out}"
             )
             raise ConfigurationError(text, code="not-ours", subject=path, out=Option("out"))

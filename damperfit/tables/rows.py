@@ -65,7 +65,7 @@ def campaign_rows(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the rows of the tables "parameters", "mse" and "adjustment" of a campaign.
 
-    Settings that were expected and have no fit get a row that tells nothing else.
+    Settings that were expected and have no fit get a row without figures.
     """
     reasons = {
         setting: "; ".join(objection.sentence for objection in why)

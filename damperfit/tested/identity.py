@@ -45,7 +45,7 @@ class Identity:
 
     @property
     def owner(self) -> str:
-        """What tells one damper from another: the serial number, else the damper's name."""
+        """What identifies a damper: the serial number, else the damper's name."""
         return self.serial or self.damper
 
     def over(self, other: Identity) -> Identity:
@@ -84,7 +84,7 @@ def names_identity(key: str) -> bool:
 
 
 def identity_in(metadata: Mapping[str, str]) -> Identity:
-    """Return what a preamble tells of the test.
+    """Return what a preamble says about the test.
 
     >>> identity_in({"Serial No.": "1234", "rig": "hall 2"}).sentence
     'serial 1234; rig: hall 2'

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 Place: TypeAlias = int | float | str
 
-ADJUSTER = "setting"  # the name of the only adjuster where nobody named it
+ADJUSTER = "setting"  # the name of the only adjuster unless it was named
 LONGEST_WORD = 40  # of a click that is no number; a longer text is a sentence
 _HIGHEST = 1_000_000  # clicks; more is a date or a serial number
 _NUMBER = re.compile(r"[+-]?\d{1,9}(?:\.\d{1,6})?", re.ASCII)
@@ -51,7 +51,7 @@ class Setting:
 
     @staticmethod
     def of(value: Setting | Place) -> Setting:
-        """Return a setting of the one adjuster that nobody named; a setting as it is."""
+        """Return a setting of the only, unnamed adjuster; a setting as it is."""
         return value if isinstance(value, Setting) else Setting(((ADJUSTER, value),))
 
     @property
@@ -90,7 +90,7 @@ class Setting:
 
     @property
     def evident(self) -> tuple[tuple[str, Place], ...]:
-        """Letters and numbers of a label that nobody declared adjusters for; else the places.
+        """Letters and numbers of a label without declared adjusters; else the places.
 
         >>> Setting.of("L6 H1").evident, Setting.of("soft").evident
         ((('L', 6), ('H', 1)), (('setting', 'soft'),))

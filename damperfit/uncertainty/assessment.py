@@ -78,7 +78,7 @@ if TYPE_CHECKING:
 _ENOUGH_LOGS, _FAR = 3, 10.0
 _APART, _APART_OF_FEW = (5e-3, math.inf), (1e-2, 0.2)
 # Settings disagree about a shared value from this factor and so many errors on, of those whose own
-# logs tell it better than by this error of its logarithm, where that is half of what they miss.
+# logs know it better than by this error of its logarithm, where that is half of what they miss.
 _UNLIKE, _SURELY, _TELLING, _MOST_OF_IT = 1.5, 3.0, 0.3, 0.5
 # An offset of so much of the force's swing, of which a gas leaves no more than so much.
 _OFFSET_THAT_MATTERS, _OF_OFFSET = 0.01, 0.2
@@ -117,7 +117,7 @@ def _passes_from(name: str, linear: Linearisation, damper: Model) -> float:
 
     opening, own = float(getattr(linear.fit.parameters, name)), damper.plain
     stroke = name.removesuffix("_opening")
-    # A slope that lets nothing through is one way in which a fit tells that it does not open.
+    # A slope that lets nothing through is one way in which a fit shows that it does not open.
     slope: float | None = getattr(linear.fit.parameters, f"{stroke}_slope", None)
     if slope is None or not isinstance(own, ValveDamper):
         return opening
@@ -132,7 +132,7 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
     The fit itself judges by rough errors of noise. A profile that sets no limit has the last word,
     and so have the printed intervals, which hold the misfit, and of a value that all settings share
     the printed error of noise. What ran to where its part does nothing, as a friction below the
-    noise, is no bound that a fit strains against: the logs do not tell it from none.
+    noise, is no bound that a fit strains against: the logs do not separate it from none.
     """
     sharing = campaign.sharing
     return replace(
@@ -153,7 +153,7 @@ def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
         return is_loose(quantity, getattr(values, name), error, share)
 
     def is_unlimited(name: str) -> bool:
-        """Whether it has no limit, or an interval as wide as of what no log tells."""
+        """Whether it has no limit, or an interval as wide as of what no log determines."""
         if name in profiles:
             return profiles[name].is_flat
         (low, high), quantity = assessment.limits(fit.setting, name), values.quantity(name)
@@ -167,7 +167,7 @@ def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
     lost = {name for name in named(Status.FITTED, Status.SHARED) if is_unlimited(name)}
     shared = (name for name in named(Status.SHARED) if name in sharing.estimated)
     lost |= {name for name in shared if is_unfit(name, NOT_FIT_TO_SHARE)}
-    # What a setting finds only beside a shared slope of either sign that the logs do not tell.
+    # What a setting finds only beside a shared slope of either sign that the logs leave open.
     slopes = {n for n in sharing.estimated if n in lost or fit.status[n] == Status.NOT_IDENTIFIABLE}
     if not all(values.quantity(name).is_logarithmic for name in slopes):
         lost |= {name for name in named(Status.FITTED) if is_unfit(name, NOT_FOUND)}
@@ -400,7 +400,7 @@ METHOD = (
     "Errors and 95 % intervals: sandwich covariance on the logarithm of the parameter with the "
     "residuals' own autocorrelation; the errors of shared parameters are included. Where a misfit "
     "repeats, an error from the model's misfit, estimated from blocks of the cycle, is added; so "
-    "is what was held at a default that nobody has measured."
+    "is the error of defaults that were not measured."
 )
 
 
@@ -427,7 +427,7 @@ class Assessment:
         return self._known.get(setting)
 
     def telling(self, setting: Setting) -> dict[str, MisfitProfile]:
-        """Return the closest finished profiles that tell of a setting: its own, R_m3's source."""
+        """Return the closest finished profiles that apply to a setting: its own, R_m3's source."""
         profiles = {p.name: p for p in self.profiles if p.name == TAKEN and p.is_shared}
         mine = [p for p in self.profiles if p.setting == setting]
         for name in {p.name for p in mine}:
@@ -627,7 +627,7 @@ def assess(
     cancelled : callable, optional
         Asked before each simulation of a profile; when it returns True no more are traced.
     on_error : callable, optional
-        Told of a setting and the error that judging it has met; without it such an error is raised.
+        Called with a setting and the error met while judging it; without it the error is raised.
     """
     frictions = tuple(quantity.name for quantity in damper.quantities if quantity.is_friction)
     sharing = campaign.sharing
@@ -701,7 +701,7 @@ def profile_campaign(
     """Return the assessment with full profiles of some parameters, by name, at every setting.
 
     A parameter that is fixed, or a setting whose fit is no minimum, has none. Settings that were
-    finished when the caller asked to stop are kept. An error that a setting meets is told to
+    finished when the caller asked to stop are kept. An error at a setting is passed to
     `on_error`, or raised; a ConfigurationError: a name is not known.
     """
     check_profile_names(names, bench.damper.names)

@@ -21,7 +21,7 @@ of fits with everything free; R_m3 comes from the lowest setting with that mean 
 
 The covariance is one sandwich, (D + B T) M (D + B T)^T of a setting's own scores and B T M T^T B^T
 of every other one's, and M has four terms: noise (`Linearisation.scores`), lack of fit that repeats
-(`misfit`), what was held at a default that nobody has measured (`supposed`), and flaws that explain
+(`misfit`), what was held at an unmeasured default (`supposed`), and flaws that explain
 what repeats (`flawed`). The last two are one mistake, the same at every setting: their shifts are
 summed over the settings before they are squared.
 
@@ -100,8 +100,8 @@ class Interval:
     # noise and misfit together.
     low: float
     high: float
-    # From the model's misfit: what repeats in the residual, what is held at a default that nobody
-    # has measured, and flaws; 0 where there is none.
+    # From the model's misfit: what repeats in the residual, what is held at an unmeasured
+    # default, and flaws; 0 where there is none.
     misfit: float = 0.0
 
 
@@ -165,7 +165,7 @@ def make_interval(
 def uncertainties(
     linearised: Sequence[Linearisation], sharing: Sharing, *, on_error: OnError | None = None
 ) -> tuple[Uncertainty, ...]:
-    """Return errors and intervals by setting; one that meets an error is told to `on_error`."""
+    """Return errors and intervals by setting; errors are passed to `on_error`."""
     both = list(zip(_shared_rows(linearised, sharing), linearised, strict=True))
     nothing = np.zeros((len(sharing.unknowns),) * 2)
     noise = [row @ at.scores @ row.T for row, at in both]
@@ -231,7 +231,7 @@ def _of_setting(
     for name, of_all in flawed.items():
         shift = shifts(of_all, linear.flawed.get(name))
         misfit = misfit + np.outer(shift, shift)
-    # What no log tells has a variance of rounding alone: huge, and of either sign.
+    # What no log determines has a variance of rounding alone: huge, and of either sign.
     errors = np.sqrt(np.abs(noise.diagonal())).tolist()
     bends = np.sqrt(np.maximum(misfit.diagonal(), 0.0)).tolist()
     intervals = {
@@ -573,7 +573,7 @@ _REFILLING = 2
 # R_m3 hold on a road that cavitates, with none too many
 # (`python -m tests.uncertainty.motion_coverage --motions "rough road"`).
 _SEEN = 0.25
-# Cycles, to tell a drift from scatter.
+# Cycles, to separate a drift from scatter.
 _SEEN_TO_DRIFT = 4
 _SURE = 4.0  # standard errors
 _FOUND = frozenset({Status.FITTED, Status.NOT_IDENTIFIABLE})
@@ -608,7 +608,7 @@ class Linearisation:
     misfit: FloatArray | None = None
     # What pulls in each block of phase, (B, k), all segments summed; None likewise.
     repeating: FloatArray | None = None
-    # Summed scores by what is held at a default that nobody has measured, each column for one
+    # Summed scores by what is held at an unmeasured default, each column for one
     # standard error of that, and by other forms of the friction; None where there is none.
     supposed: FloatArray | None = None
     flaws: tuple[str, ...] = ()  # which its residuals may be said to show
@@ -616,7 +616,7 @@ class Linearisation:
     # Highest pressure across each blow-off in the compared samples, Pa, by its opening's name.
     pressed: Mapping[str, float] = field(default_factory=dict)
     # Summed scores, (k,), by the flaws that its residuals do show, by name; of several that cannot
-    # be told apart each by the root of its share in the doubt.
+    # be separated each by the root of its share in the doubt.
     flawed: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
@@ -687,7 +687,7 @@ def linearise_settings(
 ) -> tuple[Linearisation, ...]:
     """Return the linearised fits, by rising setting; one simulation for each log.
 
-    One that cannot be simulated is left out, another error is told to `on_error`, or raised.
+    One that cannot be simulated is left out, another error is passed to `on_error`, or raised.
     """
     linearised = []
     for fit in campaign.fits:
@@ -704,13 +704,13 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and segment by segment, best
     own = [getattr(values, q.name) if q.is_logarithmic else 1.0 for q in values.quantities]
     scales = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
     n, errors = len(own), np.zeros(len(own))
-    # One standard error of what stands at a default that nobody has measured.
+    # One standard error of what stands at an unmeasured default.
     for row, quantity in enumerate(values.quantities):
         value = getattr(values, quantity.name)
         if fit.status[quantity.name] is Status.FIXED and value == quantity.default:
             errors[row] = quantity.ignorance * (1.0 if quantity.may_vanish else value)
     seen_logs: list[LogLinearisation] = []
-    unknowns: list[list[FloatArray]] = []  # of each log and segment, what nobody has measured
+    unknowns: list[list[FloatArray]] = []  # of each log and segment, what was not measured
     network = getattr(damper.plain, "network", None)
     passages = () if network is None else network.passages
     # One that lifts gradually lets oil through below its opening.
@@ -757,7 +757,7 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and segment by segment, best
             scores = jacobian * rest[:, None]
             noise = score_covariance(scores, lag)
             if not is_cyclic:
-                # Cycles repeat what a few samples tell; elsewhere those few may be all there is.
+                # Cycles repeat what a few samples show; elsewhere those few may be all there is.
                 noise = larger(noise, stationary_covariance(jacobian, rest, lag))
             information += jacobian.T @ jacobian
             covariance += noise

@@ -1,7 +1,7 @@
 """Held-out logs predicted, and when a grade is withheld: what a low MSE cannot excuse.
 
 The paper's MSE and its words stay; but at one amplitude and frequency a wrong model bends its
-parameters until it fits, and then "excellent" is said of a damper that nobody has built. It shows
+parameters until it fits, and then "excellent" is said of a damper that does not exist. It shows
 where nothing was bent: at another amplitude or frequency. What is held out and missed withholds a
 grade, which is then one of the tests, not of the damper. All limits stand here.
 """
@@ -77,7 +77,7 @@ _FOUND = frozenset({Status.FITTED, Status.SHARED})
 # What the level of the force may be wrong by, in its own uncertainty and in gas forces.
 _OF_UNCERTAINTY, _OF_GAS = 1.5, 0.25
 # An offset of twice the gas force, within this share of it, is no tare but a gas force that is
-# counted reversed. Gas forces below a rig's usual tare, N, tell nothing.
+# counted reversed. Gas forces below a rig's usual tare, N, prove nothing.
 _TURNED, _LEAST_GAS = 0.4, 30.0
 _AS_CLEAR = 1.5  # times the least doubt of a log: valves that open early look like an offset
 _CLIPPINGS = ("force_clipping", "displacement_clipping")
@@ -105,7 +105,7 @@ def objections(
 ) -> dict[Setting, tuple[Objection, ...]]:
     """Return by setting why its grade is withheld; settings without a reason are left out.
 
-    Without `gas` the offset is not looked at. `assumed` are dimensions that nobody declared, in
+    Without `gas` the offset is not looked at. `assumed` are undeclared dimensions, in
     words, as in "[damper] is not declared, and with the dimensions of a generic damper".
     """
     diagnoses = {diagnosis.setting: diagnosis for diagnosis in assessment.diagnoses}
@@ -220,7 +220,7 @@ def _repeats(diagnosis: Diagnosis) -> bool:
 def _doubted_dimensions(
     campaign: Campaign, diagnoses: Mapping[Setting, Diagnosis], assumed: str
 ) -> dict[Setting, tuple[Objection]]:
-    """Where what repeats is that of other dimensions, or of dimensions that nobody gave."""
+    """Where what repeats is that of other dimensions, or of undeclared dimensions."""
 
     def is_of_gas(diagnosis: Diagnosis, *names: str) -> bool:
         """Whether nearly all that repeats is as of another gas spring."""
@@ -501,9 +501,9 @@ class Prediction:
     fitted_mse_percent: float  # eq. (22) over the logs that were fitted
     # What the MSE would be with the lack of fit of the fitted logs and the noise, of both channels,
     # of this one; at another motion at least what matters, 0.05 %, for noise of the displacement
-    # costs far more at low speed, and a single cycle does not tell how much.
+    # costs far more at low speed, and a single cycle does not show how much.
     expected_mse_percent: float
-    # Whether its strokes and speeds were all fitted too: then it tells of drift and scatter, and
+    # Whether its strokes and speeds were all fitted too: then it shows drift and scatter, and
     # every law that was bent to the one meets the other.
     is_same_motion: bool = False
     is_same_speed: bool = False  # whether its peak speeds were all fitted, at other strokes
@@ -755,7 +755,7 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[Problem, ...
 def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objection]:
     """Return by setting the held-out test that is missed most, as a reason to withhold its grade.
 
-    Of fitted settings and of other motions: a repeat that is missed tells of drift, not of the law.
+    Of fitted settings and of other motions: a repeat that is missed shows drift, not a wrong law.
     """
     missed = {}
     for prediction in sorted(predictions, key=lambda missed: missed.mse_percent):

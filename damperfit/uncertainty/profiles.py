@@ -136,7 +136,7 @@ class MisfitProfile:
 
     @property
     def is_flat(self) -> bool:
-        """Whether the logs set no limit on a side: they do not tell the parameter."""
+        """Whether the logs set no limit on a side: they do not determine the parameter."""
         return self.is_complete and (self.low is None or self.high is None)
 
     @property

@@ -44,7 +44,7 @@ from damperfit.uncertainty.covariance import Linearisation
 _STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
 # A signature that explains less of the repeating misfit than this names nothing.
 _NAMED = 0.5
-# Signatures within this factor of the best cannot be told from it: an offset of the force explains
+# Signatures within this factor of the best are as likely: an offset of the force explains
 # nearly all of a wrong gas pressure, and that all of an offset.
 _TIE = 0.85
 
@@ -202,8 +202,8 @@ def seek_flaws(
 ) -> tuple[tuple[Hint, ...], dict[str, FloatArray]]:
     """Return the flaws that explain what repeats (mean square, N^2), best first, and their pulls.
 
-    A pull, (k,), is what the flaw adds to the summed scores. Flaws that cannot be told from the
-    best stand beside it; none where the best explains less than half. `doubted` are shared
+    A pull, (k,), is what the flaw adds to the summed scores. Flaws that cannot be separated
+    from the best stand beside it; none where the best explains less than half. `doubted` are shared
     parameters of which one value for all settings is known not to hold; where a damper yields
     before it slides, and the model does not, nothing of valves, oil or gas is named.
     """
@@ -295,7 +295,7 @@ def _columns(linearised: Linearisation) -> dict[str, list[FloatArray]]:
 
 
 def _sizes(linearised: Linearisation) -> dict[str, float]:
-    """What amounts are told at: the full stroke, the peak speed and the peak force."""
+    """What amounts refer to: the full stroke, the peak speed and the peak force."""
     traces = [log.trace for log in linearised.fit.logs]
     stroke = max(float(np.abs(trace.displacement[trace.compared]).max()) for trace in traces)
     speed = max(float(np.abs(trace.velocity[trace.compared]).max()) for trace in traces)
@@ -461,7 +461,7 @@ class Diagnosis:
     hints: tuple[Hint, ...]
     sentence: str
     # Share of the force's range left at a tenth of the speed while slowing down; NaN where no log
-    # tells it. A damper that yields before it slides holds `YIELDS` or more.
+    # shows it. A damper that yields before it slides holds `YIELDS` or more.
     held_share: float = math.nan
     modelled_share: float = math.nan  # the same of the model's force
 
@@ -615,7 +615,7 @@ def reconciled(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
     """Return the diagnoses of a run without causes that contradict each other.
 
     The rig's delay and the damper's gas are one for all settings: where a few settings want the
-    opposite of what most want, theirs is none, and where opinions are divided, nobody's is.
+    opposite of what most want, it is not theirs; where settings are divided, it is no flaw of any.
     """
     of_run = list(diagnoses)
     for name in (*_IN_COMMON, "force_gain"):
