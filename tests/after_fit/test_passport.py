@@ -13,7 +13,8 @@ from damperfit.errors import DamperfitError
 from tests.fleet.conftest import Here
 
 
-def test_a_passport_is_a_page_and_a_baseline(results, tmp_path, capsys) -> None:
+def test_a_passport_is_a_page_and_a_baseline(short, tmp_path, capsys) -> None:
+    results = short / "results"
     assert main(["passport", str(results), "--out", str(tmp_path), "--json"]) == 0
     page, record = json.loads(capsys.readouterr().out)["files"]
     text = (tmp_path / page).read_text(encoding="utf-8")
