@@ -526,6 +526,7 @@ def paper() -> Any:
 @case
 def asked_of_a_run() -> Any:
     run, ask = of_paper(), damperfit
+    few = fit([log(sine(), setting=k) for k in SETTINGS[1:3]], fix={"r_m3": 2.597e6, "f_f": 50.0})
     motion = {"parameters": run, "amplitude": 0.02, "frequency": 2.0, "cycles": 2.0}
     return {
         "simulate": ask.simulate(8, **motion).document(),
@@ -533,7 +534,7 @@ def asked_of_a_run() -> Any:
         "sweep": ask.sweep(8, parameters=run, vary={"r_m1": [0.8, 1.2], "k_e": [0.5]}).records,
         "settings": ask.settings(run).document(),
         "which": ask.settings(run, force="900N", velocity="0.2m/s").document(),
-        "advise": ask.advise(run, for_="k_e", setting="8").document(),
+        "advise": ask.advise(few, for_="k_e", setting="8").document(),
         "compare": ask.compare(run, of_five()).document(),
         "measured": ask.compare(run, of_five(), measured=True, tolerance="1%,5N").document(),
         "inspect": ask.inspect(str(SAMPLE)).document(),
@@ -676,11 +677,21 @@ IDLE_ROWS = ("ci_low", "ci_high", "margin", "evaluations", "velocity", "n_logs",
 
 @case
 def flaw_ladders() -> Any:
-    """Each of the faults from small to large: where a verdict on it begins, and what it costs."""
+    """Each of the faults at a third: where a verdict on it begins, and what it costs."""
+    return flaws_of(0.3)
+
+
+@case
+def flaw_ladders_ends() -> Any:
+    """At night: next to nothing, and far too much."""
+    return flaws_of(0.1, 3.0)
+
+
+def flaws_of(*sizes: float) -> Any:
     found = {}
     for name, change in FLAWS.items():
         sound, bad, seen = SINE(), change(SINE()), []
-        for size in (0.1, 0.3, 3.0):
+        for size in sizes:
             x, f = ((1.0 - size) * getattr(sound, c) + size * getattr(bad, c) for c in CHANNELS)
             seen.append(told(fit([replace(sound, displacement=x, force=f)], fix={"r_m3": 2.597e6})))
         (rows,) = zip(*(each["parameters"] for each in seen), strict=True)
@@ -983,14 +994,24 @@ MOTIONS: dict[str, tuple[Callable[[float], Motion], float, float]] = {
 
 @case
 def ladders() -> Any:
-    options = load_configuration().conditioning
+    return laddered(slice(None, None, 2))
+
+
+@case
+def ladders_between() -> Any:
+    """At night: the sizes between those."""
+    return laddered(slice(1, None, 2))
+
+
+def laddered(rungs: slice) -> Any:
+    options, n = load_configuration().conditioning, len(range(9)[rungs])
     found: dict[str, Any] = {}
     motions = ((name, (make, "", None, *ends)) for name, (make, *ends) in MOTIONS.items())
     for name, (make, channels, change, low, high) in itertools.chain(LADDERS.items(), motions):
-        ladder: dict[str, list[Any]] = defaultdict(lambda: [math.nan] * 9)
-        said: dict[str, list[str]] = defaultdict(lambda: ["-"] * 9)
+        ladder: dict[str, list[Any]] = defaultdict(lambda: [math.nan] * n)
+        said: dict[str, list[str]] = defaultdict(lambda: ["-"] * n)
         text: dict[str, list[str]] = defaultdict(list)
-        for k, size in enumerate(np.geomspace(low, high, 9)):
+        for k, size in enumerate(np.geomspace(low, high, 9)[rungs]):
             one = make() if channels else log(make(size), noise=0.5)
             if channels == "rows":
                 one = rows(lambda n: change(n, one, size))(one)  # noqa: B023 - called at once
@@ -1036,32 +1057,31 @@ def trends() -> Any:
     from tests import fakes
     from tests.adjustment.false_alarms import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
 
-    twenty = SUBSETS["all 20"]
-    rising, zigzag = 1e4 * np.exp(0.05 * CLICKS), (-1.0) ** CLICKS
+    ten, clicks = SUBSETS["all 20"][::2], CLICKS[::2]
+    rising, zigzag = 1e4 * np.exp(0.05 * clicks), (-1.0) ** np.arange(10)
     found: dict[str, Any] = {name: reference_trends(SUBSETS[name], seed=3) for name in SUBSETS}
-    for (shape, values), off in zip(SMOOTH.items(), itertools.cycle([(9,), (0, 19), (5, 6)])):
-        course = values.copy()
+    for (shape, values), off in zip(SMOOTH.items(), itertools.cycle([(4,), (0, 9), (2, 3)])):
+        sound, course = values[::2], values[::2].copy()
         course[list(off)] *= 1.25
-        found[shape] = [trend_of(y, twenty, scatter=3e-3, seed=5) for y in (values, course)]
+        found[shape] = [trend_of(y, ten, scatter=3e-3, seed=5) for y in (sound, course)]
     swings = np.geomspace(3e-3, 0.3, 7)
-    how: Any = {"n": 5e8 + 1e7 * CLICKS**2, "constant": 0.0 * CLICKS + 5e8}
+    how: Any = {"n": 5e8 + 1e7 * clicks**2, "constant": 0.0 * clicks + 5e8}
     found |= {
-        "few": [trend_of(how["n"][:n], twenty[:n], name="k_e", seed=3) for n in range(3, 9)],
-        "even": [trend_of(how["constant"][:n], twenty[:n]) for n in range(3, 9)],
-        "scatter": [trend_of(rising, twenty, error=3e-4, scatter=s, seed=2) for s in swings],
-        "saw": [trend_of(rising * np.exp(s * zigzag), twenty, error=3e-4) for s in swings],
+        "few": [trend_of(how["n"][:n], ten[:n], name="k_e", seed=3) for n in range(3, 9)],
+        "even": [trend_of(how["constant"][:n], ten[:n]) for n in range(3, 9)],
+        "scatter": [trend_of(rising, ten, error=3e-4, scatter=s, seed=2) for s in swings],
+        "saw": [trend_of(rising * np.exp(s * zigzag), ten, error=3e-4) for s in swings],
         "saw_k_e": [
-            trend_of(how["n"] * np.exp(s * zigzag), twenty, name="k_e", error=e)
+            trend_of(how["n"] * np.exp(s * zigzag), ten, name="k_e", error=e)
             for e in (1e-3, 1e-2)
             for s in swings
         ],
-        "unknown": [trend_of(how["constant"][:8], twenty[:8], error=s, name="k_e") for s in swings],
+        "unknown": [trend_of(how["constant"][:8], ten[:8], error=s, name="k_e") for s in swings],
         "gaps": [
             trend_of(rising[[0, 1, 2, 8, 9]], (1, 2, 3, last - 1, last)) for last in (10, 80, 10**6)
         ],
         "swapped": [
-            trend_of(np.exp(0.3 * np.roll(np.log(rising), k)), twenty, error=3e-4)
-            for k in (1, 2, 7)
+            trend_of(np.exp(0.3 * np.roll(np.log(rising), k)), ten, error=3e-4) for k in (1, 2, 7)
         ],
     }
     campaign, signs = fakes.campaign(fakes.fit(1)), {True: "+", False: "-", None: "?"}
