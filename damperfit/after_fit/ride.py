@@ -37,7 +37,7 @@ from damperfit.io import ReadOptions, read_log
 from damperfit.io.files import read_text
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.figures import Line, Panel, Plot, setting_colours
-from damperfit.reporting.sheet import Column, Sheet, laid_out
+from damperfit.reporting.sheet import Column, Sheet, laid_out, number, with_interval
 from damperfit.simulation import Motion
 from damperfit.statistics import NORMAL_95
 from damperfit.tables.files import json_values
@@ -53,8 +53,10 @@ _ROUGHNESS = {name: 16e-6 * 4.0**k for k, name in enumerate("ABCDEFGH")}
 _REFERENCE, _WAVINESS = 0.1, 2.0
 _RATE, _SECONDS = 512.0, 16.0  # Hz and s of the road's period
 _SLOWEST, _FASTEST = 0.01, 10.0  # cycles/m
-_ROUNDS, _FREE_ROUNDS, _DEPTH, _AGREED = 60, 4, 6, 1e-3  # of the damper's force, rms
-_STEP = 1e-2  # of u, for derivatives
+_ROUNDS, _FREE_ROUNDS, _DEPTH, _AGREED = 60, 2, 6, 1e-3  # of the damper's force, rms
+_STEP, _RESOLVED = 1e-2, 0.5  # of u, for derivatives; of what the step changes
+_TOLERANCE = 3e-5  # of the static load: what a step of the integrator may be off
+_ROUNDING = 1e-10  # of the products of secants
 _FRICTION_BAND = 5e-3  # m/s, as in an exported FMU: with the fit's a car at rest would shake
 _LIFTS = 0.33  # rms of the dynamic load over the static one: three deviations lift the wheel
 _LEAD = 1.0  # s that the damper runs in, before the period
@@ -112,14 +114,22 @@ class Ride(Answer):
     @property
     def pareto(self) -> tuple[str, ...]:
         """Settings that no other one beats in comfort and wheel load."""
-        return tuple(
-            own.setting
-            for own in self.settings
-            if not any(
-                other.comfort < own.comfort and other.wheel_load < own.wheel_load
-                for other in self.settings
-            )
-        )
+        return self._unbeaten(errors=0.0)
+
+    @property
+    def undecided(self) -> tuple[str, ...]:
+        """Settings that others beat, but none by more than the 95 % intervals of both."""
+        return tuple(label for label in self._unbeaten(errors=1.0) if label not in self.pareto)
+
+    def _unbeaten(self, errors: float) -> tuple[str, ...]:
+        def beats(other: RideOfSetting, own: RideOfSetting) -> bool:
+            comfort = math.hypot(own.comfort_error, other.comfort_error)
+            load = math.hypot(own.wheel_load_error, other.wheel_load_error)
+            is_softer = other.comfort < own.comfort - errors * comfort
+            return is_softer and other.wheel_load < own.wheel_load - errors * load
+
+        rows = self.settings
+        return tuple(own.setting for own in rows if not any(beats(other, own) for other in rows))
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
@@ -132,6 +142,8 @@ class Ride(Answer):
             f"{safest.setting} holds the road best ({load}); no other beats "
             f"{', '.join(self.pareto)} in both"
         )
+        if self.undecided:
+            text += f", nor {', '.join(self.undecided)} by more than the 95 % intervals"
         if len(self.settings) == 1:
             text = f", setting {softest.setting}: {comfort}, wheel load {load}"
         if flying := [row.setting for row in self.settings if row.load_share > _LIFTS]:
@@ -152,6 +164,7 @@ class Ride(Answer):
             "car": self.car._asdict(),
             "sentence": self.sentence,
             "pareto": list(self.pareto),
+            "undecided": list(self.undecided),
             "lost": list(self.lost),
             "settings": [row._asdict() for row in self.settings],
         }
@@ -159,23 +172,25 @@ class Ride(Answer):
     def sheets(self) -> tuple[Sheet]:
         """Return the table."""
 
-        def numbers(heading: str, unit: str, name: str, digits: int = 4, size: float = 1) -> Column:
+        def numbers(heading: str, unit: str, name: str, size: float = 1.0) -> Column:
             def cell(row: RideOfSetting) -> str:
-                value, error = getattr(row, name), getattr(row, f"{name}_error")
-                return f"{size * value:.{digits}g} ± {size * error:.1g}"
+                value, error = size * getattr(row, name), size * getattr(row, f"{name}_error")
+                return with_interval(value, value - error, value + error)
 
             return Column(heading, unit, cell)
 
+        marks = dict.fromkeys(self.pareto, "*") | dict.fromkeys(self.undecided, "(*)")
         columns = (
             Column("set", "", lambda row: row.setting, is_number=False),
             numbers("body acceleration", "m/s2 rms W_k ±95 %", "comfort"),
             numbers("wheel load", "N rms ±95 %", "wheel_load"),
-            Column("of static", "%", lambda row: f"{100.0 * row.load_share:.3g}"),
-            numbers("stroke", "mm rms ±95 %", "stroke", 3, 1e3),
-            Column("untested", "s of 16", lambda row: f"{row.outside_s:.2g}"),
-            Column("", "", lambda row: "*" * (row.setting in self.pareto), is_number=False),
+            Column("of static", "%", lambda row: number(100.0 * row.load_share, digits=3)),
+            numbers("stroke", "mm rms ±95 %", "stroke", 1e3),
+            Column("untested", "s of 16", lambda row: number(row.outside_s, digits=2)),
+            Column("", "", lambda row: marks.get(row.setting, ""), is_number=False),
         )
         note = "*: no other setting is better in comfort and wheel load"
+        note += "; (*): none is by more than the 95 % intervals" * bool(self.undecided)
         return (laid_out(self.settings, columns, note),)
 
     @property
@@ -278,12 +293,24 @@ def ride_on_road(run: Run, car: Car, settings: Sequence[SettingResult]) -> Ride:
     return Ride(car, tuple(rows), tuple(lost))
 
 
+class _Settled(NamedTuple):
+    """A damper in the car, as far as both agree."""
+
+    numbers: FloatArray  # comfort, wheel load and stroke, rms, of the last D
+    before: FloatArray  # the same of the D before, as is what follows
+    rest: FloatArray
+    residual: FloatArray
+    path: FloatArray  # stroke and speed of the damper, shape (2, n)
+
+
 class _Road:
     """One period of a road, and the linear car on it."""
 
     def __init__(self, run: Run, car: Car) -> None:
         self.run, self.car = run, car
-        self.solver = replace(run.solver, dead_band=_FRICTION_BAND)
+        self.static = (car.sprung_mass + car.unsprung_mass) * 9.81
+        tolerance = max(run.solver.tolerance, _TOLERANCE * self.static)
+        self.solver = replace(run.solver, dead_band=_FRICTION_BAND, tolerance=tolerance)
         self.n = round(_RATE * _SECONDS)
         self.frequencies = np.fft.rfftfreq(self.n, 1.0 / _RATE)
         self.s = 2j * np.pi * self.frequencies
@@ -296,91 +323,107 @@ class _Road:
 
     def ride(self, setting: SettingResult) -> RideOfSetting:
         """The setting's numbers with their errors."""
-        values = without_rig(setting.parameters)
-        numbers, rest, c, speed = self._solve(values)
+        values, car = without_rig(setting.parameters), self.car
+        rest, c = np.zeros(self.n), 0.6 * math.sqrt(car.spring * car.sprung_mass)
+        for _ in range(_FREE_ROUNDS):  # find the linear damping first
+            _, path = self._moved(c, rest)
+            (force,), wheel = self._force(values, path), path[1] / car.motion_ratio
+            c = max(float(wheel @ force / (wheel @ wheel)), 1.0)
+            rest = force - c * wheel
+        secants: list[tuple[FloatArray, FloatArray]] = []
+        settled = self._settled(values, c, rest, secants, _AGREED)
         errors, names = np.zeros(3), setting.names if setting.covariance is not None else ()
+        # Of the rig and its tare the car feels nothing.
+        quantities = [q for q in map(values.quantity, names) if q.scope != RIG and not q.is_offset]
+        felt = tuple(quantity.name for quantity in quantities)
+        force, *sensitivities = self._force(values, settled.path, felt)
         slopes = np.zeros((len(names), 3))
-        for place, quantity in enumerate(map(values.quantity, names)):
-            if quantity.scope == RIG or quantity.is_offset:  # of which the car feels nothing
-                continue
-            step = _STEP * (1.0 if quantity.is_logarithmic else quantity.size)
-            value = values[quantity.name]
-            moved = value * math.exp(step) if quantity.is_logarithmic else value + step
-            changed, *_ = self._solve(values.replace({quantity.name: moved}), (rest, c))
-            slopes[place] = (changed - numbers) / step
+        for quantity, sensitivity in zip(quantities, sensitivities, strict=True):
+            name, step = quantity.name, _STEP * (1.0 if quantity.is_logarithmic else quantity.size)
+            value = values[name]
+            to = value * math.exp(step) if quantity.is_logarithmic else value + step
+            change = (to - value) * sensitivity
+            goal = _RESOLVED * max(float(np.std(change) / np.std(force)), _AGREED)
+            start, moved = settled.rest + _mixed(change, secants), values.replace({name: to})
+            there = self._settled(moved, c, start, secants, goal, settled.residual)
+            slopes[names.index(name)] = (there.numbers - settled.before) / step
         if setting.covariance is not None:
             variances = np.einsum("ik,ij,jk->k", slopes, setting.covariance, slopes)
             errors = NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))
-        errors = np.hypot(errors, _AGREED * numbers)  # what the iteration leaves
-        static = (self.car.sprung_mass + self.car.unsprung_mass) * 9.81
-        outside = np.count_nonzero(np.abs(speed) > setting.top_speed) / _RATE
-        comfort, load, stroke = numbers.tolist()
-        shown = (setting.label, comfort, load, load / static, stroke, *errors.tolist(), outside)
-        return RideOfSetting._make((*shown, _SECONDS))
+        errors = np.hypot(errors, settled.numbers - settled.before)  # what the iteration leaves
+        outside = int(np.count_nonzero(np.abs(settled.path[1]) > setting.top_speed)) / _RATE
+        comfort, load, stroke = settled.numbers.tolist()
+        shown = comfort, load, load / self.static, stroke, *errors.tolist(), outside, _SECONDS
+        return RideOfSetting._make((setting.label, *shown))
 
-    def _solve(
-        self, values: Values, start: tuple[FloatArray, float] | None = None
-    ) -> tuple[FloatArray, FloatArray, float, FloatArray]:
-        """Comfort, wheel load and stroke (rms); D and c of the damper; its speed.
+    def _settled(
+        self,
+        values: Values,
+        c: float,
+        rest: FloatArray,
+        secants: list[tuple[FloatArray, FloatArray]],
+        goal: float,
+        offset: FloatArray | float = 0.0,
+    ) -> _Settled:
+        """The fixed point of D, less an offset that is left of it.
 
-        The fixed point of D is found by Anderson mixing (the least residual of the last points,
-        combined linearly): a stiff damper is no small disturbance of a linear one.
+        A damper that differs a little has nearly the same secants.
         """
-        car, ratio, s = self.car, self.car.motion_ratio, self.s
-        rest, c = start or (np.zeros(self.n), 0.6 * math.sqrt(car.spring * car.sprung_mass))
-        points: list[FloatArray] = []
-        residuals: list[FloatArray] = []
-        left = math.inf
-        for round_ in range(_ROUNDS):
-            body, axle = self._linear(c, rest)
-            wheel = np.fft.irfft(s * (body - axle), self.n)
-            stroke, speed = ratio * np.fft.irfft(body - axle, self.n), ratio * wheel
-            force = ratio * self._damper(values, stroke, speed)
-            if start is None and round_ < _FREE_ROUNDS:  # find the linear damping first
-                c = max(float(wheel @ force / (wheel @ wheel)), 1.0)
-                rest = force - c * wheel
-                continue
-            residual = force - c * wheel - rest
+        step, last, left = rest, None, math.inf
+        for _ in range(_ROUNDS):
+            numbers, path = self._moved(c, rest)
+            (force,) = self._force(values, path)
+            residual = force - c / self.car.motion_ratio * path[1] - rest - offset
             left = float(np.std(residual) / np.std(force))
-            if left <= _AGREED:
-                break
-            points, residuals = [*points[1 - _DEPTH :], rest], [*residuals[1 - _DEPTH :], residual]
-            rest = rest + residual
-            if len(points) > 1:
-                moved, changed = (
-                    np.stack([row[-1] - earlier for earlier in row[:-1]]).T
-                    for row in (points, residuals)
-                )
-                weights = np.linalg.lstsq(changed, residual, rcond=1e-8)[0]
-                rest = rest - (moved + changed) @ weights
-        else:
-            raise SimulationError(
-                f"the damper in the car did not settle within {_ROUNDS} rounds; the last change "
-                f"was {100.0 * left:.2g} % of its force",
-                code="not-settled",
-            )
-        felt = s**2 * body * weighting_k(self.frequencies)
-        load = (car.tyre + car.tyre_damping * s) * (axle - self.profile)
-        rms = [math.sqrt(2.0 * np.sum(np.abs(x[1:]) ** 2)) / self.n for x in (felt, load)]
-        return np.array([*rms, np.std(stroke)]), rest, c, speed
+            if last is not None:
+                secants.append((step, residual - last))
+                del secants[:-_DEPTH]
+            step, last = _mixed(residual, secants), residual
+            if left <= goal:
+                return _Settled(self._moved(c, rest + step)[0], numbers, rest, residual, path)
+            rest = rest + step
+        raise SimulationError(
+            f"the damper in the car did not settle within {_ROUNDS} rounds; the last change "
+            f"was {100.0 * left:.2g} % of its force",
+            code="not-settled",
+        )
 
-    def _linear(self, c: float, rest: FloatArray) -> Any:
-        """Body and wheel with linear damping c and a further force of the damper, by frequency."""
+    def _moved(self, c: float, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The car with linear damping c and D: its numbers, and the damper's stroke and speed."""
         car, s, d = self.car, self.s, np.fft.rfft(rest)
         tyre, link = car.tyre + car.tyre_damping * s, car.spring + c * s
         a = car.sprung_mass * s**2 + link
         b = car.unsprung_mass * s**2 + link + tyre
         push, determinant = tyre * self.profile + d, a * b - link**2
-        return (link * push - d * b) / determinant, (a * push - link * d) / determinant
+        body, axle = (link * push - d * b) / determinant, (a * push - link * d) / determinant
+        stroke = car.motion_ratio * (body - axle)
+        felt = s**2 * body * weighting_k(self.frequencies)
+        powers = np.sum(np.abs([felt, tyre * (axle - self.profile), stroke])[:, 1:] ** 2, axis=1)
+        return np.sqrt(2.0 * powers) / self.n, np.fft.irfft([stroke, s * stroke], self.n)
 
-    def _damper(self, values: Values, stroke: FloatArray, speed: FloatArray) -> FloatArray:
-        """The damper's own force along one period of its stroke; gas force and tare at rest out."""
+    def _force(self, values: Values, path: FloatArray, names: Sequence[str] = ()) -> FloatArray:
+        """The damper's force at the wheel along a period, and its sensitivities: (1 + k, n).
+
+        Gas force and tare at rest are out.
+        """
         lead = round(_LEAD * _RATE)
-        path, velocity = (np.concatenate([row[-lead:], row]) for row in (stroke, speed))
-        motion = Motion(1.0 / _RATE, path, velocity)
-        seen = self.run.damper.simulate(values, motion, sensitivities=(), options=self.solver)
-        force = np.asarray(seen.force[lead:], dtype=np.float64)
-        return force - float(np.mean(force))
+        motion = Motion(1.0 / _RATE, *np.concatenate([path[:, -lead:], path], axis=1))
+        seen = self.run.damper.simulate(values, motion, sensitivities=names, options=self.solver)
+        rows = np.stack([seen.force, *(seen.sensitivities[name] for name in names)])[:, lead:]
+        return self.car.motion_ratio * np.asarray(rows - rows.mean(axis=1, keepdims=True))
+
+
+def _mixed(residual: FloatArray, secants: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """The step of Anderson mixing: to the least residual that the last secants combine to.
+
+    A stiff damper is no small disturbance of a linear one, as a step by the residual would need.
+    """
+    if not secants:
+        return residual
+    moved, changed = map(np.array, zip(*secants, strict=True))
+    gram = changed @ changed.T
+    weights = np.linalg.lstsq(gram, changed @ residual, rcond=_ROUNDING)[0]
+    return np.asarray(residual - weights @ (moved + changed))
 
 
 class Band(NamedTuple):
@@ -430,14 +473,16 @@ class DrivenStroke(Answer):
 
         def power(band: Band) -> Column:
             def cell(label: str) -> str:
-                return f"{band.powers[label]:.3g}" if label else f"{100.0 * band.share:.3g} %"
+                if label:
+                    return number(band.powers[label], digits=3)
+                return f"{number(100.0 * band.share, digits=3)} %"
 
             return Column(f"{band.low:g} to {band.high:g}", "W at m/s", cell)
 
         columns = (
             Column("set", "", lambda label: label or "time", is_number=False),
             *(power(band) for band in self.bands if band.share > 0.0),
-            Column("untested", "s", lambda label: f"{self.outside[label]:.2g}" if label else ""),
+            Column("untested", "s", lambda label: number(self.outside.get(label), digits=2)),
         )
         return (laid_out(["", *self.outside], columns),)
 

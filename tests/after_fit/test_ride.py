@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -178,3 +179,30 @@ def test_a_ride_and_a_stroke_are_drawn(fitted, tmp_path, name) -> None:
     assert (tmp_path / name).stat().st_size > 5000
     with pytest.raises(DamperfitError, match="ends in"):
         damperfit.ride(fitted, plot=tmp_path / "x.jpg", **given)
+
+
+def test_the_interval_is_how_far_the_errors_of_the_values_move_it(fitted) -> None:
+    """Of one value 2 % off, as at the ends of its interval."""
+    setting = fitted.setting(3)
+    error = np.array([[0.02**2]])
+
+    def ridden(step: float) -> np.ndarray:
+        moved = setting.values.replace({"r_m1": setting.values["r_m1"] * math.exp(step)})
+        own = replace(setting, parameters=moved, own=("r_m1",), shared=(), covariance=error)
+        (row,) = ride.ride_on_road(fitted, CAR, (own,)).settings
+        return np.array([row[1:3], row[5:7]])
+
+    (low, _), (_, errors), (high, _) = map(ridden, (-0.0392, 0.0, 0.0392))
+    assert errors == pytest.approx(0.5 * np.abs(high - low), rel=0.1)
+
+
+def test_a_setting_that_is_beaten_within_its_interval_is_said_so() -> None:
+    rows = [
+        ride.RideOfSetting(label, comfort, load, 0.2, 0.01, 0.02, 2.0, 0.0, 0.0)
+        for label, comfort, load in (("1", 1.0, 700.0), ("2", 1.02, 702.0), ("3", 1.2, 702.0))
+    ]
+    answer = ride.Ride(CAR, tuple(rows))
+    assert (answer.pareto, answer.undecided) == (("1",), ("2", "3"))
+    assert [row[-1] for row in answer.sheets()[0].rows] == ["*", "(*)", "(*)"]
+    certain = ride.Ride(CAR, (rows[0], rows[2]._replace(wheel_load=704.0)))
+    assert certain.undecided == ()
