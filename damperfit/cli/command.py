@@ -11,7 +11,7 @@ from contextlib import suppress
 from importlib import import_module
 from inspect import Parameter, Signature, cleandoc, signature, unwrap
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -115,18 +115,16 @@ def parameter(called: str, name: str, default: Any = None) -> Parameter:
     kind: Any = bool if keyword.kind == "flag" else list[str] if keyword.kind in _SEVERAL else str
     how: Any = {"help": keyword.help, "autocompletion": _completion_of(name, keyword)}
     if keyword.kind in {"argument", "arguments"}:
-        info: Any = typer.Argument(metavar=keyword.metavar, **how)
         is_list = keyword.kind == "arguments" and default is not Parameter.empty
-        default = None if is_list else default
+        default = ... if default is Parameter.empty else None if is_list else default
+        info: Any = typer.Argument(default, metavar=keyword.metavar, **how)
     else:
         how |= {"callback": _print_version, "is_eager": True} if name == "version" else {}
         how |= {"metavar": keyword.metavar or None, "rich_help_panel": keyword.panel}
-        info = typer.Option(option_of(name), *keyword.names, **how)
         default = bool(default) if kind is bool else default and str(default)
+        info = typer.Option(default, option_of(name), *keyword.names, **how)
     kind = kind | None if default is None else kind
-    return Parameter(
-        name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info]
-    )
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=info, annotation=kind)
 
 
 def _print_version(is_wanted: bool) -> None:

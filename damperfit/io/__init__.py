@@ -32,13 +32,14 @@ def read_logs(
         The file cannot be read as force and displacement over time; one line that says why.
         TimelessError where it holds speed and force without time, which `read_curves` reads.
     """
-    from damperfit.io.force_curves import holds_curves
     from damperfit.io.recordings import make_recordings
 
     with _opened(path, options) as (source, tables, own, notes):
         try:
             return make_recordings(source, tables, own, notes)
         except LogError as error:
+            from damperfit.io.force_curves import holds_curves
+
             if not holds_curves(tables, own):
                 raise
             raise TimelessError(
