@@ -21,15 +21,17 @@ import os
 import pickle
 import signal
 import struct
+import subprocess
 import sys
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from itertools import islice
-from types import ModuleType
+from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from damperfit.errors import ConfigurationError, InstallationError
@@ -281,11 +283,87 @@ def _packed(answer: tuple[int, Any], known: Sequence[object]) -> bytes | memoryv
     return file.getbuffer()
 
 
-# Processes that may die: new interpreters, each with a pipe, so that a death costs its item alone.
+# Processes that may die: new interpreters, which have their work through pipes, so that a death
+# costs its item alone. A fork of a process with threads may hang.
+
+# This damperfit, wherever it is: no folder is added to those that modules are looked for in.
+_NEW = """
+import importlib.util, sys
+spec = importlib.util.spec_from_file_location("damperfit", sys.argv[1])
+sys.modules["damperfit"] = package = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(package)
+from damperfit.workers import serve
+serve(float(sys.argv[2]))
+"""
+_LENGTH = struct.Struct("<Q")
+_FOREVER = threading.TIMEOUT_MAX
 
 
 class Died:
     """Stands for the result of work that ended its worker."""
+
+    def __init__(self, how: str = "", *, is_late: bool = False) -> None:
+        self.how, self.is_late = how, is_late  # as "SIGSEGV"; whether it was ended for its time
+
+
+class Worker:
+    """A new interpreter that does one thing after the other, and ends with this process."""
+
+    def __init__(self, *, idle: float = _FOREVER, is_quiet: bool = False) -> None:
+        package = str(Path(__file__).resolve().with_name("__init__.py"))
+        self._process = subprocess.Popen(  # noqa: S603 - our own command
+            [sys.executable, "-P", "-c", _NEW, package, str(idle)],
+            # More threads would each take memory from what a log may have.
+            env={"OMP_NUM_THREADS": "1", **child_environment(), "OPENBLAS_NUM_THREADS": "1"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL if is_quiet else None,
+            process_group=0,  # Ctrl-C and a terminal that hangs up are its parent's business
+        )
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
+
+    def do(self, act: Callable[[Any], Any], item: Any, seconds: float = _FOREVER) -> Any:
+        """Return the result of an act, the exception that it raised, or `Died`.
+
+        The act is of a module, and what it takes can be pickled. After so many seconds it is ended.
+        """
+        begun, timer = time.monotonic(), threading.Timer(seconds, self._process.kill)
+        timer.start()
+        to_worker: Any = self._process.stdin
+        answers: Any = self._process.stdout
+        try:
+            _send(to_worker, pickle.dumps((act, item), protocol=5))
+            answer = _received(answers)
+        except BrokenPipeError:
+            answer = b""
+        except BaseException:
+            self.end()
+            raise
+        finally:
+            timer.cancel()
+        if answer:
+            try:
+                return pickle.loads(answer)  # noqa: S301 - of our own process
+            except Exception as error:  # noqa: BLE001 - in place of one that cannot be read
+                return error
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(1.0)
+        self.end()
+        code: int | str = self._process.returncode
+        with suppress(ValueError):
+            code = signal.Signals(-int(code)).name
+        is_late = time.monotonic() - begun >= seconds
+        return Died(code if isinstance(code, str) else f"code {code}", is_late=is_late)
+
+    def end(self) -> None:
+        """End the process at once; what it was writing was not there yet."""
+        self._process.kill()
+        with suppress(OSError, ValueError):
+            self._process.communicate()
 
 
 class Processes:
@@ -303,107 +381,75 @@ class Processes:
     ) -> Iterator[tuple[Any, Any]]:
         """Yield each item with its result, `Died` or the exception it raised, as they are done.
 
-        The act is of a module, and what it takes can be pickled. Items are taken as workers become
-        free, so that memory does not grow. Once `cancelled` says True no further item is begun, and
-        those at work are let go.
+        As of `Worker.do`. Items are taken as workers become free, so that memory does not grow.
+        Once `cancelled` says True no further item is begun, and those at work are let go.
         """
-        from multiprocessing.connection import wait
-
         os.getcwd()  # noqa: PTH109 - a new process asks too, and would fail item by item
         waiting = iter(items)
-        idle: list[_Process] = []
-        at_work: dict[Any, tuple[_Process, Any]] = {}
-        try:
-            while not cancelled():
-                begun = list(islice(waiting, self.number - len(at_work)))
-                for item in begun:
-                    try:
-                        worker = idle.pop() if idle else _Process()
-                    except OSError as error:  # no more processes or files
-                        yield item, error
-                        continue
-                    with suppress(BrokenPipeError):  # it has died, as will be heard
-                        worker.pipe.send_bytes(pickle.dumps((act, item)))
-                    at_work[worker.pipe] = worker, item
-                if not (begun or at_work):
-                    return
-                for pipe in wait(list(at_work), _LOOK):
-                    worker, item = at_work.pop(pipe)
-                    try:
-                        answer = worker.pipe.recv_bytes()
-                    except (EOFError, OSError):
-                        worker.end()
-                        yield item, Died()
-                        continue
-                    idle.append(worker)
-                    try:
-                        result = pickle.loads(answer)  # noqa: S301 - of a worker
-                    except Exception as error:  # noqa: BLE001 - in place of one that cannot be read
-                        result = error
-                    yield item, result
-        finally:
-            for worker in (*idle, *(worker for worker, _ in at_work.values())):
-                worker.end()
+        idle: list[Worker] = []
+        at_work: dict[Future[Any], tuple[Worker, Any]] = {}
+        with ThreadPoolExecutor(self.number) as pool:
+            try:
+                while not cancelled():
+                    begun = list(islice(waiting, self.number - len(at_work)))
+                    for item in begun:
+                        try:
+                            worker = idle.pop() if idle else Worker()
+                        except OSError as error:  # no more processes or files
+                            yield item, error
+                            continue
+                        at_work[pool.submit(worker.do, act, item)] = worker, item
+                    if not (begun or at_work):
+                        return
+                    for done in wait(at_work, _LOOK, FIRST_COMPLETED).done:
+                        worker, item = at_work.pop(done)
+                        result = done.result()
+                        idle += [] if isinstance(result, Died) else [worker]
+                        yield item, result
+            finally:
+                for worker in (*idle, *(worker for worker, _ in at_work.values())):
+                    worker.end()
 
 
-class _Process:
-    """A new interpreter, which a fork of a process with threads is not: that may hang."""
-
-    def __init__(self) -> None:
-        import multiprocessing
-
-        self.pipe, theirs = multiprocessing.Pipe()
-        self._process = multiprocessing.get_context("spawn").Process(target=_serve, args=(theirs,))
-        environment, main = dict(os.environ), sys.modules["__main__"]
-        # Ctrl-C and a terminal that hangs up are its parent's business, from its first line.
-        stops = {getattr(signal, name) for name in ("SIGINT", "SIGHUP") if os.name == "posix"}
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, stops) if stops else set()
-        try:
-            os.environ.pop("PYTHONPATH", None)
-            os.environ.update(child_environment())
-            # It needs nothing of a user's script, and must not run it once more.
-            sys.modules["__main__"] = ModuleType("__main__")
-            self._process.start()
-        finally:
-            sys.modules["__main__"] = main
-            os.environ.clear()
-            os.environ.update(environment)
-            if stops:
-                signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        theirs.close()
-
-    def end(self) -> None:
-        """End the process at once; what it was writing was not there yet."""
-        self._process.kill()
-        self._process.join()
-        self.pipe.close()
+def _send(pipe: Any, content: bytes) -> None:
+    pipe.write(_LENGTH.pack(len(content)))
+    pipe.write(content)
+    pipe.flush()
 
 
-def _serve(pipe: Any) -> None:
-    """Do what comes through a pipe, until it or the parent ends."""
-    import multiprocessing
+def _received(pipe: Any) -> bytes:
+    """Return what was sent; nothing where the sender has ended before all was."""
+    head = pipe.read(_LENGTH.size)
+    (length,) = _LENGTH.unpack(head) if len(head) == _LENGTH.size else (0,)
+    content: bytes = pipe.read(length)
+    return content if len(content) == length else b""
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    parent: Any = multiprocessing.parent_process()
 
-    def end_with_parent() -> None:
-        parent.join()
-        os._exit(1)
+def serve(idle: float) -> None:
+    """Do what is asked on standard input, in the new interpreter, until nothing is for a while."""
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # a library that prints would spoil the answers
+    tasks: SimpleQueue[bytes] = SimpleQueue()
 
-    threading.Thread(target=end_with_parent, daemon=True).start()
-    with suppress(EOFError, ConnectionError):
+    def listen() -> None:
+        while task := _received(sys.stdin.buffer):
+            tasks.put(task)
+        os._exit(0)  # the parent has ended
+
+    threading.Thread(target=listen, daemon=True).start()
+    with suppress(Empty):
         while True:
-            task = pipe.recv_bytes()
+            task = tasks.get(timeout=idle)
             try:
                 act, item = pickle.loads(task)  # noqa: S301 - of the parent
-                answer = pickle.dumps(act(item))
+                answer = pickle.dumps(act(item), protocol=5)
             except Exception as error:  # noqa: BLE001 - it is the result
                 try:
                     answer = pickle.dumps(error)
                 except Exception:  # noqa: BLE001 - it holds what cannot be sent
                     answer = pickle.dumps(RuntimeError(f"{type(error).__name__}: {error}"))
-            pipe.send_bytes(answer)
+            _send(out, answer)
+    os._exit(0)  # what a library does at exit is of no interest
 
 
 # The same on a Dask cluster; nothing is kept in its scheduler but names.

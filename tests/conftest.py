@@ -34,10 +34,10 @@ PACKAGE = TESTS.parent / "damperfit"
 @pytest.fixture(scope="session", autouse=True)
 def _children_find_the_tests():
     """Readers of our tests run in a child, which has no working folder on its import path."""
-    from damperfit.io import child_process
+    from damperfit import workers
 
     begin = f"import sys; sys.path.append({str(TESTS.parent)!r})\n"
-    child_process._CHILD = begin + child_process._CHILD
+    workers._NEW = begin + workers._NEW
 
 
 @pytest.hookimpl(wrapper=True)

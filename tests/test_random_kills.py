@@ -85,7 +85,11 @@ def workers_of(pid: int) -> list[int]:
     """Return the processes that a run has spawned."""
     children = Path(f"/proc/{pid}/task").glob("*/children")
     pids = [int(one) for path in children for one in path.read_text().split()]
-    return [one for one in pids if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    return [
+        one
+        for one in pids
+        if b"damperfit.workers import serve" in Path(f"/proc/{one}/cmdline").read_bytes()
+    ]
 
 
 def test_fleet_goes_on_to_the_table_of_an_undisturbed_one(tmp_path: Path, texts) -> None:  # noqa: F811

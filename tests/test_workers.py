@@ -302,10 +302,10 @@ def test_a_death_costs_its_item_alone_and_an_exception_is_a_result():
 
 
 def test_a_process_that_cannot_begin_costs_its_item(monkeypatch):
-    def none(*_):
+    def none(*_, **__):
         raise OSError(errno.EAGAIN, "no more processes")
 
-    monkeypatch.setattr("multiprocessing.process.BaseProcess.start", none)
+    monkeypatch.setattr("subprocess.Popen.__init__", none)
     found = Processes(2).each(double, [1, 2, 3])
     assert [(item, type(error)) for item, error in found] == [
         (item, BlockingIOError) for item in (1, 2, 3)
@@ -357,6 +357,7 @@ def test_workers_end_with_their_parent(tmp_path):
     )
     parent = subprocess.Popen(
         [sys.executable, str(script)],
+        cwd=ROOT.parent,  # the working folder itself would be kept off the import path
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         stderr=subprocess.PIPE,
     )

@@ -788,7 +788,7 @@ def circumstances(
         middle = [[median(sizes) for sizes in zip(*own, strict=True)] for own in motions]
         if any(abs(b / a - 1.0) > SAME_MOTION for a, b in zip(*middle, strict=True)):
             here, there = (
-                units.say_lengths(f"{1e3 * amplitude:.4g} mm at {frequency:.4g} Hz")
+                f"{units.write_length(amplitude, '.4g')} at {frequency:.4g} Hz"
                 for amplitude, frequency in middle
             )
             differs("motion", "motion", here, there, ": what a model misses does not cancel")

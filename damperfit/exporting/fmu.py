@@ -37,6 +37,7 @@ from damperfit.exporting.targets import (
 )
 from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     Variable = dict[str, Any]
@@ -219,7 +220,7 @@ def _documentation(run: ExportedRun, damper: ExportedDamper, tables: Sequence[Fo
         damper=damper,
         rows=rows,
         speeds=[f"{speed:+g}" for speed in speeds],
-        tested=tested_range(run.run.tested),
+        tested=tested_range(run.run.tested, SI),
         taken_out=taken_out(run),
         determined=determined_line(tables),
         band=f"{1e3 * FRICTION_BAND:g}",

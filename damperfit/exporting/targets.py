@@ -401,7 +401,7 @@ def header_lines(
         + ", ".join(str(table.setting) for table in tables),
         f"identity: {'; '.join(f'{k} {v}' for k, v in about.identity.items()) or 'not named'}",
         f"model: {run.damper.sentence}",
-        f"tested: {tested_range(about.tested)}",
+        f"tested: {tested_range(about.tested, SI)}",
         f"MSE of the fit: {' to '.join(errors) or 'not known'}",
     ]
     if has_table:

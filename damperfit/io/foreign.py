@@ -29,6 +29,7 @@ import struct
 import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -37,23 +38,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.errors import LogError
-from damperfit.io.child_process import (
-    ChildAnswer,
-    ChildReader,
-    ask_child,
-    check_size,
-    refusing_damage,
-)
+from damperfit.io.child_process import ChildReader, ask_child, check_size, refusing_damage
 from damperfit.io.columns import visible
 from damperfit.io.files import Source
 from damperfit.io.formats import Table
-from damperfit.io.groups import (
-    Group,
-    GroupChannel,
-    answer_of_groups,
-    group_tables,
-    groups_of_child,
-)
+from damperfit.io.groups import Group, GroupChannel, group_tables
 from damperfit.io.options import ReadOptions
 from damperfit.io.text import read_delimited
 
@@ -95,7 +84,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         if at != len(data):
             text = "truncated MATLAB file; the end is missing, or it is damaged"
             raise LogError(text, code="damaged")
-    (group,) = groups_of_child(_MAT if is_old else _MAT73, source, options)
+    group = ask_child(_MAT if is_old else _MAT73, source, options)
     others = group.metadata  # name -> what it is instead
     lengths = [channel.length for channel in group.channels]
     usual = max(set(lengths), key=lambda n: (lengths.count(n), n), default=0)
@@ -116,7 +105,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     return group_tables([Group("", used)], options, notes=(note,) * (n_others > 0))
 
 
-def matlab_vectors(data: bytes, limit: int) -> ChildAnswer:
+def matlab_vectors(data: bytes, limit: int) -> Group:
     """Return the vectors of a MATLAB file up to version 7, and what else it holds; in a child."""
     scipy_io: Any = importlib.import_module("scipy.io")
     channels: list[GroupChannel] = []
@@ -139,10 +128,10 @@ def matlab_vectors(data: bytes, limit: int) -> ChildAnswer:
                 others[name] = "complex numbers"
             else:
                 others[name] = "numbers" if kind in _NUMBERS else kind
-    return answer_of_groups([Group("", tuple(channels), others)])
+    return Group("", tuple(channels), others)
 
 
-def hdf5_vectors(data: bytes, limit: int) -> ChildAnswer:
+def hdf5_vectors(data: bytes, limit: int) -> Group:
     """Return the vectors at the top of a MATLAB file of version 7.3; in a child."""
     h5py = importlib.import_module("h5py")
     channels: list[GroupChannel] = []
@@ -163,7 +152,7 @@ def hdf5_vectors(data: bytes, limit: int) -> ChildAnswer:
             n_values = sum(channel.length for channel in channels) + data_set.size
             check_size(8 * n_values, limit=limit, what=f"the file up to {visible(str(key))}")
             channels += _vectors(str(key), data_set[()])
-        return answer_of_groups([Group("", tuple(channels))])
+        return Group("", tuple(channels))
 
 
 def _columns_of(shape: Sequence[int]) -> int:
@@ -182,7 +171,7 @@ def _vectors(name: str, values: NDArray[Any]) -> list[GroupChannel]:
 
 
 def _channel(name: str, unit: str | None, values: NDArray[Any]) -> GroupChannel:
-    return GroupChannel(name, unit, len(values), lambda: values)
+    return GroupChannel(name, unit, len(values), partial(np.asarray, values))  # it is pickled
 
 
 # MDF.
@@ -198,10 +187,10 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if source.data.startswith(b"UnFinMF"):
         raise LogError("truncated MDF file: the recording was not finished", code="truncated")
     _check_blocks(source.data, limit=options.max_bytes)
-    return group_tables(groups_of_child(_MDF, source, options), options)
+    return group_tables(ask_child(_MDF, source, options), options)
 
 
-def mdf_groups(data: bytes, limit: int) -> ChildAnswer:
+def mdf_groups(data: bytes, limit: int) -> list[Group]:
     """Return the channel groups of a file; runs in a process of its own."""
     asammdf: Any = importlib.import_module("asammdf")
     groups = []
@@ -226,7 +215,7 @@ def mdf_groups(data: bytes, limit: int) -> ChildAnswer:
             whole = tuple(channel._replace(length=n_rows) for channel in channels)
             name = str(getattr(held.channel_group, "acq_name", "") or f"group {index + 1}")
             groups.append(Group(name, whole))
-        return answer_of_groups(groups)
+        return groups
 
 
 def _check_blocks(data: bytes, *, limit: int) -> None:
@@ -276,13 +265,12 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     """Return a table for each sheet that holds rows of numbers."""
     if source.data.startswith(b"PK"):
         _check_archive(source, options)
-    answer = ask_child(_EXCEL, source, options)
-    n_formulas = answer.content["n_formulas"]
+    names, texts, n_formulas = ask_child(_EXCEL, source, options)
     note = f"{n_formulas} cells hold formulas; their last saved values are read"
     tables: list[Table] = []
     refusals: list[str] = []
-    for sheet, text in zip(answer.content["sheets"], answer.parts, strict=True):
-        notes = [f"sheet: {visible(sheet)}"] * (len(answer.parts) > 1) + [note] * (n_formulas > 0)
+    for sheet, text in zip(names, texts, strict=True):
+        notes = [f"sheet: {visible(sheet)}"] * (len(texts) > 1) + [note] * (n_formulas > 0)
         try:
             read = read_delimited(source._replace(data=text), options)
         except LogError as error:
@@ -318,8 +306,8 @@ def _check_archive(source: Source, options: ReadOptions) -> None:
     check_size(claimed, limit=options.max_bytes, what="the workbook")
 
 
-def sheets_in(data: bytes, limit: int) -> ChildAnswer:
-    """Return the sheets of a workbook as text; runs in a process of its own."""
+def sheets_in(data: bytes, limit: int) -> tuple[list[str], list[bytes], int]:
+    """Return names and texts of a workbook's sheets, and the number of formulas; in a child."""
     calamine = importlib.import_module("python_calamine")
     n_formulas = 0
     with refusing_damage("Excel workbook"):
@@ -346,7 +334,7 @@ def sheets_in(data: bytes, limit: int) -> ChildAnswer:
                 lines.append(": ".join(words) if is_entry else "\t".join(fields if words else ()))
             texts.append("".join(f"{line}\n" for line in lines).encode("utf-8", "replace"))
             check_size(sum(map(len, texts)), limit=limit, what="the workbook")
-    return ChildAnswer({"sheets": names, "n_formulas": n_formulas}, texts)
+    return names, texts, n_formulas
 
 
 def _cell(value: Any) -> str:

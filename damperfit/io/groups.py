@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.io.child_process import ChildAnswer, ChildReader, ask_child, check_size
+from damperfit.io.child_process import check_size
 from damperfit.io.columns import choose_channels, split_name, visible, words_of_name
-from damperfit.io.files import Source
 from damperfit.io.formats import Column, FloatArray, Samples, Table
 from damperfit.io.options import ReadOptions
 from damperfit.units.quantities import find_unit, is_unit
@@ -164,32 +163,3 @@ def _table(group: Group, options: ReadOptions, notes: tuple[str, ...]) -> Table:
         by = "the interval between values" if has_interval else "each group's own"
         notes = (*notes, f"time: from {by}")
     return Table(group.columns, load, group.metadata, notes)
-
-
-def groups_of_child(reader: ChildReader, source: Source, options: ReadOptions) -> list[Group]:
-    """Return the groups of channels that a child reads from a log; as `ask_child`."""
-    answer = ask_child(reader, source, options)
-    parts = iter(answer.parts)
-
-    def held(name: str, unit: str | None, length: int) -> GroupChannel:
-        values = np.frombuffer(next(parts), dtype=np.float64)
-        return GroupChannel(name, unit, length, lambda: values)
-
-    return [
-        Group(name, tuple(held(*channel) for channel in channels), metadata)
-        for name, channels, metadata in answer.content
-    ]
-
-
-def answer_of_groups(groups: Sequence[Group]) -> ChildAnswer:
-    """Return groups of channels as a child sends them."""
-    descriptions = [
-        (group.name, [channel[:3] for channel in group.channels], dict(group.metadata))
-        for group in groups
-    ]
-    parts = [
-        np.asarray(channel.load(), dtype=np.float64).tobytes()
-        for group in groups
-        for channel in group.channels
-    ]
-    return ChildAnswer(descriptions, parts)

@@ -261,7 +261,7 @@ def _log_facts(log: LogView, units: ShownUnits) -> str:
         motion = f"{segments}, to {units.write(fastest, 'm/s', '.3g')}"
     amplitudes = (number_in(entry, "amplitude_m") for entry in (*log.peaks, log.facts))
     largest = max((size for size in amplitudes if size is not None), default=math.nan)
-    amplitude = units.say_lengths(f"amplitude {1e3 * largest:.3g} mm")
+    amplitude = f"amplitude {units.write_length(largest, '.3g')}"
     heat = number_in(log.facts, "temperature_degC")
     temperature = "temperature not logged" if heat is None else f"{heat:.1f} degC"
     return f"{motion}, {amplitude}, {temperature}, {len(log.signals.time)} samples evaluated."

@@ -182,16 +182,16 @@ def _procedure(run: Run, units: ShownUnits) -> Iterator[str]:
             f"{rig.get('centre', 'unknown')}, signs reversed: {' and '.join(turned) or 'none'}."
         )
     if run.tested.n_logs:
-        yield f"Test: {units.say_lengths(tested_range(run.tested))}."
+        yield f"Test: {tested_range(run.tested, units)}."
     if run.record.get("version"):
         yield f"Made by damperfit {run.record['version']}."
 
 
-def tested_range(tested: Tested) -> str:
+def tested_range(tested: Tested, units: ShownUnits) -> str:
     """Return the range of the tests in words, as far as it is known."""
     parts = [counted(tested.n_logs, "log")] if tested.n_logs else []
     if tested.stroke is not None:
-        parts.append(f"stroke to +-{1e3 * tested.stroke:.4g} mm")
+        parts.append(f"stroke to +-{units.write_length(tested.stroke, '.4g')}")
     if tested.speed is not None:
         parts.append(f"speed to {tested.speed:.4g} m/s")
     for limits, unit in ((tested.frequencies, "Hz"), (tested.temperatures, "degC")):

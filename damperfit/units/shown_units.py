@@ -64,18 +64,10 @@ class ShownUnits:
         text = re.sub(r"(?<![\w/])m/s(?![\w/])", self.velocity.symbol, text)
         return re.sub(r"(?<![\w/.])N(?![\w/])", self.force.symbol, text)
 
-    def say_lengths(self, text: str) -> str:
-        """Return a text with its lengths, which are in mm, in the unit that is shown."""
-        if self._named("m") is None:
-            return text
-
-        def number(millimetres: re.Match[str]) -> str:
-            return f"{self.show(1e-3 * float(millimetres[0]), 'm'):.4g}"
-
-        def converted(match: re.Match[str]) -> str:
-            return f"{re.sub(r'[0-9][0-9.]*', number, match[1])} {self.length.symbol}"
-
-        return re.sub(r"(\d[\d.]*(?: to \d[\d.]*)?) mm(?![\w/])", converted, text)
+    def write_length(self, metres: float, form: str) -> str:
+        """Return a length in words; in mm where it is not converted."""
+        is_si = self._named("m") is None
+        return f"{1e3 * metres:{form}} mm" if is_si else self.write(metres, "m", form)
 
     def _named(self, unit: str) -> Unit | None:
         """Return the unit shown for an SI unit; None where that is itself."""

@@ -6,12 +6,11 @@ import sys
 import time
 
 from damperfit.errors import LogError
-from damperfit.io.child_process import ChildAnswer
 
 _SEEN: list[bytes] = []
 
 
-def answer(data: bytes, limit: int) -> ChildAnswer:
+def answer(data: bytes, limit: int) -> tuple[int, int, list[bytes]]:
     _SEEN.append(data)
     word, _, rest = data.partition(b" ")
     if word == b"refuse":
@@ -30,4 +29,4 @@ def answer(data: bytes, limit: int) -> ChildAnswer:
         sys.stdout.write("to the answer?")
         sys.stdout.flush()
         os.write(1, b"to the answer?")
-    return ChildAnswer({"pid": os.getpid(), "n_seen": len(_SEEN)}, [data, b"", bytes(len(data))])
+    return os.getpid(), len(_SEEN), [data, b"", bytes(len(data))]

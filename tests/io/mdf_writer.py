@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from damperfit.io import ReadOptions
-from damperfit.io.child_process import ChildAnswer, ChildReader, ask_child
+from damperfit.io.child_process import ChildReader, ask_child
 from damperfit.io.files import Source
 
 _WRITER = ChildReader("MDF", "mdf", "asammdf", f"{__name__}:answer")
@@ -22,11 +22,10 @@ def written(*groups: tuple[np.ndarray, Sequence[tuple[str, str, np.ndarray]]]) -
 @cache
 def _asked_for(data: bytes) -> bytes:
     source = Source("log.mf4", "log.mf4", data, "")
-    (content,) = ask_child(_WRITER, source, ReadOptions()).parts
-    return content
+    return ask_child(_WRITER, source, ReadOptions())
 
 
-def answer(data: bytes, limit: int) -> ChildAnswer:
+def answer(data: bytes, limit: int) -> bytes:
     import asammdf
 
     sink = io.BytesIO()
@@ -34,7 +33,7 @@ def answer(data: bytes, limit: int) -> ChildAnswer:
         for time, signals in pickle.loads(data):  # noqa: S301 - our own
             file.append([_signal(asammdf, time, *one) for one in signals])
         file.save(sink, overwrite=True)
-    return ChildAnswer(None, [sink.getvalue()])
+    return sink.getvalue()
 
 
 def _signal(asammdf, time, name, unit, values):

@@ -7,12 +7,13 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 from damperfit.errors import LogError
 from damperfit.io import ReadOptions, child_process
-from damperfit.io.child_process import ChildAnswer, ChildReader, ask_child
+from damperfit.io.child_process import ChildReader, ask_child
 from damperfit.io.files import Source
 from tests.fleet.deadly import is_gone
 
@@ -30,9 +31,15 @@ def children(monkeypatch):
     pool.end()
 
 
-def ask(data: bytes, limit: int = LIMIT, reader: ChildReader = READER) -> ChildAnswer:
+class Answer(NamedTuple):
+    pid: int
+    n_seen: int
+    parts: list[bytes]
+
+
+def ask(data: bytes, limit: int = LIMIT, reader: ChildReader = READER) -> Answer:
     source = Source("log.x", "log.x", data, "")
-    return ask_child(reader, source, ReadOptions(max_bytes=limit))
+    return Answer(*ask_child(reader, source, ReadOptions(max_bytes=limit)))
 
 
 def refusal(data: bytes, limit: int = LIMIT) -> str:
@@ -44,8 +51,8 @@ def refusal(data: bytes, limit: int = LIMIT) -> str:
 
 def test_one_child_reads_all_logs_one_after_the_other() -> None:
     answers = [ask(b"log %d" % i) for i in range(5)]
-    assert len({answer.content["pid"] for answer in answers}) == 1
-    assert [answer.content["n_seen"] for answer in answers] == [1, 2, 3, 4, 5]
+    assert len({answer.pid for answer in answers}) == 1
+    assert [answer.n_seen for answer in answers] == [1, 2, 3, 4, 5]
     assert answers[3].parts == [b"log 3", b"", bytes(5)]
 
 
@@ -54,38 +61,38 @@ def test_one_child_reads_all_logs_one_after_the_other() -> None:
     [
         (b"crash", "damaged Fault file: its reader ended by SIGSEGV; copy the log again"),
         (b"exit", "damaged Fault file: its reader ended by code 7"),
-        (b"raise", "damaged Fault file: its reader ended by code 1"),
+        (b"raise", "damaged Fault file: its reader ended by RuntimeError"),
         (b"refuse", "this one is refused"),
         (b"allocate 2000000000", "needs more memory than the limit (rig.max_log_bytes) allows"),
     ],
 )
 @pytest.mark.parametrize("n_before", [1, pytest.param(0, marks=pytest.mark.slow)])
 def test_a_log_that_breaks_its_child_costs_itself_alone(log, says, n_before) -> None:
-    pids = [ask(b"before").content["pid"] for _ in range(n_before)]
+    pids = [ask(b"before").pid for _ in range(n_before)]
     assert says in refusal(log)
     answer = ask(b"after")
     # Nor is a child asked again that has refused: its memory may be spoilt.
-    assert answer.content["pid"] not in pids
-    assert answer.content["n_seen"] == 1
+    assert answer.pid not in pids
+    assert answer.n_seen == 1
 
 
 def test_a_library_that_cannot_spoil_memory_goes_on_after_a_refusal() -> None:
     safe = READER._replace(is_memory_safe=True)
-    pid = ask(b"before", reader=safe).content["pid"]
+    pid = ask(b"before", reader=safe).pid
     with pytest.raises(LogError, match="this one is refused"):
         ask(b"refuse", reader=safe)
-    assert ask(b"after", reader=safe).content["pid"] == pid
+    assert ask(b"after", reader=safe).pid == pid
     with pytest.raises(LogError, match=r"rig\.max_log_bytes"):
         ask(b"allocate 2000000000", reader=safe)
-    assert ask(b"after", reader=safe).content["pid"] != pid
+    assert ask(b"after", reader=safe).pid != pid
 
 
 @pytest.mark.parametrize("log", [b"wears", b"leak 2000000000"])
 def test_what_the_logs_before_did_to_a_child_is_not_blamed_on_the_next(log) -> None:
     first = ask(log)
     second = ask(log)
-    assert second.content["pid"] != first.content["pid"]
-    assert second.content["n_seen"] == 1
+    assert second.pid != first.pid
+    assert second.n_seen == 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited there alone")
@@ -101,13 +108,13 @@ def test_what_the_logs_before_did_to_a_child_is_not_blamed_on_the_next(log) -> N
 def test_memory_is_limited_by_the_size_of_the_log_and_its_limit(n_bytes, limit, asked, is_read):
     log = (b"allocate %d" % asked).ljust(n_bytes)
     if is_read:
-        assert ask(log, limit).content["n_seen"] == 1
+        assert ask(log, limit).n_seen == 1
     else:
         assert "rig.max_log_bytes" in refusal(log, limit)
 
 
 def test_a_child_that_never_ends_is_ended(monkeypatch) -> None:
-    pid = ask(b"log").content["pid"]
+    pid = ask(b"log").pid
     monkeypatch.setattr(child_process, "_TIME_LIMIT", 0.1)
     start = time.monotonic()
     assert "damaged Fault file: not read in 0.1 s" in refusal(b"sleep")
@@ -118,21 +125,18 @@ def test_a_child_that_never_ends_is_ended(monkeypatch) -> None:
 
 
 def test_a_child_that_nobody_asks_ends_and_the_next_log_gets_another(monkeypatch) -> None:
-    brief = child_process._CHILD.replace(
-        "serve()", "import damperfit.io.child_process as c; c._IDLE = 0.3; serve()"
-    )
-    monkeypatch.setattr(child_process, "_CHILD", brief)
-    pid = ask(b"log").content["pid"]
+    monkeypatch.setattr(child_process, "_IDLE", 0.3)
+    pid = ask(b"log").pid
     assert is_gone(pid)
-    assert ask(b"log").content["pid"] != pid
+    assert ask(b"log").pid != pid
 
 
 def test_a_child_that_ended_unseen_is_replaced(monkeypatch) -> None:
-    pid = ask(b"log").content["pid"]
+    pid = ask(b"log").pid
     os.kill(pid, signal.SIGKILL)
     # As if it had ended after it was looked at.
-    monkeypatch.setattr(child_process._Child, "is_alive", True)
-    assert ask(b"log" + bytes(1_000_000)).content["pid"] != pid
+    monkeypatch.setattr(child_process.Worker, "is_alive", True)
+    assert ask(b"log" + bytes(1_000_000)).pid != pid
 
 
 def test_threads_have_children_of_their_own(children) -> None:
@@ -152,7 +156,7 @@ from damperfit.io.child_process import ChildReader, ask_child
 from damperfit.io.files import Source
 def pid():
     source = Source("a", "a", b"log", "")
-    return ask_child({READER!r}, source, ReadOptions()).content["pid"]
+    return ask_child({READER!r}, source, ReadOptions())[0]
 """
 
 
