@@ -42,8 +42,8 @@ PRESENTATION = (
     *("color", "no_progress", "verbose"),
 )
 _OF_PYTHON = {
-    "damper": "The damper, or keys of [damper]; the paper's where neither it nor `config` says it.",
-    "watch": "Who looks on: progress, and the wish to stop.",
+    "damper": "The damper, or keys of [damper]; by default that of `config`, else the paper's.",
+    "watch": "Receives the progress, and may ask to stop.",
     "stop": "Ends it when it is set; Ctrl-C does so too.",
     "on_law": "Called with the name of each law that was tried.",
     "inspect.units": "Units of columns that do not say theirs.",

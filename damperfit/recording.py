@@ -256,7 +256,7 @@ class Trace:
 
     @property
     def compared(self) -> slice | NDArray[np.int64]:
-        """What picks the compared samples out of the trace's, in order of time."""
+        """Index of the compared samples in the trace, in order of time."""
         if len(self.segments) == 1:
             return self.segments[0].window
         return np.concatenate([np.arange(x.first, x.stop) for x in self.segments])

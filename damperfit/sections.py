@@ -377,7 +377,7 @@ class IdentificationSection(Section):
         "last steady cycles of each log kept from the fit; 0.2: a fifth of them",
         least=0.0, option="N", panel="Trust")
     max_evaluations: int = key(100,
-        "simulations one descent may take; a doubtful fit starts several", least=1)
+        "simulations that one minimisation may take; a doubtful fit runs several", least=1)
     tolerance: float = key("10mN",
         "force error that one step of the integrator may make", "force", above=0.0)
     dead_band: float = key("0.1mm/s",

@@ -107,7 +107,7 @@ class Adjustment:
 
     @property
     def of_offset(self) -> tuple[str, ...]:
-        """What became of the rigs' offsets in forces by setting; empty where there are none."""
+        """A note on the rigs' offsets in forces by setting; empty where there are none."""
         holds_gas = any(force.holds_gas for force in self.forces)
         sentence = offset_sentence([force.tare for force in self.forces], holds_gas=holds_gas)
         return (f"forces by setting: {sentence}",) if sentence else ()
@@ -207,7 +207,7 @@ class Wanted:
         """Return where it is found, for people, in the units that they want."""
         if self.is_still:
             force = units.write(self.weakest[1], "N", ".5g")
-            return f"{self.adjuster} does not move it: {force} at every setting tested"
+            return f"{self.adjuster} does not change it: {force} at every setting tested"
         if not self.answers:
             harder = abs(self.force - self.hardest[1]) < abs(self.force - self.weakest[1])
             setting, force_there = self.hardest if harder else self.weakest
@@ -240,7 +240,7 @@ def _sentence(lines: Sequence[Wanted], units: ShownUnits, *, has_answer: bool) -
         along = f", along {first.adjuster} with {first.held}" * bool(first.held)
         return f"{text}{along}: {first.words(units)}"
     if has_answer and all(line.is_still for line in lines):
-        return f"{text}: {first.adjuster} does not move it"
+        return f"{text}: {first.adjuster} does not change it"
     answered = [line for line in lines if line.answers]
     if answered:
         words = [f"with {line.held}: {line.words(units)}" for line in answered]
@@ -420,7 +420,7 @@ class _Curve:
     def hidden(
         self, position: float, force: float, gap: int
     ) -> tuple[float, float, tuple[str, ...]]:
-        """How far below and above the place may be for what nothing shows in a gap, and why."""
+        """Reach below and above a place in a gap, of what the logs leave open there, and why."""
         away = {
             kind: [place - position for place in self.crossings(force, [gap], kind)]
             for kind in self.between.kinds[1:]

@@ -379,7 +379,7 @@ def _forces_of(
 
 
 def _errors(stage: Stage, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What of the errors of m forces is the setting's alone, (m,), and what shared ones do."""
+    """Errors of m forces from the setting's own values, (m,), and from shared ones."""
     # By slopes of shape (k, m); NaN where nothing is known.
     n, m = len(stage.own), slopes.shape[1]
     if stage.covariance is None:

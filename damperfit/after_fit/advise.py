@@ -282,7 +282,7 @@ def advise(
                 "of this kind repeats"
             )
         elif tests[0].share > 1.0 / _USEFUL:
-            why = "it would show lack of fit of the model that today's interval knows nothing of"
+            why = "it would show a lack of fit that today's interval does not include"
         most = f" by more than {100.0 * (1.0 - least):.2g} %" if is_any_use else ""
         sentence = f"no test within these limits narrows the interval of {title}{most}: {why}"
     speed, tested = abs(question.speed), max(known.setting.top_speed for known in rig.planned)

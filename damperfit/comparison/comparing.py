@@ -657,8 +657,8 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
     for run, (shift, error) in zip(runs, shifts, strict=True):
         if shift:
             of_models = (
-                "; of those of a model that was fitted without an offset half of it, give or take "
-                "half. Its parameters hold the rest: free f_0 in both runs to compare them"
+                "; half of it (± half) off the forces of a model fitted without an offset, whose "
+                "parameters absorb the rest: free f_0 in both runs to compare them"
             )
             yield (
                 f"{run.name}: its measured forces lie {units.write(shift, 'N', '+.3g')} (± "

@@ -230,7 +230,7 @@ def _without_smooth(lag: FloatArray, force: FloatArray, *, kink: float | None) -
 
 
 def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
-    """What is left of the force for each delay; a step that the smooth part makes up is none."""
+    """Residual of the force for each delay; a step that the smooth part absorbs is none."""
     rests, jumps = np.empty((2, len(sides), len(delays)))
     for side, rest, jump in zip(sides, rests, jumps, strict=True):
         compiled_core().steps(

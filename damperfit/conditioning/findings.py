@@ -217,7 +217,7 @@ def _rate_and_filter(seen: Seen) -> Iterator[Finding]:
 
 
 def _drive(seen: Seen) -> Iterator[Finding]:
-    """What drives the model where it is not what is compared, or not what the damper saw."""
+    """Findings where the model's drive is not the compared motion, or not the damper's."""
     trace, options = seen.trace, seen.options
     corner, drive = options.filter_corner, trace.drive
     n_jumps, n_bridged = len(drive.jumps), len(trace.model_filter.bridged)
@@ -274,7 +274,7 @@ _NEAR = 0.2  # of the nominal test: further off another test was meant
 
 
 def _segments(seen: Seen) -> Iterator[Finding]:
-    """What is compared; a run that something broke; a motion that comes back with another force."""
+    """The segments; a broken steady run; a motion that returns with another force."""
     trace, segments = seen.trace, seen.trace.segments
     parts = ", ".join(
         f"{counted(segment.n_cycles, 'cycle')} of {segment.frequency:.3g} Hz to "
@@ -396,7 +396,7 @@ _LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is
 
 
 def _size(seen: Seen) -> Iterator[Finding]:
-    """How long, how large, and of which shape what is evaluated is."""
+    """Length, size and shape of the evaluated motion."""
     trace, log = seen.trace, seen.log
     first, last = trace.segments[0], trace.segments[-1]
     begin = float(first.cycle_starts[0]) if first.n_cycles else first.first
@@ -601,7 +601,7 @@ def _force_trend(up: _Peaks, down: _Peaks, warming: tuple[float, float] | None) 
 
 
 def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Finding]:
-    """How far the mean force goes: each speed has its own, one slope in time is common to all."""
+    """Drift of the mean force: each speed has its own mean, one slope in time is common to all."""
     half = 0.5 * float(np.ptp(trace.force[trace.compared]))
     means = []
     for segment in trace.segments:
@@ -741,7 +741,7 @@ def _lines_off_harmonics(seen: Seen) -> Iterator[Finding]:
                 text = (
                     f"the {name} has a line at {frequency:.3g} Hz, {factor * size:.2g} {unit}, "
                     "which is no harmonic of the motion: hum, a pump or a resonance of the rig; "
-                    "find its source, for errors of what is fitted count it as noise"
+                    "find its source: the intervals count it as noise"
                 )
                 yield Finding(f"{name}_line", "warning", text, frequency, "Hz")
                 break

@@ -174,7 +174,7 @@ def noise_ratio(
 
 
 def _unlike_cycles(signal: FloatArray, starts: FloatArray) -> tuple[FloatArray, IntArray, float]:
-    """What a signal differs by from one cycle to the next, its half cycles, and a cycle."""
+    """Difference of a signal from one cycle to the next, its half cycles, and a cycle."""
     # What is another level or size of each half cycle is taken off: it is no noise.
     period = float(starts[-1] - starts[0]) / (len(starts) - 1)
     at = np.arange(math.ceil(starts[0]), math.floor(starts[-1] - period))

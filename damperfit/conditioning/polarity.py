@@ -284,7 +284,7 @@ class Signs(NamedTuple):
 
 
 class _Rest(NamedTuple):
-    """What the force is where the log rests, and which sign it has (0: not clear)."""
+    """The force where the log rests, and its sign (0: not clear)."""
 
     sign: int
     sentence: str  # the force beside the gas force, for people

@@ -482,7 +482,7 @@ def _lasting(counts: BoolArray, interval: float) -> list[tuple[int, int]]:
 
 
 def _is_steady(trace: Trace) -> BoolArray:
-    """Where a passage from turn to turn is one of the steady motion's."""
+    """Places where a passage from turn to turn is one of the steady motion's."""
     last = len(trace.force) - 1
     turns = turning_points(trace.displacement, TURN * float(np.ptp(trace.displacement)))
     ends = np.concatenate([[0], turns, [last]])

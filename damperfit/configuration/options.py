@@ -232,7 +232,7 @@ def parameter_value(quantity: Quantity, value: str | float) -> float:
     name, unit = quantity.name, quantity.unit
     dimension = "absolute pressure" if quantity.is_absolute else _DIMENSIONS.get(unit)
     is_text = isinstance(value, str) and dimension is not None
-    expected, number = f"a number in {unit}", math.nan
+    expected, number = f"a number in {unit}" if unit != "1" else "a number", math.nan
     with suppress(ValueError):
         number = parse_quantity(value, str(dimension)) if is_text else float(value)
         expected = "a finite number"

@@ -95,6 +95,11 @@ class Quantity:
         return f"{self.stroke}_{part}"
 
     @property
+    def unit_after(self) -> str:
+        """Its SI unit behind a number, with the space between; a pure number has none."""
+        return "" if self.unit == "1" else f" {self.unit}"
+
+    @property
     def is_offset(self) -> bool:
         """Whether it is a force of either sign that is added: a tare."""
         return self.role == OFFSET

@@ -157,7 +157,7 @@ class ValveDamper(Cylinder):
 
     @property
     def pressed_areas(self) -> tuple[float, float]:
-        """What presses oil through the rebound valve and through that of compression, m2."""
+        """Areas that press oil through the rebound and the compression valve, m2."""
         rebound, compression = self.pressed
         return getattr(self, rebound), getattr(self, compression)
 
@@ -556,7 +556,7 @@ _STIFFNESS, _OIL_VALVES = (5e4, 5e6), (5e7, 3e9)
 
 
 class Side(NamedTuple):
-    """What presses through a valve."""
+    """The piston behind a valve."""
 
     area: float  # displaces the oil and carries the pressure, m2
     drag: float = 0.0  # force by the speed that other passages cost in this stroke, N s/m

@@ -45,7 +45,7 @@ _NUMBER = r"(-?\d[\d.]*(?:e[-+]?\d+)?)"
 
 @dataclass(frozen=True, slots=True)
 class SettingCheck:
-    """How far what was written is from the logs of a setting."""
+    """Misfit of what was written to the logs of a setting."""
 
     setting: Setting
     mse_percent: float  # of what was written

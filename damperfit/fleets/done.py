@@ -144,7 +144,7 @@ class FleetDone(Answer):
 
     @property
     def written(self) -> tuple[str, ...]:
-        """What stands where, and what an earlier run has left in it."""
+        """Where the parts are, and failures of an earlier run in them."""
         lines = []
         if n_before := sum(task.n_failures - len(task.failures) for task in self.done):
             verb, them = ("counts", "it") if n_before == 1 else ("count", "them")

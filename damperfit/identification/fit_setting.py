@@ -245,7 +245,7 @@ def _last_step(block: Block, near: Values) -> FitResult | None:
 
 
 def descended(block: Block, start: Values, stopping: Stopping) -> FitResult:
-    """Where a descent ends, not judged yet."""
+    """Where a minimisation ends, not judged yet."""
     stopping = stopping._replace(
         max_evaluations=block.max_evaluations,
         least_share=max(stopping.least_share, block.model.kinks),

@@ -297,7 +297,7 @@ class _Search:
         return one_by_one(follows, changes, self.worth, _NO_GAIN)[-1]
 
     def price(self, follows: Mapping[str, tuple[str, ...]]) -> float:
-        """What the unknowns of a way cost."""
+        """Penalty of a way for its unknowns."""
         return len({*self._unknowns(follows)}) * math.log(self.n_eff)
 
     def worth(self, follows: Mapping[str, tuple[str, ...]]) -> float:

@@ -280,7 +280,7 @@ class Stopping(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Minimum(Generic[Extra]):
-    """Where a descent ended; `status` is as `scipy.optimize.least_squares` has it, 0 is a limit."""
+    """The end of a fit; `status` is as `scipy.optimize.least_squares` has it, 0 is a limit."""
 
     variables: FloatArray  # u of the best point found, (k,)
     system: LinearSystem  # residuals and Jacobian there

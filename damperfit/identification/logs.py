@@ -134,7 +134,7 @@ _SHARE = 0.9
 
 
 class LogFacts:
-    """What a fit asks of the logs of one setting again and again, found where first asked for."""
+    """Properties of the logs of one setting that a fit needs often, each computed once."""
 
     def __init__(self, traces: tuple[Trace, ...]) -> None:
         self.traces = traces
@@ -192,7 +192,7 @@ def inseparable(
 def speed_warnings(
     facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[Problem, ...]:
-    """What is to be said of logs that hold one speed, or too few for what is fitted."""
+    """Warnings about logs that hold one speed, or too few for what is fitted."""
     if inseparable(facts, free, quantities):
         return (warning("one-speed", _ONE_SPEED),)
     # Stiffness, gas and mounting show in the corners and along the stroke.

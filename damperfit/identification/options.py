@@ -37,8 +37,8 @@ def check_start(quantity: Quantity, value: float, *, is_fixed: bool, is_held: bo
         )
     if is_held:
         raise ConfigurationError(
-            f"{name} is given a start but is not fitted: it is held at {quantity.default:g} "
-            f"{quantity.unit} unless {{--free}} names it; free it, or give {{fix}}.",
+            f"{name} is given a start but is not fitted: it is held at {quantity.default:g}"
+            f"{quantity.unit_after} unless {{--free}} names it; free it, or give {{fix}}.",
             fix=Option("fix", f"{value:g}", name),
             code="held-and-started",
         )
@@ -46,7 +46,7 @@ def check_start(quantity: Quantity, value: float, *, is_fixed: bool, is_held: bo
     if not low <= value <= high:
         raise ConfigurationError(
             f"{name} = {value:g} is given as a start, far from any damper's; expected {low:g} to "
-            f"{high:g} {quantity.unit}.",
+            f"{high:g}{quantity.unit_after}.",
             code="implausible",
         )
 
@@ -157,7 +157,7 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
         if value is None or (quantity.may_vanish and value == 0.0) or low <= value <= high:
             continue
         text = f"{quantity.name} = {value:g} is fixed, far from any damper's; expected {low:g} to "
-        refuse(f"{text}{high:g} {quantity.unit}.", "implausible", ("identification", "fix"))
+        refuse(f"{text}{high:g}{quantity.unit_after}.", "implausible", ("identification", "fix"))
 
 
 def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:

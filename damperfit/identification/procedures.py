@@ -768,8 +768,8 @@ def _sentence(values: Values, name: str) -> str:
     what = f"{quantity.label} ({quantity.symbol})"
     if quantity.has_own_edges:
         return (
-            f"{what}: {value:g}, an edge of its range at which the law is a simpler one, fits "
-            "best, and is held here."
+            f"{what} fits best at {value:g}, the edge of its range, where the law is a simpler "
+            "one; it is held there."
         )
     if quantity.role in _AS_IF:
         return f"{what}: {_AS_IF[quantity.role]}."

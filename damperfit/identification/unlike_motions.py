@@ -67,7 +67,7 @@ def _top_speed(trace: Trace) -> float:
 
 
 def _differing(pair: Pair, forces: Sequence[FloatArray]) -> tuple[float, float] | None:
-    """What forces over two logs are where their speeds meet; None where noise may be all of it."""
+    """Forces of two logs where their speeds meet; None where noise may explain it all."""
     top = min(map(_top_speed, pair))
     a, b = (_damping(log, force, top) for log, force in zip(pair, forces, strict=True))
     scale = 0.5 * sum(abs(_damping(log, log.force, top)) for log in pair)

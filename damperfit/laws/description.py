@@ -133,7 +133,7 @@ def physics_in(fits: Sequence[LawFit | LawAt], layouts: Sequence[str] = ()) -> t
             sentences.append(f"the bulk modulus of oil and chambers is {numbers} GPa{where}")
     sentences.extend(_of_gas(model, fits))
     sentences.extend(
-        f"the {q.label} is not determined: none is taken, and the intervals allow for up to "
+        f"the {q.label} is not determined: 0 is used, and the intervals allow for up to "
         f"{2.0 * q.ignorance:.2g} {q.shown_unit}"
         for q in model.quantities
         if q.ignorance and q.may_vanish and not any(getattr(at.values, q.name) for at in fits)

@@ -38,7 +38,7 @@ def _misses(
     *,
     has_own_offsets: bool = False,
 ) -> _Missed:
-    """What a law misses of logs, beside what is an offset of each where a rig is tared anew."""
+    """Misfit of a law to logs, less the offset of each where a rig is tared anew."""
     residuals, alone, measured = [], [], []
     for trace in traces:
         force = compare(values, trace, model, solver=solver).force
@@ -147,7 +147,7 @@ def fit_at(
     evaluations: int,
     undetermined: tuple[str, ...] = (),
 ) -> LawFit:
-    """What a model leaves at some values, of the fitted logs and of those held out."""
+    """Misfit of a model at given values, to the fitted logs and to those held out."""
     model, free, solver = misfit.model, misfit.free, misfit.solver
     has_own_offsets = misfit.offset is not None
     missed = _misses(model, values, evidence.fitted, solver, has_own_offsets=has_own_offsets)
@@ -182,7 +182,7 @@ def descended(
     more_start: Mapping[str, float],
     near: Values | None = None,
 ) -> Minimum[Values]:
-    """Where the law's own starts, what was given and the same law elsewhere lead."""
+    """Minima from the law's own starts, given values and fits of the same law."""
     starts = misfit.model.start(misfit.traces, held)
     given = {name: more_start[name] for name in misfit.free if name in more_start}
     if given:
@@ -244,7 +244,7 @@ class Candidate:
 
     @property
     def left_over(self) -> float:
-        """What it leaves, times what is enough: MSE, a held-out log."""
+        """Its misfit over what is enough: MSE, a held-out log."""
         logs = [fit.held_out_percent for fit in self.fits if fit.held_out == "logs"]
         known = [percent / ENOUGH_HELD_OUT_PERCENT for percent in logs if not math.isnan(percent)]
         return max([self.mse_percent / ENOUGH_PERCENT, *known])
@@ -256,13 +256,13 @@ class Candidate:
 
     @property
     def at_bound(self) -> tuple[str, ...]:
-        """What ran into an edge of its range in every setting."""
+        """Quantities at a bound in every setting."""
         names = set(self.fits[0].at_bound).intersection(*(fit.at_bound for fit in self.fits[1:]))
         return tuple(name for name in self.fits[0].free if name in names)
 
     @property
     def freed(self) -> tuple[str, ...]:
-        """What is free although the model has a default for it."""
+        """Quantities that are free although the model has a default."""
         first = self.fits[0]
         return tuple(name for name in first.free if first.model.quantity(name).default is not None)
 

@@ -102,7 +102,7 @@ class OneModel(FitProblem):
         return values
 
     def best_of(self, starts: Sequence[Mapping[Setting, Values]]) -> Minimum[Point]:
-        """Where the best of some starts leads; a `SimulationError` where none can be simulated."""
+        """The minimum from the best of some starts; a `SimulationError` if none can be run."""
         seen = []
         for start in sorted(starts, key=self.cost)[:_LOOKED_AT]:
             with suppress(SimulationError):

@@ -62,7 +62,7 @@ def _rank(rival: Candidate) -> tuple[float, float]:
     return (0.0 if math.isnan(held) else held, rival.mse_percent)
 
 
-# What yields before it slides, held against the valves that were found.
+# Models that yield before they slide, beside the valves that were found.
 #
 # A magneto-rheological fluid or dry friction holds its force down to no speed, and so do
 # preloaded valves. Where logs do, the models that yield are fitted as the valves were, and named
@@ -113,7 +113,7 @@ def unbelievable(law: Candidate) -> str:
             low, high = q.believable
             if is_known and not low <= (value := getattr(fit.values, q.name)) <= high:
                 shown = f"{10.0**-q.power * value:.3g} {q.shown_unit or q.unit}"
-                return f"{q.symbol}, {shown} at setting {fit.setting}, no damper has"
+                return f"{q.symbol} is beyond any damper's, {shown} at setting {fit.setting}"
     return ""
 
 
@@ -153,6 +153,6 @@ def _numbers(fits: Sequence[LawFit]) -> str:
         quantity = model.quantity(name)
         low, high = f"{min(values):.3g}", f"{max(values):.3g}"
         span = low if low == high else f"{low} to {high}"
-        parts.append(f"{quantity.label} {span} {quantity.unit}")
+        parts.append(f"{quantity.label} {span}{quantity.unit_after}")
     text = ", ".join(parts)
     return text[0].upper() + text[1:]

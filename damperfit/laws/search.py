@@ -739,7 +739,7 @@ class _Search:
         return True
 
     def yielding(self, law: Candidate, share: float, by_some: float) -> Candidate:
-        """What yields before it slides, where the logs do and valves fit them less well."""
+        """A model that yields before it slides, where the logs do and valves fit them less well."""
         is_unasked = math.isnan(share) and not math.isnan(by_some)
         if is_unasked and (law.leaves_something or unbelievable(law)):
             share, self.is_held_by_some = by_some, True
@@ -914,7 +914,7 @@ class _Search:
 
 
 class _Linear:
-    """What ties would make of a fit, as a linear least squares beside its untied minimum."""
+    """The effect of ties on a fit, by linear least squares at its untied minimum."""
 
     def __init__(self, search: _Search, fit: _Fit) -> None:
         self.search, self.fit = search, fit

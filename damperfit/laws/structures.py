@@ -183,7 +183,7 @@ class Structure:
         return tuple(tie for tie in other.ties if tie[0] in own)
 
     def _beside(self, name: str) -> str:
-        """What a number of a valve follows where nothing is said of it."""
+        """What a number of a valve follows by default."""
         quantity = self.damper.quantity(name)
         return quantity.beside(_BESIDE.get(quantity.part, ""))
 

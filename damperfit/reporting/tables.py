@@ -476,8 +476,8 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
     marked = next((place for place in places if words(place) != str(place[0])), None)
     if has_click and marked is not None:
         notes.append(
-            f'"{words(marked)}": only {marked[1]} was turned to get there; a setting that each '
-            "adjuster leads to has a row for each"
+            f'"{words(marked)}": only {marked[1]} was turned to get there; a setting with a '
+            "neighbour along each adjuster has a row for each"
         )
     gas = sorted({row["gas_N"] for row in rows if row.get("gas_N") is not None})
     if gas:

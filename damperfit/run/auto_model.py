@@ -80,7 +80,7 @@ def declared_dimensions(
 
 
 def _declared(configuration: Configuration) -> set[str]:
-    """What is declared of what any layout takes from the damper."""
+    """Declared values among those that a layout takes from the damper."""
     if isinstance(configuration.damper, Damper):
         return {*declared_dimensions(configuration, configuration.damper)}
     return {name.removeprefix("damper.") for name in configuration.declared}
@@ -117,8 +117,8 @@ def open_layout(
         return ()
     elif layout is not None:
         text = (
-            f"The valves of the {layout.replace('_', ' ')}: the paper's model is enough for these "
-            f'logs, and its resistances are none of theirs. damper.model = "{layout}" keeps them.'
+            f"The valves of the {layout.replace('_', ' ')}: the paper's model, which has others, "
+            f'is enough for these logs. damper.model = "{layout}" fits them all the same.'
         )
     else:
         text = (

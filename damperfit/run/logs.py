@@ -175,7 +175,7 @@ class LogBatch:
 
 
 class Labels:
-    """Who says what of the logs of a run, before they are read."""
+    """What is declared about the logs of a run, before they are read."""
 
     def __init__(
         self,

@@ -219,7 +219,7 @@ def _objections(
     """Return what a grade must not hide, but for predictions: of fits, of delivery, of air."""
     gas, assumed = configuration.conditioning.gas, configuration.assumed_dimensions
     against: dict[Setting, tuple[Objection, ...]] = failure_log.spared(
-        "looking for what a grade must not hide",
+        "looking for objections to the grades",
         lambda: objections(campaign, assessment, gas, assumed=assumed),
         {},
     )
@@ -245,7 +245,7 @@ def _objections(
     if "damper.ambient_pressure" not in configuration.declared and not configuration.is_assumed:
         damper, options = configuration.damper, configuration.identification
         air: dict[Setting, Objection] = failure_log.spared(
-            "looking for the air on the rod",
+            "checking the pressure of the air on the rod",
             lambda: air_objections(campaign, assessment, damper, options, jobs=jobs),
             {},
         )
@@ -674,7 +674,7 @@ def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Ite
     for quantity in fit.parameters.quantities:
         name = quantity.name
         value, status = fit.parameters[name], fit.status[name]
-        words = f"{name} = {engineering(value, digits=5)} {quantity.unit}"
+        words = f"{name} = {engineering(value, digits=5)}{quantity.unit_after}"
         if sharing.follows.get(name):
             continue
         is_own = quantity.default is None and not quantity.is_shared

@@ -32,7 +32,7 @@ _LONGEST = 200  # letters of a value; a longer one is cut
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """What is known of the thing on the rig and of its test, as somebody wrote it; else empty."""
+    """Identity of the damper on the rig and of its test, as it was written; else empty."""
 
     damper: str = ""
     serial: str = ""

@@ -283,9 +283,9 @@ def shared_apart(linearised: Sequence[Linearisation], sharing: Sharing) -> Itera
             )
             yield warning(
                 "shared-apart",
-                "{label}: the logs of setting {first} by themselves ask for about {low}, those of "
-                "setting {second} for {high} {unit}: they disagree about the one value that all "
-                "settings have; part of it is something else{untie}",
+                "{label}: the logs of setting {first} alone give about {low}, those of setting "
+                "{second} {high} {unit}: they disagree about the value that all settings share: "
+                "something else is part of it{untie}",
                 label=quantity.label,
                 first=low[-1].setting,
                 second=high[-1].setting,
@@ -305,7 +305,7 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
     tied: str,
 ) -> str:
     status, quantity = fit.status[name], fit.parameters.quantity(name)
-    unit, value = quantity.unit, getattr(fit.parameters, name)
+    unit, value = quantity.unit_after, getattr(fit.parameters, name)
     seen = "" if profile is None else _seen(profile, unit)
     limit = f" ({seen})" if seen else ""
     if status == Status.FIXED:
@@ -326,23 +326,23 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
     if profile is not None and profile.is_complete and (profile.is_flat or not interval.misfit):
         where = seen
     if profile is not None and profile.better is not None:
-        better = f"{profile.better.value:.4g} {unit}"
+        better = f"{profile.better.value:.4g}{unit}"
         where += f", a better minimum lies near {better}: fit with 20 starts"
     if status != Status.NOT_IDENTIFIABLE:
         if interval.misfit > 0.0:
             where += (
-                f" (standard errors: {interval.error:.2g} {unit} from noise, "
-                f"{interval.misfit:.2g} {unit} from lack of fit)"
+                f" (standard errors: {interval.error:.2g}{unit} from noise, "
+                f"{interval.misfit:.2g}{unit} from lack of fit)"
             )
         origin = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
         return f"{origin}, {where}{tied}"
-    used = f"; {value:.4g} {unit} is used"
+    used = f"; {value:.4g}{unit} is used"
     used_for = f"{used} for {whose}" if whose else ""
     if profile is not None and profile.shape == "flat upward":
         part = "mounting" if quantity.is_of_mounting else "oil" * quantity.is_open
         rigid = f", as with rigid {part}" * bool(part)
         return (
-            f"not identifiable upward: at least {profile.low:.4g} {unit} (95 %), and any higher "
+            f"not identifiable upward: at least {profile.low:.4g}{unit} (95 %), and any higher "
             f"value fits these logs as well{rigid}{tied}{used_for or used}; hold it, or fit faster "
             "logs with more force"
         )
@@ -354,14 +354,14 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
 
 
 def _unopened(name: str, fit: Fit, known: Uncertainty) -> str:
-    """What is said of a number of a blow-off that no log opens; empty of others."""
+    """A sentence on a number of a blow-off that no log opens; empty for others."""
     least, quantity = known.unopened.get(name), fit.parameters.quantity(name)
     if least is not None:
-        value, unit = getattr(fit.parameters, name), quantity.unit
+        value, unit = getattr(fit.parameters, name), quantity.unit_after
         used = "" if value > least else " with a slope that lets next to nothing through"
         return (
-            f"these logs do not open it: it opens above {least:.4g} {unit}, the highest pressure "
-            f"on it in them, and any higher value fits as well; {value:.4g} {unit} is used{used}"
+            f"these logs do not open it: it opens above {least:.4g}{unit}, the highest pressure "
+            f"on it in them, and any higher value fits as well; {value:.4g}{unit} is used{used}"
         )
     is_beside = quantity.group == "blow_off" and quantity.beside("opening") in known.unopened
     return "these logs do not determine it: they do not open the blow-off" * is_beside
@@ -369,13 +369,13 @@ def _unopened(name: str, fit: Fit, known: Uncertainty) -> str:
 
 def _span(low: float, high: float, quantity: Quantity) -> str:
     """Its 95 %; an end beyond the plausible range is no limit."""
-    (least, most), unit = quantity.plausible, quantity.unit
+    (least, most), unit = quantity.plausible, quantity.unit_after
     if low >= least:
         return (
-            f"95 % {f'from {low:.4g} to {high:.4g}' if high <= most else f'above {low:.4g}'} {unit}"
+            f"95 % {f'from {low:.4g} to {high:.4g}' if high <= most else f'above {low:.4g}'}{unit}"
         )
     if high <= most:
-        return f"95 % below {high:.4g} {unit}"
+        return f"95 % below {high:.4g}{unit}"
     return "no value of its plausible range is excluded"
 
 
@@ -385,12 +385,12 @@ def _seen(profile: MisfitProfile, unit: str) -> str:
     if not profile.is_complete:
         return "its profile was not completed; ask for profiles"
     if low is not None and high is not None:
-        return f"95 % from {low:.4g} to {high:.4g} {unit} by its profile"
+        return f"95 % from {low:.4g} to {high:.4g}{unit} by its profile"
     if high is not None:
-        return f"flat downward, only an upper limit: 95 % below {high:.4g} {unit}"
+        return f"only an upper limit: 95 % below {high:.4g}{unit}"
     if low is not None:
-        return f"flat upward, only a lower limit: 95 % above {low:.4g} {unit}"
-    return "flat upward and downward: no limit at all"
+        return f"only a lower limit: 95 % above {low:.4g}{unit}"
+    return "no limit at all"
 
 
 # Of an MSE in per cent: a misfit of 1 % of the force.
@@ -592,7 +592,7 @@ def _with_hidden_friction(
     ]
     if any(name in linear.flawed for linear in linearised):
         return with_friction, ()
-    text = "{settings}: a small misfit is as from {words}; the intervals allow for it."
+    text = "{settings}: a small misfit looks like {words}; the intervals allow for it."
     where = of_settings(setting.diagnosis.setting for setting in settings)
     problem = warning(
         "misfit-of-all", text, settings=where, words=FLAWS[name].words(amount), flaw=name

@@ -504,7 +504,7 @@ def _flat_topped(lag: int, n: int) -> FloatArray:
 
 
 def _gain(kernel: FloatArray, length: int) -> FloatArray:
-    """What a symmetric kernel, given from lag 0, makes of each frequency."""
+    """Gain of a symmetric kernel, given from lag 0, at each frequency."""
     reach = len(kernel)
     whole = np.zeros(length)
     whole[:reach] = kernel
@@ -514,7 +514,7 @@ def _gain(kernel: FloatArray, length: int) -> FloatArray:
 
 @lru_cache(maxsize=16)  # logs alike have a few lengths of correlation
 def _frequency_weights(taps: bytes, length: int) -> FloatArray:
-    """What real and imaginary parts count in sums over frequencies, both ways."""
+    """Weights of real and imaginary parts in sums over frequencies."""
     weight = 2.0 * _gain(np.frombuffer(taps), length)
     weight[0] *= 0.5
     if length % 2 == 0:

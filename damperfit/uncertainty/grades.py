@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 class GradeLimits(NamedTuple):
-    """What a grade must not go beyond; ranges of single quantities stand with them."""
+    """Limits beyond which a grade is withheld; ranges of single quantities stand with them."""
 
     cavitation: float = 0.05  # share of the cycle with an empty chamber, where the log is missed
     offset: float = 1.0  # distance of f_0 from the log's offset, over what that may be wrong by
@@ -136,7 +136,7 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
     for quantity in values.quantities:
         if fit.status[quantity.name] == Status.AT_BOUND:
             side, edge = edge_of(values, quantity.name)
-            text = f"is at a bound of its range ({side} {edge:.3g} {quantity.unit})"
+            text = f"is at a bound of its range ({side} {edge:.3g}{quantity.unit_after})"
             yield Objection("bound", quantity.name, f"{quantity.symbol} {text}")
     fitted = [quantity for quantity in values.quantities if fit.status[quantity.name] in _FOUND]
     for quantity in fitted:
@@ -194,7 +194,7 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
 
 
 def _turned_gas(fit: Fit, intervals: Mapping[str, Interval], gas: GasFacts) -> Objection | None:
-    """Where an offset turns the gas force round, as signs do that are both declared wrongly."""
+    """An offset that reverses the gas force, as two wrongly declared signs do."""
     for quantity in fit.parameters.quantities:
         error = intervals.get(quantity.name)
         if not quantity.is_offset or error is None or gas.force < _LEAST_GAS:
@@ -203,8 +203,8 @@ def _turned_gas(fit: Fit, intervals: Mapping[str, Interval], gas: GasFacts) -> O
         level, doubt = value - gas.force, math.hypot(error.error, error.misfit)
         if abs(level / gas.force - 1.0) < _TURNED and level > _CERTAIN * doubt:
             text = (
-                f"{symbol} = {value:.0f} N turns the gas force of {-gas.force:.0f} N round, as "
-                "if both channels were positive in compression: check the signs; hold "
+                f"{symbol} = {value:.0f} N reverses the gas force of {-gas.force:.0f} N, as if "
+                "both channels were positive in compression: check the signs; hold "
                 f"{symbol} if the load cell has such a zero"
             )
             return Objection("direction", quantity.name, text)
@@ -220,7 +220,7 @@ def _repeats(diagnosis: Diagnosis) -> bool:
 def _doubted_dimensions(
     campaign: Campaign, diagnoses: Mapping[Setting, Diagnosis], assumed: str
 ) -> dict[Setting, tuple[Objection]]:
-    """Where what repeats is that of other dimensions, or of undeclared dimensions."""
+    """Settings whose misfit looks like other dimensions, or has undeclared ones."""
 
     def is_of_gas(diagnosis: Diagnosis, *names: str) -> bool:
         """Whether nearly all that repeats is as of another gas spring."""
@@ -239,7 +239,7 @@ def _doubted_dimensions(
             continue
         whole, noise = diagnosis.mse_percent, diagnosis.noise_percent
         text = f"the MSE is {whole:.2g} %, of which only {noise:.2g} % is noise"
-        because = "" if assumed else f", and the rest is as from {diagnosis.hints[0].words}"
+        because = "" if assumed else f", and the rest looks like {diagnosis.hints[0].words}"
         text = f"{assumed} {text}{because}: declare the damper as it is".lstrip()
         doubted[setting] = (Objection("dimensions", "", text),)
     return doubted
@@ -692,7 +692,7 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
 
 
 def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
-    """What scatter between a residual's cycles costs, %; else as much as there is `elsewhere`."""
+    """MSE from scatter between a residual's cycles, %; of a single cycle as `elsewhere`."""
     scatter = sum(
         segment.n_samples
         * (residual_scatter(rest[place], segment) if segment.n_cycles > 1 else elsewhere)

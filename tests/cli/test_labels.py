@@ -56,7 +56,9 @@ def test_settings_answers_for_all_adjusters(results, run):
     (answer,) = document["answers"]
     assert (answer["below"], answer["above"]) == ("R6 C8", "R8 C8")
     assert 6.0 < answer["position"] < 8.0
-    assert "along compression with rebound 8: compression does not move it" in document["sentence"]
+    assert (
+        "along compression with rebound 8: compression does not change it" in document["sentence"]
+    )
 
 
 def test_one_setting_declared_for_logs_that_plainly_differ_is_an_error(bodies, run, tmp_path):

@@ -224,7 +224,7 @@ def about_dimensions(*seen, assumed=""):
 def test_a_misfit_of_another_gas_spring_or_rod(mse, noise, hints, *, is_withheld) -> None:
     said = about_dimensions(told(mse, noise, hints=hints))
     assert len(said) == is_withheld
-    assert all("the rest is as from a wrong gas or rod volume (29 N" in one for _, one in said)
+    assert all("the rest looks like a wrong gas or rod volume (29 N" in one for _, one in said)
 
 
 @pytest.mark.parametrize(("mse", "is_withheld"), [(0.0201, True), (0.0199, False)])

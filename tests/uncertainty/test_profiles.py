@@ -114,12 +114,12 @@ def test_no_friction_has_an_upper_limit() -> None:
     low, high = judged.limits(4, "f_f")
     assert low is None
     assert 0.01 < high < 2.0
-    assert "flat downward" in judged.verdicts(campaign)[4]["f_f"]
+    assert "only an upper limit" in judged.verdicts(campaign)[4]["f_f"]
     again = reconsider(campaign, judged)
     assert again.fits[0].status["f_f"] == "not_identifiable"
     assert again.fits[0].outcome is Outcome.NOT_IDENTIFIABLE
     assert judged.verdicts(again)[4]["f_f"] == (
-        "these logs cannot distinguish it from none (flat downward, only an upper limit: 95 % "
+        "these logs cannot distinguish it from none (only an upper limit: 95 % "
         f"below {high:.4g} N): the law may as well lack this part"
     )
     assert "bound" not in {one.kind for one in objections(again, judged).get(Setting.of(4), ())}

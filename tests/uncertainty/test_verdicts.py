@@ -171,9 +171,9 @@ def verdicts(fit, known, sharing, *profiles):
         ("shared", None, "shared by all settings, 95 % from 2.547e+06"),
         ("fixed", None, "held at the value given"),
         ("at_bound", (1.0, 3.0), "is at a bound of its plausible range: 95 % from 1 to 3"),
-        ("fitted", (None, 3.0), "fitted, flat downward, only an upper limit: 95 % below 3"),
+        ("fitted", (None, 3.0), "fitted, only an upper limit: 95 % below 3"),
         ("not_identifiable", (5e4, None), "not identifiable upward: at least 5e+04"),
-        ("not_identifiable", (None, 5e4), "these logs do not determine it (flat downward"),
+        ("not_identifiable", (None, 5e4), "these logs do not determine it (only an upper limit"),
         ("not_identifiable", None, "these logs do not determine it (95 % from 2.547e+06"),
     ],
 )

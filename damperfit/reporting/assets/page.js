@@ -43,7 +43,7 @@
     const colour = look[line.colour] || line.colour;
     const few = array(line.x).length <= 60;
     const [x, y] = points(line, panel);
-    const one = {
+    const drawn = {
       type: "scatter", x, y, name: line.label,
       mode: marked(line) ? (JOINED.has(line.style) ? "lines+markers" : "markers") : "lines",
       xaxis: "x", yaxis: row ? `y${row + 1}` : "y",
@@ -53,14 +53,14 @@
     };
     if (marked(line)) {
       const size = line.style === "rings" ? 16 : line.style === "triangle_line" ? 10 : JOINED.has(line.style) ? 6 : few ? 8 : 3;
-      one.marker = { color: colour, size, symbol: SYMBOLS[line.style], line: { width: few ? 1.5 : 0, color: colour } };
+      drawn.marker = { color: colour, size, symbol: SYMBOLS[line.style], line: { width: few ? 1.5 : 0, color: colour } };
     }
-    if (!marked(line) || JOINED.has(line.style)) one.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid", simplify: false };
-    if (line.style === "wide") one.opacity = 0.7;  // what lies thin on top of it is seen
-    if (line.style === "pale") one.opacity = 0.6;
-    if (line.style === "faint") one.opacity = 0.3;
-    if (line.up !== null && marked(line)) one.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
-    return one;
+    if (!marked(line) || JOINED.has(line.style)) drawn.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid", simplify: false };
+    if (line.style === "wide") drawn.opacity = 0.7;  // what lies thin on top of it is seen
+    if (line.style === "pale") drawn.opacity = 0.6;
+    if (line.style === "faint") drawn.opacity = 0.3;
+    if (line.up !== null && marked(line)) drawn.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
+    return drawn;
   }
 
   // A line with an interval: the band first, under the line.
@@ -116,7 +116,7 @@
     const plot = plots[place], div = document.getElementById(`plot-${place}`), look = theme();
     const data = plot.panels.flatMap((panel, row) =>
       panel.lines.filter((line) => !off.has(String(line.setting))).flatMap((line) => traces(line, panel, row, look, plot.keyed)));
-    const shown = data.filter((one) => one.showlegend).length;
+    const shown = data.filter((trace) => trace.showlegend).length;
     const layout = {
       ...axes(plot, look), ...marks(plot, look),
       paper_bgcolor: look.paper, plot_bgcolor: look.paper,
@@ -166,7 +166,7 @@
   }
 
   function switched() {
-    document.querySelectorAll(".log").forEach((one) => { one.hidden = off.has(one.dataset.setting); });
+    document.querySelectorAll(".log").forEach((log) => { log.hidden = off.has(log.dataset.setting); });
     plots.forEach((_, place) => {
       if (place_of(place).closest("[hidden]") && drawn.delete(place)) Plotly.purge(`plot-${place}`);
     });
@@ -187,14 +187,14 @@
   const details = [...document.querySelectorAll("details")];
   let opened = [];
   addEventListener("beforeprint", () => {
-    opened = details.filter((one) => !one.open);
-    opened.forEach((one) => { one.open = true; });
+    opened = details.filter((fold) => !fold.open);
+    opened.forEach((fold) => { fold.open = true; });
     printing = true; 
     redraw();
     drawAll();
   });
   addEventListener("afterprint", () => {
-    opened.forEach((one) => { one.open = false; });
+    opened.forEach((fold) => { fold.open = false; });
     printing = false;
     redraw();
   });
@@ -214,7 +214,7 @@
     const place = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
     if (place) enter(place);
   }
-  details.forEach((one) => one.addEventListener("toggle", () => { if (one.open) drawAll(); }));
+  details.forEach((fold) => fold.addEventListener("toggle", () => { if (fold.open) drawAll(); }));
   addEventListener("hashchange", entered);
   entered();
   window.damperfit = { plots, colours, drawAll };
