@@ -16,16 +16,19 @@ from damperfit.io import read_curves, read_log
 from damperfit.simulation import simulate
 from damperfit.uncertainty.assessment import assess
 
+# Commands stay on one line, and 120 columns of the terminal's output are seen at once.
+_STYLE = "td:first-child code { white-space: nowrap } pre code { font-size: 0.7rem }\n"
 _STEPS = (read_log, read_curves, condition, identify, simulate, assess)
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the page of the API, of which mkdocstrings makes the entries."""
+    """Add the page of the API, of which mkdocstrings makes the entries, and a style sheet."""
     names = sorted(set(dir(damperfit)) - {"__version__"})
     objects = (*(getattr(damperfit, name) for name in names), *_STEPS)
-    entries = [f"::: {one.__module__}.{one.__qualname__}" for one in objects]
+    entries = [f"::: {item.__module__}.{item.__qualname__}" for item in objects]
     text = "\n\n".join(["# API reference", *entries]) + "\n"
     files.append(File.generated(config, "api.md", content=text))
+    files.append(File.generated(config, "site.css", content=_STYLE))
     return files
 
 
