@@ -608,6 +608,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     force: str | float | None = None,
     velocity: str | float | None = None,
     stroke: str | None = None,
+    without_gas: bool = False,
     amplitude: str | float | None = None,
     frequency: str | float | None = None,
     temperature: str | float | None = None,
@@ -630,7 +631,8 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     if len(paths) == len(places):
         from damperfit.queries.settings import measured_forces
 
-        idle = ("amplitude", "frequency", "temperature", "units")
+        idle = ("amplitude", "frequency", "temperature", "units", "without_gas")
+        given |= {"without_gas": without_gas or None}
         refuse_idle(given, idle, f"the forces of {paths[0]} were measured, not simulated")
         reading = {name: given[name] for name in ("rig", "rig_profile", "config")}
         options = configured("settings", reading, is_law_open=True).reading
@@ -644,7 +646,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     how = {name: given[name] for name in ("config", "temperature")}
     run = Run.load(places[0], parts=("parameters",), **how)
     motion = {name: given[name] for name in ("amplitude", "frequency")}
-    return tabulate_forces(run, question, **motion, units=shown)
+    return tabulate_forces(run, question, **motion, without_gas=without_gas, units=shown)
 
 
 @public

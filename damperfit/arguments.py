@@ -148,6 +148,7 @@ _ROWS: dict[str, dict[str, tuple[Any, ...]]] = {
             "Speeds to compare at.  [default: the named test speeds]"),
         "stroke": ("text", "NAME", "rebound or compression, instead of a sign."),
         "force": ("text", "FORCE", "Which setting gives it? As in 900N; minus: compression."),
+        "without_gas": ("flag", "", "Leave the gas force out of all forces, as a dyno can."),
         "vary": ("texts", "NAME=F1,F2",
             "Scale by these factors: r_m1 r_m2 r_m3 k_e f_f f_0 p_0 gamma amplitude frequency."),
         "paper": ("flag", "",

@@ -191,11 +191,30 @@ class Wanted:
     held: str = ""  # where the other adjusters stand, for people; empty where there are none
     origin: str = MODEL  # of the forces that it was looked for among
     gas: float = math.nan  # force of the gas that is in them; NaN: none that is known
+    without_gas: bool = False  # it was taken out of them
 
     @property
     def sentence(self) -> str:
         """For people, in newtons and metres a second."""
         return wanted_sentences((self,))[0]
+
+    def gas_out(self) -> Wanted:
+        """Return the same with the gas force taken out of all its forces."""
+        answers = (
+            answer._replace(
+                force_below=answer.force_below - self.gas, force_above=answer.force_above - self.gas
+            )
+            for answer in self.answers
+        )
+        return replace(
+            self,
+            force=self.force - self.gas,
+            answers=tuple(answers),
+            weakest=(self.weakest[0], self.weakest[1] - self.gas),
+            hardest=(self.hardest[0], self.hardest[1] - self.gas),
+            gas=math.nan,
+            without_gas=True,
+        )
 
     @property
     def is_still(self) -> bool:
@@ -236,6 +255,7 @@ def _sentence(lines: Sequence[Wanted], units: ShownUnits, *, has_answer: bool) -
     first, *others = lines
     text = f"{units.write(first.force, 'N', '.5g')} in {STROKE_WORDS[first.stroke]} at "
     text += units.write_speed(first.speed) + ", as measured" * (first.origin == MEASURED)
+    text += ", without the gas force" * first.without_gas
     if not others:
         along = f", along {first.adjuster} with {first.held}" * bool(first.held)
         return f"{text}{along}: {first.words(units)}"

@@ -175,6 +175,16 @@ class Force:
     holds_gas: bool = False  # the model knows no gas: the offset holds it, and is in the force
 
     @property
+    def gas_out(self) -> Force:
+        """The same with the gas force taken out of it, and of what was measured."""
+        measured = self.measured
+        if measured is not None:
+            names = ("force", "opening", "closing", "peak")
+            measured = replace(measured, **{n: getattr(measured, n) - self.gas for n in names})
+        force, model = self.force - self.gas, self.model_force - self.gas
+        return replace(self, force=force, model_force=model, measured=measured, gas=math.nan)
+
+    @property
     def reach(self) -> float:
         """Half the 95 % interval of noise and misfit, N."""
         return NORMAL_95 * math.hypot(self.error, self.misfit)

@@ -246,11 +246,13 @@ def tabulate_forces(
     *,
     amplitude: str | None = None,
     frequency: str | None = None,
+    without_gas: bool = False,
     units: ShownUnits = SI,
 ) -> SettingForces:
     """Return forces and clicks of a run, and where a wanted force is found.
 
-    With a sine forces are shown up to its peak speed, instead of that of the test's own motion.
+    ``without_gas`` leaves the gas force out of all forces, the wanted one too. With a sine
+    forces are shown up to its peak speed, instead of that of the test's own motion.
     """
     damper = refuse_unfitted(run).damper
     size = positive(amplitude, "length", "amplitude")
@@ -305,14 +307,23 @@ def tabulate_forces(
             "speeds are shown; the forces are those at constant speed, whatever the stroke"
         )
     notes += [*notes_on_settings(damper, run.settings), *_force_notes(run, forces, shown)]
+    wanted, steps, gas = question.force, clicks(shown), 0.0
+    if without_gas and math.isnan(gas := shown[0].gas):
+        why = f"{{where}} has no effect: the model {damper.name} knows no gas force; leave it out"
+        raise ConfigurationError(why, where=Option("without_gas"), code="no-effect")
+    answers = () if wanted is None else _wanted(run, shown, question, wanted + gas)
+    if without_gas:
+        shown = tuple(force.gas_out for force in shown)
+        answers = tuple(answer.gas_out() for answer in answers)
+        source += f", without the gas force, {units.write(gas, 'N', '.4g')} at mid-stroke"
     return SettingForces(
         run,
         question,
         sine,
         source,
         shown,
-        clicks(shown),
-        () if question.force is None else _wanted(run, shown, question, question.force),
+        steps,
+        answers,
         (*run.remarks, *run.remarks_on_errors, *lost),
         tuple(notes),
         tuple(failures[setting].trace for setting in sorted(failures)),

@@ -97,6 +97,19 @@ def test_a_speed_beyond_the_tests_is_answered_with_a_note(run, results) -> None:
         assert {row["tested"] for row in json.loads(ended.out)["forces"]} == {tested}
 
 
+def test_forces_without_gas_are_those_with_it_less_the_gas_force(run, results) -> None:
+    asked = ("settings", results, "--velocity", "0.2m/s", "--json", "--force")
+    whole = json.loads(run(*asked, "320N").out)
+    gas = whole["forces"][0]["gas_N"]
+    bare = json.loads(run(*asked, f"{320.0 - gas}N", "--without-gas").out)
+    for name in ("force_N", "measured_N", "model_N"):
+        left = [row[name] - gas for row in whole["forces"]]
+        assert [row[name] for row in bare["forces"]] == pytest.approx(left)
+    (answer,), (expected,) = bare["answers"], whole["answers"]
+    assert answer["position"] == pytest.approx(expected["position"])
+    assert answer["force_below"] == pytest.approx(expected["force_below"] - gas)
+
+
 @pytest.mark.parametrize(
     ("checks", "code"),
     [("no_cavitation,mse_below_1_percent", 0), ("purdy2000", 4), ("trend_monotone", 4)],
