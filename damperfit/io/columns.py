@@ -308,14 +308,20 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
             f"{start} declare the numbers and units of time, displacement and force in "
             "rig.columns and rig.units"
         )
-    bases = {split_name(column.name)[0].lower(): column.name for column in columns}
+    taken = {i for channel in _WORDS for *_, i in _candidates(channel, columns)}
+    units = {
+        c.name: c.unit or split_name(c.name)[1] for i, c in enumerate(columns) if i not in taken
+    }
+    bases = {split_name(name)[0].lower(): name for name in units}
     hints = ""
     for channel in channels:
         near = [m for word in _WORDS[channel] for m in get_close_matches(word, bases, 1, 0.7)]
+        by_unit = [name for name, unit in units.items() if _is_unit_of(unit, channel)]
+        guess = by_unit if len(by_unit) == 1 else [bases[name] for name in near]
         of_it = f" for {channel}" if len(channels) > 1 else ""
-        hints += f" Did you mean {visible(bases[near[0]])}{of_it}?" if near else ""
-    names = ", ".join(f"rig.columns.{channel} = 'NAME'" for channel in channels)
-    advice = f" Name {'them' if len(channels) > 1 else 'it'}: {names}"
+        hints += f" Did you mean {visible(guess[0])}{of_it}?" if guess else ""
+    keys = ", ".join(f"rig.columns.{channel} = 'NAME'" for channel in channels)
+    advice = f" Name {'them' if len(channels) > 1 else 'it'}: {keys}"
     if "force" in channels:
         advice += "; without a force nothing can be fitted"
     if "displacement" in channels and _candidates("velocity", columns):

@@ -303,6 +303,7 @@ REFUSED = {
     "raw": ("time;x;force\ns;mm;1\n0;1;2\n1;2;3\n2;3;4\n", {}, "'force' has no unit, needed for"),
     "volts": (PLAIN.replace("force_N", "force (mV)"), {}, "declare rig.scales.force, N a mV, and"),
     "no time": ("No.,x_mm,force_N\n0,1,2\n1,2,3\n", {}, "or declare rig.sample_rate, as '500Hz'"),
+    "by its unit": ("Tm[ms];x_mm;force_N;Temp[C]\n0;1;2;9\n1;2;3;9\n", {}, "you mean 'Tm[ms]'? "),
     "speed alone": ("time_s,v_mm/s,force_N\n0,1,2\n1,2,3\n", {}, "a velocity does not stand for"),
     "no force": ("time_s,front_pos_mm,v_mm_s\n0,1,2\n1,2,3\n", {}, "without a force nothing can"),
     "unknown unit": (PLAIN.replace("force_N", "force (stone)"), {}, "no unit of force 'stone'"),
