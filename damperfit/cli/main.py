@@ -140,7 +140,8 @@ def _explain(error: Exception) -> tuple[str, int]:  # noqa: PLR0911 - one a kind
         command = "" if context is None else context.command_path.removeprefix("damperfit").strip()
         message = " ".join(error.format_message().split()).rstrip(".")
         place = f"{command}: " if command else ""
-        return f"{place}{message}; see damperfit {f'{command} '.lstrip()}--help", 2
+        end = "" if message.endswith("?") else ";"
+        return f"{place}{message}{end} see damperfit {f'{command} '.lstrip()}--help", 2
     if isinstance(error, typer.Abort):
         return "interrupted", _INTERRUPTED
     if isinstance(error, MemoryError):

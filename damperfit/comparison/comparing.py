@@ -583,7 +583,7 @@ def parameter_readings(runs: Sequence[Run], settings: Sequence[Setting]) -> tupl
             if all(row.get(status) == Status.FIXED.value for row in rows):
                 continue
             topic = Topic(
-                *("parameter", name, quantity.symbol, quantity.unit),
+                *("parameter", name, quantity.symbol, quantity.unit_after.strip()),
                 setting=None if is_shared else setting,
                 is_logarithmic=quantity.is_logarithmic,
             )
@@ -819,7 +819,7 @@ def _facts(  # noqa: C901, PLR0912 - one kind after the other
                 yield f"damper.{name}", kind, f"{size:.6g} {unit}".strip(), ""
         if math.isfinite(gas := _gas_force(run)):
             force = units.write(gas, "N", ".1f" if units.of("N") == "N" else ".3g")
-            more = ": their difference is in every difference of force"
+            more = ": this difference is part of every difference of force"
             yield "gas force at mid-stroke", "gas", force, more
     document = run.record.get("configuration")
     for (section, key), (kind, words) in _HOW.items():
@@ -872,7 +872,7 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
     for digest in common:
         signs = [logs[digest].get("reversed") for logs in by_digest]
         if all(isinstance(channels, list) for channels in signs) and signs[0] != signs[1]:
-            a, b = (" and ".join(map(str, channels or ())) or "nothing" for channels in signs)
+            a, b = (" and ".join(map(str, channels or ())) or "none" for channels in signs)
             turned.setdefault((a, b), []).append(digest)
     for (a, b), digests in sorted(turned.items()):
         is_stroke = ("displacement" in a) is not ("displacement" in b)
@@ -881,7 +881,7 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
             "rig",
             a,
             b,
-            f"reversed, as positive in compression: {a} in {first.name}, {b} in {second.name} "
-            f"({named(digests)}): what is {words[0]} in one is {words[1]} in the other; "
+            f"reversed channels: {a} in {first.name}, {b} in {second.name} ({named(digests)}), so "
+            f"that {words[0]} in one is {words[1]} in the other; "
             "declare rig.reverse_displacement and rig.reverse_force",
         )

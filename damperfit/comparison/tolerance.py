@@ -84,7 +84,7 @@ class Point(NamedTuple):
         """The result in words."""
         if math.isnan(self.margin):
             return f"not evaluated: {self.reason}"
-        near = ", no further than its error" if abs(self.margin) <= self.reach else ""
+        near = ", by less than its error" if abs(self.margin) <= self.reach else ""
         mark = " (measured)" if self.is_measured else ""
         side, where = ("passes", "inside") if self.is_met else ("FAILS", "outside")
         return f"{side}, {self.units.write(abs(self.margin), 'N', '.3g')} {where}{near}{mark}"

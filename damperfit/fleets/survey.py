@@ -122,7 +122,8 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
             metadata = table.schema.field(name).metadata or {}
             # Older parts, of the paper's model, have no symbols.
             symbol = metadata.get(SYMBOL, of_paper.get(name, name).encode())
-            series.append(Series(name, symbol.decode(), metadata.get(b"unit", b"").decode()))
+            unit = metadata.get(b"unit", b"").decode()
+            series.append(Series(name, symbol.decode(), "" if unit == "1" else unit))
     nothing = rows.iloc[:0].assign(series="", value=0.0, error=0.0)
     values = _with_bands(pd.concat(parts or [nothing], ignore_index=True))
     is_far = (values["n_dampers"] >= LEAST_DAMPERS) & (values["distance"].abs() > FAR_OFF)

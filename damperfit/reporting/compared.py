@@ -218,7 +218,7 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
 
 def comparison_markdown(done: Comparison) -> str:
     """Return comparisons, and forces held against bands, as one document, everything escaped."""
-    sections = [Section("Without a partner", "", done.alone)] if done.alone else []
+    sections = [Section("In one run only", "", done.alone)] if done.alone else []
     if done.points:
         title, outcome = f"Tolerance {done.tolerance}", [tolerance_outcome(done.points)]
         sections.append(Section(title, "", outcome, [tolerance_sheet(done.points)]))

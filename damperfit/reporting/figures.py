@@ -588,15 +588,15 @@ def _errors(shown: ReportPlots) -> Iterator[Plot]:
         point = np.array([places[setting]]), np.array([error])
         label, colour = f"MSE, setting {setting}", shown.colours[setting]
         lines.append(Line(*point, label, colour, setting, "points", in_legend=False))
-    caption = "Dots: MSE, 100 % would be no better than the mean force."
+    caption = "Dots: MSE (100 % is no better than the mean force)."
     floors = {k: floor for k, floor in positive("noise_floor_percent").items() if k in places}
     if floors:
         at = np.array([places[setting] for setting in floors])
         floor = Line(at, np.array([*floors.values()]), "noise floor", "muted", style="dashed")
         lines.insert(0, floor)
         caption += (
-            " Dashed: noise floor, the MSE that scatter of the force explains; above it: the "
-            "model, or noise of the displacement."
+            " Dashed: noise floor, the MSE from scatter of the force; the rest comes from the "
+            "model, or from noise of the displacement."
         )
     rules = ((1.0, "1 %: excellent below"), (5.0, "5 %: good below"))
     panel = setting_panel(places, "MSE", "%", lines, rules=rules, is_log=True)

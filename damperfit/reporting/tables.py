@@ -43,7 +43,7 @@ _MARKS = {
     "at_bound": ("!", "at its bound"),
     "not_identifiable": ("?", "not determined by these logs"),
 }
-_BY_CLICK = "shared by all settings, or by those with one click of the adjuster that it follows"
+_BY_CLICK = "shared by all settings, or by those with the same click of its adjuster"
 _OF_MISFIT = "intervals include noise and lack of fit; parameters.csv has both"
 _WITHOUT_VALUE = {"absent", "at_bound", "not_identifiable"}
 _GRADES = ("excellent", "good", "poor", "withheld")
@@ -63,7 +63,7 @@ class Shown:
         self.quantity, self.name, self.symbol = quantity, quantity.name, quantity.symbol
         unit = shown if shown and not has_power else quantity.unit
         self.unit = "" if unit == "1" else unit
-        self.axis, self.power = shown or quantity.unit, quantity.power
+        self.axis, self.power = shown or self.unit, quantity.power
         self.factor = 10.0**-quantity.power  # from SI to what is shown
         if is_converted:
             self.factor = units.show(self.factor, "N")
@@ -401,7 +401,7 @@ _WHOSE = ("measured", "simulated")
 _OF_DAMPING = "%: of the damping, which is the force less the gas force at mid-stroke"
 _AS_MEASURED = "* measured: the model misses the force there by more than 2 %"
 _SEGMENTS = (
-    "Mean of the cycles; where nothing repeats the extremes, and the energy of all of it. "
+    "Mean of the cycles; where no cycle repeats, the extremes and the total energy. "
     "Hysteresis: opening less closing force at half of the lower peak speed."
 )
 _MOST_SEGMENTS = 60  # segments that have a row
