@@ -427,6 +427,7 @@ def _received(pipe: Any) -> bytes:
 
 def serve(idle: float) -> None:
     """Do what is asked on standard input, in the new interpreter, until nothing is for a while."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Windows it is in its parent's group
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # a library that prints would spoil the answers
     tasks: SimpleQueue[bytes] = SimpleQueue()
