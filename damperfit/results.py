@@ -196,11 +196,6 @@ class Run:
         return tuple(dict.fromkeys(self._remarks))
 
     @property
-    def is_temporary(self) -> bool:
-        """Whether it stands in no folder of the user's."""
-        return self.place is None
-
-    @property
     def folder(self) -> Path | None:
         """Where its files are; None: nowhere yet, see `save`."""
         return self.place

@@ -37,6 +37,7 @@ import numpy as np
 from damperfit.arrays import FloatArray
 from damperfit.identification.fit_setting import Fit
 from damperfit.identification.outcome import Status
+from damperfit.problem import listed_names
 from damperfit.statistics import median, student_quantile
 from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of
 from damperfit.units.quantities import engineering
@@ -69,7 +70,6 @@ _REMARKABLE = 0.02  # scatter below this share is no news
 _TOO_UNCERTAIN = 0.2  # scatter and error without a direction beyond; the paper's K_e has 0.1
 _USUAL_FROM = 8  # settings: of fewer the median residual says little
 _MEDIAN_OF_NORMAL = 0.6745  # median distance from the mean, in standard deviations
-_MOST_PAIRS = 5  # named in a sentence
 _95_PERCENT = 0.05
 _WIDEST_RANGE = 200.0  # of settings; beyond it they are no clicks, and gaps are not filled
 _QUADRATIC_FROM = 6  # settings: three coefficients, three degrees of freedom
@@ -522,9 +522,8 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
         share = f"{100.0 * outlier.deviation:+.1f} %"
         text += f"; {adjuster} {outlier.setting} is off the trend by {share}"
     if trend.reversals:
-        pairs = [f"{a} to {b}" for a, b in trend.reversals]
-        more = f" and {len(pairs) - _MOST_PAIRS} more" if len(pairs) > _MOST_PAIRS else ""
-        text += f"; against the trend from {adjuster} {', '.join(pairs[:_MOST_PAIRS])}{more}"
+        pairs = listed_names([f"{a} to {b}" for a, b in trend.reversals])
+        text += f"; against the trend from {adjuster} {pairs}"
     if n < LEAST_FOR_OUTLIERS:
         text += f"; too few settings to find one off the trend ({LEAST_FOR_OUTLIERS} are needed)"
     elif not trend.outliers_judged:

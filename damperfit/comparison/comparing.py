@@ -41,7 +41,7 @@ from damperfit.comparison.measured import (
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings, of_settings
-from damperfit.problem import Failure, counted
+from damperfit.problem import Failure, counted, listed_names
 from damperfit.statistics import NORMAL_95
 from damperfit.units.shown_units import SI, ShownUnits
 
@@ -856,8 +856,7 @@ def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
     common = by_digest[0].keys() & by_digest[1].keys()
 
     def named(digests: Sequence[str]) -> str:
-        names = sorted(str(by_digest[0][digest].get("log")) for digest in digests)
-        return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        return listed_names(sorted(str(by_digest[0][digest].get("log")) for digest in digests))
 
     if common:
         all_logs = f"both are based on the same logs ({named([*common])})"

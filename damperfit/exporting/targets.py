@@ -49,8 +49,7 @@ from damperfit.reporting.sheet import printable
 from damperfit.results import Run
 from damperfit.settings_and_logs import SettingResult
 from damperfit.simulation import Motion, SolverOptions, simulate
-from damperfit.tables.columns import describe_tables
-from damperfit.tables.files import finite, safe_cell
+from damperfit.tables.files import safe_cell
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import SI, ShownUnits
 
@@ -756,25 +755,16 @@ class _Table(NamedTuple):
 
 def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
     """Yield the tables of the run, as far as they are there."""
-    described = describe_tables([fit.setting for fit in run.settings], run.run.quantities)
-    for name in _STORED:
-        rows = run.run.rows(name)
-        columns = []
-        for column in described[name] if rows else ():
-            heading, unit = column["name"], column["unit"] if column["unit"] != "1" else ""
-            cells = [
-                row["setting"].cell
-                if heading == "setting"
-                else finite(row.get(heading, dict(row["setting"].places).get(heading)))
-                for row in rows
-            ]
+    for name in filter(run.run.rows, _STORED):
+        table, columns = run.run.table(name), []
+        for column in table.schema:
+            unit, cells = column.metadata[b"unit"].decode(), table[column.name].to_pylist()
+            unit = "" if unit == "1" else unit
             if units.of(unit) != unit:
-                cells = [None if cell is None else units.show(float(cell), unit) for cell in cells]
-            if heading in rows[0] or any(cell is not None for cell in cells):
-                columns.append((units.column(heading, unit), units.of(unit), cells))
-        if rows:
-            headings, shown, cells_of = zip(*columns, strict=True)
-            yield _Table(name, headings, shown, list(zip(*cells_of, strict=True)))
+                cells = [None if cell is None else units.show(cell, unit) for cell in cells]
+            columns.append((units.column(column.name, unit), units.of(unit), cells))
+        headings, shown, cells_of = zip(*columns, strict=True)
+        yield _Table(name, headings, shown, list(zip(*cells_of, strict=True)))
 
 
 def _about(run: ExportedRun, tables: Sequence[ForceTable]) -> list[str]:

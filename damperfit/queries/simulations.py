@@ -43,7 +43,6 @@ from damperfit.simulation import (
 )
 from damperfit.store import settle
 from damperfit.tables.columns import unknown_schema
-from damperfit.tables.files import is_part, part_in
 from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 
 # Whose parameters a test is simulated with, and what is known of them
@@ -59,22 +58,21 @@ class ChosenParameters:
     parameters: Values  # SI
     setting: Setting | None  # adjuster setting, None when all parameters were given one by one
     source: str  # one sentence for people
-    # Where they stand; None for the reference set, and when all were given.
-    table: Path | None = None
+    run: Run | None = None  # that they are of; None: the reference set, or all were given
     unlimited: tuple[str, ...] = ()  # those to which the logs of their setting set no upper limit
-    # No log of the setting was fitted: they come from other settings with its clicks.
-    is_combined: bool = False
-    tested: Tested = Tested()  # what the logs of the run covered
-    remarks: tuple[str, ...] = ()  # what is wrong with the table
     fitted: SettingResult | None = None  # None where values were replaced
-    run: Run | None = None  # that was read
+
+    @property
+    def tested(self) -> Tested:
+        """What the logs of the run covered."""
+        return Tested() if self.run is None else self.run.tested
 
     def warnings(
         self, speed: float, temperature: float | None = None, **motion: float
     ) -> tuple[str, ...]:
         """What to know before believing a force on a motion, as of `Tested`, at so many degC."""
-        warned, names = list(self.remarks), listed_names(self.unlimited)
-        outside = self.tested.outside
+        run, names, outside = self.run, listed_names(self.unlimited), self.tested.outside
+        warned = [f"{run.shown_as}: {text}" for text in run.remarks] if run else []
         if beyond := list(outside(speed=speed, **motion)):
             warned.append(f"never tested: {', '.join(beyond)}; there the force is extrapolated")
         if temperature is not None and self.tested.temperatures is not None:
@@ -84,7 +82,7 @@ class ChosenParameters:
                     f"{temperature:.3g} degC: the tests were at {low:.3g} to {high:.3g} degC; "
                     "beyond that the viscosity is extrapolated"
                 )
-        if names and self.is_combined:
+        if names and run and all(fit.setting != self.setting for fit in run.settings):
             warned.append(
                 f"{names} at setting {self.setting}: the logs of the settings that it is put "
                 "together from set no upper limit, so these forces may be far off; fit a log of "
@@ -118,8 +116,9 @@ def choose_parameters(
         named = None if setting is None else _setting_named(setting)
         return ChosenParameters(given, named, "parameters: all given")
     settle(folder)
-    place = _table_in(folder) if table is None else table
-    run = None if place is None else _run_of(place)
+    if table is None and any((folder / name).exists() for name in _TABLES):
+        table = folder
+    run = None if table is None else Run.load(table, parts=("parameters",))
     quantities = damper.quantities if run is None else run.quantities
     values = _replaced(quantities, replaced)
     if setting is None:
@@ -154,7 +153,7 @@ def choose_parameters(
 def _of_run(
     run: Run, setting: Setting | int | str, replaced: Mapping[str, float]
 ) -> ChosenParameters:
-    path = run.place or run.shown_as
+    path = run.shown_as
     results = {result.setting: result for result in run.settings}
     values = {result.setting: result.parameters for result in run.settings}
     unlimited = {result.setting: frozenset(result.unlimited) for result in run.settings}
@@ -182,15 +181,9 @@ def _of_run(
             )
     else:
         together, names = fitted.parameters, unlimited[chosen]
-    return ChosenParameters(
-        *(together, chosen, source, run.place),
-        tuple(name for name in together.names if name in names and name not in replaced),
-        is_combined=fitted is None,
-        tested=run.tested,
-        remarks=tuple(f"{run.place.parent if run.place else path}: {text}" for text in run.remarks),
-        fitted=None if replaced else fitted,
-        run=run,
-    )
+    unlimited_here = tuple(n for n in together.names if n in names and n not in replaced)
+    fitted = None if replaced else fitted
+    return ChosenParameters(together, chosen, source, run, unlimited_here, fitted)
 
 
 def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:
@@ -218,24 +211,6 @@ def _setting_named(setting: Setting | int | str, among: Collection[Setting] = ()
         ) from error
 
 
-def _run_of(given: Path | Run) -> Run:
-    """Return a run, or that of a table of parameters, of the one in a folder, or of a part."""
-    if isinstance(given, Run):
-        return given
-    if is_part(given):
-        return Run.load(part_in(given))
-    if not given.is_dir():
-        return Run.load(given)
-    settle(given)  # what an interrupted run put there may be none of the results
-    if table := _table_in(given):
-        return Run.load(table)
-    raise ConfigurationError(f"no {_TABLES[0]} in this folder", subject=given, code="no-results")
-
-
-def _table_in(folder: Path) -> Path | None:
-    return next((folder / name for name in _TABLES if (folder / name).exists()), None)
-
-
 def damper_of(
     choice: ChosenParameters, configuration: Configuration, *, config: Path | None = None
 ) -> tuple[Configuration, str]:
@@ -247,8 +222,8 @@ def damper_of(
     if lacks_beta and isinstance(configuration.damper, WithTemperature):
         raise ConfigurationError(
             f"damper.reference_temperature: setting {choice.setting} of "
-            f"{choice.table or 'the reference set'} has no beta; leave the key out, or take "
-            "results of identify with {--covariate temperature}",
+            f"{choice.run.shown_as if choice.run else 'the reference set'} has no beta; leave the "
+            "key out, or take results of identify with {--covariate temperature}",
             code="no-temperature",
         )
     return configuration, line
@@ -269,7 +244,7 @@ def truth_of(
     given: Path | Run, configuration: Configuration, config: Path | None
 ) -> tuple[dict[int, Values], Configuration, str]:
     """Return the values of a table, and the configuration and line of the damper they hold for."""
-    run = _run_of(given)
+    run = Run.load(given, parts=("parameters",))
     by_cell = {result.setting.cell: result.values for result in run.settings}
     truth = {setting: values for setting, values in by_cell.items() if isinstance(setting, int)}
     return truth, *_damper_of_run(run, configuration, config)

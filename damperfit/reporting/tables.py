@@ -11,7 +11,7 @@ from typing import Any
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.checks import Check
 from damperfit.damper.quantity import SETTING, Quantity
-from damperfit.problem import in_a_row
+from damperfit.problem import in_a_row, listed_names
 from damperfit.reporting.records import entries_in, listed_in, number_in
 from damperfit.reporting.sheet import (
     NOTHING,
@@ -405,7 +405,6 @@ _SEGMENTS = (
     "Hysteresis: opening less closing force at half of the lower peak speed."
 )
 _MOST_SEGMENTS = 60  # segments that have a row
-_MOST_STEPS = 5  # steps of several clicks that are named
 
 
 # By setting and click: rows of the table "adjustment"
@@ -470,9 +469,8 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
         columns.append(column("", "%", last, change_percent))
     notes = []
     if has_click and wide:
-        named = ", ".join(f"{a} to {b} ({n:g} clicks)" for a, b, n in wide[:_MOST_STEPS])
-        more = f" and {len(wide) - _MOST_STEPS} more" if len(wide) > _MOST_STEPS else ""
-        notes.append(f"change: over all clicks from one tested setting to the next: {named}{more}")
+        named = listed_names([f"{a} to {b} ({n:g} clicks)" for a, b, n in wide])
+        notes.append(f"change: over all clicks from one tested setting to the next: {named}")
     marked = next((place for place in places if words(place) != str(place[0])), None)
     if has_click and marked is not None:
         notes.append(

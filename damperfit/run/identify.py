@@ -588,9 +588,8 @@ def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) ->
     """
     lacking = [trace.name for trace in traces if trace.temperature is None]
     if lacking and isinstance(configuration.damper, WithTemperature):
-        more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
         raise _no_temperature(
-            f"{lacking[0]}{more} {'have' if more else 'has'} no "
+            f"{listed_names(lacking)} {'have' if len(lacking) > 1 else 'has'} no "
             "temperature; expected a channel, a line '# temperature: 31', a column of tests.csv or "
             "tested_at in a profile"
         )

@@ -48,7 +48,7 @@ from damperfit.io.labels import (
     unclear_names,
 )
 from damperfit.io.tests_table import TestRow, TestsTable, facts_in, is_tests_table, read_tests
-from damperfit.problem import Failure, Option, Problem, counted, warning
+from damperfit.problem import Failure, Option, Problem, counted, listed_names, warning
 from damperfit.recording import Finding, Recording, Trace, natural_order
 from damperfit.run.log_files import is_own_table, real_path
 from damperfit.sections import SETTING_PATTERN
@@ -66,7 +66,6 @@ _MANY = 20  # files that are no logs and are named one by one
 _READ_IN_CHILD = {suffix for form in FORMATS if form.in_child for suffix in form.suffixes}
 _FROM_NAME = "setting: from the file name"
 _GUESSED = "setting: guessed from the file name"
-_FEW = 3  # rows of a table that are named
 # What is wrong with the whole command, not with one log.
 _USAGE = (ConfigurationError, InstallationError)
 # Names of the finding that says why a log is refused, by the class of the error.
@@ -326,9 +325,7 @@ class Labels:
                 if not (folder / name).exists() and not list(folder.rglob(name))
             ]
             if lost:
-                more = f" and {len(lost) - _FEW} more" if len(lost) > _FEW else ""
-                text = f"no such file: {', '.join(lost[:_FEW])}{more}"
-                yield warning("table-of-tests", text, table.path)
+                yield warning("table-of-tests", f"no such file: {listed_names(lost)}", table.path)
         notes = {id(log): log.facts.get("notes", ()) for log in logs}
         if self.guess.finding and any(_GUESSED in own for own in notes.values()):
             yield self.guess.finding

@@ -32,7 +32,7 @@ from damperfit.arrays import FloatArray
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text, regular, sha256_of, why_unread
-from damperfit.problem import Option
+from damperfit.problem import Option, listed_names
 from damperfit.store import file_set, settle
 from damperfit.tables.columns import (
     PAPER_QUANTITIES,
@@ -57,7 +57,6 @@ RECORD = b"damperfit_record"  # in the footer of a fleet's part
 PART_FOLDERS = ("serial-*", "serial=*")  # the latter of earlier versions
 _OWN = ("version", "schema_version", "test", "configuration")  # of a table, not of run.json
 _BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
-_MANY = 6  # columns that are named when they are missing
 _SIGNALS = [name for name in column_kinds("responses") if name not in {"setting", "log"}]
 
 
@@ -420,8 +419,7 @@ def read_rows(
             remarks.append(f"{path.name} cannot be read: {_reason(error)}")
         else:
             if rows and (lost := [name for name in written if name not in names]):
-                more = f" and {len(lost) - _MANY} more" if len(lost) > _MANY else ""
-                remarks.append(f"{path.name} has no column {', '.join(lost[:_MANY])}{more}")
+                remarks.append(f"{path.name} has no column {listed_names(lost)}")
             return rows
     return ()
 

@@ -145,7 +145,7 @@ def test_a_saved_result_is_what_the_command_line_writes(result, tmp_path):
 def test_a_pickle_holds_the_whole_result_whether_or_not_it_was_saved(result, tmp_path):
     kept = damperfit.load(result.save(tmp_path / "kept"))
     for again in (copy_of(result), copy_of(kept), copy_of(copy_of(kept))):
-        assert again.is_temporary
+        assert again.folder is None
         for name in ("parameters", "mse", "responses", "characteristics"):
             assert again.frame(name).equals(result.frame(name))
         force = again.setting(1).simulate().force

@@ -17,6 +17,7 @@ from damperfit.queries.simulations import (
     parse_variation,
     run_sweep,
 )
+from damperfit.results import Run
 from damperfit.settings_and_logs import Tested
 from damperfit.tables.files import write_table
 from tests import fakes
@@ -56,7 +57,8 @@ def test_a_setting_that_was_not_tested_is_put_together(suffix: str, tmp_path: Pa
         "value"
     )
     own = chosen("LS6 HS3")
-    faster = replace(own, tested=Tested(1, 0.03, 0.1, (0.5, 0.5)))
+    faster = chosen("LS6 HS3")
+    faster.run.tested = Tested(1, 0.03, 0.1, (0.5, 0.5))
     assert "r_m2: the logs of setting LS6 HS3 set no upper limit" in faster.warnings(0.2)[1]
     for quiet in (
         *(chosen("LS14 HS3", r_m2="3e6").warnings(0.1), chosen("LS6 HS1").warnings(0.1)),
@@ -95,12 +97,13 @@ EXTRAPOLATED = "the tests were at 20 to 55 degC; beyond that the viscosity is ex
     ],
 )
 def test_what_lies_beyond_the_tests_is_extrapolated(asked, says) -> None:
-    tested = Tested(1, 0.03, 0.2, (1.0, 1.5), temperatures=(20.0, 55.0))
-    one = ChosenParameters(fakes.fit(1).parameters, None, "", tested=tested)
+    run = Run({})
+    run.tested = Tested(1, 0.03, 0.2, (1.0, 1.5), temperatures=(20.0, 55.0))
+    one = ChosenParameters(fakes.fit(1).parameters, None, "", run)
     speed, warmth, *motion = (*asked, None)[: max(len(asked), 2)]
     how = dict(zip(("amplitude", "frequency"), motion, strict=False))
     assert [says in line for line in one.warnings(speed, warmth, **how)] == [True] * bool(says)
-    assert replace(one, tested=Tested()).warnings(speed, warmth) == ()
+    assert replace(one, run=None).warnings(speed, warmth) == ()
 
 
 def test_the_run_tells_at_which_temperatures_it_was(tmp_path: Path) -> None:
