@@ -56,6 +56,8 @@ _OF_FORCE, _OF_RANGE, _ERRORS = 0.02, 0.005, 3.0
 # A setting is determined where the interval is no wider than this share of the damping, up to so
 # many times the tested speed, in these steps.
 _DETERMINED, _FARTHEST, _STEPS = 0.05, 5.0, 16
+# Beyond the tested speed the force may rise by half of what the model says, or by twice of it.
+_SLOPES = (0.5, 2.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,8 +160,10 @@ class Force:
     # rig takes up between the measured force and this one, such as the tare, and below the slowest
     # measured speed its share in the friction.
     misfit: float = 0.0
-    # How far it may be below and above for what the logs do not determine.
+    # How far it may be below and above for what the logs do not determine, and at an untested
+    # speed, up to which no log shows that the law goes on as fitted.
     undetermined: tuple[float, float] = (0.0, 0.0)
+    extrapolated: tuple[float, float] = (0.0, 0.0)
     gas: float = math.nan  # part of the model's force: gas and ambient pressure on the rod
     friction: float = math.nan  # likewise: seals
     is_cavitating: bool = False  # a chamber is at zero pressure at this speed
@@ -192,12 +196,12 @@ class Force:
     @property
     def low(self) -> float:
         """Lower end of the 95 % interval, N."""
-        return self.force - max(self.reach, self.undetermined[0])
+        return self.force - max(self.reach, self.undetermined[0], self.extrapolated[0])
 
     @property
     def high(self) -> float:
         """Upper end of the 95 % interval, N."""
-        return self.force + max(self.reach, self.undetermined[1])
+        return self.force + max(self.reach, self.undetermined[1], self.extrapolated[1])
 
     @property
     def is_determined(self) -> bool:
@@ -332,6 +336,7 @@ def _forces_of(
     own, shared = _errors(stage, np.where(is_offset[:, None], 1.0, curve.slopes))
     whole = np.hypot(own, np.linalg.norm(shared, axis=1))
     below, above = _undetermined(stage, damper, curve)
+    less, more = _extrapolated(stage, damper, curve)
     bends = _bends(damper, stage, curve, picked)
     tare_out = tare_error = tare_misfit = 0.0
     if curve.knows_gas:
@@ -370,6 +375,7 @@ def _forces_of(
                 model_force=float(curve.forces[k]),
                 misfit=misfit,
                 undetermined=(float(below[k]), float(above[k])),
+                extrapolated=(float(less[k]), float(more[k])),
                 gas=curve.rest if curve.knows_gas else math.nan,
                 friction=float(curve.friction[k]),
                 is_cavitating=bool(curve.is_cavitating[k]),
@@ -439,11 +445,22 @@ def _undetermined(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray
     return spans
 
 
+def _extrapolated(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray:
+    """How far forces beyond the tested speed lie below and above by other slopes, (2, m), N."""
+    is_beyond = np.abs(curve.speeds) > (1.0 + REPEATS) * stage.top_speed
+    if not is_beyond.any():
+        return np.zeros((2, len(is_beyond)))
+    last = quasi_static(damper, stage.parameters, np.sign(curve.speeds) * stage.top_speed).forces
+    rise = np.where(is_beyond, curve.forces - last, 0.0)
+    others = np.array([(slope - 1.0) * rise for slope in _SLOPES])
+    return np.array([-others.min(axis=0), others.max(axis=0)])
+
+
 def determined_speed(stage: Stage, damper: Model) -> float:
     """Return the speed up to which the logs determine the force of a setting, m/s; NaN: not known.
 
     Up to it, from the tested speed to five times it, the 95 % interval is within 5 % of the damping
-    in both strokes. A SimulationError: the damper cannot be simulated.
+    in both strokes, if the law goes on as fitted. A SimulationError: it cannot be simulated.
     """
     top = stage.top_speed
     if not 0.0 < top < math.inf or stage.covariance is None:
@@ -452,7 +469,7 @@ def determined_speed(stage: Stage, damper: Model) -> float:
     wide = [
         force.speed
         for force in _forces_of(stage, damper, speeds.tolist(), {})
-        if max(force.force - force.low, force.high - force.force) > _DETERMINED * abs(force.damping)
+        if max(force.reach, *force.undetermined) > _DETERMINED * abs(force.damping)
     ]
     return float(max(speeds[speeds < min(wide, default=math.inf)], default=top))
 

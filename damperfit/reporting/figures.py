@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from damperfit.adjustment.force_at import STROKE_WORDS
+from damperfit.adjustment.force_at import STROKE_WORDS, offsets_in_words
 from damperfit.adjustment.trends import Trend
 from damperfit.arrays import FloatArray
 from damperfit.damper.model import PRESSURES
@@ -501,9 +501,12 @@ def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
     order = ("dashed", "solid", "wide", "points")
     lines.sort(key=lambda line: (order.index(line.style), line.setting, line.x[0] < 0.0))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
+    tares = [fit.offset for fit in shown.run.settings]
+    has_tare = any(tares) and shown.run.damper.rest_force(0.0) is not None
+    more = f" with the rig's tare ({offsets_in_words(tares)}) in them" if has_tare else ""
     caption = (
         "Dots: measured, the mean peak force of each segment (PVP); lines: the model at the same "
-        "peaks; dashed: the damper alone at constant speed. "
+        f"peaks, both{more}; dashed: the damper alone at constant speed. "
         f"{_DIRECTIONS.capitalize()}."
     )
     key = (("measured", "points"), ("model", "solid"), ("damper alone", "dashed"))

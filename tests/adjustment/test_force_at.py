@@ -181,7 +181,10 @@ def test_a_blow_off_that_no_log_opens_is_in_the_interval_beyond_the_tested_speed
     )
     assert rebound[0.4].low - 1e-6 <= opened < 0.7 * shut <= shut <= rebound[0.4].high + 1e-6
     assert not rebound[0.4].is_determined
-    assert not rebound[0.4].is_tested
+    # No log shows that a law goes on as fitted: its slope may be half of that, or twice.
+    (known,) = force_at([replace(one, open_limits=())], damper(), (0.4,))[:1]
+    rise = known.force - rebound[0.05].force
+    assert (known.force - known.low, known.high - known.force) == pytest.approx((rise / 2, rise))
     for speed in (0.03, 0.05):
         assert rebound[speed].is_determined
         assert rebound[speed].is_tested

@@ -122,7 +122,7 @@ def test_the_speed_up_to_which_a_force_is_determined_is_told_and_rows_beyond_are
     moving = more.speeds != 0.0
     v, force, low, high = (one[moving] for one in (more.speeds, more.forces, more.low, more.high))
     reach = np.maximum(high - force, force - low) / np.abs(force)
-    assert np.max(reach[np.abs(v) <= table.determined]) < 0.05 < np.max(reach)
+    assert np.max(reach[np.abs(v) <= table.tested]) < 0.05 < np.max(reach)
     between = "untested" if table.determined >= 0.061 else "not determined"
     ranges = [more.range_of(v) for v in (0.05, -0.061, -0.25)]
     assert ranges == ["tested", between, "not determined"]
