@@ -30,7 +30,7 @@ SYMBOL = b"symbol"  # in the metadata of a quantity's column
 COLLECTED = "fleet"  # name of the one table
 SUMMARY = "_fleet"  # the folder of what is of the whole fleet
 _NAMELESS = "__unknown__"
-_LONGEST = 180  # characters of a folder's name
+_LONGEST = 180  # bytes of a folder's name
 _FACTS = b"damperfit"
 _KEPT = {b"unit", SYMBOL}  # of a column; what it means stands in the manual
 _BROKEN = (OSError, pa.ArrowInvalid, ValueError)
@@ -45,10 +45,12 @@ def part_path(folder: Path, owner: str, key: str) -> Path:
     >>> part_path(Path("out"), "SN 12/34", "ab").as_posix()
     'out/serial-SN%2012%2F34/part-ab.parquet'
     """
-    name = quote(owner or _NAMELESS, safe="", errors="surrogateescape")
-    if len(name) > _LONGEST:  # of what a disk takes as a name
+    letters = (c if c.isalnum() else quote(c, safe="", errors="surrogateescape") for c in owner)
+    name = "".join(letters) or _NAMELESS
+    if len(name.encode()) > _LONGEST:  # of what a disk takes as a name
         digest = hashlib.sha256(owner.encode("utf-8", "surrogateescape")).hexdigest()
-        name = f"{name[: _LONGEST - 20].rpartition('%')[0] or name[:100]}-{digest[:16]}"
+        kept = name.encode()[: _LONGEST - 20].decode(errors="ignore")
+        name = f"{kept.rpartition('%')[0] or kept}-{digest[:16]}"
     return folder / f"{SERIAL}-{name}" / f"part-{key}.parquet"
 
 

@@ -567,9 +567,16 @@ def part_in(path: Path) -> Path:
         return path
     parts = _parts_of(path)
     if len(parts) > 1:
-        names = ", ".join(part.name for part in parts)
+        names = []
+        for part in parts:
+            dates: list[str] = []
+            with suppress(*_BROKEN):
+                dates = pq.ParquetFile(part).read(columns=["date"])["date"].drop_null().to_pylist()
+            names.append(f"{part.name} ({max(dates, default='no date')})")
         raise ConfigurationError(
-            f"several tests of one damper; name one of {names}", subject=path, code="several-tests"
+            f"several tests of one damper; name one of {', '.join(names)}",
+            subject=path,
+            code="several-tests",
         )
     return parts[0]
 
