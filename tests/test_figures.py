@@ -14,11 +14,10 @@ from damperfit.reporting.drawing import compose, fixed_style
 from damperfit.reporting.figures import (
     CHAMBER_COLOURS,
     Line,
-    Panel,
     Plot,
     report_plots,
-    setting_axis,
     setting_colours,
+    setting_panel,
 )
 from damperfit.results import Run
 from tests.report_folder import make_results
@@ -84,14 +83,13 @@ def test_every_style_is_drawn_as_agreed(tmp_path):
     """What the folder of the tests lacks: a trend with a band, rings."""
     x = np.arange(1.0, 7.0)
     colours = setting_colours(range(1, 7))
-    ticks, x_range = setting_axis(range(1, 7))
     band = Line(x, x**2, "trend", "muted", style="dashed", low=0.8 * x**2, high=1.2 * x**2)
     styles = ("points", "triangles", "rings", "points")
     points = tuple(
         Line(x[k : k + 1], x[k : k + 1] ** 2, style, colours[k + 1], k + 1, style, False)
         for k, style in enumerate(styles)
     )
-    panel = Panel("setting", "", "R", "N", (band, *points), ticks=ticks, x_range=x_range)
+    panel = setting_panel(range(1, 7), "R", "N", (band, *points))
     chambers = tuple(
         Line(x, x + i, f"chamber {i}", colour, style="solid")
         for i, colour in enumerate(CHAMBER_COLOURS)

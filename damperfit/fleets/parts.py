@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
 from damperfit.store import file_set, settle
-from damperfit.tables.files import PART_FOLDERS, RECORD, packed, serial_in, unpacked
+from damperfit.tables.files import PART_FOLDERS, RECORD, packed, part_table, serial_in
 
 SERIAL = "serial"
 SYMBOL = b"symbol"  # in the metadata of a quantity's column
@@ -33,7 +33,6 @@ _NAMELESS = "__unknown__"
 _LONGEST = 180  # bytes of a folder's name
 _FACTS = b"damperfit"
 _KEPT = {b"unit", SYMBOL}  # of a column; what it means stands in the manual
-_BROKEN = (OSError, pa.ArrowInvalid, ValueError)
 
 
 def part_path(folder: Path, owner: str, key: str) -> Path:
@@ -105,23 +104,16 @@ def read_facts_of(path: Path) -> dict[str, Any]:
     """Return the facts in the footer of a part; none where it is damaged."""
     try:
         facts = json.loads((pq.read_metadata(path).metadata or {}).get(_FACTS, b"{}"))
-    except _BROKEN:
+    except (OSError, pa.ArrowInvalid, ValueError):
         return {}
     return facts if isinstance(facts, dict) else {}
 
 
 def renew_facts(path: Path, **changed: Any) -> None:
     """Write a part anew with other facts; its rows stay."""
-    try:
-        table = _read(path)
-        record = unpacked((pq.read_metadata(path).metadata or {}).get(RECORD, b""))
-    except _BROKEN:
-        return  # `collect` refuses a damaged one
-    write_part(path, table, read_facts_of(path) | changed, record)
-
-
-def _read(path: Path) -> pa.Table:
-    return pq.ParquetFile(path, page_checksum_verification=True).read()
+    with suppress(ConfigurationError):  # `collect` refuses a damaged one
+        table, record = part_table(path)
+        write_part(path, table, read_facts_of(path) | changed, record)
 
 
 def touch(path: Path) -> None:
@@ -173,15 +165,9 @@ def collect(folder: Path) -> pa.Table:
     forget_earlier(folder)
     tables = []
     for path in parts_in(folder):
-        try:
-            if path.exists():  # else another run has just replaced it
-                tables.append(_with_serial(_read(path).replace_schema_metadata(None), path))
-        except (OSError, pa.ArrowInvalid) as error:
-            raise ConfigurationError(
-                f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
-                subject=path,
-                code="damaged",
-            ) from error
+        if path.exists():  # else another run has just replaced it
+            table, _ = part_table(path)
+            tables.append(_with_serial(table.replace_schema_metadata(None), path))
     if not tables:
         raise ConfigurationError(
             "no parts of a fleet there; run damperfit fleet LOGS first",

@@ -192,35 +192,28 @@ def setting_names(settings: Iterable[Setting | Place]) -> tuple[str, ...]:
     return () if is_numbered else tuple(setting.label for setting in places)
 
 
-def setting_axis(settings: Iterable[Setting | Place]) -> tuple[tuple[float, ...], Range | None]:
-    """Return where an axis of settings is numbered, and what it shows.
+def setting_panel(
+    settings: Iterable[Setting | Place], label: str, unit: str, lines: Iterable[Line], **more: Any
+) -> Panel:
+    """Return a panel over the settings, with more fields of `Panel`.
 
     Numbers stand at settings only, not at all where they would touch.
 
     Examples
     --------
-    >>> setting_axis([0, 25, 26, 100])
+    >>> panel = setting_panel([0, 25, 26, 100], "force", "N", ())
+    >>> panel.ticks, panel.x_range
     ((0.0, 25.0, 100.0), (-4.0, 104.0))
     """
-    ordered = sorted(setting_places(settings).values())
-    if not ordered:
-        return (), None
-    span = ordered[-1] - ordered[0]
-    ticks = ordered[:1]
-    for setting in ordered[1:]:
-        if setting - ticks[-1] >= span / _MOST_TICKS:
-            ticks.append(setting)
-    edge = max(0.6, 0.04 * span)
-    return tuple(ticks), (ordered[0] - edge, ordered[-1] + edge)
-
-
-def setting_panel(
-    settings: Iterable[Setting | Place], label: str, unit: str, lines: Iterable[Line], **more: Any
-) -> Panel:
-    """Return a panel over the settings, with more fields of `Panel`."""
-    places = list(settings)
-    ticks, x_range = setting_axis(places)
-    axis: Any = {"ticks": ticks, "names": setting_names(places), "x_range": x_range}
+    ordered = sorted(setting_places(settings := list(settings)).values())
+    ticks, span = ordered[:1], ordered[-1] - ordered[0] if ordered else 0.0
+    for place in ordered[1:]:
+        if place - ticks[-1] >= span / _MOST_TICKS:
+            ticks.append(place)
+    if ordered:
+        edge = max(0.6, 0.04 * span)
+        more["x_range"] = (ordered[0] - edge, ordered[-1] + edge)
+    axis: Any = {"ticks": tuple(ticks), "names": setting_names(settings)}
     return Panel("setting", "", label, unit, tuple(lines), **axis, **more)
 
 

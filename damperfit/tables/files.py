@@ -581,19 +581,23 @@ def part_in(path: Path) -> Path:
     return parts[0]
 
 
-def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
-    """Return what a part keeps of run.json, its quantities, and its rows of parameters."""
-    path = part_in(path)
+def part_table(path: Path) -> tuple[pa.Table, dict[str, Any]]:
+    """Return the rows of a part, and what it keeps of run.json; a damaged one is refused."""
     try:
         file = pq.ParquetFile(regular(path), page_checksum_verification=True)
-        table, record = file.read(), unpacked((file.metadata.metadata or {}).get(RECORD, b""))
-        table = table.select([name for name in table.column_names if name != "serial"])
+        return file.read(), unpacked((file.metadata.metadata or {}).get(RECORD, b""))
     except (OSError, pa.ArrowInvalid, ValueError) as error:
         raise ConfigurationError(
             f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
             subject=path,
             code="damaged",
         ) from error
+
+
+def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
+    """Return what a part keeps of run.json, its quantities, and its rows of parameters."""
+    table, record = part_table(path := part_in(path))
+    table = table.select([name for name in table.column_names if name != "serial"])
     if not record:
         raise ConfigurationError(
             "does not say which damper and motion it is of: from an earlier version, of "
