@@ -12,11 +12,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.purdy.parameters import QUANTITIES
 from damperfit.errors import ConfigurationError, LogError
 from damperfit.io.files import open_regular, read_text, why_unread
 from damperfit.io.formats import LOG_SUFFIXES
 from damperfit.recording import Recording, Trace, natural_order
+from damperfit.tables.columns import TABLES, column_kinds
 from damperfit.units.quantities import units_of
 
 if TYPE_CHECKING:
@@ -163,14 +163,12 @@ def _is_there(path: Path) -> bool:
 # What damperfit has written itself, so that its results are not fitted as if measured
 
 _SPEEDS = [f"setting,speed_{unit.replace('/', '_per_')}," for unit in units_of("velocity")]
+_OTHERS = {"responses", "adjustment"}  # no CSV; one in units of people
 # How the tables in CSV begin, as far as their settings are of one adjuster.
 _HEADINGS = tuple(
     text.encode()
     for text in (
-        f"setting,{QUANTITIES[0].name},",
-        "setting,log,mse_percent,",
-        "setting,log,stretch,kind,",
-        *("setting,parameter,value,", "setting,quantity,area_m2,", "setting,stroke,curve,"),
+        *(",".join([*column_kinds(table)][:3]) for table in TABLES if table not in _OTHERS),
         "serial,damper,date,setting,",
         *(speed + column for speed in _SPEEDS for column in ("stroke,", "force_")),
     )
