@@ -401,19 +401,24 @@ class Run:
     def logs(self) -> tuple[LogResult, ...]:
         """The logs that were fitted or held out, by setting and name."""
         facts = {str(log.get("log")): log for log in self.inputs}
-        segments: dict[tuple[Setting, str], list[dict[str, Any]]] = {}
+        read_off: dict[tuple[Setting, str], list[dict[str, Any]]] = {}
         for row in self.rows("characteristics"):
-            if row["point"] == "peak":
-                segments.setdefault((row["setting"], row["log"]), []).append(row)
+            read_off.setdefault((row["setting"], row["log"]), []).append(row)
         logs = []
         for row in self.rows("mse"):
             if not (name := row["log"]):
                 continue
-            parts = tuple(segments.get((row["setting"], name), ()))
+            own = read_off.get((row["setting"], name), ())
             numbers = (row["mse_percent"], row["noise_floor_percent"])
             role, of_log = row["role"] or "fitted", facts.get(name, {})
-            logs.append(LogResult(row["setting"], name, role, *numbers, of_log, parts, self))
+            logs.append(LogResult(row["setting"], name, role, *numbers, of_log, own, self))
         return tuple(sorted(logs, key=lambda log: (log.setting, natural_order(log.name))))
+
+    def log_of(self, signals: LogSignals) -> LogResult:
+        """Return the log of signals; one without a row of errors is known by them alone."""
+        alone = LogResult(*signals[:2], "fitted", None, None, {}, (), self)
+        own = (log for log in self.logs if (log.setting, log.name) == signals[:2])
+        return next(own, alone)
 
     # The damper and its tests
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 _BEYOND = 1.05  # times what was tested, or less than that part of it
 _LONG = 10.0  # s of a log
+_LATE = 1e-6  # s; time stamps are rounded alike
+_FEWEST = 8  # samples of a cycle
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,14 +171,13 @@ class SettingResult(Stage):
         return f"<setting {self.label}: MSE {self.mse_percent:.3g} %, {self.grade}>"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LogResult:
     """One log of a run: what it tested, what was read off it, how well it was fitted.
 
     `role` is "fitted", or "held_out": predicted with what the other logs gave. `mse_percent` is the
     normalised MSE, `noise_floor_percent` what of it the scatter between cycles explains. `facts` is
-    its entry in run.json; `segments` are rows of the characteristics, the peaks of each segment:
-    amplitude, frequency, peak forces and speeds, energy, hysteresis, measured beside simulated.
+    its entry in run.json, `rows` are its rows of the characteristics.
     """
 
     setting: Setting
@@ -184,8 +186,49 @@ class LogResult:
     mse_percent: float | None
     noise_floor_percent: float | None
     facts: Mapping[str, Any]
-    segments: tuple[Mapping[str, Any], ...]
+    rows: Sequence[Mapping[str, Any]]
     run: Run
+
+    @cached_property
+    def segments(self) -> tuple[Mapping[str, Any], ...]:
+        """The peaks of each segment: speeds, forces, energy, measured beside simulated."""
+        return tuple(row for row in self.rows if row["point"] == "peak")
+
+    @cached_property
+    def steady(self) -> tuple[Mapping[str, Any], ...]:
+        """The segments that repeat."""
+        return tuple(row for row in self.segments if row["cycles"])
+
+    @property
+    def fastest(self) -> Mapping[str, Any] | None:
+        """The fastest segment that repeats; None: there is none."""
+        return max(self.steady, key=lambda row: row["speed_rebound_m_per_s"] or 0.0, default=None)
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether nothing of its motion repeats."""
+        return bool(self.segments) and not self.steady
+
+    @property
+    def has_segments(self) -> bool:
+        """Whether it is no single steady run."""
+        return len(self.segments) > 1 or self.is_moving
+
+    @cached_property
+    def cycles(self) -> tuple[slice, ...]:
+        """The last whole cycle of each steady segment, in samples of its signals."""
+        time, cycles = self.signals.time if self.signals else np.empty(0), []
+        for segment in segments_in(self.facts):
+            rate = number_in(segment, "frequency_Hz") or 0.0
+            is_steady = segment.get("kind", "steady") == "steady"
+            if not (is_steady and rate > 0.0 and len(time) >= _FEWEST):
+                continue
+            stop = number_in(segment, "figures_stop_s") or number_in(segment, "stop_s") or math.inf
+            end = int(np.searchsorted(time, stop - _LATE))
+            begin = int(np.searchsorted(time, time[end - 1] - 1.0 / rate - _LATE))
+            if end - begin >= _FEWEST:
+                cycles.append(slice(begin, end))
+        return tuple(cycles)
 
     @property
     def temperature(self) -> float | None:
@@ -209,7 +252,7 @@ class LogResult:
         design = passed_filter(self.run.own_configuration.conditioning, rate)
         return independent_samples(design, round(_LONG * rate)) / _LONG
 
-    @property
+    @cached_property
     def signals(self) -> LogSignals | None:
         """Measured and simulated signals; None of a log that was held out."""
         own = (self.setting, self.name)

@@ -9,13 +9,12 @@ that yields what it has of it, and a line in `FIGURES` or `LOG_FIGURES`.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from damperfit.arrays import FloatArray
 from damperfit.damper.model import PRESSURES
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.reporting.records import entries_in, number_in, trends_in, units_in
+from damperfit.reporting.records import trends_in, units_in
 from damperfit.reporting.sheet import number
 from damperfit.reporting.tables import Shown, is_one_for_all
 from damperfit.statistics import CHI_SQUARED_95
@@ -35,6 +34,7 @@ from damperfit.units.shown_units import ShownUnits
 
 if TYPE_CHECKING:
     from damperfit.results import Run
+    from damperfit.settings_and_logs import LogResult
     from damperfit.tables.files import LogSignals
 
     Range = tuple[float, float]
@@ -49,8 +49,6 @@ _GAP = 1.5  # sample intervals
 _BINS = 24  # of velocity, from the lowest to the highest
 _FEW, _FEW_IN_RANGE = 3, 20  # samples: no mean, no range of fewer: each end would be one sample
 _RANGE = (5.0, 95.0)  # per cent of the samples that lie below
-_LATE = 1e-6  # s; time stamps are rounded alike
-_FEWEST = 8  # samples of a cycle
 _POINTS = 60  # of a characteristic
 _ONE_SPEED = 0.05  # speeds within this share are one test, run again
 _EVERY = 4  # settings of which one is drawn bold and labelled
@@ -271,47 +269,21 @@ def pressure_panel(
 # are drawn, with the range of the forces.
 
 
-class LogView:
-    """A log in a run: its signals, and its entry of the inputs in run.json.
+class DrawnLog(NamedTuple):
+    """A log as it is drawn: its plots are called ``name`` and more, its model has a colour."""
 
-    ``rows`` are its rows of the table "characteristics"; its plots are called ``name`` and more.
-    """
+    result: LogResult
+    signals: LogSignals
+    name: str
+    colour: str
 
-    def __init__(
-        self, signals: LogSignals, facts: Row, rows: Sequence[Row], name: str, colour: str
-    ) -> None:
-        self.signals, self.facts, self.rows = signals, facts, rows
-        self.name, self.colour = name, colour
-        self.setting: Setting = signals.setting
-        self.peaks = [row for row in rows if row["point"] == "peak"]  # a row a segment
-        self.steady = [row for row in self.peaks if row["cycles"]]  # those that repeat
-        self.is_moving = bool(self.peaks) and not self.steady
-        self.has_segments = len(self.peaks) > 1 or self.is_moving
-        self.fastest: Row | None = max(
-            self.steady, key=lambda row: row["speed_rebound_m_per_s"] or 0.0, default=None
-        )
-
-    @cached_property
-    def cycles(self) -> tuple[slice, ...]:
-        """The last whole cycle of each steady segment; older runs have one, in the entry."""
-        time, cycles = self.signals.time, []
-        for segment in entries_in(self.facts, "stretches") or [dict(self.facts)]:
-            rate = number_in(segment, "frequency_Hz") or 0.0
-            is_steady = segment.get("kind", "steady") == "steady"
-            if not (is_steady and rate > 0.0 and len(time) >= _FEWEST):
-                continue
-            stop = number_in(segment, "figures_stop_s") or number_in(segment, "stop_s") or math.inf
-            end = int(np.searchsorted(time, stop - _LATE))
-            begin = int(np.searchsorted(time, time[end - 1] - 1.0 / rate - _LATE))
-            if end - begin >= _FEWEST:
-                cycles.append(slice(begin, end))
-        return tuple(cycles)
-
-    @cached_property
+    @property
     def cycle(self) -> slice:
         """The last cycle of the fastest steady segment, all samples where nothing repeats."""
         whole, velocity = slice(0, len(self.signals.time)), self.signals.velocity
-        return max(self.cycles, key=lambda part: float(np.ptp(velocity[part])), default=whole)
+        return max(
+            self.result.cycles, key=lambda part: float(np.ptp(velocity[part])), default=whole
+        )
 
     @property
     def both(self) -> tuple[tuple[str, FloatArray, str, str], ...]:
@@ -325,11 +297,13 @@ class LogView:
         self, x: FloatArray, y: FloatArray, label: str, colour: str, style: str, **more: Any
     ) -> Line:
         """Return a line of its setting, with more fields of `Line`."""
-        return Line(x, y, label, colour, self.setting, style, **more)
+        return Line(x, y, label, colour, self.result.setting, style, **more)
 
     def plot(self, name: str, title: str, caption: str, *panels: Panel) -> Plot:
         """Return a plot of the log."""
-        return Plot(f"{self.name}_{name}", f"Setting {self.setting}: {title}", panels, caption)
+        return Plot(
+            f"{self.name}_{name}", f"Setting {self.result.setting}: {title}", panels, caption
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,21 +314,16 @@ class ReportPlots:
     units: ShownUnits
 
     @cached_property
-    def logs(self) -> tuple[LogView, ...]:
+    def logs(self) -> tuple[DrawnLog, ...]:
         """The logs that have signals."""
-        facts = {str(entry.get("log")): entry for entry in self.run.inputs}
-        rows: dict[tuple[Setting, str], list[Row]] = {}
-        for row in self.run.rows("characteristics"):
-            rows.setdefault((row["setting"], str(row["log"])), []).append(row)
-        counts: Counter[Setting] = Counter()
-        views = []
+        drawn: list[DrawnLog] = []
         for signals in self.run.signals:
-            counts[signals.setting] += 1
-            n = counts[signals.setting]
-            name = f"setting_{signals.setting.slug}" + (f"_log_{n}" if n > 1 else "")
-            own = facts.get(signals.log, {}), rows.get((signals.setting, signals.log), ())
-            views.append(LogView(signals, *own, name, self.colours[signals.setting]))
-        return tuple(views)
+            setting = signals.setting
+            n = 1 + sum(log.result.setting == setting for log in drawn)
+            name = f"setting_{setting.slug}" + (f"_log_{n}" if n > 1 else "")
+            log = self.run.log_of(signals)
+            drawn.append(DrawnLog(log, signals, name, self.colours[setting]))
+        return tuple(drawn)
 
     @cached_property
     def colours(self) -> Mapping[Setting, str]:
@@ -370,14 +339,14 @@ class ReportPlots:
         return tuple(plot_in_units(plot, self.units) for plot in plots)
 
     @cached_property
-    def by_log(self) -> tuple[tuple[LogView, tuple[Plot, ...]], ...]:
+    def by_log(self) -> tuple[tuple[DrawnLog, tuple[Plot, ...]], ...]:
         """Each log; the valves of a setting stand with its first."""
         plots_of, with_valves = [], set()
         for log in self.logs:
             plots = [plot for figure in LOG_FIGURES for plot in figure(log)]
-            if log.setting not in with_valves:
+            if log.result.setting not in with_valves:
                 plots += _valves(self.run.rows("valves"), log)
-            with_valves.add(log.setting)
+            with_valves.add(log.result.setting)
             plots_of.append((log, tuple(plot_in_units(plot, self.units) for plot in plots)))
         return tuple(plots_of)
 
@@ -423,18 +392,18 @@ def _branches(velocity: FloatArray, values: FloatArray) -> Iterator[Mean]:
             yield at, mean, word
 
 
-def _strands(log: LogView, force: FloatArray) -> Iterator[Mean]:
+def _strands(log: DrawnLog, force: FloatArray) -> Iterator[Mean]:
     """Yield velocity and force of the last cycle, or means of both branches where none repeats."""
-    if not log.is_moving:
+    if not log.result.is_moving:
         yield *loop(log.signals.velocity, force, log.cycle), ""
         return
     for at, mean, word in _branches(log.signals.velocity[log.cycle], force[log.cycle]):
         yield at, mean, f", mean, {word} branch"
 
 
-def _of_means(logs: Sequence[LogView]) -> str:
+def _of_means(logs: Sequence[DrawnLog]) -> str:
     """Return what is drawn of logs without a cycle, as a sentence."""
-    n = sum(log.is_moving for log in logs)
+    n = sum(log.result.is_moving for log in logs)
     whose = "the logs" if n == len(logs) else f"{n} of {len(logs)} logs"
     return (
         f" Of {whose} no cycle repeats: the mean force by velocity is drawn, of the opening and "
@@ -453,7 +422,7 @@ def _emphasis(settings: Iterable[Setting]) -> set[Setting]:
 
 def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
     """Peak force against peak velocity: measured points, curves of the model and of the damper."""
-    rows = [row for log in shown.logs for row in log.steady]
+    rows = [row for log in shown.logs for row in log.result.steady]
     speeds: dict[Setting, list[float]] = {}
     for row in rows:
         if row["speed_rebound_m_per_s"]:
@@ -510,16 +479,16 @@ def _fan(shown: ReportPlots) -> Iterator[Plot]:
     """Force against velocity: simulated loops in colour, the measured ones thin on top of them."""
     if not shown.logs:
         return
-    settings = {log.setting for log in shown.logs}
+    settings = {log.result.setting for log in shown.logs}
     bold = _emphasis(settings)
     lines: list[Line] = []
     for k_word, looks in enumerate((("pale", "wide"), ("faint", "thin"))):
         for log in shown.logs:
             word, force, colour, _ = log.both[k_word]
-            is_bold = log.setting in bold
+            is_bold = log.result.setting in bold
             for k, (v, f, more) in enumerate(_strands(log, force)):
-                label = f"setting {log.setting}, {word}{more}"
-                tag = log.setting.label if k_word == k == 0 and is_bold else ""
+                label = f"setting {log.result.setting}, {word}{more}"
+                tag = log.result.setting.label if k_word == k == 0 and is_bold else ""
                 lines.append(log.line(v, f, label, colour, looks[is_bold], tag=tag))
     panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
     few = "Every fourth setting is bold and labelled. " * (len(bold) < len(settings))
@@ -537,7 +506,7 @@ def _absolute(shown: ReportPlots) -> Iterator[Plot]:
         for v, force, more in _strands(log, log.signals.force_measured):
             # The means leap over zero: from there a line would join rebound and compression.
             for part in (v >= 0.0, v < 0.0) if more else (np.ones(len(v), dtype=bool),):
-                label = f"setting {log.setting}, measured{more}"
+                label = f"setting {log.result.setting}, measured{more}"
                 lines.append(log.line(np.abs(v[part]), force[part], label, log.colour, "thin"))
     if lines:
         panel = Panel("absolute velocity", "m/s", "measured force", "N", tuple(lines))
@@ -731,21 +700,21 @@ FIGURES: tuple[Callable[[ReportPlots], Iterator[Plot]], ...] = (
 # One log
 
 
-def _loops(log: LogView, signal: FloatArray) -> tuple[list[Line], str]:
+def _loops(log: DrawnLog, signal: FloatArray) -> tuple[list[Line], str]:
     """Return the last cycle of each steady segment, and what that is in words."""
-    cycles = log.cycles or (log.cycle,)
+    cycles = log.result.cycles or (log.cycle,)
     lines = [
         log.line(*loop(signal, force, cycle), word, ink, style, in_legend=cycle is cycles[0])
         for word, force, ink, style in log.both
         for cycle in cycles
     ]
-    which = "" if len(log.steady) == len(log.peaks) else "steady "
-    return lines, "Last cycle" + f" of each {which}segment" * log.has_segments
+    which = "" if len(log.result.steady) == len(log.result.segments) else "steady "
+    return lines, "Last cycle" + f" of each {which}segment" * log.result.has_segments
 
 
-def _force_velocity(log: LogView) -> Iterator[Plot]:
+def _force_velocity(log: DrawnLog) -> Iterator[Plot]:
     velocity = log.signals.velocity
-    if log.is_moving:
+    if log.result.is_moving:
         lines = [
             log.line(v, mean, word, ink, style, in_legend=branch == "opening")
             for word, force, ink, style in log.both
@@ -759,9 +728,9 @@ def _force_velocity(log: LogView) -> Iterator[Plot]:
     yield log.plot("force_velocity", "force against velocity", caption, panel)
 
 
-def _force_displacement(log: LogView) -> Iterator[Plot]:
-    x, v, fastest = 1e3 * log.signals.displacement, log.signals.velocity, log.fastest
-    if log.is_moving:
+def _force_displacement(log: DrawnLog) -> Iterator[Plot]:
+    x, v, fastest = 1e3 * log.signals.displacement, log.signals.velocity, log.result.fastest
+    if log.result.is_moving:
         lines = []
         for word, force, ink, style in log.both:
             for part, is_first in ((v > 0.0, True), (v < 0.0, False)):
@@ -781,29 +750,31 @@ def _force_displacement(log: LogView) -> Iterator[Plot]:
     else:
         lines, begins = _loops(log, x)
         caption = f"{begins}."
-        if fastest and not log.has_segments:
+        if fastest and not log.result.has_segments:
             energy = [number(fastest[f"{w}_energy_J"], digits=4) for w in ("measured", "simulated")]
             caption += f" Energy per cycle: {energy[0]} J measured, {energy[1]} J simulated."
     panel = Panel("displacement", "mm", "force", "N", tuple(lines))
     yield log.plot("force_displacement", "force against displacement", caption, panel)
 
 
-def _peaks(log: LogView) -> Iterator[Plot]:
+def _peaks(log: DrawnLog) -> Iterator[Plot]:
     """Peak force against peak speed, where more than one speed was run."""
-    if len(log.steady) < 2:
+    if len(log.result.steady) < 2:
         return
     lines = []
     for stroke, sign in _SIGNS.items():
         for word, ink, style in (("simulated", log.colour, "rings"), ("measured", "ink", "points")):
             names = (f"speed_{stroke}_m_per_s", f"{word}_{stroke}_N")
-            x, y = np.array(sorted(tuple(row[k] for k in names) for row in log.steady), float).T
+            x, y = np.array(
+                sorted(tuple(row[k] for k in names) for row in log.result.steady), float
+            ).T
             lines.append(log.line(sign * x, y, word, ink, style, in_legend=stroke == "rebound"))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
     caption = "One point a segment and stroke: mean of its cycles."
     yield log.plot("peaks", "peak force against peak velocity", caption, panel)
 
 
-def _force_time(log: LogView) -> Iterator[Plot]:
+def _force_time(log: DrawnLog) -> Iterator[Plot]:
     signals = log.signals
     residual = signals.force_measured - signals.force
     kept = thin(_LOG_BUCKETS, signals.force_measured, signals.force, residual)
@@ -827,7 +798,7 @@ def _force_time(log: LogView) -> Iterator[Plot]:
     yield log.plot("force_time", "force over time", "Below: measured less simulated.", *panels)
 
 
-def _residual(log: LogView) -> Iterator[Plot]:
+def _residual(log: DrawnLog) -> Iterator[Plot]:
     velocity = log.signals.velocity
     residual = log.signals.force_measured - log.signals.force
     # Peaks alone would make the cloud wider than it is.
@@ -847,9 +818,9 @@ def _residual(log: LogView) -> Iterator[Plot]:
     yield log.plot("residual", "residual against velocity", caption, panel)
 
 
-def _pressures(log: LogView) -> Iterator[Plot]:
+def _pressures(log: DrawnLog) -> Iterator[Plot]:
     signals = log.signals
-    panel = pressure_panel(signals.time, signals.pressures, log.cycle, setting=log.setting)
+    panel = pressure_panel(signals.time, signals.pressures, log.cycle, setting=log.result.setting)
     pressures = signals.pressures[:, log.cycle]
     shares = [100.0 * float(np.mean(pressure <= 0.0)) for pressure in pressures]
     dry = [f"chamber {i} for {share:.1f} %" for i, share in enumerate(shares, start=1) if share]
@@ -857,20 +828,24 @@ def _pressures(log: LogView) -> Iterator[Plot]:
     if dry:
         caption = f"Shaded: cavitation, {' and '.join(dry)} of the cycle."
     caption += f" Lowest pressure of this cycle {pressures.min() / _BAR:.3g} bar."
-    if log.has_segments and log.cycles:
+    if log.result.has_segments and log.result.cycles:
         caption = f"Last cycle of the fastest segment. {caption}"
     yield log.plot("pressures", "chamber pressures, simulated", caption, panel)
 
 
 # What is drawn of each log.
-LOG_FIGURES: tuple[Callable[[LogView], Iterator[Plot]], ...] = (
+LOG_FIGURES: tuple[Callable[[DrawnLog], Iterator[Plot]], ...] = (
     *(_force_velocity, _force_displacement, _peaks, _force_time, _residual, _pressures),
 )
 
 
-def _valves(rows: Sequence[Row], log: LogView) -> Iterator[Plot]:
+def _valves(rows: Sequence[Row], log: DrawnLog) -> Iterator[Plot]:
     """Yield a setting's valves, flow against pressure; nothing where the table has none."""
-    own = [row for row in rows if row["setting"] == log.setting and row["pressure_Pa"] is not None]
+    own = [
+        row
+        for row in rows
+        if row["setting"] == log.result.setting and row["pressure_Pa"] is not None
+    ]
     lines: list[Line] = []
     openings = []
     for stroke, sign in _SIGNS.items():

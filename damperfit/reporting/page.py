@@ -37,7 +37,6 @@ from damperfit.reporting.compared import (
 )
 from damperfit.reporting.figures import (
     Line,
-    LogView,
     Plot,
     ReportPlots,
     plot_in_units,
@@ -53,6 +52,7 @@ from damperfit.units.shown_units import ShownUnits
 if TYPE_CHECKING:
     from damperfit.comparison.comparing import RunComparison
     from damperfit.queries.compared import Comparison
+    from damperfit.settings_and_logs import LogResult
 
 _IDENTITY = ("damper", "serial", "date", "operator", "customer", "rig")
 _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}
@@ -222,7 +222,8 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
     run, units = shown.run, shown.units
     rows = {row["setting"]: row for row in run.rows("parameters")}
     counts: Counter[str] = Counter()
-    for log, plots in shown.by_log:
+    for drawn, plots in shown.by_log:
+        log, n_samples = drawn.result, len(drawn.signals.time)
         name = str(log.setting.cell) if isinstance(log.setting.cell, int) else log.setting.slug
         counts[name] += 1
         row, fastest = rows.get(log.setting), log.fastest
@@ -240,10 +241,10 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
         yield {
             "setting": log.setting,
             "anchor": f"setting-{name}" + (f"-log-{counts[name]}" if counts[name] > 1 else ""),
-            "log": log.signals.log,
+            "log": log.name,
             "verdict": verdict(row, run) if row else "",
             "parameters": parameter_line(row, run.quantities, units) if row else "",
-            "facts": _log_facts(log, units),
+            "facts": f"{_log_facts(log, units)}, {n_samples} samples evaluated.",
             "findings": findings,
             "details": {"Notes on the log": notes, "How the log was read": how_read},
             "figures": [data.add(plot) for plot in plots],
@@ -252,19 +253,19 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
         }
 
 
-def _log_facts(log: LogView, units: ShownUnits) -> str:
+def _log_facts(log: LogResult, units: ShownUnits) -> str:
     rate = number_in(log.fastest or log.facts, "frequency_Hz")
     motion = "frequency unknown" if rate is None else f"{rate:.3g} Hz"
     if log.has_segments:
-        fastest = max(row["speed_rebound_m_per_s"] or 0.0 for row in log.peaks)
-        segments = counted(len(log.peaks), "segment")
+        fastest = max(row["speed_rebound_m_per_s"] or 0.0 for row in log.segments)
+        segments = counted(len(log.segments), "segment")
         motion = f"{segments}, to {units.write(fastest, 'm/s', '.3g')}"
-    amplitudes = (number_in(entry, "amplitude_m") for entry in (*log.peaks, log.facts))
+    amplitudes = (number_in(entry, "amplitude_m") for entry in (*log.segments, log.facts))
     largest = max((size for size in amplitudes if size is not None), default=math.nan)
     amplitude = f"amplitude {units.write_length(largest, '.3g')}"
     heat = number_in(log.facts, "temperature_degC")
     temperature = "temperature not logged" if heat is None else f"{heat:.1f} degC"
-    return f"{motion}, {amplitude}, {temperature}, {len(log.signals.time)} samples evaluated."
+    return f"{motion}, {amplitude}, {temperature}"
 
 
 # Runs beside one another
