@@ -176,7 +176,7 @@ def sets(assignments: str) -> list[str]:
 def test_whose_parameters_are_taken_is_told(run, logs, folder) -> None:
     """Results beside it come before the reference set; a table and replacements before both."""
     ended = run("simulate", "--setting", "2", "--json")
-    assert "results/parameters.parquet" in ended.err
+    assert "parameters: setting 2 of results" in ended.err
     found = values_in(folder / "parameters.parquet")[2]
     assert json.loads(ended.out)["parameters"]["r_m1"] == found.r_m1
     missing = run("simulate", "--setting", "9")

@@ -81,7 +81,7 @@ simulate --setting 1 --set f_f=1 --set f_f=2 -> f_f is given twice
 simulate --setting 1 --amplitude 200mm -> beyond the damper's travel
 simulate --setting 1 --cycles 0.5 -> --cycles: expected 1 or more
 simulate --setting 1 --out x.xlsx -> --out x.xlsx
-simulate --setting 1 --parameters folder -> no parameters.parquet in this folder
+simulate --setting 1 --parameters folder -> parameters.parquet is missing
 simulate --setting 1 --displacement LOG --wave sine -> cannot be combined with --displacement
 simulate GIVEN --parameters LOG -> nothing is taken from it
 sweep --setting 1 -> nothing to vary
