@@ -117,10 +117,8 @@ def test_logs_that_do_not_tell_what_temperature_does_are_refused(how, logs, says
     with pytest.raises(ConfigurationError, match=says):
         with_reference(asked_for("mean", **how), traces)
     untold = [traces[0], *(replace(one, temperature=None) for one in traces[1:])]
-    says = (
-        f"{traces[1].name} and {len(untold) - 2} more have no|{traces[1].name} has no temperature"
-    )
-    with pytest.raises(ConfigurationError, match=f"({says}).*; expected a channel, a line '# temp"):
+    says = rf"{traces[1].name}.* (has|have) no temperature; expected a channel, a line '# temp"
+    with pytest.raises(ConfigurationError, match=says):
         check_temperatures(asked_for("mean"), untold)
 
 
@@ -212,7 +210,7 @@ def test_logs_without_a_temperature_do_not_contradict_each_other(tmp_path, resul
         kept = [line for line in text if not line.startswith("# temperature")]
         (tmp_path / path.name).write_text("".join(kept), encoding="utf-8")
     configuration = configured("identify", {"out": tmp_path / "out"}, COVARIATE)
-    with pytest.raises(ConfigurationError, match="and 1 more have no temperature"):
+    with pytest.raises(ConfigurationError, match="26C.csv, setting_01_60C.csv have no temperature"):
         next(identified(configuration, [str(tmp_path / "setting_01_*.csv")], jobs=1))
 
 
