@@ -22,9 +22,9 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.results import Run
 from damperfit.run import identify
 from damperfit.run.identify import Watch, written
-from damperfit.synthetic import SampleOptions, make_samples
 
 ROOT = Path(__file__).parents[2]
+LOGS = ROOT / "sample_runs"
 QUICK = (
     *("--procedure", "plain", "--free", "r_m1,r_m2,k_e", "--quiet"),
     *("--fix", "r_m3=2.6e6", "--fix", "f_f=50N"),
@@ -117,13 +117,14 @@ def test_two_runs_into_one_folder_at_once_are_refused_before_they_work(
     assert contents(folder).keys() == contents(first).keys()
 
 
-def test_a_full_disk_leaves_the_old_results_whole(spawn, logs, folder) -> None:
-    before = contents(folder)
-    ended = spawn(
-        *("identify", logs / "setting_01.csv"),
-        # A limit on file sizes is the nearest to a full disk that needs no rights.
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
-    )
+def test_a_full_disk_leaves_the_old_results_whole(run, logs, folder) -> None:
+    before, usual = contents(folder), resource.getrlimit(resource.RLIMIT_FSIZE)
+    # A limit on file sizes is the nearest to a full disk that needs no rights.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, usual[1]))
+    try:
+        ended = run("identify", logs / "setting_01.csv")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
     assert (ended.code, "Traceback" in ended.err) == (1, False)
     assert "earlier results there are untouched" in ended.err
     assert contents(folder) == before
@@ -180,12 +181,8 @@ def test_a_signal_asks_to_stop_and_a_second_one_ends_at_once(number, capsys) -> 
     ],
 )
 def test_the_command_ends_with_130_and_no_temporary_file(tmp_path, number, jobs) -> None:
-    for seed in range(jobs):  # enough work for a signal to arrive in the middle of it
-        made = SampleOptions(settings=tuple(range(1, 21)), cycles=7.0, seed=seed)
-        for path in make_samples(tmp_path / "made", made):
-            path.rename(tmp_path / f"{seed}_{path.name}")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "damperfit", "identify", "*.csv", "--jobs", str(jobs)],
+    process = subprocess.Popen(  # enough work for a signal to arrive in the middle of it
+        [sys.executable, "-m", "damperfit", "identify", str(LOGS), "--jobs", str(jobs)],
         cwd=tmp_path,
         start_new_session=True,
         preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # noqa: PLW1509 - under nohup it is ignored

@@ -139,11 +139,12 @@ def ended(shell: str, folder: Path) -> tuple[int, str, str]:
     ("streams", "code"),
     [(">&- 2>&- <&-", 0), (">/dev/full 2>/dev/full", 1)],
 )
-def test_results_are_written_whatever_becomes_of_the_streams(
+def test_results_are_written_whatever_becomes_of_the_streams_and_the_working_folder(
     logs, results, tmp_path, streams, code
 ) -> None:
-    log = logs / "setting_01.csv"
-    assert ended(f"damperfit identify {log} --out out {streams}", tmp_path)[0] == code
+    (tmp_path / "gone").mkdir()
+    words = f"identify {logs / 'setting_01.csv'} --out {tmp_path / 'out'} {streams}"
+    assert ended(f"cd gone; rmdir ../gone; exec damperfit {words}", tmp_path)[0] == code
     assert {one.name for one in results.iterdir()} == {
         one.name for one in (tmp_path / "out").iterdir()
     }
@@ -164,7 +165,7 @@ def test_an_answer_that_stdout_does_not_take_is_a_failure_with_a_word(tmp_path, 
 @pytest.mark.parametrize(
     ("words", "code"),
     [
-        ("identify {log} --out {there}", 0),
+        pytest.param("identify {log} --out {there}", 0, marks=pytest.mark.slow),
         ("identify {log}", 2),
         pytest.param("inspect {log}", 0, marks=pytest.mark.slow),
         pytest.param("report {results} --out page", 2, marks=pytest.mark.slow),
