@@ -20,6 +20,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import Motion, simulate
 from tests.fakes import log_text
+from tests.fleet.conftest import Here
 
 SETTING = 4
 # Sample rate, Hz; motions as amplitude, m, frequency, Hz, and cycles; compliance, m/N; lag, s.
@@ -110,7 +111,9 @@ class Outlets:
     @cached_property
     def fleet(self) -> pd.Series:
         out = self.folder / "fleet"
-        self.command("fleet", self.log, "--out", str(out), "--jobs", "1")
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("damperfit.workers.Processes", Here)
+            self.command("fleet", self.log, "--out", str(out), "--jobs", "1")
         (part,) = out.glob("serial-*/part-*.parquet")
         return pd.read_parquet(part).iloc[0]
 

@@ -468,7 +468,7 @@ def test_gzip_in_members_and_its_limit(put) -> None:
         for most in (max(len(PLAIN), len(packed)), 10**18):  # no memory is taken in advance
             recording = read_log(path, ReadOptions(max_bytes=most))
             assert (recording.setting, list(recording.force)) == (3, list(Scenario().force_n))
-    packer = zlib.compressobj(9, zlib.DEFLATED, 31)  # 0.1 MB that unpack to 100 MB
-    bomb = b"".join(packer.compress(b"0,1,2\n" * 100_000) for _ in range(170)) + packer.flush()
-    says = "more than the limit of 10000000 bytes when unpacked"
-    assert says in refusal(put(bomb, "log.csv.gz"), max_bytes=10_000_000)
+    packer = zlib.compressobj(9, zlib.DEFLATED, 31)  # 10 kB that unpack to 10 MB
+    bomb = b"".join(packer.compress(b"0,1,2\n" * 100_000) for _ in range(17)) + packer.flush()
+    says = "more than the limit of 1000000 bytes when unpacked"
+    assert says in refusal(put(bomb, "log.csv.gz"), max_bytes=1_000_000)
