@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from damperfit.conditioning.filters import apply_filter
 from damperfit.damper.model import Model, Values
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.least_squares import (
-    BorderedSystem,
+    LinearSystem,
     Minimum,
     Stopping,
     Transformation,
@@ -52,9 +52,6 @@ from damperfit.simulation import Response, SolverOptions, motion_of, simulate
 from damperfit.statistics import largest_of
 from damperfit.tested.setting import Setting
 from damperfit.workers import InTurn, Threads, executor
-
-if TYPE_CHECKING:
-    from damperfit.identification.least_squares import LinearSystem
 
 # A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
 _WILD = 1e100
@@ -320,6 +317,10 @@ class FitProblem:
                 raise bug.error from bug
 
 
+# Residuals of a setting and their derivatives by its variables, or a triangle that stands for them.
+_Part = tuple[FloatArray, FloatArray]
+
+
 class _BugError(Exception):
     """Passes through the loop, which takes a `SettingError` for a failed trial."""
 
@@ -409,7 +410,7 @@ class _Stacked:
             known[self.moving[setting]] = border[self.places[setting]]
             values[setting], beyond[setting] = self._values(setting, known, gas)
 
-        def block_of(setting: Setting) -> tuple[Any, float, float, bool]:
+        def block_of(setting: Setting) -> tuple[_Part, float, float, bool]:
             block = self.problem.blocks[setting]
             evaluate = partial(block.evaluate, values[setting], block.free)
             is_whole = self.is_alone or self.is_dense
@@ -427,56 +428,52 @@ class _Stacked:
             )
             unit = block.scale if self.is_dense else 1.0
             rows *= unit * math.sqrt(self.weights.get(setting, 1.0 / max(mean_square, 1e-300)))
-            system = self._linear(setting, rows, values[setting], gas)
-            return system, mean_square, independent, is_cavitating
+            part = self._linear(rows, values[setting], None if gas is None else gas.share(setting))
+            return part, mean_square, independent, is_cavitating
 
-        systems, squares, independent, empty = zip(*self.pool.map(block_of, settings), strict=True)
+        parts, squares, independent, empty = zip(*self.pool.map(block_of, settings), strict=True)
         mean_squares = dict(zip(settings, squares, strict=True))
         self.weights = self.weights or {s: 1.0 / max(x, 1e-300) for s, x in mean_squares.items()}
         n = dict(zip(settings, independent, strict=True))
         point = Point(values, mean_squares, n, any(empty), self.weights, gas)
-        if self.is_dense:
-            return self._dense(systems, variables), point
-        return (systems[0] if self.is_alone else BorderedSystem(systems, self.n_border)), point
+        return self._system(parts, variables), point
 
-    def _dense(
-        self, parts: Sequence[tuple[FloatArray, FloatArray]], variables: FloatArray
-    ) -> LinearSystem:
-        """One block of all settings, and of what their unknowns are held by."""
-        numbers = np.where(self.pull > 0.0, np.exp(np.clip(variables, -600.0, 600.0)), 1.0)
-        held = self.pull * np.log(numbers / self.held_at)
+    def _system(self, parts: Sequence[_Part], variables: FloatArray) -> LinearSystem:
+        """One block of all settings; of candidates, and of what their unknowns are held by."""
+        if self.is_alone:
+            return finite_system(*parts[0])
+        held = np.empty(0)
+        if self.is_dense:
+            numbers = np.where(self.pull > 0.0, np.exp(np.clip(variables, -600.0, 600.0)), 1.0)
+            held = self.pull * np.log(numbers / self.held_at)
         residuals = np.concatenate([*(rest for rest, _ in parts), held])
         jacobian, first = np.zeros((len(residuals), len(variables))), 0
-        for setting, (rest, columns) in zip(self.problem.settings, parts, strict=True):
-            last = first + len(rest)
-            jacobian[first:last, self.places[setting]] = columns[:, self.moving[setting]]
-            first = last
-        jacobian[first:] = np.diag(self.pull / numbers * numbers)
+        n_own, border = len(self.own), len(parts) * len(self.own)
+        for k, (rest, columns) in enumerate(parts):
+            setting, rows = self.problem.settings[k], jacobian[first : first + len(rest)]
+            rows[:, n_own * k : n_own * (k + 1)] = columns[:, self.own]
+            rows[:, border + self.places[setting]] = columns[:, self.moving[setting]]
+            first += len(rest)
+        if self.is_dense:
+            jacobian[first:] = np.diag(self.pull)
         return finite_system(residuals, jacobian)
 
-    def _linear(
-        self, setting: Setting, rows: FloatArray, values: Values, gas: GasLaw | None
-    ) -> Any:
-        """A setting's residuals and derivatives by u: a system, or what is made one with others."""
-        free, n_own = self.problem.free, len(self.own)
+    def _linear(self, rows: FloatArray, values: Values, gas_share: float | None) -> _Part:
+        """A setting's residuals and derivatives by its variables."""
+        free = self.problem.free
         with np.errstate(over="ignore", invalid="ignore"):
             jacobian = rows[1:].T * self.transformation.slopes(values_of(free, values))
-        if self.is_alone:
-            return finite_system(rows[0], jacobian)
-        if self.is_dense:
+        if self.is_alone or self.is_dense:
             return rows[0], jacobian
-        if gas is not None:  # by the setting's variables, logarithms both
+        if gas_share is not None:  # by the law's two, logarithms both
             by_law = np.array(
                 [[float(name == by) for by in self.problem.variables] for name in free]
             )
             if is_within(values, (GAS_FOLLOWER,)):  # beyond its range nothing changes any more
-                share = gas.share(setting)
-                by_law[free.index(GAS_FOLLOWER), -len(GAS_NAMES) :] = (-share, 1.0 - share)
+                by_law[free.index(GAS_FOLLOWER), -len(GAS_NAMES) :] = (-gas_share, 1.0 - gas_share)
             jacobian = jacobian @ by_law
-        columns = np.zeros((len(jacobian), n_own + self.n_border))
-        columns[:, :n_own] = jacobian[:, self.own]
-        columns[:, n_own + self.places[setting]] = jacobian[:, self.moving[setting]]
-        return reduced(rows[0], columns)
+        triangle = reduced(rows[0], jacobian)
+        return triangle[:, -1], triangle[:, :-1]
 
     def _values(
         self, setting: Setting, known: FloatArray, gas: GasLaw | None

@@ -40,7 +40,6 @@ from damperfit.identification.fit_problem import (
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, Fit, from_neighbours, is_loose
 from damperfit.identification.least_squares import (
     NO_LENGTH,
-    BorderedSystem,
     Minimum,
     Quadratic,
     Stopping,
@@ -443,11 +442,11 @@ def _result(
     nfev: int,
 ) -> JointResult:
     """What a joint fit has reached, and what it has not."""
-    system, at, status = cast("BorderedSystem", ended.system), ended.extra, {}
+    system, at, status = ended.system, ended.extra, {}
     # Rough relative standard errors of what is shared.
     inflation = np.mean([tied.blocks[s].facts.n_samples / n for s, n in at.n_independent.items()])
-    variances = np.diag(inverse_information(system.shared_rows)) * inflation
     border = replace(tied, gas=at.gas).border
+    variances = np.diag(inverse_information(ended.jacobian))[-len(border) :] * inflation
     errors = dict(zip(border, np.sqrt(variances).tolist(), strict=True))
     for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(at.values)):
         having = [values for s, values in at.values.items() if unknown.holds_at(s)]

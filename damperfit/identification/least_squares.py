@@ -1,13 +1,10 @@
 r"""Least squares: the one loop of all fits and the linear algebra of its steps.
 
 Nothing here knows of dampers. A model gives residuals r with their Jacobian J by the variables u
-as a system; a step p minimises ``|r + J p|^2 + lambda |D p|^2`` for lengths D of the
-variables, by orthogonal factors of J: J^T J would halve the digits. `DenseSystem` is one block of
-residuals, `BorderedSystem` many blocks (settings) with variables of their own and some in common::
-
-    J = | J_1          T_1 |      u_i of a block are eliminated by a QR factorisation of its own
-        |     J_2      T_2 |      rows; what is left of all blocks is a least-squares problem in the
-        |          ... ... |      shared variables alone.
+as a `LinearSystem`; a step p minimises ``|r + J p|^2 + lambda |D p|^2`` for lengths D of the
+variables, by orthogonal factors of J: J^T J would halve the digits. Of many settings each is
+`reduced` to a triangle of as many rows as it has variables before all are one system: eliminating
+each setting's own variables first saves no time up to 100 settings.
 
 The trust region is MINPACK's, scaled by the lengths of the Jacobian's columns (J. J. More, "The
 Levenberg-Marquardt algorithm: implementation and theory", 1978). Bounds have one rule: a step is
@@ -20,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +27,10 @@ from damperfit.compiled_core import compiled_core
 from damperfit.errors import SimulationError
 from damperfit.statistics import largest_of
 
-if TYPE_CHECKING:
-    LinearSystem: TypeAlias = "DenseSystem | BorderedSystem"
-
 Extra = TypeVar("Extra")
 
 # A column shorter than this has a variance beyond the largest number: as good as zeros.
 NO_LENGTH = 1e-130
-# Singular value of columns of length 1 below which a bordered system takes the shortest step.
-_NOT_SEEN = 1e-10
 
 
 class Step(NamedTuple):
@@ -50,7 +42,7 @@ class Step(NamedTuple):
     shrinkage: float  # -d ln |D p| / d lambda
 
 
-class DenseSystem:
+class LinearSystem:
     """One block of residuals (n,), their Jacobian (n, k); `held` variables stay where they are."""
 
     def __init__(
@@ -68,13 +60,13 @@ class DenseSystem:
         """R of the Jacobian, shape (k, k), of fewer rows where n is less: R^T R = J^T J."""
         return self._rows[: self._rows.shape[1]]
 
-    def scaled(self, scale: FloatArray) -> _DenseSteps:
+    def scaled(self, scale: FloatArray) -> _Steps:
         """The solver for D; one singular value decomposition serves every lambda."""
-        return _DenseSteps(self._rows, self._right, scale, self._moving)
+        return _Steps(self._rows, self._right, scale, self._moving)
 
-    def without(self, held: NDArray[np.bool_]) -> DenseSystem:
+    def without(self, held: NDArray[np.bool_]) -> LinearSystem:
         """The system in which some variables do nothing."""
-        return DenseSystem(self._right, np.where(held, 0.0, self._rows), held)
+        return LinearSystem(self._right, np.where(held, 0.0, self._rows), held)
 
     def effect(self, change: FloatArray) -> float:
         """Return |J p|^2."""
@@ -82,7 +74,7 @@ class DenseSystem:
         return float(moved @ moved)
 
 
-class _DenseSteps:
+class _Steps:
     def __init__(
         self, rows: FloatArray, right: FloatArray, scale: FloatArray, seen: NDArray[np.bool_]
     ) -> None:
@@ -112,104 +104,6 @@ class _DenseSteps:
         )
 
 
-class BorderedSystem:
-    """Blocks of residuals with variables of their own, all of one number, and some in common.
-
-    Variables: those of the first block, of the second and so on, then the shared ones. A block is
-    what `reduced` makes of residuals and Jacobian, its own columns first.
-    """
-
-    def __init__(self, blocks: Sequence[FloatArray], n_shared: int) -> None:
-        width = blocks[0].shape[1] - 1
-        # A block of few residuals has a triangle that is cut off: zeros make up for it.
-        self._triangles = np.zeros((len(blocks), width + 1, width + 1))
-        for triangle, block in zip(self._triangles, blocks, strict=True):
-            triangle[: len(block)] = block
-        self.cost = float(np.sum(self._triangles[:, :, -1] ** 2))
-        self._n_own = width - n_shared
-        columns, right = self._triangles[:, :, :-1], self._triangles[:, :, -1]
-        slopes = np.einsum("bij,bi->bj", columns, right)
-        own, shared = np.split(np.array([_lengths(b) for b in columns]), [self._n_own], axis=1)
-        self.lengths = np.concatenate([own.ravel(), _lengths(shared)])
-        own, shared = np.split(slopes, [self._n_own], axis=1)
-        self.gradient = np.concatenate([own.ravel(), shared.sum(axis=0)])
-
-    def scaled(self, scale: FloatArray) -> _BorderedSteps:
-        """The solver for D."""
-        return _BorderedSteps(self._triangles, scale, self._n_own)
-
-    def without(self, held: NDArray[np.bool_]) -> BorderedSystem:
-        """Return the system in which some variables do nothing."""
-        rest = self._triangles.copy()
-        rest[:, :, :-1] *= ~_by_block(held, len(rest), self._n_own)[:, None]
-        return BorderedSystem(list(rest), len(held) - len(rest) * self._n_own)
-
-    def effect(self, change: FloatArray) -> float:
-        """Return |J p|^2."""
-        by_block = _by_block(change, len(self._triangles), self._n_own)
-        moved = np.einsum("bij,bj->bi", self._triangles[:, :, :-1], by_block)
-        return float(np.sum(moved**2))
-
-    @property
-    def shared_rows(self) -> FloatArray:
-        """Jacobian of the shared variables where the blocks' own follow them."""
-        rest = self._triangles[:, self._n_own :, self._n_own : -1]
-        return rest.reshape(-1, rest.shape[2])
-
-
-class _BorderedSteps:
-    def __init__(self, triangles: FloatArray, scale: FloatArray, n_own: int) -> None:
-        n_blocks = len(triangles)
-        self._n_own, self._n_shared = n_own, len(scale) - n_blocks * n_own
-        self._scale, self._scaled = scale, triangles.copy()
-        self._scaled[:, :, :-1] /= _by_block(scale, n_blocks, n_own)[:, None]
-        squares = np.sum(self._scaled[:, :, :-1] ** 2, axis=1)
-        self._squares = squares[:, :n_own], np.sum(squares[:, n_own:], axis=0)[None, :]
-        self.is_full_rank = self._solved(0.0)[1]
-
-    def step(self, damping: float) -> Step:
-        return self._solved(damping)[0]
-
-    def _solved(self, damping: float) -> tuple[Step, bool]:
-        own, shared = self._n_own, self._n_shared
-        root = np.sqrt(damping)
-        lengths = [np.sqrt(squares + damping) for squares in self._squares]
-        n_blocks, _, width = self._scaled.shape
-        # The damping first: below longer rows a reflection would lose what short ones hold.
-        dampers = np.zeros((n_blocks, own, width))
-        dampers[:, np.arange(own), np.arange(own)] = root
-        factors = _triangle(np.concatenate([dampers, self._scaled], axis=1))
-        inverse, is_seen = _inverted(factors[:, :own, :own], lengths[0])
-        coupling, right = factors[:, :own, own:-1], factors[:, :own, -1]
-        rest = factors[:, own:, own:].reshape(-1, shared + 1)
-        border = np.hstack([root * np.eye(shared), np.zeros((shared, 1))])
-        last = np.zeros((shared + 1, shared + 1))
-        corner = _triangle(np.vstack([border, rest]))
-        last[: len(corner)] = corner
-        back, is_shared_seen = _inverted(last[None, :shared, :shared], lengths[1])
-        common = -back[0] @ last[:shared, -1]
-        mine = -np.einsum("bij,bj->bi", inverse, right + coupling @ common)
-        along = np.concatenate([mine.ravel(), common])
-        length = float(np.linalg.norm(along))
-        # w = R^-T z/|z| of the whole triangle R, block by block.
-        first = np.einsum("bji,bj->bi", inverse, mine)
-        second = back[0].T @ (common - np.einsum("bij,bi->j", coupling, first))
-        effects = np.einsum("bij,bj->bi", self._scaled[:, :, :-1], _by_block(along, n_blocks, own))
-        step = Step(
-            change=along / self._scale,
-            length=length,
-            effect=float(np.sum(effects**2)),
-            shrinkage=float(np.sum(first**2) + second @ second) / max(length, 1e-300) ** 2,
-        )
-        return step, is_seen and is_shared_seen
-
-
-def _by_block(variables: NDArray[Any], n_blocks: int, n_own: int) -> NDArray[Any]:
-    """The variables of each block, its own and the shared ones: (blocks, variables)."""
-    own, shared = np.split(variables, [n_blocks * n_own])
-    return np.hstack([own.reshape(n_blocks, n_own), np.tile(shared, (n_blocks, 1))])
-
-
 def reduced(residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
     """(J, r) as a triangle (k + 1, k + 1), of fewer rows where n is less: the same products."""
     n, k = jacobian.shape
@@ -226,25 +120,13 @@ def reduced(residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
 
 
 def _triangle(rows: FloatArray) -> FloatArray:
-    """R of a QR factorisation, of each matrix of a stack."""
+    """R of a QR factorisation."""
     return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
 
 
 def _lengths(rows: FloatArray) -> FloatArray:
     """Lengths of columns of few rows, also where their squares overflow."""
     return np.array([math.hypot(*column) for column in rows.T.tolist()])
-
-
-def _inverted(triangles: FloatArray, lengths: FloatArray) -> tuple[FloatArray, bool]:
-    """Return the inverse of each matrix, without the directions that nothing is seen of."""
-    is_short = lengths <= NO_LENGTH  # of the columns before other variables were eliminated
-    lengths = np.maximum(lengths, NO_LENGTH)
-    left, values, right = np.linalg.svd(triangles / lengths[:, None, :])
-    is_seen = values > _NOT_SEEN
-    weights = np.where(is_seen, 1.0 / np.maximum(values, _NOT_SEEN), 0.0)
-    inverse = np.einsum("bji,bj,bkj->bik", right, weights, left) / lengths[:, :, None]
-    inverse[is_short] = 0.0  # rounding in a column of zeros is not to be taken for a step
-    return inverse, bool(np.all(is_seen))
 
 
 # A cosine between residuals and Jacobian that is zero to the last digits.
@@ -298,7 +180,6 @@ class Minimum(Generic[Extra]):
     @property
     def jacobian(self) -> FloatArray:
         """R of the derivative of one block of residuals by u: R^T R = J^T J, at most (k, k)."""
-        assert isinstance(self.system, DenseSystem)
         return self.system.triangle
 
     @property
@@ -425,9 +306,7 @@ def _cosine(system: LinearSystem, held: NDArray[np.bool_]) -> float:
     return largest_of(np.where(held, 0.0, cosines))
 
 
-def _damped(
-    steps: _DenseSteps | _BorderedSteps, slope: float, radius: float, damping: float
-) -> tuple[float, Step]:
+def _damped(steps: _Steps, slope: float, radius: float, damping: float) -> tuple[float, Step]:
     """Return lambda and the step that is as long as the radius within a tenth (lmpar)."""
     # The slope is the length of the scaled gradient, D^-1 J^T r; the damping the lambda before.
     step = steps.step(0.0)
@@ -484,10 +363,10 @@ class Transformation(NamedTuple):
         return np.where(self.is_logarithmic, values, self.scales)
 
 
-def finite_system(residuals: FloatArray, jacobian: FloatArray) -> DenseSystem:
+def finite_system(residuals: FloatArray, jacobian: FloatArray) -> LinearSystem:
     """One block of residuals, all numbers of which are finite; else a failed simulation."""
     with np.errstate(over="ignore", invalid="ignore"):
-        system = DenseSystem(residuals, jacobian)
+        system = LinearSystem(residuals, jacobian)
         # A number that is none is in every sum after it.
         is_finite = math.isfinite(system.cost + float(np.add.reduce(system.triangle, axis=None)))
     if not is_finite:

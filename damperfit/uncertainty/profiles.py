@@ -47,7 +47,7 @@ from damperfit.identification.fit_problem import (
 )
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, Fit
 from damperfit.identification.joint import fit_jointly
-from damperfit.identification.least_squares import NO_LENGTH, DenseSystem, Stopping, iterate
+from damperfit.identification.least_squares import NO_LENGTH, LinearSystem, Stopping, iterate
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import Sharing, Unknown
 from damperfit.simulation import SolverOptions
@@ -62,7 +62,7 @@ from damperfit.uncertainty.covariance import (
 )
 
 if TYPE_CHECKING:
-    from damperfit.identification.least_squares import LinearSystem, Step
+    from damperfit.identification.least_squares import Step
 
 # A rise this far below zero is another, better minimum.
 _BETTER = -0.5
@@ -331,12 +331,12 @@ def _own_line(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
     ) -> tuple[_State, float, int]:
         """Refit the moving ones: the state, the least cost that is promised there, simulations."""
 
-        def point_at(part: FloatArray) -> tuple[DenseSystem, _State]:
+        def point_at(part: FloatArray) -> tuple[LinearSystem, _State]:
             variables = start.copy()
             variables[moving] = part
             parameters = with_values(fit.parameters, free, packing.unpack(variables))
             residuals, jacobian = linearise(misfit, parameters)
-            system = DenseSystem(residuals, jacobian[:, moving])
+            system = LinearSystem(residuals, jacobian[:, moving])
             return system, _State(variables, parameters, residuals, jacobian)
 
         stopping = Stopping(
@@ -360,7 +360,7 @@ def _own_line(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
         moved[place] = centre.variables[place] + along
         shift = moved[place] - state.variables[place]
         ahead = state.residuals + state.jacobian[:, place] * shift
-        change = _full_step(DenseSystem(ahead, state.jacobian[:, others])).change
+        change = _full_step(LinearSystem(ahead, state.jacobian[:, others])).change
         length = float(np.max(np.abs(change), initial=0.0))
         moved[others] += change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
         ended, cost, nfev = settled(moved, others, left)

@@ -5,8 +5,7 @@ import pytest
 
 from damperfit.errors import SimulationError
 from damperfit.identification.least_squares import (
-    BorderedSystem,
-    DenseSystem,
+    LinearSystem,
     Stopping,
     Transformation,
     inverse_information,
@@ -65,7 +64,7 @@ def test_a_descent_among_failures_shrinks_until_its_steps_are_short() -> None:
     def lonely(u):
         if u.tolist() != start.tolist():
             raise SimulationError("nothing but the start")
-        return DenseSystem(*decay(u)[:2]), u
+        return LinearSystem(*decay(u)[:2]), u
 
     stopping = Stopping(step_tolerance=1e-4)
     ended = iterate(lonely, start, stopping)
@@ -120,52 +119,10 @@ def test_a_variable_that_starts_at_a_bound_leaves_it() -> None:
     assert inner.variables == pytest.approx(free.variables, abs=1e-9)
 
 
-# Blocks with a border beside the same as one dense problem.
-
-OWN, SHARED, BLOCKS = 3, 2, 4
-N = OWN * BLOCKS + SHARED
-
-
-def bordered():
-    """Residuals and Jacobian of random blocks, and the same as one Jacobian."""
-    parts = [
-        (RANDOM.normal(size=30), RANDOM.normal(size=(30, OWN + SHARED))) for _ in range(BLOCKS)
-    ]
-    whole = np.zeros((30 * BLOCKS, N))
-    for k, (_, jacobian) in enumerate(parts):
-        rows = slice(30 * k, 30 * k + 30)
-        whole[rows, OWN * k : OWN * k + OWN] = jacobian[:, :OWN]
-        whole[rows, OWN * BLOCKS :] = jacobian[:, OWN:]
-    return parts, np.concatenate([r for r, _ in parts]), whole
-
-
-@pytest.mark.parametrize("high", [-0.2, 10.0])
-def test_a_bound_in_one_block_of_many_is_that_of_one_whole_problem(high: float) -> None:
-    parts, data, whole = bordered()
-
-    def one_block(u):
-        return DenseSystem(data + whole @ u, whole), None
-
-    def many(u):
-        moved = (data + whole @ u).reshape(BLOCKS, 30)
-        blocks = [reduced(r, j) for r, (_, j) in zip(moved, parts, strict=True)]
-        return BorderedSystem(blocks, SHARED), None
-
-    bounds = np.full(N, -5.0), np.full(N, high)
-    slow, fast = (iterate(f, np.full(N, -1.0), Stopping(), bounds) for f in (one_block, many))
-    assert fast.variables == pytest.approx(slow.variables, abs=1e-7)
-    assert fast.is_held.tolist() == slow.is_held.tolist()
-    assert slow.is_held.any() == (high < 0.0)
-    assert slow.gradient_cosine < 1e-6
-
-
 @pytest.mark.parametrize("damping", [0.0, 1e-3, 5.0])
-@pytest.mark.parametrize("kind", ["dense", "bordered"])
-def test_a_damped_step_is_that_of_the_normal_equations(kind: str, damping: float) -> None:
-    parts, residuals, jacobian = bordered()
-    blocks = [reduced(*part) for part in parts]
-    is_dense = kind == "dense"
-    system = DenseSystem(residuals, jacobian) if is_dense else BorderedSystem(blocks, SHARED)
+def test_a_damped_step_is_that_of_the_normal_equations(damping: float) -> None:
+    residuals, jacobian = RANDOM.normal(size=120), RANDOM.normal(size=(120, 14))
+    system = LinearSystem(residuals, jacobian)
     scale = RANDOM.uniform(0.1, 9.0, jacobian.shape[1])
     found = system.scaled(scale).step(damping)
     matrix = jacobian.T @ jacobian + damping * np.diag(scale**2)
@@ -180,13 +137,6 @@ def test_a_damped_step_is_that_of_the_normal_equations(kind: str, damping: float
     longer, shorter = (system.scaled(scale).step(damping + d).length for d in (0.0, more))
     slope = -np.log(shorter / longer) / more
     assert found.shrinkage == pytest.approx(slope, rel=1e-3)
-
-
-def test_what_the_shared_rows_leave_is_the_covariance_with_the_own_ones_free() -> None:
-    parts, _, jacobian = bordered()
-    covariance = np.linalg.inv(jacobian.T @ jacobian)[-SHARED:, -SHARED:]
-    rows = BorderedSystem([reduced(*part) for part in parts], SHARED).shared_rows
-    assert np.linalg.inv(rows.T @ rows) == pytest.approx(covariance, rel=1e-10)
 
 
 @pytest.mark.parametrize("shape", [(2, 1), (9, 1), (8, 3), (721, 3), (400, 12)])

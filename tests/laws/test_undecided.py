@@ -13,7 +13,7 @@ from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import Status
 from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import _statuses
-from damperfit.identification.least_squares import DenseSystem, Minimum
+from damperfit.identification.least_squares import LinearSystem, Minimum
 from damperfit.identification.logs import FEWEST_SAMPLES
 from damperfit.laws.description import described_again, physics_in, undecided
 from damperfit.laws.law_fit import (
@@ -154,10 +154,10 @@ def point(error: float) -> Minimum[None]:
     jacobian = np.zeros((100, 2))
     jacobian[0, 0], jacobian[1, 1] = length, 1.0
     residuals = np.full(100, 1e-3)
-    return ended(DenseSystem(residuals, jacobian))
+    return ended(LinearSystem(residuals, jacobian))
 
 
-def ended(system: DenseSystem) -> Minimum[None]:
+def ended(system: LinearSystem) -> Minimum[None]:
     return Minimum(np.ones(2), system, None, 1, 0, 2, np.zeros(2, dtype=bool))
 
 
@@ -169,7 +169,7 @@ def test_an_error_beyond_the_limit_is_undetermined(factor: float, *, is_undeterm
 
 
 def test_a_column_of_zeros_is_undetermined_and_an_offset_never() -> None:
-    flat = ended(DenseSystem(np.full(100, 1e-3), np.zeros((100, 2))))
+    flat = ended(LinearSystem(np.full(100, 1e-3), np.zeros((100, 2))))
     assert _undetermined(flat, PLAIN, ("rebound_opening", "f_0"), 3) == ("rebound_opening",)
 
 
@@ -177,7 +177,7 @@ def test_of_quantities_that_do_the_same_none_is_determined_and_another_is() -> N
     chance = np.random.default_rng(3)
     one = chance.normal(size=200)
     jacobian = np.stack([one, 2.0 * one, one + chance.normal(size=200)], axis=1)
-    known = ended(DenseSystem(np.full(200, 1e-3), jacobian))
+    known = ended(LinearSystem(np.full(200, 1e-3), jacobian))
     names = ("rebound_opening", "rebound_slope", "rebound_bleed")
     assert _undetermined(known, PLAIN, names, 3) == names[:2]
 
