@@ -1,9 +1,9 @@
 """A structure fitted at settings, for comparing: what it misses and predicts, what was tried."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,19 +15,12 @@ from damperfit.identification.fit_problem import Block, is_at_edge
 from damperfit.identification.fit_setting import COMPARING, best_of_starts
 from damperfit.identification.least_squares import Minimum, inverse_information
 from damperfit.identification.logs import FEWEST_SAMPLES, compare, normalised_mse
+from damperfit.identification.sharing import Unknown
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 
 # What a law misses of logs.
-
-
-class _Missed(NamedTuple):
-    """Residuals of each segment, N; the MSE of each, and of all."""
-
-    residuals: tuple[FloatArray, ...]
-    segment_mses: tuple[float, ...]
-    mse_percent: float
 
 
 def _misses(
@@ -37,8 +30,11 @@ def _misses(
     solver: SolverOptions,
     *,
     has_own_offsets: bool = False,
-) -> _Missed:
-    """Misfit of a law to logs, less the offset of each where a rig is tared anew."""
+) -> tuple[list[FloatArray], list[float], float]:
+    """Residuals of each segment, N; the MSE of each, and of all.
+
+    Beside what is an offset of each log where a rig is tared anew.
+    """
     residuals, alone, measured = [], [], []
     for trace in traces:
         force = compare(values, trace, model, solver=solver).force
@@ -50,8 +46,7 @@ def _misses(
             alone.append(normalised_mse(trace.force[part], force[part]))
             measured.append(trace.force[part])
     together, rest = np.concatenate(measured), np.concatenate(residuals)
-    mse = normalised_mse(together, together + rest)
-    return _Missed(tuple(residuals), tuple(alone), mse)
+    return residuals, alone, normalised_mse(together, together + rest)
 
 
 # A standard error of this factor to both sides, and a quantity is not determined.
@@ -128,15 +123,8 @@ def fit_law(
     if is_whole:
         ended = misfit.descend(ended.extra, COMPARING)
         evaluations += ended.evaluations
-    return fit_at(
-        misfit,
-        evidence,
-        ended.extra,
-        evaluations=evaluations,
-        undetermined=_undetermined(
-            ended, model, free, sum(len(trace.segments) for trace in evidence.fitted)
-        ),
-    )
+    known = undetermined(ended, [misfit], [Unknown(name) for name in free])
+    return fit_at(misfit, evidence, ended.extra, evaluations=evaluations, undetermined=known)
 
 
 def fit_at(
@@ -145,20 +133,20 @@ def fit_at(
     values: Values,
     *,
     evaluations: int,
-    undetermined: tuple[str, ...] = (),
+    undetermined: Sequence[Unknown],
 ) -> LawFit:
     """Misfit of a model at given values, to the fitted logs and to those held out."""
     model, free, solver = misfit.model, misfit.free, misfit.solver
     has_own_offsets = misfit.offset is not None
-    missed = _misses(model, values, evidence.fitted, solver, has_own_offsets=has_own_offsets)
+    residuals, alone, mse = _misses(
+        model, values, evidence.fitted, solver, has_own_offsets=has_own_offsets
+    )
     held_out, kind = math.nan, TRANSIENTS if evidence.is_part else "logs"
     try:
         if evidence.held_out:
-            held_out = _misses(
-                model, values, evidence.held_out, solver,
-                has_own_offsets=not evidence.is_part
-                and any(model.quantity(name).is_offset for name in free),
-            ).mse_percent  # fmt: skip
+            is_tared = not evidence.is_part and any(model.quantity(n).is_offset for n in free)
+            of_held_out = model, values, evidence.held_out, solver
+            held_out = _misses(*of_held_out, has_own_offsets=is_tared)[-1]
     except SimulationError:
         held_out = math.inf
     at_bound = tuple(name for name in free if is_at_edge(values, name))
@@ -168,11 +156,13 @@ def fit_at(
         values=values,
         free=free,
         at_bound=at_bound,
+        mse_percent=mse,
+        segment_mses=tuple(alone),
         held_out_percent=held_out,
         held_out="" if math.isnan(held_out) else kind,
+        residuals=tuple(residuals),
         evaluations=evaluations,
-        undetermined=undetermined,
-        **missed._asdict(),
+        undetermined=tuple(u.name for u in undetermined if u.holds_at(evidence.setting)),
     )
 
 
@@ -195,19 +185,20 @@ def descended(
     return best_of_starts(misfit, (starts[0].replace(known), *starts), known=1)
 
 
-def _undetermined(
-    ended: Minimum[Values], model: Model, free: Sequence[str], n_segments: int
-) -> tuple[str, ...]:
-    """Return the quantities whose logarithm has too large a standard error, to first order.
+def undetermined(
+    ended: Minimum[Any], blocks: Iterable[Block], unknowns: Sequence[Unknown]
+) -> tuple[Unknown, ...]:
+    """Return the unknowns of a fit whose logarithm has too large a standard error, to first order.
 
     What a law leaves over is not white: a segment counts as `FEWEST_SAMPLES`, not as thousands.
     """
-    variance = ended.cost / (FEWEST_SAMPLES * n_segments)
-    errors = np.sqrt(np.diag(inverse_information(ended.jacobian)) * variance)
+    blocks = list(blocks)
+    n = FEWEST_SAMPLES * sum(len(trace.segments) for block in blocks for trace in block.traces)
+    errors = np.sqrt(np.diag(inverse_information(ended.jacobian)) * (ended.cost / n))
     return tuple(
-        name
-        for name, error in zip(free, errors.tolist(), strict=True)
-        if model.quantity(name).is_logarithmic and error > math.log(UNDETERMINED)
+        unknown
+        for unknown, error in zip(unknowns, errors.tolist(), strict=True)
+        if blocks[0].model.quantity(unknown.name).is_logarithmic and error > math.log(UNDETERMINED)
     )
 
 

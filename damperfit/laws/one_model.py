@@ -16,8 +16,7 @@ import numpy as np
 from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError
 from damperfit.identification.fit_problem import FitProblem, Point, kept_within
-from damperfit.identification.least_squares import Minimum, Stopping, inverse_information
-from damperfit.identification.logs import FEWEST_SAMPLES
+from damperfit.identification.least_squares import Minimum, Stopping
 from damperfit.identification.sharing import Unknown, unknown_at
 from damperfit.tested.setting import Setting
 
@@ -115,16 +114,3 @@ class OneModel(FitProblem):
         seen.sort(key=lambda look: look.cost)
         ends = [self.minimise(look.extra.values, _END) for look in seen[:_FOLLOWED]]
         return min(ends, key=lambda end: end.cost)
-
-    def errors(self, ended: Minimum[Point]) -> dict[Unknown, float]:
-        """Return the standard errors of the logarithms, to first order; 0 of what has no logarithm.
-
-        What a law leaves over is not white: a segment counts as `FEWEST_SAMPLES`, not as thousands.
-        """
-        traces = (trace for block in self.blocks.values() for trace in block.traces)
-        n = FEWEST_SAMPLES * sum(len(trace.segments) for trace in traces)
-        errors = np.sqrt(np.diag(inverse_information(ended.jacobian)) * ended.cost / n)
-        return {
-            unknown: error if self.model.quantity(unknown.name).is_logarithmic else 0.0
-            for unknown, error in zip(self.border, errors.tolist(), strict=True)
-        }

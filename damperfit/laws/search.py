@@ -58,7 +58,6 @@ from damperfit.identification.sharing import Follows, Unknown, one_by_one, unkno
 from damperfit.laws.law_fit import (
     GAIN,
     SEEN_APART,
-    UNDETERMINED,
     Candidate,
     Exchange,
     JudgedLaw,
@@ -70,6 +69,7 @@ from damperfit.laws.law_fit import (
     fit_at,
     fit_law,
     times_worse,
+    undetermined,
 )
 from damperfit.laws.one_model import OneModel
 from damperfit.laws.rivals import YIELDING, held_against, is_open_to, unbelievable
@@ -354,20 +354,15 @@ class _Search:
         known = self._judged.get(id(fit))
         if known is not None:
             return known[1]
-        errors = fit.model.errors(fit.minimum)
-        values = fit.values
+        loose = undetermined(fit.minimum, fit.model.blocks.values(), fit.model.border)
 
         def at(setting: Setting) -> LawFit:
             return fit_at(
                 replace(fit.model.blocks[setting], solver=self.solver, cycles=None),
                 self.evidence[setting],
-                values[setting],
+                fit.values[setting],
                 evaluations=fit.minimum.evaluations,
-                undetermined=tuple(
-                    unknown.name
-                    for unknown, error in errors.items()
-                    if unknown.holds_at(setting) and error > math.log(UNDETERMINED)
-                ),
+                undetermined=loose,
             )
 
         with executor(self.jobs) as pool:
