@@ -23,13 +23,13 @@ from zlib import crc32
 
 import numpy as np
 
-from damperfit.arrays import FloatArray
 from damperfit.conditioning.noise import noise_floor
 from damperfit.damper.model import Values
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import DamperfitError, FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import (
     Block,
+    Point,
     is_at_edge,
     is_within,
     kept_within,
@@ -99,22 +99,30 @@ class FitResult:
 
     free: tuple[str, ...]  # what moved
     values: Values  # best point found
-    mse_percent: float  # eq. (22) there, each segment with its weight
-    jacobian: FloatArray  # triangle R of the derivative of the residuals by u, at most (k, k)
-    gradient: FloatArray  # J^T r, (k,)
-    evaluations: int  # simulations of the whole setting
-    failed_trials: int  # those that could not be integrated
-    ending: int  # as `Minimum.status`: 0 is the limit of evaluations
-    gradient_cosine: float  # largest between the residuals and a column of the Jacobian
-    # Twice the residuals' sign changes: white ones change sign at every other sample; those behind
-    # a low-pass of B Hz 1.15 B times a second, where 2 B samples a second are independent.
-    n_independent: float
-    is_cavitating: bool  # a chamber is at zero pressure somewhere in what is compared
+    minimum: Minimum[Point]  # of which these are the values; the sum of squares is the MSE's share
     status: dict[str, Status] = field(default_factory=dict)
     outcome: Outcome = Outcome.CONVERGED
     # Rough, relative ones of what is free: textbook covariance with so many samples; infinite where
     # the logs say nothing.
     errors: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def mse_percent(self) -> float:
+        """Eq. (22), each segment with its weight."""
+        return 100.0 * self.minimum.cost
+
+    @property
+    def evaluations(self) -> int:
+        """Simulations of the whole setting."""
+        return self.minimum.evaluations
+
+    @property
+    def n_independent(self) -> float:
+        """Twice the residuals' sign changes."""
+        # White ones change sign at every other sample; those behind a low-pass of B Hz 1.15 B times
+        # a second, where 2 B samples a second are independent.
+        (n,) = self.minimum.extra.n_independent.values()
+        return n
 
     @property
     def is_sound(self) -> bool:
@@ -123,11 +131,9 @@ class FitResult:
 
     def after(self, evaluations: int, failed_trials: int = 0) -> FitResult:
         """The same with the simulations made before it."""
-        return replace(
-            self,
-            evaluations=self.evaluations + evaluations,
-            failed_trials=self.failed_trials + failed_trials,
-        )
+        counts = evaluations + self.evaluations, failed_trials + self.minimum.failed_trials
+        minimum = replace(self.minimum, evaluations=counts[0], failed_trials=counts[1])
+        return replace(self, minimum=minimum)
 
     def with_status(self, status: Mapping[str, Status]) -> FitResult:
         """The same with what another fit says of some quantities."""
@@ -155,23 +161,23 @@ class Fit:
 def minimised(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
     """The minimum that a start leads to, with the evaluations made before it."""
     result = _ended(block, start)
-    cost, n, jacobian = result.mse_percent / 100.0, result.n_independent, result.jacobian
+    at, n = result.minimum, result.n_independent
+    cost, jacobian, lengths = at.cost, at.jacobian, np.maximum(at.system.lengths, 1e-300)
     errors = np.sqrt(np.diag(inverse_information(jacobian)) * (cost / n))
     by_name = dict(zip(block.free, errors.tolist(), strict=True))
     status = _statuses(block, result, by_name)
     # How many standard errors the full step is long that is left.
-    lengths = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
-    along = np.linalg.lstsq((jacobian / lengths).T, result.gradient / lengths, rcond=None)[0]
+    along = np.linalg.lstsq((jacobian / lengths).T, at.system.gradient / lengths, rcond=None)[0]
     promised = math.sqrt(float(along @ along) * n / max(cost, 1e-300))
     right_angle = max(_RIGHT_ANGLE, _AMONG_KINKS * math.sqrt(block.model.kinks))
-    is_minimum = result.gradient_cosine < right_angle or result.mse_percent < 1e-8
+    is_minimum = at.gradient_cosine < right_angle or result.mse_percent < 1e-8
     applies = {
         Outcome.AT_BOUND: Status.AT_BOUND in status.values(),
         Outcome.NOT_IDENTIFIABLE: Status.NOT_IDENTIFIABLE in status.values(),
-        Outcome.CAVITATING: result.is_cavitating,
+        Outcome.CAVITATING: at.extra.is_cavitating,
         Outcome.CONVERGED: is_minimum or promised < _NO_ERROR,
-        Outcome.EVALUATION_LIMIT: result.ending == _LIMIT,
-        Outcome.NOT_FINITE: result.failed_trials > 0,
+        Outcome.EVALUATION_LIMIT: at.status == _LIMIT,
+        Outcome.NOT_FINITE: at.failed_trials > 0,
         Outcome.NO_DESCENT: True,
     }
     outcome = next(outcome for outcome, is_so in applies.items() if is_so)
@@ -190,9 +196,9 @@ def _ended(block: Block, start: Values) -> FitResult:
     logs = replace(block, cycles=None, max_evaluations=left)
     if block.cancelled():
         raise FitCancelledError("stopped while a fit was running.", code="cancelled")
-    ended = None if near.ending == _LIMIT else _last_step(logs, near.values)
+    ended = None if near.minimum.status == _LIMIT else _last_step(logs, near.values)
     ended = ended or _on_logs(logs, near.values)
-    return ended.after(near.evaluations, near.failed_trials)
+    return ended.after(near.evaluations, near.minimum.failed_trials)
 
 
 def _on_logs(block: Block, start: Values) -> FitResult:
@@ -205,7 +211,7 @@ def _on_logs(block: Block, start: Values) -> FitResult:
     except SimulationError:
         # The tighter integrator has failed where the other did not: what it found stands.
         return result.after(1, 1)
-    return refined.after(result.evaluations, result.failed_trials)
+    return refined.after(result.evaluations, result.minimum.failed_trials)
 
 
 def _last_step(block: Block, near: Values) -> FitResult | None:
@@ -222,26 +228,17 @@ def _last_step(block: Block, near: Values) -> FitResult | None:
         return None
     if first.mse_percent <= block.solvers_percent:
         return None
-    jacobian, cost = first.jacobian, first.mse_percent / 100.0
-    step = np.linalg.lstsq(jacobian.T @ jacobian, -first.gradient, rcond=None)[0]
-    moved = jacobian @ step
-    gain = float(moved @ moved)
-    if gain * first.n_independent > _AN_ERROR**2 * cost or not largest_of(step) <= _SMALL:
+    at, system = first.minimum, first.minimum.system
+    information = at.jacobian.T @ at.jacobian
+    step = np.asarray(np.linalg.lstsq(information, -system.gradient, rcond=None)[0], np.float64)
+    is_long = system.effect(step) * first.n_independent > _AN_ERROR**2 * at.cost
+    if is_long or not largest_of(step) <= _SMALL:
         return None
-    numbers = block.variables.pack(values_of(free, first.values)) + step
-    values = with_values(first.values, free, block.variables.unpack(numbers))
+    values = with_values(first.values, free, block.variables.unpack(at.variables + step))
     if not is_within(values, free):
         return None
-    rest = first.gradient + jacobian.T @ moved
-    lengths = np.sqrt(np.add.reduce(jacobian**2) * cost)
-    return replace(
-        first,
-        values=values,
-        mse_percent=100.0 * (cost - gain),
-        gradient=rest,
-        gradient_cosine=largest_of(rest / np.maximum(lengths, 1e-300)),
-        ending=_MET_COST,
-    )
+    minimum = replace(at, system=system.moved(step), status=_MET_COST)
+    return replace(first, values=values, minimum=minimum)
 
 
 def descended(block: Block, start: Values, stopping: Stopping) -> FitResult:
@@ -251,20 +248,8 @@ def descended(block: Block, start: Values, stopping: Stopping) -> FitResult:
         least_share=max(stopping.least_share, block.model.kinks),
     )
     ended = block.minimise(kept_within(start, block.free), stopping)
-    ((setting, values),) = ended.extra.values.items()
-    return FitResult(
-        free=block.free,
-        values=values,
-        mse_percent=100.0 * ended.cost,
-        jacobian=ended.jacobian,
-        gradient=ended.system.gradient,
-        evaluations=ended.evaluations,
-        failed_trials=ended.failed_trials,
-        ending=ended.status,
-        gradient_cosine=ended.gradient_cosine,
-        n_independent=ended.extra.n_independent[setting],
-        is_cavitating=ended.extra.is_cavitating,
-    )
+    (values,) = ended.extra.values.values()
+    return FitResult(block.free, values, ended)
 
 
 def is_loose(quantity: Quantity, value: float, error: float, share: float) -> bool:
@@ -318,13 +303,13 @@ def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
     warnings = list(speed_warnings(block.facts, block.free, block.model.quantities))
-    if result.failed_trials:
+    if failed_trials := result.minimum.failed_trials:
         where = ", ".join(
             f"{quantity.symbol} {getattr(values, quantity.name):.3g}"
             for quantity in values.quantities
             if quantity.is_logarithmic
         )
-        text = f"{result.failed_trials} trial points could not be simulated, near {where}."
+        text = f"{failed_trials} trial points could not be simulated, near {where}."
         warnings.insert(0, warning("failed-trials", text))
     all_misses = np.concatenate(misses)
     total = block.deviation**2 * len(all_misses)
@@ -445,8 +430,8 @@ def fit_setting(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
             is_better = is_much_better
         elif other.is_sound:
             is_better = not (is_much_worse and is_cavitating)
-        nfev = best.evaluations + other.evaluations
-        best = replace(other if is_better else best, evaluations=nfev)
+        best, left = (other, best) if is_better else (best, other)
+        best = best.after(left.evaluations)
     return best
 
 
@@ -475,7 +460,7 @@ def lacks_stiffness_alone(result: FitResult) -> bool:
     of_oil = [rest.pop(quantity.name) for quantity in result.values.quantities if quantity.is_open]
     is_alone = {*rest.values()} <= {Status.FITTED, Status.FIXED}
     is_lost = is_alone and Status.NOT_IDENTIFIABLE in of_oil
-    return is_lost and not result.is_cavitating and result.mse_percent < EXCELLENT
+    return is_lost and not result.minimum.extra.is_cavitating and result.mse_percent < EXCELLENT
 
 
 # Neighbours: from what other settings have ended at.
@@ -592,8 +577,8 @@ def fit_from(
     is_ambiguous = len(sound) > 1 and sound[0] is best and _is_level(sound[0], sound[1])
     n_failed = starts - len(ends)
     search = Search(setting, block.free, minima, starts, n_failed, is_improved, is_ambiguous)
-    nfev = sum(end.evaluations for end in ends)
-    return replace(best if is_improved else first, evaluations=nfev), search
+    kept = best if is_improved else first
+    return kept.after(sum(end.evaluations for end in ends if end is not kept)), search
 
 
 def unless_failed(fit: Callable[[], FitResult]) -> FitResult | None:

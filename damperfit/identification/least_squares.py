@@ -68,6 +68,10 @@ class LinearSystem:
         """The system in which some variables do nothing."""
         return LinearSystem(self._right, np.where(held, 0.0, self._rows), held)
 
+    def moved(self, change: FloatArray) -> LinearSystem:
+        """Return the system after a step, as far as it is linear."""
+        return LinearSystem(self._right + self._rows @ change, self._rows)
+
     def effect(self, change: FloatArray) -> float:
         """Return |J p|^2."""
         moved = self._rows @ change

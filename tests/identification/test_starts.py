@@ -23,7 +23,7 @@ from damperfit.identification import (
     identify,
 )
 from damperfit.identification import fit_setting as starts
-from damperfit.identification.fit_problem import Block, does_nothing
+from damperfit.identification.fit_problem import Block, Point, does_nothing
 from damperfit.identification.fit_setting import (
     SPREAD,
     FitResult,
@@ -31,6 +31,7 @@ from damperfit.identification.fit_setting import (
     fit_from,
     spread_starts,
 )
+from damperfit.identification.least_squares import LinearSystem, Minimum
 from damperfit.identification.procedures import ProcedureInput, _part, _sentence
 from damperfit.recording import Trace
 from damperfit.tested.setting import Setting
@@ -53,12 +54,12 @@ def ended(
     parameters: Parameters, mse: float, outcome: Outcome = Outcome.CONVERGED, **status: str
 ) -> FitResult:
     named = dict.fromkeys(FREE, "fitted") | status
+    system = LinearSystem(np.array([0.0, 0.0, 0.0, np.sqrt(0.01 * mse)]), np.eye(4, 3))
+    is_cavitating = outcome is Outcome.CAVITATING
+    at = Point({9: parameters}, {9: mse}, {9: 400.0}, is_cavitating, {9: 1.0}, None)
     return FitResult(
-        free=FREE, values=parameters, mse_percent=mse, jacobian=np.eye(3), gradient=np.zeros(3),
-        evaluations=10, failed_trials=0, ending=1, gradient_cosine=0.0, n_independent=400.0,
-        is_cavitating=outcome is Outcome.CAVITATING, outcome=outcome,
-        status={name: Status(word) for name, word in named.items()},
-        errors=dict.fromkeys(FREE, 1e-3),
+        FREE, parameters, Minimum(np.zeros(3), system, at, 10, 0, 1, np.zeros(3, dtype=bool)),
+        {name: Status(word) for name, word in named.items()}, outcome, dict.fromkeys(FREE, 1e-3),
     )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ def test_a_fit_that_stops_at_a_wall_of_failed_trials_has_not_converged(monkeypat
     log = short_trace(9, noise=4.0, duration=4.0)
     block = Block(PURDY_DAMPER, (log,), FREE, SolverOptions(tolerance=1e-2))
     judged = fit_setting(block, replace(truth, r_m1=0.6 * truth.r_m1))
-    assert judged.failed_trials > 0
+    assert judged.minimum.failed_trials > 0
     assert judged.outcome is Outcome.NOT_FINITE
     fit = describe_fit(9, judged, block)
     assert "failed-trials" in {one.code for one in fit.warnings}
