@@ -435,13 +435,7 @@ def fit_setting(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
     return best
 
 
-def fit_in_stages(
-    block: Block,
-    start: Values,
-    stages: Sequence[frozenset[str]],
-    *,
-    has_further_starts: bool = False,
-) -> FitResult:
+def fit_in_stages(block: Block, start: Values, stages: Sequence[frozenset[str]]) -> FitResult:
     """Fit after rough descents that hold some at the start, stage by stage."""
     nfev, rough = 0, block
     if block.cycles is None:  # the log with the strongest force determines the valves best
@@ -451,7 +445,7 @@ def fit_in_stages(
         free = tuple(name for name in block.free if name not in held)
         near = descended(replace(rough, free=free), start, ROUGH)
         start, nfev = near.values, nfev + near.evaluations
-    return (fit_setting if has_further_starts else minimised)(block, start, nfev=nfev)
+    return minimised(block, start, nfev=nfev)
 
 
 def lacks_stiffness_alone(result: FitResult) -> bool:

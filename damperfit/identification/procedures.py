@@ -8,7 +8,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import pairwise
 from types import MappingProxyType
 from typing import cast
@@ -17,7 +16,7 @@ import numpy as np
 
 from damperfit.damper.model import Model, Values
 from damperfit.damper.network import BLOW_OFF_PARTS
-from damperfit.damper.purdy.parameters import REBOUND, Damper, cavitation_limit, starting_values
+from damperfit.damper.purdy.parameters import Damper, cavitation_limit
 from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS, Quantity
 from damperfit.damper.temperature_law import BETA
 from damperfit.errors import (
@@ -36,7 +35,6 @@ from damperfit.identification.fit_setting import (
     Search,
     describe_fit,
     fit_from,
-    fit_in_stages,
     fit_setting,
     lacks_stiffness_alone,
     minimised,
@@ -274,48 +272,30 @@ class _Stages:
         self._warn("assumed", f"{text}: {', '.join(known)}.")
 
     def _fit_everywhere(self) -> Setting | None:
-        """Everything free at the lowest setting that can be fitted so, and from there at others."""
-        given = self.given
+        """Everything free at every setting; the lowest one that can be fitted so."""
+        given, lowest = self.given, self.given.softest_first[0]
 
-        def first(setting: Setting) -> tuple[FitResult, Search | None]:
+        def fit(setting: Setting) -> tuple[FitResult, Search | None] | Failure:
             block = given.block(setting, self.names)
-            start = own_start(given, setting, block, self.fixed)
-            return fit_from(setting, block, start, starts=given.options.starts)
+            starts = given.options.starts if setting == lowest else 1
 
-        for lowest in given.softest_first:
-            result = attempted(lowest, partial(first, lowest))
-            if not isinstance(result, Failure):
-                anchored, search = result
-                break
-            if result.is_internal:
-                self.broken[lowest] = result
-        else:
-            return None
-        self.judged[lowest], self.searches = anchored, () if search is None else (search,)
-        anchor = anchored.values
-        if TAKEN in self.wanted and not _tells_r_m3(anchored):
-            anchor = anchor.replace(r_m3=self.fallbacks[TAKEN])
-        known = {**self.fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
+            def begun() -> tuple[FitResult, Search | None]:
+                start = own_start(given, setting, block, self.fixed)
+                return fit_from(setting, block, start, starts=starts)
 
-        def other(setting: Setting) -> FitResult:
-            block, damper = given.block(setting, self.names), cast("Damper", given.damper)
-            first = starting_values(block.traces, damper, known, anchor.k_e)
-            start = with_given(given, setting, first, self.fixed)
-            return fit_in_stages(block, start, (REBOUND,), has_further_starts=True)
+            return attempted(setting, begun)
 
-        def tried(setting: Setting) -> FitResult | Failure:
-            return attempted(setting, partial(other, setting))
-
-        others = sorted(set(given.settings) - {lowest, *self.broken})
+        settings = sorted(given.settings)
         results = in_copies(
-            tried, others, jobs=given.jobs, known=given.known, cancelled=given.cancelled
+            fit, settings, jobs=given.jobs, known=given.known, cancelled=given.cancelled
         )
-        for setting, result in zip(others, results, strict=True):
+        for setting, result in zip(settings, results, strict=True):
             if not isinstance(result, Failure):
-                self.judged[setting] = result
+                self.judged[setting], search = result
+                self.searches += () if search is None else (search,)
             elif result.is_internal:
                 self.broken[setting] = result
-        return lowest
+        return next((setting for setting in given.softest_first if setting in self.judged), None)
 
     def _share(self, lowest: Setting) -> Failure | None:
         """R_m3 and f_f from the fits with everything free; a failure of the setting of R_m3."""
