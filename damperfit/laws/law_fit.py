@@ -31,10 +31,7 @@ def _misses(
     *,
     has_own_offsets: bool = False,
 ) -> tuple[list[FloatArray], list[float], float]:
-    """Residuals of each segment, N; the MSE of each, and of all.
-
-    Beside what is an offset of each log where a rig is tared anew.
-    """
+    """Residuals of each segment, N, less the offset of a log that is tared anew; their MSEs."""
     residuals, alone, measured = [], [], []
     for trace in traces:
         force = compare(values, trace, model, solver=solver).force
