@@ -163,11 +163,11 @@ class _AdjustersSection(Section):
 
     name = "adjusters"
     about = """\
-What can be turned, in the order of labels such as "R12 C8": rebound = "from open", and so on. Those
-given replace this one. Clicks count "from open", "from closed", or "": not declared.
-Or a list of what follows it, with that among it: low_speed = ["from open", "rebound.bleed"]. Parts
-are rebound.bleed, rebound.blow_off, compression.bleed ..., or names of columns, as in r_m1; in a
-joint fit each has one value per click, and what is not listed is shared by all settings."""
+The adjusters, in the order of labels such as "R12 C8", as in rebound = "from open"; they replace
+the one below. Clicks count "from open", "from closed" or "" (not declared). A list adds what
+follows the adjuster: low_speed = ["from open", "rebound.bleed"]. Parts are rebound.bleed,
+rebound.blow_off, compression.bleed ..., or names of columns such as r_m1. In a joint fit each part
+has one value per click; what is not listed is shared by all settings."""
     setting: str = key("", "the only adjuster, in whole clicks or words")
 
 
@@ -310,7 +310,7 @@ class RigSection(Declarations):
     profiles: dict[str, dict[str, Any]] = key({},
         "by name, keys as below from reverse_displacement to allow_truncated, and files = "
         '"ME*.txt"; or as sections [rig.profiles.NAME]. A key of a profile overrides the same '
-        "key here, and the command line both", given="profiles")
+        "key here; the command line overrides both", given="profiles")
 
 
 class ConditioningSection(Section):
@@ -329,9 +329,10 @@ class ConditioningSection(Section):
     spikes: str = key("keep", "bridge: samples that stand out are replaced by a straight line",
         words=("keep", "bridge"))
     min_amplitude: float = key("0.2mm",
-        "outside these a unit was surely misread", "length", least=0.0)
-    max_amplitude: float = key("1m", "on both sides of mid-stroke", "length", above=0.0)
-    max_force: float = key("100kN", "the same", "force", above=0.0)
+        "a smaller motion is refused: a unit was surely misread", "length", least=0.0)
+    max_amplitude: float = key("1m",
+        "likewise a larger one, on either side of mid-stroke", "length", above=0.0)
+    max_force: float = key("100kN", "likewise a larger force", "force", above=0.0)
 
 
 class IdentificationSection(Section):
