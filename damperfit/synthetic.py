@@ -338,7 +338,7 @@ def _readme_text(options: SampleOptions, *, is_reference: bool) -> str:
     source = "They are values that the caller of `make_samples` gave."
     if is_reference:
         source = (
-            "They are the project's own reference\n  set, made up so that it shows what Purdy's "
+            "They are the project's own reference\n  set, chosen so that it shows what Purdy's "
             "paper describes in words; of its numbers only\n  R_m3 = 2.597e6 and f_f = 50 N are "
             "the paper's."
         )
@@ -352,7 +352,7 @@ def _readme_text(options: SampleOptions, *, is_reference: bool) -> str:
             f"- Model: {damper.name}: {damper.sentence}"
         )
         if is_reference:
-            source = "They are made up: plausible, and stiffer from setting to setting."
+            source = "They are synthetic: plausible, and stiffer from setting to setting."
     corner = f"{options.rig_filter:g} Hz (4th-order Butterworth, causal)"
     return f"""# Synthetic rig logs
 

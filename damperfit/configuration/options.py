@@ -170,7 +170,7 @@ class Configuration:
         """Return the damper's main figures, whose they are, and in words where it was found."""
         assumed = ""
         if self.is_assumed:
-            whose = "the paper's" if self.damper.name == "purdy" else "made up"
+            whose = "the paper's" if self.damper.name == "purdy" else "a generic damper's"
             assumed = (
                 f" ({whose}: {self._not_declared}, and resistances, K_e and pressures are "
                 "right only for these dimensions)"

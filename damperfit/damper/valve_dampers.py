@@ -534,7 +534,7 @@ _GUESSES = ((0.35, 0.35), (0.75, 0.35), (0.35, 0.75), (0.75, 0.75))
 _HALF = 0.5  # of the flow at the opening goes through the bleed, in a guess
 # A bleed never starts with less than this share of its stroke's flow, and a blow-off's conductance
 # never with less than this share of what would carry all of it: what is absent at the start cannot
-# be found by a descent.
+# be found by a minimisation.
 _LEAST = 0.1
 # A blow-off whose port was read off the loops: share of the port's pressure at the largest flow.
 _BESIDE_A_PORT = 0.1

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 
 # A relative change of the sum of squares below 1e-8 moves no parameter by 1 % of its error; a
-# start for another descent needs no more than a per cent.
+# start for another minimisation needs no more than a per cent.
 # No step changes a value by more than a factor of ten: beyond lie bounds and plateaus.
 _LONGEST = math.log(10.0)
 _FINE = Stopping(cost_tolerance=1e-8, longest_step=_LONGEST)
@@ -364,7 +364,7 @@ def own_start(
 ) -> Values:
     """Where the fit of a setting starts: as somebody has said, else the model's start.
 
-    Of several the one that fits the first log best; with kinks, which make a descent long, where
+    Of several the one that fits the first log best; with kinks, which make a fit long, where
     the best lead, followed on mean cycles as far as the motions repeat.
     """
     starts = block.model.start(block.traces, fixed)
@@ -498,7 +498,7 @@ class LocalMinimum:
 
     parameters: Values  # the best end
     mse_percent: float  # eq. (22) there
-    outcome: str  # how that descent ended
+    outcome: str  # how that minimisation ended
     n_starts: int  # that ended here
 
 
@@ -622,7 +622,7 @@ def _is_same(end: FitResult, other: FitResult, block: Block) -> bool:
     """Whether all parameters that the logs determine agree."""
     for name, error in end.errors.items():
         if end.status[name] != Status.FITTED and other.status[name] == end.status[name]:
-            continue  # a flat direction is one minimum however far along it a descent stopped
+            continue  # a flat direction is one minimum however far along it a fit stopped
         a, b = getattr(end.values, name), getattr(other.values, name)
         quantity = end.values.quantity(name)
         if quantity.is_logarithmic:

@@ -145,18 +145,18 @@ _LEAST_RATIO = 1e-4
 _TOO_HIGH = 100.0
 _DWARF = float(np.finfo(np.float64).tiny)
 _LAST_BIT = float(np.finfo(np.float64).eps)
-# How a descent ended, as `scipy.optimize.least_squares` has it.
+# How a minimisation ended, as `scipy.optimize.least_squares` has it.
 _LIMIT, _MET_GRADIENT, _MET_COST, _MET_STEP, _MET_BOTH = 0, 1, 2, 3, 4
 
 
 class Stopping(NamedTuple):
-    """When a descent ends, and how far it may go at once."""
+    """When a minimisation ends, and how far it may go at once."""
 
     cost_tolerance: float = 1e-8  # relative fall of the cost, met and foreseen, at which it ends
     step_tolerance: float = 1e-9  # likewise for the relative size of the steps
     max_evaluations: int = 100
     # Relative length of the full step that may be left when the cost has ceased to fall: where the
-    # steps become shorter slowly, the descent goes on. Those of the sample runs end below 2e-9.
+    # steps become shorter slowly, the iteration goes on. Those of the sample runs end below 2e-9.
     rest: float = 1e-8
     least_gain: float = 0.0  # fall of the cost that a full step must promise to be tried at all
     least_share: float = 0.0  # the same as a share of the cost

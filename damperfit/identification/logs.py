@@ -114,7 +114,7 @@ def _counted(trace: Trace) -> NDArray[np.bool_] | None:
 #
 # At constant speed a stroke shows one level of force, and two levels cannot give R_m1, R_m2, R_m3
 # and f_f. What is left are the corners, a few milliseconds in which the elasticity of the oil
-# settles; a descent finds a minimum there that is several of its errors away from the truth. Six
+# settles; a fit finds a minimum there that is several of its errors away from the truth. Six
 # levels, of three speeds, do not give the eight numbers of two valves, a friction and an offset
 # either: above the knee of both curves a friction and a preload make one level.
 
@@ -214,7 +214,7 @@ def speed_warnings(
 # the next, lets the model settle, one more is compared with the mean of the measured ones. The
 # cycle being periodic, the filter is a factor of each harmonic. What differs from cycle to cycle
 # stays as one more residual that nothing moves, so that sums of squares are those of the whole
-# log, and a descent ends as there. With as many samples as the log has it is the work of one and
+# log, and a fit ends as there. With as many samples as the log has it is the work of one and
 # a half cycles; thinned to what the filter lets through it is less.
 #
 # Friction jumps at a reversal, between two samples. Over a log whose samples fall elsewhere in

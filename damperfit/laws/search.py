@@ -144,7 +144,7 @@ class _Fit:
 
     @cached_property
     def promised(self) -> float:
-        """The cost at the minimum of the linearised problem: what a descent may come to."""
+        """The cost at the minimum of the linearised problem: what a minimisation may come to."""
         system = self.minimum.system
         lengths = np.maximum(system.lengths, 1e-300)
         columns = self.minimum.jacobian / lengths

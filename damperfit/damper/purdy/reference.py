@@ -25,7 +25,7 @@ from damperfit.errors import ConfigurationError
 
 REFERENCE_SETTINGS: tuple[int, ...] = tuple(range(1, 21))
 
-REFERENCE_SOURCE = "reference set shipped with damperfit (made up, not measured)"
+REFERENCE_SOURCE = "reference set shipped with damperfit (synthetic, not measured)"
 
 # Scatter e_k of K_e over the settings, within 15 %.
 _SCATTER = (
