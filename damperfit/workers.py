@@ -311,15 +311,21 @@ class Worker:
 
     def __init__(self, *, idle: float = _FOREVER, is_quiet: bool = False) -> None:
         package = str(Path(__file__).resolve().with_name("__init__.py"))
-        self._process = subprocess.Popen(  # noqa: S603 - our own command
-            [sys.executable, "-P", "-c", _NEW, package, str(idle)],
-            # More threads would each take memory from what a log may have.
-            env={"OMP_NUM_THREADS": "1", **child_environment(), "OPENBLAS_NUM_THREADS": "1"},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL if is_quiet else None,
-            process_group=0,  # Ctrl-C and a terminal that hangs up are its parent's business
-        )
+        # Ctrl-C and a terminal that hangs up are its parent's business, from its first line.
+        stops = {getattr(signal, name) for name in ("SIGINT", "SIGHUP") if os.name == "posix"}
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, stops) if stops else set()
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - our own command
+                [sys.executable, "-P", "-c", _NEW, package, str(idle)],
+                # More threads would each take memory from what a log may have.
+                env={"OMP_NUM_THREADS": "1", **child_environment(), "OPENBLAS_NUM_THREADS": "1"},
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL if is_quiet else None,
+            )
+        finally:
+            if stops:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     @property
     def is_alive(self) -> bool:
