@@ -54,7 +54,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.tables.columns import column_names
 from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import Setting, parse_setting
-from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
+from damperfit.units.quantities import dimension_of, parse_quantity, says_absolute_or_gauge
 from damperfit.units.shown_units import parse_units
 
 # Keys of [damper] that say what a damper's gas is.
@@ -66,16 +66,6 @@ _HARMLESS = {"oil_density", "gas_exponent"}
 _OF_ANY = {"model", "reference_temperature"}  # keys of [damper] whatever the model
 _USUALLY_SHARED: tuple[list[str], ...] = ([], ["r_m3", "f_f"], ["detect"])  # by default
 
-# Of units that have a short name; parameters of other units are bare numbers in SI.
-_DIMENSIONS = {
-    "Pa": "pressure",
-    "N": "force",
-    "m": "length",
-    "s": "time",
-    "m/s": "velocity",
-    "m2": "area",
-    "N/m": "stiffness",
-}
 _MOST = 8  # adjusters of a damper; real ones have four
 _CLOSED = "from closed"
 _FROM = ("from open", _CLOSED)
@@ -230,11 +220,11 @@ def gas_in_words(values: Mapping[str, float]) -> str:
 def parameter_value(quantity: Quantity, value: str | float) -> float:
     """Return a parameter's value in SI; text may carry a unit where that is a plain one."""
     name, unit = quantity.name, quantity.unit
-    dimension = "absolute pressure" if quantity.is_absolute else _DIMENSIONS.get(unit)
-    is_text = isinstance(value, str) and dimension is not None
+    dimension = "absolute pressure" if quantity.is_absolute else dimension_of(unit)
+    is_text = isinstance(value, str) and dimension != ""
     expected, number = f"a number in {unit}" if unit != "1" else "a number", math.nan
     with suppress(ValueError):
-        number = parse_quantity(value, str(dimension)) if is_text else float(value)
+        number = parse_quantity(value, dimension) if is_text else float(value)
         expected = "a finite number"
     if not math.isfinite(number):
         text = f"{name} = {value}: expected {expected}"

@@ -21,7 +21,7 @@ OWN_TIME = "time of "  # and the name of the channel that it is of
 
 _COUNTED = {"millis": "ms", "micros": "us"}  # a microcontroller's clocks, named for their units
 # English, German, French, Italian, Spanish.
-_WORDS = {
+WORDS = {
     "time": (
         "time", "times", "t", "ts", "elapsed", "seconds", "timestamp", "timestamps", "datetime",
         "zeit", "temps", "tempo", "tiempo", "epoch", "unix", *_COUNTED,
@@ -50,7 +50,7 @@ _COMMANDED = {
 }
 _LAST = 100  # words; a command is taken where nothing measured is there
 _NO_UNIT = {"1", "-", "--", "n/a", "none"}  # what a row of units has of raw values
-_ALL_WORDS = frozenset(word for words in _WORDS.values() for word in words)
+_ALL_WORDS = frozenset(word for words in WORDS.values() for word in words)
 _IN_BRACKETS = re.compile(r"(?P<base>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*", re.DOTALL)
 _BEFORE_UNIT = re.compile(r"[_/, ]")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
@@ -121,7 +121,7 @@ def choose_channels(  # noqa: PLR0912  # every channel in turn, all problems in 
     problems: list[LogError] = []
     clocks = _clocks(columns, options)
     needed = {"displacement": True, "time": needs_time, "force": options.needs_force}
-    for channel in _WORDS:
+    for channel in WORDS:
         if not has_channel(channel, columns, options):
             lost += [channel] * needed.get(channel, False)
             continue
@@ -192,7 +192,7 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
 
 
 def _names(word: str, channel: str) -> bool:
-    return word in _WORDS[channel] or word.endswith(_ENDINGS.get(channel, "\0"))
+    return word in WORDS[channel] or word.endswith(_ENDINGS.get(channel, "\0"))
 
 
 def _is_unit_of(unit: str | None, channel: str) -> bool:
@@ -308,14 +308,14 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
             f"{start} declare the numbers and units of time, displacement and force in "
             "rig.columns and rig.units"
         )
-    taken = {i for channel in _WORDS for *_, i in _candidates(channel, columns)}
+    taken = {i for channel in WORDS for *_, i in _candidates(channel, columns)}
     units = {
         c.name: c.unit or split_name(c.name)[1] for i, c in enumerate(columns) if i not in taken
     }
     bases = {split_name(name)[0].lower(): name for name in units}
     hints = ""
     for channel in channels:
-        near = [m for word in _WORDS[channel] for m in get_close_matches(word, bases, 1, 0.7)]
+        near = [m for word in WORDS[channel] for m in get_close_matches(word, bases, 1, 0.7)]
         by_unit = [name for name, unit in units.items() if _is_unit_of(unit, channel)]
         guess = by_unit if len(by_unit) == 1 else [bases[name] for name in near]
         of_it = f" for {channel}" if len(channels) > 1 else ""

@@ -115,16 +115,14 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
             data = b"" if is_too_large else _read_up_to(file, before.st_size + 1)
             after = os.fstat(file.fileno())
     except (OSError, ValueError) as error:
-        text = f"file unreadable: {getattr(error, 'strerror', None) or error}"
+        text = why_unread(error)
         if isinstance(error, IrregularFileError):
             text = f"{error.strerror}; give a file on disk"
         elif isinstance(error, IsADirectoryError):
             text = "is a folder; name the logs in it"
-        elif isinstance(error, FileNotFoundError):
-            text = "no such file"
-            if Path(path).is_symlink():
-                target = _one_line(str(Path(path).readlink()))
-                text = f"a link to {target}, which is not there; link it again, or remove it"
+        elif isinstance(error, FileNotFoundError) and Path(path).is_symlink():
+            target = _one_line(str(Path(path).readlink()))
+            text = f"a link to {target}, which is not there; link it again, or remove it"
         raise LogError(text, subject=shown, code=code) from error
     is_same = (before.st_size, before.st_mtime_ns) == (after.st_size, after.st_mtime_ns)
     text = ""

@@ -18,6 +18,7 @@ import numpy as np
 
 from damperfit.errors import LogError
 from damperfit.io.columns import (
+    WORDS,
     channel_choice,
     has_channel,
     joined_problems,
@@ -36,8 +37,7 @@ _STROKES = {
     "rebound": {"rebound", "reb", "r", "extension", "ext", "zug", "détente", "estensione"},
     "bump": {"bump", "compression", "comp", "c", "jounce", "druck", "kompression", "compressione"},
 }
-_SPEED = {"velocity", "vel", "speed", "v", "geschwindigkeit", "vitesse", "velocità", "velocidad"}
-_FORCE = {"force", "load", "f", "kraft", "effort", "forza", "fuerza", "pvp", "peak"}
+_SPEED, _FORCE = {*WORDS["velocity"]}, {*WORDS["force"], "pvp", "peak"}
 _SETTING = {
     "setting", "click", "clicks", "detent", "notch", "klick", "klicks", "raste", "stufe", "clic",
     "clics", "cran", "crans",

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.io.files import IrregularFileError, open_regular, read_bytes, why_unread
+from damperfit.errors import ConfigurationError, LogError, did_you_mean
+from damperfit.io.files import IrregularFileError, open_regular, read_bytes, to_utf8, why_unread
 from damperfit.problem import FilePlace
 from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
 from damperfit.tested.setting import ADJUSTER, Place, parse_place, parse_setting
@@ -115,7 +115,7 @@ def is_tests_table(path: Path) -> bool:
     try:
         with open_regular(path) as file:
             first = _text(file.read(4096)).splitlines()
-    except OSError:
+    except (OSError, LogError):
         return False
     return bool(first) and _file_column(_fields(first[0], _separator(first[0]))) is not None
 
@@ -129,7 +129,7 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:  # noqa: C90
 
     try:
         lines = _text(read_bytes(path, max_bytes=_MAX_BYTES)).splitlines()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, LogError) as error:
         reason = why_unread(error)
         if isinstance(error, IrregularFileError):
             reason = f"{error.strerror}; this is not a table of tests"
@@ -218,8 +218,4 @@ def _separator(line: str) -> str:
 
 
 def _text(data: bytes) -> str:
-    encoding = "utf-16" if data[:2] in {b"\xff\xfe", b"\xfe\xff"} else "utf-8-sig"
-    try:
-        return data.decode(encoding)
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+    return to_utf8(data)[0].decode("utf-8")

@@ -142,6 +142,12 @@ def is_unit(name: str | None, dimension: str = "") -> bool:
     return any(name in units for kind, units in _UNITS.items() if dimension in ("", kind))
 
 
+def dimension_of(unit: str) -> str:
+    """Return the dimension of a unit of SI, as "force" of "N"; empty where there is none."""
+    kinds = (kind for kind, units in _UNITS.items() if unit in units and units[unit].factor == 1.0)
+    return next(kinds, "")
+
+
 def find_unit(name: str, dimension: str) -> Unit:
     """Return the unit of a dimension ("length", "force", ...) by its name, in which case matters.
 
