@@ -677,21 +677,11 @@ IDLE_ROWS = ("ci_low", "ci_high", "margin", "evaluations", "velocity", "n_logs",
 
 @case
 def flaw_ladders() -> Any:
-    """Each of the faults at a third: where a verdict on it begins, and what it costs."""
-    return flaws_of(0.3)
-
-
-@case
-def flaw_ladders_ends() -> Any:
-    """At night: next to nothing, and far too much."""
-    return flaws_of(0.1, 3.0)
-
-
-def flaws_of(*sizes: float) -> Any:
+    """Each of the faults from small to large: where a verdict on it begins, and what it costs."""
     found = {}
     for name, change in FLAWS.items():
         sound, bad, seen = SINE(), change(SINE()), []
-        for size in sizes:
+        for size in (0.1, 0.3, 3.0):
             x, f = ((1.0 - size) * getattr(sound, c) + size * getattr(bad, c) for c in CHANNELS)
             seen.append(told(fit([replace(sound, displacement=x, force=f)], fix={"r_m3": 2.597e6})))
         (rows,) = zip(*(each["parameters"] for each in seen), strict=True)

@@ -269,7 +269,7 @@ def test_oil_is_kept_and_every_passage_dissipates():
             lost = damper.piston_area * response.displacement
         volume = damper.gas_volume + one - damper.chamber_1_volume + lost
         gas = response.pressures[2] * volume**damper.gas_exponent
-        assert gas == pytest.approx(np.full_like(gas, gas[0]), rel=1e-9)
+        np.testing.assert_allclose(gas, gas[0], rtol=1e-9)
 
 
 def test_it_rests_at_the_gas_force_and_the_surroundings_push_on_the_rod():
@@ -277,10 +277,10 @@ def test_it_rests_at_the_gas_force_and_the_surroundings_push_on_the_rod():
     for network, values, damper, _ in CASES.values():
         force = simulate_network(network, values, damper, still).force
         expected = -damper.rod_area * damper.gas_pressure
-        assert force == pytest.approx(np.full(500, expected), rel=1e-12)
+        np.testing.assert_allclose(force, expected, rtol=1e-12)
         outside = dataclasses.replace(network, ambient_pressure=1e5)
         lifted = simulate_network(outside, values, damper, still).force - force
-        assert lifted == pytest.approx(np.full(500, 1e5 * damper.rod_area), rel=1e-9)
+        np.testing.assert_allclose(lifted, 1e5 * damper.rod_area, rtol=1e-9)
 
 
 def test_wild_numbers_end_in_a_sentence_or_a_force():

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -44,4 +43,6 @@ def test_the_gallery_runs(monkeypatch, name) -> None:
         if cell["cell_type"] == "code":
             shown(cell, names)
             assert cell["outputs"] == []
+    import matplotlib.pyplot as plt
+
     plt.close("all")

@@ -141,21 +141,22 @@ print((peak() - before) * 1024)
 ONE = "><v>1</v>"
 BOMBS = {
     "one long text in many cells": row(*[' t="s"><v>0</v>'] * 1000) * 50,
+    "not all places said": row(f' r="XFC1"{ONE}', ONE) + f'<row r="1048575"/>{row(ONE)}',
     "far apart": f'<row r="1"><c r="A1"{ONE}</c></row>'
     f'<row r="1048576"><c r="XFD1048576"{ONE}</c></row>',
     "one row": row(f' r="A1"{ONE}', f' r="XFD1048576"{ONE}'),
-    "not all places said": row(f' r="XFC1"{ONE}', ONE) + f'<row r="1048575"/>{row(ONE)}',
 }
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited there alone")
-def test_a_small_workbook_takes_little_memory(tmp_path) -> None:
+@pytest.mark.parametrize("n_bombs", [2, pytest.param(len(BOMBS), marks=pytest.mark.slow)])
+def test_a_small_workbook_takes_little_memory(tmp_path, n_bombs) -> None:
     pytest.importorskip("python_calamine")
     # 4 kB that took 5.9 GB and 45 s.
     small = tmp_path / "small_s1.xlsx"
     small.write_bytes(workbook(NAMES + NUMBERS, ""))
     bombs = []
-    for k, cells in enumerate(BOMBS.values()):
+    for k, cells in enumerate([*BOMBS.values()][:n_bombs]):
         bombs.append(tmp_path / f"log_s{k}.xlsx")
         bombs[-1].write_bytes(workbook(cells, "x" * 30_000))
         assert bombs[-1].stat().st_size < 6_000
@@ -167,5 +168,5 @@ def test_a_small_workbook_takes_little_memory(tmp_path) -> None:
         timeout=300,
     )
     *refused, grown = done.stdout.splitlines()
-    assert ["rig.max_log_bytes" in line for line in refused] == [True] * len(BOMBS)
+    assert ["rig.max_log_bytes" in line for line in refused] == [True] * n_bombs
     assert int(grown) < 450_000_000
