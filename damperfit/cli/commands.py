@@ -214,7 +214,7 @@ def _blocks_of_run(damper: Identified) -> list[Any]:
         parameter_sheet(rows, run.quantities, levels=spark_levels(), units=units),
         *([held_out_sheet(held_out, is_narrow=True)] if held_out else []),
         as_fitted[0],
-        " ".join(law_sentences(law, with_undecided=False)),
+        " ".join(law_sentences(law)),
         wrapped(*map(one_line, check_lines(checks_in(run.record)))),
         [""] * bool(damper.folders),
     ]

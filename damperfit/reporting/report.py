@@ -98,10 +98,12 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     missing = [f"no result for {of_runs(gaps)}"] if gaps else []
     yield Section("Not done", "alarm", [*failure_lines(records.failures_in(record)), *missing])
     yield Section("These results are incomplete", "alarm", run.remarks)
-    gates = map(str, records.listed_in(record, "gates_missed"))
-    yield Section("Gates not met", "alarm", list(gates))
+    yield Section("Gates not met", "alarm", [*map(str, records.listed_in(record, "gates_missed"))])
     yield table("Force by setting", "top", *tables.force_sheets(forces), scaled=True)
     yield Section("Model structure that the logs support", "words", tables.law_sentences(law))
+    yield Section(
+        "What these logs leave open", "words", [*map(str, records.listed_in(law, "undecided"))]
+    )
     fitted = tables.parameter_sheet(parameters, run.quantities, units=units)
     yield table("Parameters", "parameters", fitted)
     errors_by_log = tables.mse_sheet(run.rows("mse"), parameters, run.quantities)

@@ -658,10 +658,8 @@ def rival_sheet(choice: Row) -> Sheet:
     return laid_out(entries_in(choice, "rivals"), columns, *notes)
 
 
-def law_sentences(choice: Row, *, with_undecided: bool = True) -> list[str]:
-    """Return which structure was taken, the physics that it sees, and what the logs leave open."""
+def law_sentences(choice: Row) -> list[str]:
+    """Return which structure was taken, and the physics that it sees."""
     if not isinstance(choice.get("chosen"), str):
         return []
-    keys = ("sentences", "undecided") if with_undecided else ("sentences",)
-    sentences = (str(sentence) for key in keys for sentence in listed_in(choice, key))
-    return [f"The logs support {choice['chosen']}.", *sentences]
+    return [f"The logs support {choice['chosen']}.", *map(str, listed_in(choice, "sentences"))]
