@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from damperfit.adjustment.force_at import force_at
+from damperfit.adjustment.force_at import Stage, force_at, stage_of
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter, design_filter, passed_filter
 from damperfit.conditioning.log_to_trace import condition
@@ -44,16 +44,18 @@ from damperfit.errors import (
     did_you_mean,
 )
 from damperfit.identification.options import GivenStart
+from damperfit.identification.procedures import identify
 from damperfit.problem import Option
 from damperfit.recording import Recording, Trace
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.records import entries_in, findings_in, listed_in, number_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out
-from damperfit.run.identify import fitted
-from damperfit.run.logs import LogBatch, add_traces
 from damperfit.simulation import sine_motion
 from damperfit.statistics import NORMAL_95
+from damperfit.uncertainty.assessment import assess, reconsider
+from damperfit.uncertainty.speed_forces import SpeedForces
 from damperfit.units.quantities import parse_quantity
+from damperfit.workers import available_cores
 
 if TYPE_CHECKING:
     from damperfit.results import Run
@@ -130,25 +132,27 @@ class Question(NamedTuple):
         stroke = "rebound" if self.speed >= 0.0 else "compression"
         return self.quantity or f"the {stroke} force at {abs(self.speed):g} m/s"
 
-    def gradient(self, run: Run, setting: SettingResult) -> FloatArray:
+    def gradient(self, damper: Model, stage: Stage) -> FloatArray:
         """By u of the setting's values that have an error."""
         if self.quantity:
-            return np.array([float(name == self.quantity) for name in setting.names])
-        how: Any = {"sensitivities": tuple(setting.names)}
-        return quasi_static(run.damper, setting.parameters, [self.speed], **how).slopes[:, 0]
+            return np.array([float(name == self.quantity) for name in stage.names])
+        how: Any = {"sensitivities": stage.names}
+        return quasi_static(damper, stage.parameters, [self.speed], **how).slopes[:, 0]
 
-    def errors(self, run: Run, setting: SettingResult) -> tuple[float, float]:
+    def errors(
+        self, damper: Model, stage: Stage, measured: Sequence[SpeedForces]
+    ) -> tuple[float, float]:
         """Standard error of it, relative of a logarithmic quantity, and the misfit's share."""
         if not self.quantity:
-            forces = force_at([setting], run.damper, [abs(self.speed)], measured=run.speed_forces)
+            forces = force_at([stage], damper, [abs(self.speed)], measured=measured)
             force = next(side for side in forces if (side.stroke == "bump") is (self.speed < 0.0))
             return force.reach / NORMAL_95, force.misfit
-        if self.quantity not in setting.names:  # held; or the law
+        if self.quantity not in stage.names:  # held; or the law
             return 0.0, 0.0
-        is_relative = setting.values.quantity(self.quantity).is_logarithmic
-        unit = setting.values[self.quantity] if is_relative else 1.0
-        place, misfit = setting.names.index(self.quantity), setting.misfits[self.quantity] / unit
-        return math.hypot(math.sqrt(np.asarray(setting.covariance)[place, place]), misfit), misfit
+        is_relative = stage.parameters.quantity(self.quantity).is_logarithmic
+        unit = stage.parameters[self.quantity] if is_relative else 1.0
+        place, misfit = stage.names.index(self.quantity), stage.misfits[self.quantity] / unit
+        return math.hypot(math.sqrt(np.asarray(stage.covariance)[place, place]), misfit), misfit
 
 
 class NextTest(NamedTuple):
@@ -380,9 +384,9 @@ class _Known:
 
     def __init__(self, run: Run, setting: SettingResult, question: Question) -> None:
         self.setting, self.label = setting, setting.label
-        self.gradient = question.gradient(run, setting)
+        self.gradient = question.gradient(run.damper, setting)
         self.covariance = np.asarray(setting.covariance)  # of noise alone
-        self.now, self.floor = question.errors(run, setting)
+        self.now, self.floor = question.errors(run.damper, setting, run.speed_forces)
         self.segments = [
             segment
             for segment in entries_in(run.record, "stretches")
@@ -430,6 +434,13 @@ def _displacement_noise(run: Run, corner: float) -> float:
         if len(power):  # of a line it is exponential, with the median ln 2 times its mean
             noises.append(math.sqrt(np.median(power) / (math.log(2.0) * float(window @ window))))
     return median(noises) if noises else 0.0
+
+
+class _Refitted(NamedTuple):
+    """What fits of simulated tests have."""
+
+    stages: dict[str, Stage]  # by label; those that have errors
+    measured: Sequence[SpeedForces]
 
 
 class _Rig:
@@ -531,9 +542,10 @@ class _Rig:
                     shares[label] *= max(1.0, at_end.shares[label] / share)
         return test._replace(shares=shares) if self._first else None
 
-    def _error(self, known: _Known, run: Run) -> float:
+    def _error(self, known: _Known, refitted: _Refitted) -> float:
         """Standard error in simulated tests, with the run's lack of fit, which they do not have."""
-        error, misfit = self.question.errors(run, run.setting(known.label))
+        stage = refitted.stages[known.label]
+        error, misfit = self.question.errors(self.run.damper, stage, refitted.measured)
         more = math.sqrt(max(known.floor**2 - misfit**2, 0.0))
         return math.hypot(error, more) if error > 0.0 else 0.0
 
@@ -592,7 +604,7 @@ class _Rig:
         return rows[0], rows[1:].T * np.array(scales)
 
     @cached_property
-    def _first(self) -> dict[int, tuple[list[Trace], Run | None]]:
+    def _first(self) -> dict[int, tuple[list[Trace], _Refitted | None]]:
         """The run's tests by the seed of their noise, and what few of many are fitted to.
 
         What settings share is known worse by a few of them, before a test and after it. No seed:
@@ -607,25 +619,25 @@ class _Rig:
             for known in self.fitted
             for part in known.segments
         ]
-        first: dict[int, tuple[list[Trace], Run | None]] = {}
+        first: dict[int, tuple[list[Trace], _Refitted | None]] = {}
         with suppress(*_UNFITTED):
             for seed in _SEEDS:
                 own = [self._recorded(*motion, [seed, k]) for k, motion in enumerate(tests)]
                 first[seed] = own, None if self.is_whole else self._refitted(own)
         return first
 
-    def _refitted(self, traces: Sequence[Trace]) -> Run:
+    def _refitted(self, traces: Sequence[Trace]) -> _Refitted:
         """Tests fitted as the run was, from its values on; a LogError where it has no errors."""
-        batch, made = LogBatch(), self.run.own_configuration
-        add_traces(batch, traces, None)
+        damper, made = self.run.damper, self.run.own_configuration.identification
         ended = {known.setting.setting: dict(known.setting.values) for known in self.fitted}
-        start = GivenStart(by_setting=ended, is_of_one_model=True)
-        options = replace(made.identification, start=start)
-        run, _ = fitted(replace(made, identification=options), batch)
-        judged = {setting.label for setting in run.settings if setting.covariance is not None}
-        if lost := [known.label for known in self.probed if known.label not in judged]:
+        options = replace(made, start=GivenStart(by_setting=ended, is_of_one_model=True))
+        campaign = identify(traces, damper, options, jobs=available_cores())
+        assessment = assess(campaign, damper, solver=options.solver, jobs=available_cores())
+        judged = [stage_of(fit, assessment) for fit in reconsider(campaign, assessment).fits]
+        stages = {stage.setting.label: stage for stage in judged if stage.covariance is not None}
+        if lost := [known.label for known in self.probed if known.label not in stages]:
             raise LogError(f"setting {lost[0]} has no errors", code="no-setting-fitted")
-        return run
+        return _Refitted(stages, assessment.forces)
 
     def _recorded(self, known: _Known, test: NextTest, like: str, seed: list[int]) -> Trace:
         """A test as the rig writes it, conditioned; the same noise in every call.
