@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 if TYPE_CHECKING:
-    from damperfit.exporting import Export
     from damperfit.exporting.check import SettingCheck
+    from damperfit.exporting.targets import Export
 
 
 class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes

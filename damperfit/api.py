@@ -745,8 +745,8 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     from damperfit.answers import Files
-    from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
     from damperfit.exporting.check import check_export
+    from damperfit.exporting.targets import TARGETS, ExportOptions, exported_run, find_target
     from damperfit.tables.files import is_part, written_of
     from damperfit.units.quantities import parse_quantity
     from damperfit.units.shown_units import SI, parse_units

@@ -430,7 +430,7 @@ def report(how: Shown, **given: Any) -> int:
 @command(api.export, shown=("list", *COMMON), example="export results --to csv")
 def export(how: Shown, **given: Any) -> int:
     """Hand an identified damper over to a simulator or a spreadsheet."""
-    from damperfit.exporting import find_target
+    from damperfit.exporting.targets import find_target
     from damperfit.tables.files import json_values
     from damperfit.units.shown_units import SI, parse_units
 
@@ -473,7 +473,7 @@ def export(how: Shown, **given: Any) -> int:
 
 
 def _show_targets(how: Shown) -> None:
-    from damperfit.exporting import TARGETS
+    from damperfit.exporting.targets import TARGETS
 
     rows, lines = [], []
     for target in TARGETS.values():

@@ -2,23 +2,3 @@
 
 (`damperfit.export` is the function, so the package has another name.)
 """
-
-from damperfit.exporting.targets import (
-    TARGETS,
-    Export,
-    ExportedRun,
-    ExportOptions,
-    Target,
-    exported_run,
-    find_target,
-)
-
-__all__ = [
-    "TARGETS",
-    "Export",
-    "ExportOptions",
-    "ExportedRun",
-    "Target",
-    "exported_run",
-    "find_target",
-]

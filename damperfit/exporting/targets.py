@@ -412,7 +412,7 @@ def header_lines(
         end, tested = max(table.end for table in tables), min(table.tested for table in tables)
         lines.append(
             f"beyond {tested:.4g} m/s UNTESTED: up to {end:.4g} m/s the table is the model's, "
-            "unmeasured there"
+            "unmeasured there; intervals hold half and twice of its rise"
         )
     elif has_table:
         lines.append(

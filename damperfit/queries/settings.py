@@ -364,7 +364,8 @@ def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> I
         top = min(stage.top_speed for stage in stages)
         yield (
             f"{max(untested.values()):g} m/s was never tested at {of_settings(untested)} (tested: "
-            f"up to {top:.3g} m/s): the force there is the model's, extrapolated"
+            f"up to {top:.3g} m/s): the force there is the model's, extrapolated; from the tested "
+            "speed on it may rise by half of that or twice, which its interval holds"
         )
         if loose := [f.setting for f in shown if not (f.is_tested or f.is_determined)]:
             reached = min(determined_speed(stage, run.damper) for stage in stages)

@@ -16,7 +16,7 @@ import numpy as np
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.io.force_curves import ForceCurve
-from damperfit.problem import FEW, SHOWN, Problem, counted, listing
+from damperfit.problem import FEW, Problem, counted, listing
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, first_of, laid_out, number
 
@@ -236,30 +236,19 @@ def finding_lines(
 
 def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
     """Return a line for each sentence; where these are many that differ in numbers, the first."""
-    names: dict[tuple[str, str], list[str]] = {}
-    kinds: dict[tuple[str, str], str] = {}
-    entries: dict[tuple[tuple[str, str], str], None] = {}  # what and where, in the order of logs
+    names: dict[tuple[str, str, str], dict[str, None]] = {}
     for log in logs:
         for finding in log.get("findings", ()):
             if finding["severity"] == severity:
-                name, sentence = str(log["name"]), f"{finding['name']}: {finding['sentence']}"
                 # Refusals share a few names: the problem's code separates their causes.
                 code = str((severity == "refusal" and log.get("code")) or finding["name"])
-                key = code, sentence
-                if (key, name) not in entries:
-                    names.setdefault(key, []).append(name)
-                    entries[key, name] = None
-                text = _NUMBER.sub("", finding["sentence"].replace(name, ""))
-                kinds.setdefault(key, f"{code} {text}")
-    problems, counts = [], Counter(kinds.values())
-    for key, name in entries:
-        kind, (first, *others), subject = kinds[key], names[key], name
-        # Of many that differ in numbers each log is named, and counted.
-        if counts[kind] <= SHOWN:
-            if name != first:
-                continue
-            subject += f" and {counted(len(others), 'other log')}" * bool(others)
-        problems.append(Problem(kind, key[1], severity, subject))
+                key = code, finding["name"], finding["sentence"]
+                names.setdefault(key, {})[str(log["name"])] = None
+    problems = []
+    for (code, name, sentence), (first, *others) in names.items():
+        kind = f"{code} {_NUMBER.sub('', sentence.replace(first, ''))}"
+        subject = first + f" and {counted(len(others), 'other log')}" * bool(others)
+        problems.append(Problem(kind, f"{name}: {sentence}", severity, subject))
     return listing(problems, where="--json lists", few=FEW)
 
 

@@ -1,5 +1,5 @@
 """Results as named tables with units, and the files that hold them.
 
 `columns` declares every column once; `rows` fills them from what was fitted and assessed; `files`
-lays rows out as Arrow tables and writes them; `reading` reads a results folder back.
+lays rows out as Arrow tables, writes them and reads them back.
 """

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.exporting import ExportedRun, exported_run
 from damperfit.exporting import fmu as libraries
 from damperfit.exporting.fmu_build import build
+from damperfit.exporting.targets import ExportedRun, exported_run
 from damperfit.results import Run
 from damperfit.tables.files import write_table
 from tests.fakes import campaign, fit, make_tables

@@ -13,8 +13,8 @@ import pytest
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.exporting import TARGETS, ExportOptions, exported_run
 from damperfit.exporting.check import check_export, read_back
+from damperfit.exporting.targets import TARGETS, ExportOptions, exported_run
 from damperfit.settings_and_logs import SettingResult
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting

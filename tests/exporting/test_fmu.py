@@ -11,9 +11,9 @@ import pytest
 
 from damperfit.damper.rivals import Linear
 from damperfit.errors import ConfigurationError
-from damperfit.exporting import TARGETS
 from damperfit.exporting import fmu as libraries
 from damperfit.exporting.fmu import exported_damper
+from damperfit.exporting.targets import TARGETS
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests.exporting.clients import ERROR, OK, Unit, Unit3, unzip

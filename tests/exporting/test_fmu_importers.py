@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from damperfit.exporting import TARGETS, ExportOptions
+from damperfit.exporting.targets import TARGETS, ExportOptions
 from tests.exporting.clients import unzip
 from tests.exporting.units import CASES, STATES, core, exported, rms, road, sine
 

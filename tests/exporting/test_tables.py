@@ -11,8 +11,13 @@ import pytest
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
-from damperfit.exporting import TARGETS, ExportOptions
-from damperfit.exporting.targets import force_tables, road_misses, standard_road
+from damperfit.exporting.targets import (
+    TARGETS,
+    ExportOptions,
+    force_tables,
+    road_misses,
+    standard_road,
+)
 from damperfit.settings_and_logs import SettingResult
 from damperfit.synthetic import made_up_values
 from damperfit.tested.setting import Setting

@@ -15,9 +15,8 @@ import pytest
 from damperfit import __version__
 from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.exporting import TARGETS, ExportOptions, exported_run
 from damperfit.exporting.check import check_export
-from damperfit.exporting.targets import force_tables
+from damperfit.exporting.targets import TARGETS, ExportOptions, exported_run, force_tables
 from damperfit.results import Run
 from damperfit.settings_and_logs import SettingResult
 from damperfit.simulation import simulate, sine_motion

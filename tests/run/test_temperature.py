@@ -17,7 +17,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.temperature_law import BETA as QUANTITY
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError
-from damperfit.exporting import exported_run
+from damperfit.exporting.targets import exported_run
 from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.io.tests_table import facts_in
