@@ -436,8 +436,6 @@ _ARRAYS = ("displacement", "velocity", "force", "speeds")
 
 def baseline_text(run: Run, *, is_measured: bool = False) -> str:
     """Return a run as the text of a baseline; of measured curves alone without parameters."""
-    rows = () if is_measured else run.rows("parameters")
-    is_whole = all(isinstance(row["setting"].cell, int) for row in rows)
 
     def rounded(values: Any) -> list[float | None]:  # to as many digits as 32-bit floats have
         return [float(f"{x:.7g}") if math.isfinite(x) else None for x in values.tolist()]
@@ -448,11 +446,7 @@ def baseline_text(run: Run, *, is_measured: bool = False) -> str:
         "source": run.name,
         "record": compared_record(run.record),
         # The columns of adjusters are those that follow the setting.
-        "parameters": [
-            {**setting_cells(row["setting"], is_whole=is_whole)}
-            | {name: cell for name, cell in row.items() if name != "setting"}
-            for row in rows
-        ],
+        "parameters": [] if is_measured else run.table("parameters").to_pylist(),
         "tests": [
             {
                 "setting": setting_cells(test.setting, is_whole=isinstance(test.setting.cell, int)),
