@@ -114,7 +114,10 @@ class FleetDone(Answer):
             states = ", ".join(f"{n} {words}" for k, (n, words) in enumerate(counts) if n or not k)
             n_logs = sum(task.n_logs for task in self.done)
             fits = f"{sum(task.n_settings for task in self.done)} settings with a fit"
-            lines.append(f"{counted(self.n_tasks, 'damper')}: {states}; {n_logs} logs, {fits}")
+            dampers = counted(self.n_tasks, "damper")
+            if (n := len({task.owner for task in self.done})) < len(self.done):
+                dampers = f"{self.n_tasks} tests of {counted(n, 'damper')}"
+            lines.append(f"{dampers}: {states}; {n_logs} logs, {fits}")
         if (held := self.held) is not None:
             lines.append(f"tolerance {held.source}: {held.sentence}")
             for point in held.worst[:_MANY]:

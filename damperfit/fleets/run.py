@@ -51,7 +51,7 @@ from damperfit.results import Run
 from damperfit.run.identify import identified
 from damperfit.run.logs import Labels
 from damperfit.tables.columns import adjusters_in, table_schema
-from damperfit.tested.identity import identity_in
+from damperfit.tested.identity import Identity, identity_in
 from damperfit.tested.setting import ADJUSTER
 from damperfit.workers import Cluster, Died, Processes, executor
 
@@ -105,11 +105,12 @@ def tasks_by_damper(
 ) -> tuple[DamperTask, ...]:
     """Group logs by damper: as the table of tests says, else the log's preamble, else its folder.
 
-    A ConfigurationError: a table of tests is wrong, or there is no log.
+    Where logs of one name were taken on several dates, each date is a test of its own. A
+    ConfigurationError: a table of tests is wrong, or there is no log.
     """
     adjusters, given = configuration.reading.adjusters, configuration.test.table
     named = [source for source in sources if source.file.lower() == TABLE_OF_TESTS]
-    rows: dict[tuple[str, str], str] = {}  # whose a log is, by its folder and name
+    rows: dict[tuple[str, str], Identity] = {}  # whose a log is, by its folder and name
     with brought_here(named) as (here, _):
         tables = {(file.where, file.folder): file for file in named if is_tests_table(here[file])}
         logs = [source for source in sources if source not in set(tables.values())]
@@ -122,25 +123,34 @@ def tasks_by_damper(
         for where, path in own if given is None else [("", given)]:
             for name, row in read_tests(path, adjusters).rows.items():
                 if row.identity.owner:
-                    rows.setdefault((where, name), row.identity.owner)
+                    rows.setdefault((where, name), row.identity)
 
-    def owner_of(log: FleetLog) -> str:
+    def whose(log: FleetLog) -> Identity:
         keys = ((log.where, log.file), ("", log.file), ("", log.name))
-        if owner := next((rows[key] for key in keys if key in rows), ""):
-            return owner
-        return _owner_in_preamble(head_of(log)) if log.earlier is None else log.earlier.owner
+        if listed := next((rows[key] for key in keys if key in rows), None):
+            return listed
+        if log.earlier is not None:
+            return Identity(serial=log.earlier.owner, date=log.earlier.date)
+        return _in_preamble(head_of(log))
 
-    owners: dict[str, list[FleetLog]] = defaultdict(list)
+    owners: dict[str, dict[str, list[FleetLog]]] = defaultdict(lambda: defaultdict(list))
     # In a store each new log costs the time of an answer.
     with executor(AT_ONCE if any(log.is_remote for log in logs) else 1) as pool:
-        for log, name in zip(logs, pool.map(owner_of, logs), strict=True):
-            owner = name or configuration.test.identity.owner or _in_unicode(log.folder)
-            owners[owner].append(log)
+        for log, own in zip(logs, pool.map(whose, logs), strict=True):
+            owner = own.owner or configuration.test.identity.owner or _in_unicode(log.folder)
+            owners[owner][own.date[:10]].append(log)
     tasks = []
     for owner in sorted(owners, key=natural_order):
-        keys = dict.fromkeys((log.where, log.folder) for log in owners[owner])
-        mine = tuple(tables[key] for key in keys if key in tables)
-        tasks.append(DamperTask(owner, tuple(owners[owner]), mine))
+        by_date = owners[owner].values()
+        names = [{log.file for log in taken} for taken in by_date]
+        tests = list(map(tuple, by_date))
+        if sum(map(len, names)) == len(set().union(*names)):
+            everything = {log for taken in by_date for log in taken}
+            tests = [tuple(log for log in logs if log in everything)]
+        for taken in tests:
+            keys = dict.fromkeys((log.where, log.folder) for log in taken)
+            mine = tuple(tables[key] for key in keys if key in tables)
+            tasks.append(DamperTask(owner, taken, mine))
     return tuple(tasks)
 
 
@@ -149,11 +159,11 @@ def _in_unicode(name: str) -> str:
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
-def _owner_in_preamble(head: bytes) -> str:
-    """Return the owner in the lines before the numbers of a text log; empty if none."""
+def _in_preamble(head: bytes) -> Identity:
+    """Return whose test it is by the lines before the numbers of a text log."""
     text = head.decode("utf-8", "replace")
     entries = (_ENTRY.match(line) for line in text.splitlines()[:60] if "\0" not in text)
-    return identity_in({entry[1]: entry[2] for entry in entries if entry}).owner
+    return identity_in({entry[1]: entry[2] for entry in entries if entry})
 
 
 def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configuration) -> str:
@@ -278,8 +288,8 @@ def _fitted(
     objects = {}
     for file, stamp in stamps.items():
         if stamp:
-            owner = _owner_in_preamble(head_of(FleetLog(str(here[file]), "")))
-            objects[file.place] = (stamp, hashes[file], owner)
+            own = _in_preamble(head_of(FleetLog(str(here[file]), "")))
+            objects[file.place] = (stamp, hashes[file], own.owner, own.date)
     if before:
         if objects:  # changed in date, not in bytes: with the new stamp it is not fetched again
             renew_facts(path, seen=objects)

@@ -43,6 +43,7 @@ class KnownObject(NamedTuple):
     stamp: str  # what changes with its bytes
     sha256: str
     owner: str  # whose log it says it is, in its preamble
+    date: str = ""  # likewise
 
 
 @dataclass(frozen=True, slots=True, order=True)

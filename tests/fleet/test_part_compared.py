@@ -73,9 +73,7 @@ def test_what_a_part_cannot_be_asked_is_said(taken, tmp_path, capsys):
     folder.mkdir()
     for name in (file.name, "part-other.parquet"):
         (folder / name).write_bytes(file.read_bytes())
-    with pytest.raises(
-        ConfigurationError, match=r"name one of part-.*\(no date\), part-"
-    ):
+    with pytest.raises(ConfigurationError, match=r"name one of part-.*\(no date\), part-"):
         Run.load(folder)
     assert len(Run.load(folder / file.name).rows("parameters")) == 2
     (folder / "part-other.parquet").unlink()

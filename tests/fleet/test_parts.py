@@ -58,6 +58,10 @@ def test_who_says_whose_a_log_is(tmp_path, texts):
     for day in ("monday", "tuesday"):
         put(tmp_path / day, texts, "SN7")
     assert {owner: len(logs) for owner, logs in owners(tmp_path).items()} == {"SN7": 4}
+    for log in tmp_path.glob("*/*.csv"):  # the same logs on two dates are two tests
+        log.write_text(f"# date: 2026-01-0{len(log.parent.name)}\n{log.read_text()}")
+    tests = tasks_by_damper(find_sources([str(tmp_path)]), CONFIGURATION)
+    assert [(task.owner, len(task.logs)) for task in tests] == [("SN7", 2)] * 2
     with_table(tmp_path / "monday" / "tests.csv", "A", "B")
     assert owners(tmp_path / "monday") == {"A": ["setting_01.csv"], "B": ["setting_10.csv"]}
     for task in tasks_by_damper(find_sources([str(tmp_path / "monday")]), CONFIGURATION):
