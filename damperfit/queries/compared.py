@@ -379,30 +379,22 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     def refused(text: str) -> ConfigurationError:
         return ConfigurationError(text, subject=path, code="no-results")
 
-    if is_part(path):
-        if is_measured:
-            raise refused(
-                "a part of a fleet keeps no measured cycles; give {--measured} the logs, or "
-                "results of damperfit identify"
-            )
-        run = Run.load(path, config=config)
-    elif path.is_dir():
-        if not _is_run(path):
-            raise refused(
-                "holds no results of damperfit identify; expected run.json and parameters.parquet"
-            )
-        run = Run.load(path, parts=("parameters", "responses"), config=config)
-    elif not path.is_file():
-        raise refused("no such file or folder")
-    elif not is_baseline(path):
+    if is_baseline(path):
+        run = _read_baseline(path, config)
+        if not run.rows("parameters") and not is_measured:
+            raise refused("a baseline of measured curves, nothing was fitted; give {--measured}")
+    elif is_part(path) and is_measured:
+        raise refused(
+            "a part of a fleet keeps no measured cycles; give {--measured} the logs, or results of "
+            "damperfit identify"
+        )
+    elif path.is_file() and not is_part(path):
         raise refused(
             "neither a results folder nor a baseline; to compare logs and files of curves, give "
             "{--measured}"
         )
     else:
-        run = _read_baseline(path, config)
-        if not run.rows("parameters") and not is_measured:
-            raise refused("a baseline of measured curves, nothing was fitted; give {--measured}")
+        run = Run.load(path, parts=("parameters", "responses"), config=config)
     return _comparable(run, is_measured=is_measured)
 
 
