@@ -294,22 +294,17 @@ def fitted(
     if not (is_interrupted := watch.cancelled()):
         note_unpredicted(batch, campaign, judgement.predictions, failure_log.failures)
     logs = [(fit, log) for fit in campaign.fits for log in fit.logs]
-    unseen = raised_in_copy(failure_log.at("simulating the response of"))
-    unread = raised_in_copy(failure_log.at("reading the characteristics of"))
+    lose = raised_in_copy(failure_log.at("simulating the response of"))
+    speeds = configuration.output.speeds
 
     def rows_of(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]] | None:
         fit, log = pair
         try:
             response = log.compared(fit.parameters, damper, solver)
-        except Exception as error:  # noqa: BLE001 - the other logs have their signals
-            unseen(log.trace, error)
-            return None
-        try:
-            speeds = configuration.output.speeds
             return list(characteristic_rows(fit.setting, log.trace, response, damper, speeds))
         except Exception as error:  # noqa: BLE001 - the other logs have theirs
-            unread(log.trace, error)
-            return []
+            lose(log.trace, error)
+            return None
 
     with clock.lap("characteristics"):
         rows = list(in_copies(rows_of, logs, jobs=jobs))
