@@ -13,7 +13,7 @@ from damperfit.queries.compared import baseline_text
 from damperfit.reporting.drawing import draw_plot
 from damperfit.reporting.figures import plot_in_units, report_plots
 from damperfit.reporting.records import checks_in
-from damperfit.reporting.report import lead
+from damperfit.reporting.report import lead, tested_range
 from damperfit.reporting.sheet import first_of, html_table, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import check_summary, force_sheets, parameter_sheet
 from damperfit.results import Run
@@ -41,7 +41,8 @@ img {{ display: block; height: 62mm; margin: 1mm auto }} p {{ margin: .4mm 0 }}
 <h1>{title}</h1>
 <p>{identity}</p>
 <p>{lead}</p>
-<p>{damper}; {tested}</p>
+<p>{damper}</p>
+<p>Tested: {tested}</p>
 <div class=two>{forces}</div>
 {picture}
 {parameters}
@@ -82,7 +83,6 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
         f"{escape(log)} <code>{escape(str(sha))}</code>" for log, sha in known["logs"].items()
     ]
     shown, more = first_of(hashes, _MANY, "in the JSON")
-    warm = known["temperatures_degC"]
     forces = force_sheets(rows_in_units(run.rows("adjustment"), units))
     sheets = (
         *(sheet_in_units(sheet, units) for sheet in forces),
@@ -96,11 +96,7 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
         ),
         lead=escape(known["lead"]),
         damper=escape(known["damper"]),
-        tested=(
-            "tested at {:.0f} to {:.0f} &deg;C".format(*warm)
-            if warm
-            else "temperature of the tests not known"
-        ),
+        tested=escape(tested_range(run.tested, units)),
         forces="\n".join(tables[:-1]),
         picture=_picture(run, units),
         parameters=tables[-1],

@@ -22,7 +22,7 @@ from damperfit.damper.quantity import Quantity
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
+from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number, with_interval
 from damperfit.tables.files import finite, json_values
 from damperfit.tested.setting import Setting, clicks_between, lines_of
 
@@ -77,38 +77,40 @@ class Orifices(Answer):
 
         def table(rows: Sequence[Row], kind: Any, named: str, shown: str, last: Column) -> Sheet:
             what, si, factor, unit = kind
+            steps = (abs(row[f"{what}_change_{si}"] or 0.0) for row in rows)
+            # All clicks are shown to the third digit of the largest.
+            largest = factor * max(steps, default=0.0) or 1.0
+            decimals = max(0, 2 - math.floor(math.log10(largest)))
 
-            def interval(row: Row) -> str:
-                ends = [row[f"{what}_ci_{end}_{si}"] for end in ("low", "high")]
-                texts = [number(end and factor * end, digits=3) for end in ends]
-                return NOTHING if {*texts} == {NOTHING} else " to ".join(texts)
+            def size(row: Row) -> str:
+                ends = (row[f"{what}{end}_{si}"] for end in ("", "_ci_low", "_ci_high"))
+                return with_interval(*(end and factor * end for end in ends), digits=3)
 
             def change(row: Row) -> str:
                 step = row[f"{what}_change_{si}"]
-                return NOTHING if step is None else f"{factor * step:+.3g}"
+                return NOTHING if step is None else f"{factor * step:+.{decimals}f}"
 
             columns = (
                 *(Column.text("set", "setting"), Column.text(named, "quantity")),
-                Column.of(shown, unit, f"{what}_{si}", factor=factor),
-                *(Column("95 %", unit, interval), last, Column("a click", unit, change)),
+                *(Column(shown, f"{unit} ±95 %", size), last, Column("a click", unit, change)),
             )
             return laid_out(rows, columns)
 
         def in_unit(name: str) -> Column:
             def cell(row: Row) -> str:
                 *_, factor, unit = _HOLE if row["unit"] == "m2" else _PRELOAD
-                return f"{factor * row[name]:.4g} {unit}"
+                return f"{number(factor * row[name], digits=4)} {unit}"
 
             return Column(name, "", cell)
 
         def that_is(row: Row) -> str:
             if row["diameter_m"] is not None:
-                return f"hole of {1e3 * row['diameter_m']:.4g} mm"
-            force = row["seat_force_N"]
-            return NOTHING if force is None else f"{force:.4g} N on the seat"
+                return f"hole of {number(1e3 * row['diameter_m'], digits=4)} mm"
+            force = number(row["seat_force_N"], digits=4)
+            return force if force == NOTHING else f"{force} N on the seat"
 
-        hole = Column.of("one hole", "mm", "diameter_m", factor=1e3)
-        on_seat = Column.of("on seat", "N", "seat_force_N")
+        hole = Column.of("one hole", "mm", "diameter_m", digits=3, factor=1e3)
+        on_seat = Column.of("on seat", "N", "seat_force_N", digits=3)
         wanted = (
             *(Column.text("set", "setting"), Column.text("part", "quantity")),
             *(in_unit("now"), in_unit("wanted"), Column("that is", "", that_is)),
