@@ -624,7 +624,9 @@ def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Finding]:
         if is_warming:
             text += ", as the peaks change with the temperature"
         else:
-            fault = "; K_e is off by about as much; check amplifier and temperature"
+            fault = (
+                "; other values take it where no offset is free; check amplifier and temperature"
+            )
     if fault or not are_few:
         yield _judged("force_drift", text, share, "%", fault=fault)
 
@@ -693,7 +695,7 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
     runs = seen.runs(fewest=1)
     text = (
         "both channels look as if the rig had filtered them: if so, set rig.filter = "
-        "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
+        "'causal' or 'zero_phase' in the configuration, or parameters are wrong"
     )
     if not runs:
         if falls_off(log.displacement, log.force, log.interval):

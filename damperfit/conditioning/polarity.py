@@ -93,6 +93,7 @@ def held_shares(trace: Trace, forces: FloatArray) -> tuple[float, ...]:
     )
 
 
+LEAST_GAS = 30.0  # N; what a rig's usual tare may be: a gas force below it tells nothing
 _MADE_UP = 1e-15  # of the largest of a matrix
 # What both estimates may be wrong by together. Oil at 1e8 Pa exceeds it at setting 10
 # (`python -m tests.conditioning.corrections_grid`).
@@ -410,7 +411,8 @@ def _doubtful(level: ForceLevel, *, is_declared: bool) -> Signs:
     name, sees = "direction", "so no gas force distinguishes rebound from compression"
     if level.ratio <= -_TARED and abs(level.force) > level.uncertainty + level.held:
         sees = f"{_AS_REVERSED}, but that is not certain"
-        if not _is_tared(level) and abs(level.force) > _OF_DOUBT * level.doubt:
+        is_beyond_tare = -level.expected >= LEAST_GAS and not _is_tared(level)
+        if is_beyond_tare and abs(level.force) > _OF_DOUBT * level.doubt:
             name = CONTRADICTED
     advice = _KEPT if is_declared else ""
     text = f"{level.sentence}, {sees}; {advice or f'taken as logged; {_ASK}'}"

@@ -334,7 +334,7 @@ def warnings_of(
     withheld = [
         setting
         for setting, why in assessment.objections.items()
-        if any(objection.kind in _OF_LAWS for objection in why)
+        if _OF_LAWS & (kinds := {objection.kind for objection in why}) and "log" not in kinds
     ]
     if withheld and not configuration.chosen_law:
         yield warning(

@@ -647,14 +647,6 @@ def assess(
 
     each = in_copies(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
     judged = [setting for setting in each if setting is not None]
-    diagnoses = reconciled(setting.diagnosis for setting in judged)
-    judged = [
-        setting._replace(
-            linearised=setting.linearised.with_flaws([hint.name for hint in diagnosis.hints]),
-            diagnosis=diagnosis,
-        )
-        for setting, diagnosis in zip(judged, diagnoses, strict=True)
-    ]
     everywhere, together = _with_hidden_friction(judged)
     errors = uncertainties(everywhere, sharing, on_error=on_error)
     known = {e.setting: e for e in with_least_openings(errors, everywhere, sharing, damper)}
@@ -671,7 +663,7 @@ def assess(
         profiles = tuple(p for several in pool.map(doubtful, linearised) for p in several)
     return Assessment(
         uncertainties=tuple(known.values()),
-        diagnoses=tuple(s.diagnosis for s in judged if s.diagnosis.setting in known),
+        diagnoses=reconciled(s.diagnosis for s in judged if s.diagnosis.setting in known),
         profiles=(*profiles, *shared_limits(linearised, bench)),
         gas=gas_content(linearised, sharing),
         forces=tuple(

@@ -668,14 +668,9 @@ class Linearisation:
         `pulls`, (k,) each, are those of the flaws that explain it.
         """
         misfit, repeating = _misfit_scores(self) if is_structured else (None, None)
-        flawed = {**pulls, "drift": _drift_pull(self)}
+        flawed = {name: np.asarray(pull / math.sqrt(len(pulls))) for name, pull in pulls.items()}
+        flawed["drift"] = _drift_pull(self)
         return replace(self, logs=(), misfit=misfit, repeating=repeating, flawed=flawed)
-
-    def with_flaws(self, names: Sequence[str]) -> Linearisation:
-        """Return the same with the flaws that are left of those which explain its misfit."""
-        kept = [name for name in self.flawed if name in names]
-        flawed = {name: self.flawed[name] / math.sqrt(len(kept)) for name in kept}
-        return replace(self, flawed={**flawed, "drift": self.flawed["drift"]})
 
 
 def linearise_settings(

@@ -21,7 +21,7 @@ from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter
 from damperfit.conditioning.noise import noise_floor
 from damperfit.conditioning.options import GasFacts
-from damperfit.conditioning.polarity import CONTRADICTED, force_level
+from damperfit.conditioning.polarity import CONTRADICTED, LEAST_GAS, force_level
 from damperfit.conditioning.segments import TRANSIENTS
 from damperfit.damper.cylinder import AMBIENT
 from damperfit.damper.load_cell import behind_lag
@@ -77,10 +77,15 @@ _FOUND = frozenset({Status.FITTED, Status.SHARED})
 # What the level of the force may be wrong by, in its own uncertainty and in gas forces.
 _OF_UNCERTAINTY, _OF_GAS = 1.5, 0.25
 # An offset of twice the gas force, within this share of it, is no tare but a gas force that is
-# counted reversed. Gas forces below a rig's usual tare, N, prove nothing.
-_TURNED, _LEAST_GAS = 0.4, 30.0
+# counted reversed.
+_TURNED = 0.4
 _AS_CLEAR = 1.5  # times the least doubt of a log: valves that open early look like an offset
-_CLIPPINGS = ("force_clipping", "displacement_clipping")
+# Warnings of a log that spoil its numbers, from a value on: whatever the MSE; where an offset is
+# held, whose place others take; where what repeats is many times the noise.
+_CLIPPED = dict.fromkeys(("force_clipping", "displacement_clipping"), LIMITS.clipped_percent)
+_SPOILING = {**_CLIPPED, "another_force": 0.0, CONTRADICTED: 0.0}
+_SPOILING_ZERO = {"force_drift": 0.0}
+_SPOILING_MISSED = dict.fromkeys(("rig_filter", "force_smoothed"), 0.0)
 # s; a 30 Hz filter spreads a jump over so much to both sides.
 _REVERSAL = 0.02
 
@@ -89,8 +94,8 @@ _REVERSAL = 0.02
 class Objection:
     """One reason to withhold a grade."""
 
-    # bound, beyond, cavitation, clipping, direction, offset, friction, dimensions, misfit,
-    # prediction or delivery
+    # bound, beyond, log, cavitation, direction, offset, friction, dimensions, misfit, prediction
+    # or delivery
     kind: str
     quantity: str  # name of the quantity it is about; empty where it is about none
     sentence: str  # for people
@@ -110,8 +115,15 @@ def objections(
     """
     diagnoses = {diagnosis.setting: diagnosis for diagnosis in assessment.diagnoses}
     doubted = _doubted_dimensions(campaign, diagnoses, assumed)
+    of_rig = {fit.setting: [*_of_rig(fit, diagnoses.get(fit.setting))] for fit in campaign.fits}
+    if campaign.sharing.estimated:  # what one setting gives to all is spoilt at all
+        of_all = [text for texts in of_rig.values() for text in texts]
+        of_rig = dict.fromkeys(of_rig, of_all)
     reasons = {
-        fit.setting: (*_of_fit(fit, diagnoses.get(fit.setting), gas), *doubted.get(fit.setting, ()))
+        fit.setting: (
+            *_of_fit(fit, diagnoses.get(fit.setting), gas, of_rig[fit.setting]),
+            *doubted.get(fit.setting, ()),
+        )
         for fit in campaign.fits
     }
     errors = {errors.setting: errors.intervals for errors in assessment.uncertainties}
@@ -129,10 +141,9 @@ def doubted_cavitation(objections: Mapping[Setting, Sequence[Objection]]) -> fro
 
 
 def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
-    fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None
+    fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None, of_rig: Sequence[str]
 ) -> Iterator[Objection]:
     values = fit.parameters
-    findings = [(f, log.trace) for log in fit.logs for f in log.trace.findings]
     for quantity in values.quantities:
         if fit.status[quantity.name] == Status.AT_BOUND:
             side, edge = edge_of(values, quantity.name)
@@ -147,19 +158,9 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
             because = f": {quantity.belief}" if quantity.belief else ""
             text = f"{scale * value:.3g} {unit} is beyond {low:g}{most}{because}"
             yield Objection("beyond", quantity.name, f"{quantity.symbol} = {text}")
-    cut = [
-        (finding.value, finding.name.partition("_")[0], trace.name)
-        for finding, trace in findings
-        if finding.name in _CLIPPINGS and (finding.value or 0.0) > LIMITS.clipped_percent
-    ]
-    if cut:
-        share, channel, name = max(cut)
-        text = f"the {channel} of {name} is clipped at {share:.2g} % of its samples: the numbers "
-        yield Objection("clipping", "", f"{text}lack what was cut off")
-    contradicted = [trace.name for finding, trace in findings if finding.name == CONTRADICTED]
-    if contradicted:
-        text = f"the gas force in {contradicted[0]} contradicts the signs of its channels"
-        yield Objection("direction", "", f"{text}: check and declare which way they are counted")
+    spoilt = [*_spoiling(fit.logs, _SPOILING), *of_rig]
+    if spoilt:
+        yield Objection("log", "", f"the warning {spoilt[0]} spoils the numbers: mend its cause")
     if diagnosis is None or math.isnan(diagnosis.noise_percent):
         is_missed = fit.mse_percent > LIMITS.misfit_percent  # much, where noise is not known
     else:
@@ -193,11 +194,27 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
             yield Objection("friction", q.name, f"{text}{ratio:.2g} times that of the log")
 
 
+def _of_rig(fit: Fit, diagnosis: Diagnosis | None) -> Iterator[str]:
+    """Yield the warnings of faults of the rig that the fit takes up."""
+    if any(q.is_offset and fit.status[q.name] == Status.FIXED for q in fit.parameters.quantities):
+        yield from _spoiling(fit.logs, _SPOILING_ZERO)
+    if diagnosis is not None and _repeats(diagnosis):
+        yield from _spoiling(fit.logs, _SPOILING_MISSED)
+
+
+def _spoiling(logs: Iterable[LogFit], names: Mapping[str, float]) -> Iterator[str]:
+    """Yield the warnings of logs that are among some, from the value on that each has there."""
+    for trace in (log.trace for log in logs):
+        for finding in (finding for finding in trace.findings if finding.severity == "warning"):
+            if abs(finding.value or 0.0) >= names.get(finding.name, math.inf):
+                yield f"{finding.name} of {trace.name}"
+
+
 def _turned_gas(fit: Fit, intervals: Mapping[str, Interval], gas: GasFacts) -> Objection | None:
     """An offset that reverses the gas force, as two wrongly declared signs do."""
     for quantity in fit.parameters.quantities:
         error = intervals.get(quantity.name)
-        if not quantity.is_offset or error is None or gas.force < _LEAST_GAS:
+        if not quantity.is_offset or error is None or gas.force < LEAST_GAS:
             continue
         symbol, value = quantity.symbol, fit.parameters[quantity.name]
         level, doubt = value - gas.force, math.hypot(error.error, error.misfit)

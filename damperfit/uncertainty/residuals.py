@@ -446,6 +446,7 @@ _FAULTS_OF_LOGS = (
     "tare",
     "velocity_channel",
     "rig_filter",
+    "force_smoothed",
 )
 
 

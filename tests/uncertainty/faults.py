@@ -147,10 +147,12 @@ def held(log: Log, rows: int) -> Frame:
     return table.assign(force_N=table["force_N"].to_numpy()[np.arange(len(table)) // rows * rows])
 
 
-def smoothed(log: Log, rows: int) -> Frame:
+def smoothed(log: Log, rows: int, *channels: str) -> Frame:
     table = frame(log)
-    padded = np.pad(table["force_N"], (rows - 1, 0), "edge")
-    return table.assign(force_N=np.convolve(padded, np.ones(rows) / rows, "valid"))
+    for name in channels:
+        padded = np.pad(table[name], (rows - 1, 0), "edge")
+        table[name] = np.convolve(padded, np.ones(rows) / rows, "valid")
+    return table
 
 
 LATE, FILTER = "delay|late|early", "filter|smooth|delay|late"
@@ -244,7 +246,9 @@ KINDS = [
     Kind("converter at 1 of {:.2g} rows", (5, 20), (3, 25),
          lambda a: partial(held, rows=round(a)), "converter"),
     Kind("running mean of {:.2g} ms", (40,), (10, 60),
-         lambda a: partial(smoothed, rows=round(a)), "smooth"),
+         lambda a: lambda log: smoothed(log, round(a), "force_N"), "smooth"),
+    Kind("running mean of {:.2g} ms on both", (40,), (10, 60),
+         lambda a: lambda log: smoothed(log, round(a), "force_N", "displacement_m"), FILTER),
 ]  # fmt: skip
 FAULTS = {
     one.name.format(size): (one.fault(size), one.cause) for one in KINDS for size in one.sizes

@@ -124,8 +124,21 @@ def test_what_repeats_many_times_the_noise(repeats, noise, *, is_withheld) -> No
 def test_a_log_of_which_much_is_clipped(channel, share, *, is_withheld) -> None:
     cut = Finding(f"{channel}_clipping", "warning", "is clipped", share, "%")
     found = reasons(logged(having(), name="cut.csv", findings=(cut,)), told(misses=False))
-    assert [one.kind for one in found] == ["clipping"] * is_withheld
-    assert all(f"the {channel} of cut.csv is clipped at 4.1 %" in one.sentence for one in found)
+    assert [one.kind for one in found] == ["log"] * is_withheld
+    assert all(f"{channel}_clipping of cut.csv" in one.sentence for one in found)
+
+
+@pytest.mark.parametrize("severity", ["warning", "note"])
+def test_a_log_whose_warning_is_of_spoilt_numbers(severity) -> None:
+    is_warned = severity == "warning"
+    drifting = Finding("force_drift", severity, "the mean force drifts", 2.0, "%")
+    held = logged(having(status={"f_0": Status.FIXED}), findings=(drifting,))
+    assert kinds(held, told(misses=False)) == ["log"] * is_warned
+    free = replace(held, status={**held.status, "f_0": Status.FITTED})
+    assert kinds(free, told(misses=False)) == []
+    filtered = logged(having(), findings=(Finding("rig_filter", severity, "both are filtered"),))
+    for noise, is_missed in ((0.05 / 31.1, True), (0.05 / 30.9, False)):
+        assert kinds(filtered, told(0.05, noise)) == ["log"] * (is_warned and is_missed)
 
 
 @pytest.mark.parametrize(("share", "is_withheld"), [(0.051, True), (0.049, False)])
