@@ -127,10 +127,9 @@ class Run(StoredRun):
             lost = [n for n in values.names if row.get(f"{n}_status") == Status.NOT_IDENTIFIABLE]
             limits = {n: (row.get(f"{n}_ci_low"), row.get(f"{n}_ci_high")) for n in lost}
             misfits = {n: float(row.get(f"{n}_misfit_se") or 0.0) for n in values.names}
-            more: dict[str, Any] = {"open_limits": open_limits(values, limits), "misfits": misfits}
-            more["top_speed"] = tops.get(setting.cell, math.inf)
-            fields = (setting, values, own, shared, covariance)
-            settings.append(SettingResult(*fields, row=row, run=self, **more))
+            known = (own, shared, covariance, tops.get(setting.cell, math.inf))
+            left_open = open_limits(values, limits)
+            settings.append(SettingResult(setting, values, *known, left_open, misfits, row, self))
         return tuple(settings)
 
     @refuse_wrong_arguments("run.setting")
@@ -314,25 +313,26 @@ class Run(StoredRun):
             if "damper.model" not in given.declared:
                 return
             option = "model" if config is None else "config"
-            text = (
+            raise ConfigurationError(
                 f"damper.model is {given.damper.name}, but the parameters of {self.source} are of "
-                f"{own.name}; leave {{option}} out, or run identify again with it"
+                f"{own.name}; leave {{option}} out, or run identify again with it",
+                option=Option(option),
+                where=Option(option, config or ""),
+                code="other-model",
             )
-            where, code = Option(option, config or ""), "other-model"
-            raise ConfigurationError(text, option=Option(option), where=where, code=code)
         for name, (_, _, unit) in own.ranges.items():
             asked, fitted = getattr(given.damper, name), getattr(own, name)
             is_declared = f"damper.{name}" in given.declared
             if is_declared and not math.isclose(asked, fitted, rel_tol=_SAME):
                 declared, own_text = (f"{value:g} {unit}".rstrip() for value in (asked, fitted))
-                text = (
+                raise ConfigurationError(
                     f"damper.{name} is {declared}, but the parameters of {self.source} were "
                     f"fitted with {own_text} and hold for that damper alone; leave {{config}} out, "
-                    "or run identify again with it"
+                    "or run identify again with it",
+                    config=Option("config"),
+                    where=Option("config", config),
+                    code="other-damper",
                 )
-                where = Option("config", config)
-                code = "other-damper"
-                raise ConfigurationError(text, config=Option("config"), where=where, code=code)
 
     @property
     def _fitted_inputs(self) -> list[dict[str, Any]]:
@@ -383,16 +383,12 @@ class Run(StoredRun):
         """Measured forces at the named speeds, and what the model misses; older runs: none."""
         read = all_in(self.record, "speed_forces", SpeedForces)
         names = ("measured", "measured_se", "difference", "misfit")
-
-        def is_whole(forces: SpeedForces) -> bool:
-            return {len(forces.speeds)} >= {len(getattr(forces, name)) for name in names}
-
         # The record says settings by their labels; that of several adjusters is more than its own.
         tested = {forces.setting.cell: forces.setting for forces in self.settings}
         return tuple(
             replace(forces, setting=tested.get(forces.setting.cell, forces.setting))
             for forces in read
-            if is_whole(forces)
+            if {len(forces.speeds)} >= {len(getattr(forces, name)) for name in names}  # whole
         )
 
     @property
