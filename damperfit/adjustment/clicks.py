@@ -85,8 +85,9 @@ def _click(first: Force, second: Force, adjuster: str) -> Click:
     change, damping = second.bare_force - first.bare_force, first.damping or math.nan
     reach = NORMAL_95 * spread(1.0)
     if math.isfinite(reach):
-        # What the logs leave open may be at one end here and at the other there.
-        reach = max(reach, *first.undetermined, *second.undetermined)
+        # What the logs leave open may be at one end here and at the other there; beyond the tests
+        # both have one law.
+        reach = max(reach, *first.undetermined, *second.undetermined, abs(second.rise - first.rise))
     ratio = 1.0 + change / damping
     percent = 100.0 * (ratio - 1.0)
     # The first force is the denominator too: its error counts 1 + share times.

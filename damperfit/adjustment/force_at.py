@@ -160,10 +160,9 @@ class Force:
     # rig takes up between the measured force and this one, such as the tare, and below the slowest
     # measured speed its share in the friction.
     misfit: float = 0.0
-    # How far it may be below and above for what the logs do not determine, and at an untested
-    # speed, up to which no log shows that the law goes on as fitted.
+    # How far it may be below and above for what the logs do not determine.
     undetermined: tuple[float, float] = (0.0, 0.0)
-    extrapolated: tuple[float, float] = (0.0, 0.0)
+    rise: float = 0.0  # from the highest tested speed on, where no log shows that the law holds
     gas: float = math.nan  # part of the model's force: gas and ambient pressure on the rod
     friction: float = math.nan  # likewise: seals
     is_cavitating: bool = False  # a chamber is at zero pressure at this speed
@@ -192,6 +191,12 @@ class Force:
     def reach(self) -> float:
         """Half the 95 % interval of noise and misfit, N."""
         return NORMAL_95 * math.hypot(self.error, self.misfit)
+
+    @property
+    def extrapolated(self) -> tuple[float, float]:
+        """How far it may be below and above where the law does not go on as fitted, N."""
+        steps = [(slope - 1.0) * self.rise for slope in _SLOPES]
+        return -min(steps), max(steps)
 
     @property
     def low(self) -> float:
@@ -336,7 +341,7 @@ def _forces_of(
     own, shared = _errors(stage, np.where(is_offset[:, None], 1.0, curve.slopes))
     whole = np.hypot(own, np.linalg.norm(shared, axis=1))
     below, above = _undetermined(stage, damper, curve)
-    less, more = _extrapolated(stage, damper, curve)
+    rises = _rises(stage, damper, curve)
     bends = _bends(damper, stage, curve, picked)
     tare_out = tare_error = tare_misfit = 0.0
     if curve.knows_gas:
@@ -375,7 +380,7 @@ def _forces_of(
                 model_force=float(curve.forces[k]),
                 misfit=misfit,
                 undetermined=(float(below[k]), float(above[k])),
-                extrapolated=(float(less[k]), float(more[k])),
+                rise=float(rises[k]),
                 gas=curve.rest if curve.knows_gas else math.nan,
                 friction=float(curve.friction[k]),
                 is_cavitating=bool(curve.is_cavitating[k]),
@@ -445,15 +450,13 @@ def _undetermined(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray
     return spans
 
 
-def _extrapolated(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray:
-    """How far forces beyond the tested speed lie below and above by other slopes, (2, m), N."""
+def _rises(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray:
+    """What forces beyond the tested speed are more than the force there, N; 0 below it."""
     is_beyond = np.abs(curve.speeds) > (1.0 + REPEATS) * stage.top_speed
     if not is_beyond.any():
-        return np.zeros((2, len(is_beyond)))
+        return np.zeros(len(is_beyond))
     last = quasi_static(damper, stage.parameters, np.sign(curve.speeds) * stage.top_speed).forces
-    rise = np.where(is_beyond, curve.forces - last, 0.0)
-    others = np.array([(slope - 1.0) * rise for slope in _SLOPES])
-    return np.array([-others.min(axis=0), others.max(axis=0)])
+    return np.where(is_beyond, curve.forces - last, 0.0)
 
 
 def determined_speed(stage: Stage, damper: Model) -> float:
