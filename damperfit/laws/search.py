@@ -156,6 +156,12 @@ class _Fit:
         """MSE of each setting on its mean cycles."""
         return {s: 100.0 * block.cost(self.values[s]) for s, block in self.model.blocks.items()}
 
+    def above_floor(self, cost: float) -> float:
+        """The logarithm of another cost over its own, each with the floor of the criterion."""
+        here = self.minimum.cost
+        floor = here * float(np.mean([FLOOR_PERCENT / max(x, 1e-9) for x in self.percent.values()]))
+        return math.log((cost + floor) / (here + floor))
+
 
 class _Search:
     """The logs, and what has been tried."""
@@ -525,11 +531,7 @@ class _Search:
         price = self.price(glance.structure, fit.model.settings) - self.price(
             fit.structure, fit.model.settings
         )
-        promised = max(glance.promised, 1e-6 * near.minimum.cost)
-        here = near.minimum.cost
-        shares = [FLOOR_PERCENT / max(percent, 1e-9) for percent in near.percent.values()]
-        floor = here * float(np.mean(shares))
-        return n * math.log((promised + floor) / (here + floor)) + price
+        return n * near.above_floor(max(glance.promised, 1e-6 * near.minimum.cost)) + price
 
     def record(self, fit: _Fit, beside: _Fit, words: str, gain: float, *, is_taken: bool) -> None:
         """Keep a candidate, and say it to who waits for it."""
@@ -921,6 +923,7 @@ class _Linear:
         untied = replace(self.structure, ties=tuple((n, settings[0].adjusters) for n in stack))
         base = replace(search.model(untied, settings), weights=fit.model.weights)
         self.base, self.minimum = base, base.minimise(fit.values, _ONE)
+        self.untied = _Fit(untied, base, self.minimum)
         jacobian, slope = self.minimum.jacobian, self.minimum.system.gradient
         curvature = jacobian.T @ jacobian
         curvature += 1e-9 * np.diag(np.diag(curvature) + 1e-12)
@@ -944,14 +947,9 @@ class _Linear:
     def rise(self, ties: Mapping[str, tuple[str, ...]]) -> float:
         """By how much the criterion promises to lie above nothing."""
         cost, _, unknowns = self.solved(ties)
-        search, settings = self.search, self.base.settings
-        n = {s: search.n_eff[s] for s in settings}
-        price = sum(math.log(sum(n[s] for s in settings if u.holds_at(s))) for u in unknowns)
-        here = self.minimum.cost
-        floor = here * float(
-            np.mean([FLOOR_PERCENT / max(x, 1e-9) for x in self.fit.percent.values()])
-        )
-        return sum(n.values()) * math.log((max(cost, 0.0) + floor) / (here + floor)) + price
+        n = {s: self.search.n_eff[s] for s in self.base.settings}
+        price = sum(math.log(sum(n[s] for s in n if u.holds_at(s))) for u in unknowns)
+        return sum(n.values()) * self.untied.above_floor(max(cost, 0.0)) + price
 
     def better(
         self, ties: dict[str, tuple[str, ...]], ways: Sequence[tuple[str, ...]]
