@@ -8,33 +8,25 @@ from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
 
 
-def at_speeds(
-    velocity: FloatArray, signals: FloatArray, speeds: Sequence[float], *, sign: float = 1.0
+def in_both_strokes(
+    velocity: FloatArray,
+    signals: FloatArray,
+    speeds: Sequence[float],
+    *,
+    signs: tuple[float, ...] = (1.0, -1.0),
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return counts, means and scatter of signals where the velocity passes rising speeds.
 
     Between two samples signals, shape (k, n), and velocity, shape (n,), are straight lines. The
-    first index of what is returned is 0 on the way up to a speed and beyond (the opening branch of
-    a stroke), 1 on the way down again (the closing one). A sign of -1 is for the other stroke.
+    first index of what is returned is 0 in rebound and 1 in compression, or that of another choice
+    of signs of the velocity. The second is 0 on the way up to a speed and beyond (the opening
+    branch of a stroke), 1 on the way down again (the closing one).
 
-    >>> counts, means, _ = at_speeds(np.array([0.0, 2.0, 0.0]), np.array([[0.0, 4.0, 6.0]]), [1.0])
+    >>> v, signals = np.array([0.0, 2.0, 0.0]), np.array([[0.0, 4.0, 6.0]])
+    >>> counts, means, _ = in_both_strokes(v, signals, [1.0], signs=(1.0,))
     >>> counts.tolist(), means.tolist()
-    ([[1.0], [1.0]], [[[2.0]], [[5.0]]])
+    ([[[1.0], [1.0]]], [[[[2.0]], [[5.0]]]])
     """
-    counts, means, squares = _passed(velocity, signals, speeds, (sign,))
-    return counts[0], means[0], squares[0]
-
-
-def in_both_strokes(
-    velocity: FloatArray, signals: FloatArray, speeds: Sequence[float]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what `at_speeds` does, of rebound and then of bump: one more first index of each."""
-    return _passed(velocity, signals, speeds, (1.0, -1.0))
-
-
-def _passed(
-    velocity: FloatArray, signals: FloatArray, speeds: Sequence[float], signs: tuple[float, ...]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
     rows = np.ascontiguousarray(signals, dtype=np.float64)
     along = np.ascontiguousarray(velocity, dtype=np.float64)
     asked = np.array(speeds, dtype=np.float64)

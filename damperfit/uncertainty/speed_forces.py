@@ -27,7 +27,7 @@ from damperfit.conditioning.filters import corner_of
 from damperfit.conditioning.measured_characteristics import counted_edges, peak_velocity_forces
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import SimulationError
-from damperfit.passed_speeds import at_speeds
+from damperfit.passed_speeds import in_both_strokes
 from damperfit.recording import Segment
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95, median
@@ -319,9 +319,10 @@ def _of_loop(test: Sequence[_Readings], sign: float) -> FloatArray:
     rows = []
     for reading in alike:
         signals = np.vstack([reading.force, reading.residuals, reading.jacobian.T])
-        counts, means, squares = at_speeds(reading.velocity, signals, speeds, sign=sign)
+        passed = in_both_strokes(reading.velocity, signals, speeds, signs=(sign,))
+        counts, means, squares = (of_signs[0] for of_signs in passed)
         velocity, taken = reading.rounding
-        back = at_speeds(velocity, taken[None], speeds, sign=sign)[1][..., 0]
+        back = in_both_strokes(velocity, taken[None], speeds, signs=(sign,))[1][0, ..., 0]
         with np.errstate(invalid="ignore", divide="ignore"):  # one passage has no scatter
             variances = squares[..., 1] / (counts - 1.0) / counts
         branches, nothing = means[..., 0] + back, np.full(len(speeds), math.nan)

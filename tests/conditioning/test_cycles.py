@@ -7,7 +7,7 @@ from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter, design_filter
 from damperfit.conditioning.cycles import crossings, cycles_of, tops_of, turning_points
 from damperfit.conditioning.delay import _REACH, _scan, _without_smooth
-from damperfit.passed_speeds import at_speeds
+from damperfit.passed_speeds import in_both_strokes
 from tests.oracles import cycles as slow
 
 # What the compiled core reads off motions, beside its slow twins.
@@ -96,7 +96,8 @@ def test_signals_at_speeds_are_those_of_the_slow_twin(of, sign: float) -> None:
     v = np.round(v, 3)  # samples that lie on a speed, too
     speeds = (-0.05, 0.0, float(abs(v[3])), 0.4, 9.0)
     both = np.stack([signal, signal**2])
-    counts, means, squares = at_speeds(v, both, sorted(speeds), sign=sign)
+    passed = in_both_strokes(v, both, sorted(speeds), signs=(sign,))
+    counts, means, squares = (of_signs[0] for of_signs in passed)
     for k, speed in enumerate(sorted(speeds)):
         for row, of_row in enumerate(both):
             for way, seen in enumerate(slow.at_speed(sign * v, of_row, speed)):

@@ -15,7 +15,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.options import GivenStart
-from damperfit.passed_speeds import at_speeds
+from damperfit.passed_speeds import in_both_strokes
 from damperfit.recording import Recording
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tested.setting import Setting
@@ -139,7 +139,8 @@ def test_the_filter_of_a_loop_is_put_back_where_friction_jumps(
         assert one.kind == "cvp"
         assert one.at(0.93 * limit) is None
         speeds = [1.03 * limit, 0.05, 0.1, 0.2, 0.23]
-        passed = at_speeds(response.velocity[last], response.force[None, last], speeds, sign=sign)
+        signals = response.velocity[last], response.force[None, last]
+        passed = [x[0] for x in in_both_strokes(*signals, speeds, signs=(sign,))]
         for at, expected in zip(speeds, passed[1][:, :, 0].mean(axis=0), strict=True):
             seen = one.at(at)
             assert abs(seen.force - expected) < 1.96 * seen.error + 2e-3 * abs(expected), at
