@@ -347,18 +347,19 @@ class _Stacked:
         if self.is_dense:
             deviation = np.mean([block.deviation for block in problem.blocks.values()])
             self.transformation = first.variables._replace(scales=np.full(len(names), deviation))
-        is_shared = np.array([name in {*problem.shared, *GAS_NAMES} for name in names], dtype=bool)
-        self.own, self.n_border = np.flatnonzero(~is_shared), len(border)
-        places = {unknown: k for k, unknown in enumerate(border)}
-        # Of each setting: which of its shared variables move, and where they stand in the border.
-        self.moving: dict[Setting, NDArray[np.intp]] = {}
-        self.places: dict[Setting, NDArray[np.intp]] = {}
-        for setting in settings:
-            shared = {k: unknown_at(names[k], problem.follows, setting)
-                      for k in np.flatnonzero(is_shared).tolist()}  # fmt: skip
-            mine = [(k, places[unknown]) for k, unknown in shared.items() if unknown in places]
-            columns = np.array(mine, dtype=np.intp).reshape(-1, 2)
-            self.moving[setting], self.places[setting] = columns.T
+        shared = {*problem.shared, *GAS_NAMES}
+        keys: dict[Setting, list[Unknown | tuple[str, Setting]]] = {
+            s: [unknown_at(n, problem.follows, s) if n in shared else (n, s) for n in names]
+            for s in settings
+        }
+        own = (key for mine in keys.values() for key in mine if not isinstance(key, Unknown))
+        self.place = {key: k for k, key in enumerate((*own, *border))}
+        # Of each setting: which of its variables move, and where they stand in the vector.
+        self.moving = {s: np.array([k in self.place for k in keys[s]], dtype=bool) for s in keys}
+        self.places = {
+            s: np.array([self.place[k] for k in mine if k in self.place], dtype=np.intp)
+            for s, mine in keys.items()
+        }
         self.ranges = first.bounds
         numbers = {s: np.clip(values_of(problem.free, starts[s]), *self.ranges) for s in settings}
         self.packed = self._packed(numbers, problem.gas)
@@ -369,10 +370,10 @@ class _Stacked:
             low[-len(GAS_NAMES) :], high[-len(GAS_NAMES) :] = -math.inf, math.inf
         self.bounds = None if self.stays_beyond else (low, high)
         # Of the border: what it is held at, and how strongly; 0 of what has no logarithm.
-        own = [first.model.quantity(unknown.name) for unknown in border] if self.is_dense else []
-        is_log = np.array([quantity.is_logarithmic for quantity in own], dtype=bool)
-        is_friction = np.array([quantity.is_friction for quantity in own], dtype=bool)
-        began = np.where(is_log, self._stacked(numbers), 1.0) if own else np.empty(0)
+        tied = [first.model.quantity(unknown.name) for unknown in border] if self.is_dense else []
+        is_log = np.array([quantity.is_logarithmic for quantity in tied], dtype=bool)
+        is_friction = np.array([quantity.is_friction for quantity in tied], dtype=bool)
+        began = np.where(is_log, self._stacked(numbers), 1.0) if tied else np.empty(0)
         self.held_at = np.where(is_friction, BELIEVED_FRICTION, began)
         self.pull = np.where(is_friction, _UNBELIEVED / FRICTION_SPREAD, _HELD * is_log)
 
@@ -389,25 +390,22 @@ class _Stacked:
 
     def _stacked(self, packed: Mapping[Setting, FloatArray]) -> FloatArray:
         """Variables of the settings as one vector; the first that has an unknown says its value."""
-        border = np.empty(self.n_border)
+        variables = np.empty(len(self.place))
         for setting in reversed(self.problem.settings):
-            border[self.places[setting]] = packed[setting][self.moving[setting]]
-        own = [packed[setting][self.own] for setting in self.problem.settings]
-        return np.concatenate([*own, border])
+            variables[self.places[setting]] = packed[setting][self.moving[setting]]
+        return variables
 
     def point_at(self, variables: FloatArray) -> tuple[LinearSystem, Point]:
         """Simulate all settings; the first point gives the weights where there are none."""
         settings, gas = self.problem.settings, self.problem.gas
-        own, border = np.split(variables, [len(settings) * len(self.own)])
         if gas is not None:
-            law = np.exp(border[-len(GAS_NAMES) :]).tolist()
+            law = np.exp(variables[-len(GAS_NAMES) :]).tolist()
             gas = gas._replace(**dict(zip(GAS_NAMES, law, strict=True)))
         values: dict[Setting, Values] = {}
         beyond: dict[Setting, NDArray[np.bool_] | None] = {}
-        for setting, mine in zip(settings, own.reshape(len(settings), -1), strict=True):
+        for setting in settings:
             known = self.packed[setting].copy()
-            known[self.own] = mine
-            known[self.moving[setting]] = border[self.places[setting]]
+            known[self.moving[setting]] = variables[self.places[setting]]
             values[setting], beyond[setting] = self._values(setting, known, gas)
 
         def block_of(setting: Setting) -> tuple[_Part, float, float, bool]:
@@ -448,12 +446,10 @@ class _Stacked:
             held = self.pull * np.log(numbers / self.held_at)
         residuals = np.concatenate([*(rest for rest, _ in parts), held])
         jacobian, first = np.zeros((len(residuals), len(variables))), 0
-        n_own, border = len(self.own), len(parts) * len(self.own)
-        for k, (rest, columns) in enumerate(parts):
-            setting, rows = self.problem.settings[k], jacobian[first : first + len(rest)]
-            rows[:, n_own * k : n_own * (k + 1)] = columns[:, self.own]
-            rows[:, border + self.places[setting]] = columns[:, self.moving[setting]]
-            first += len(rest)
+        for setting, (rest, columns) in zip(self.problem.settings, parts, strict=True):
+            last = first + len(rest)
+            jacobian[first:last, self.places[setting]] = columns[:, self.moving[setting]]
+            first = last
         if self.is_dense:
             jacobian[first:] = np.diag(self.pull)
         return finite_system(residuals, jacobian)
