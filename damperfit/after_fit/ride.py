@@ -7,7 +7,7 @@ stroke i (x_s - x_u). The road is one period of a random profile of ISO 8608, so
 part is solved by Fourier series. The damper is simulated by the core along its stroke, with all its
 states; both are solved in turn until they agree (a waveform iteration)::
 
-    Z(w) X = road + D,    D = F_d - c (x_s' - x_u'),    c: the linear damping that fits F_d best
+    Z(w) X = road + D,    D = F_d - c (x_s' - x_u'),    c: a linear damping near that of F_d
 
 Body acceleration is weighted by W_k of ISO 2631-1 (vertical, seated). A damper stroke that was
 measured on a car takes the place of car and road: what each setting dissipates along it.
@@ -53,13 +53,14 @@ _ROUGHNESS = {name: 16e-6 * 4.0**k for k, name in enumerate("ABCDEFGH")}
 _REFERENCE, _WAVINESS = 0.1, 2.0
 _RATE, _SECONDS = 512.0, 16.0  # Hz and s of the road's period
 _SLOWEST, _FASTEST = 0.01, 10.0  # cycles/m
-_ROUNDS, _FREE_ROUNDS, _DEPTH, _AGREED = 60, 2, 6, 1e-3  # of the damper's force, rms
+_ROUNDS, _DEPTH, _AGREED = 60, 6, 1e-3  # of the damper's force, rms
 _STEP, _RESOLVED = 1e-2, 0.5  # of u, for derivatives; of what the step changes
 _TOLERANCE = 3e-5  # of the static load: what a step of the integrator may be off
 _ROUNDING = 1e-10  # of the products of secants
 _FRICTION_BAND = 5e-3  # m/s, as in an exported FMU: with the fit's a car at rest would shake
 _LIFTS = 0.33  # rms of the dynamic load over the static one: three deviations lift the wheel
 _LEAD = 1.0  # s that the damper runs in, before the period
+_USUAL = 0.2  # m/s, of a damper on a road: its linear damping is that up to there
 _EDGES = (0.0, 0.025, 0.05, 0.1, 0.2, 0.5, np.inf)  # m/s, of bands of speed
 _FEWEST, _BINS = 10, 40  # samples of a stroke, bins of its speed
 # Hz, of a stroke: a wheel hops at 10 to 20. Sampled less than so many times faster it is as logged.
@@ -323,15 +324,11 @@ class _Road:
 
     def ride(self, setting: SettingResult) -> RideOfSetting:
         """The setting's numbers with their errors."""
-        values, car = without_rig(setting.parameters), self.car
-        rest, c = np.zeros(self.n), 0.6 * math.sqrt(car.spring * car.sprung_mass)
-        for _ in range(_FREE_ROUNDS):  # find the linear damping first
-            _, path = self._moved(c, rest)
-            (force,), wheel = self._force(values, path), path[1] / car.motion_ratio
-            c = max(float(wheel @ force / (wheel @ wheel)), 1.0)
-            rest = force - c * wheel
+        values, ratio = without_rig(setting.parameters), self.car.motion_ratio
+        ends = quasi_static(self.run.damper, values, [-_USUAL, _USUAL]).forces
+        c = max(ratio**2 * float(ends[1] - ends[0]) / (2.0 * _USUAL), 1.0)
         secants: list[tuple[FloatArray, FloatArray]] = []
-        settled = self._settled(values, c, rest, secants, _AGREED)
+        settled = self._settled(values, c, np.zeros(self.n), secants, _AGREED)
         errors, names = np.zeros(3), setting.names if setting.covariance is not None else ()
         # Of the rig and its tare the car feels nothing.
         quantities = [q for q in map(values.quantity, names) if q.scope != RIG and not q.is_offset]

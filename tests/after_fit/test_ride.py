@@ -206,3 +206,10 @@ def test_a_setting_that_is_beaten_within_its_interval_is_said_so() -> None:
     assert [row[-1] for row in answer.sheets()[0].rows] == ["*", "(*)", "(*)"]
     certain = ride.Ride(CAR, (rows[0], rows[2]._replace(wheel_load=704.0)))
     assert certain.undecided == ()
+
+
+def test_a_stiff_damper_stays_within_its_stroke_on_a_rough_road(fitted) -> None:
+    setting = fitted.setting(20)
+    stiff = {name: 1.5 * setting.values[name] for name in ("r_m1", "r_m2", "r_m3")}
+    own = replace(setting, parameters=setting.values.replace(stiff))
+    assert ride.ride_on_road(fitted, CAR._replace(road="D", speed=20.0), (own,)).settings
