@@ -2,9 +2,8 @@
 
 From here come the defaults, the page that `damperfit config` prints, the options of the commands
 and the keywords of the functions; the parts of the program are given the sections themselves, or
-classes on them. `damperfit.configuration.options` makes one pydantic model of it. Nothing here
-needs pydantic, so that help is there at once. [damper] beside the two keys of any model has the
-fields of the model that it names.
+classes on them. `damperfit.configuration.options` reads a document by them. [damper] beside the two
+keys of any model has the fields of the model that it names.
 """
 
 from __future__ import annotations
@@ -51,8 +50,8 @@ class Entry(NamedTuple):
     def in_place_of(self, value: Any) -> str:
         """Return what is expected where a value, as the program reads it, is not allowed."""
         if self.words:
-            wanted = " or ".join(repr(word) for word in self.words if word)
-            return "" if value in self.words else wanted
+            *first, last = (repr(word) for word in self.words if word)
+            return "" if value in self.words else f"{', '.join(first)} or {last}"
         limits = (
             ("more than {:g}", self.above, operator.gt),
             ("{:g} or more", self.least, operator.ge),
