@@ -55,7 +55,6 @@ from damperfit.identification.procedures import Campaign
 from damperfit.identification.unlike_motions import contradictory_motions
 from damperfit.problem import Failure, Option, Problem, counted, listed_names, warning
 from damperfit.recording import Trace, natural_order
-from damperfit.run.given_starts import with_given_start
 from damperfit.run.log_files import expand, real_path
 from damperfit.run.logs import LogBatch, add_traces, read_batch
 from damperfit.store import check_writable, reserved
@@ -215,7 +214,10 @@ def identified(  # noqa: PLR0913 - what is asked of it
             model=Option("model"),
             code="unknown-quantity",
         )
-    configuration = with_given_start(configuration)
+    if configuration.start_table is not None:
+        from damperfit.run.given_starts import with_given_start
+
+        configuration = with_given_start(configuration)
     with clock.lap("read"):
         batch, named = gather(
             configuration,
