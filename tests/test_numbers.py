@@ -526,7 +526,7 @@ def paper() -> Any:
 @case
 def asked_of_a_run() -> Any:
     run, ask = of_paper(), damperfit
-    few = fit([log(sine(), setting=k) for k in SETTINGS[1:3]], fix={"r_m3": 2.597e6, "f_f": 50.0})
+    few = fit([log(sine(), setting=8)], fix={"r_m3": 2.597e6, "f_f": 50.0})
     motion = {"parameters": run, "amplitude": 0.02, "frequency": 2.0, "cycles": 2.0}
     return {
         "simulate": ask.simulate(8, **motion).document(),
@@ -709,7 +709,11 @@ def odd_logs() -> Any:
         for name, change in changes.items()
     }
     gain = [*sound[:3], FORCE(lambda y, _: 1.05 * y)(sound[3])]
-    return {**found, "stroke": told(fit(steps)), "gain": told(fit(gain))}
+    return {
+        **found,
+        "stroke": told(fit(steps, fix={"r_m3": 2.597e6, "f_f": 50.0})),
+        "gain": told(fit(gain)),
+    }
 
 
 VALVES = {
@@ -740,12 +744,10 @@ def of_valves() -> damperfit.Run:
 @case
 def gas_pressure_declared_wrong() -> Any:
     """A third more than there is: the gas volume and the offset take it up."""
-    model = TwinTube(gas_pressure=1.5e6)
-    run = fit(
-        [valve_log(model, 3, f_0=0.0)],
-        damper=replace(model, gas_pressure=2e6),
-        free=[*(name for name in VALVES if name in model.names), "gas_volume"],
-    )
+    model, free = TwinTube(gas_pressure=1.5e6), ("f_0", "f_f", "k_e", "gas_volume")
+    known = {name: VALVES[name] for name in VALVES if name in model.names and name not in free}
+    one, damper = valve_log(model, 3, f_0=0.0), replace(model, gas_pressure=2e6)
+    run = fit([one], damper=damper, free=free, fix=known)
     return told(run)["problems"]
 
 
@@ -777,31 +779,42 @@ def adjusters() -> Any:
     return told(fit(logs, damper=model, procedure="joint"), whole=True)
 
 
+def unlike(change: Callable[[Any, int], Any]) -> list[Recording]:
+    """Logs of three settings whose values are others."""
+    own = [(one, reference_parameters(one)) for one in SETTINGS[:3]]
+    return [log(sine(), change(values, k), setting=one) for k, (one, values) in enumerate(own)]
+
+
+FRICTIONS = partial(unlike, lambda values, k: replace(values, f_f=30.0 + 20.0 * k))
+UNSEEN = partial(unlike, lambda values, _: replace(values, r_m3=2.6e3, f_f=1e-3))
+SOUND = partial(unlike, lambda values, _: values)
+
+
 @case
 def doubtful() -> Any:
     """What settings do not tell or disagree about, and what is predicted badly."""
     own = {one: reference_parameters(one) for one in SETTINGS}
-
-    def logs(change: Callable[[Any, int], Any], settings: Any = SETTINGS[:3]) -> list[Recording]:
-        return [log(sine(), change(own[one], k), setting=one) for k, one in enumerate(settings)]
-
-    frictions = logs(lambda values, k: replace(values, f_f=30.0 + 20.0 * k))
-    unseen = logs(lambda values, _: replace(values, r_m3=2.6e3, f_f=1e-3))
     thick = replace(PURDY_DAMPER, rod_diameter=0.022)
     outside = replace(thick, ambient_pressure=101325.0)
     airy = [log(sine(), own[one], outside, setting=one) for one in (8, 12)]
     other = replace(own[8], r_m1=1.3 * own[8].r_m1)
     held = log(parts((0.02, 2.5, 12)), other, setting=8, name="held.csv")
-    sound = logs(lambda values, _: values)
     return {
-        "frictions": told(fit(frictions)),
-        "apart": told(fit(frictions, procedure="joint")),
-        "unseen": told(fit(unseen)),
-        "unseen_alone": told(fit(unseen[:1], procedure="plain")),
+        "frictions": told(fit(FRICTIONS())),
+        "unseen_alone": told(fit(UNSEEN()[:1], procedure="plain")),
         "air": told(fit(airy, damper=thick)),
-        "missed": told(fit([*sound, held], hold_out=["held*"])),
-        "starts": fit([sound[2]], procedure="plain", starts=4).record["searches"],
-        "shared_profile": told(fit(sound, procedure="joint", profile="r_m3")),
+        "missed": told(fit([*SOUND(), held], hold_out=["held*"])),
+        "starts": fit([SOUND()[2]], procedure="plain", starts=4).record["searches"],
+    }
+
+
+@case
+def doubtful_together() -> Any:
+    """At night: the same of settings in one fit."""
+    return {
+        "apart": told(fit(FRICTIONS(), procedure="joint")),
+        "unseen": told(fit(UNSEEN())),
+        "shared_profile": told(fit(SOUND(), procedure="joint", profile="r_m3")),
     }
 
 
@@ -984,24 +997,24 @@ MOTIONS: dict[str, tuple[Callable[[float], Motion], float, float]] = {
 
 @case
 def ladders() -> Any:
-    return laddered(slice(None, None, 2))
+    return laddered(2, 4, 6)
 
 
 @case
 def ladders_between() -> Any:
-    """At night: the sizes between those."""
-    return laddered(slice(1, None, 2))
+    """At night: the sizes between those and at the ends."""
+    return laddered(0, 1, 3, 5, 7, 8)
 
 
-def laddered(rungs: slice) -> Any:
-    options, n = load_configuration().conditioning, len(range(9)[rungs])
+def laddered(*rungs: int) -> Any:
+    options, n = load_configuration().conditioning, len(rungs)
     found: dict[str, Any] = {}
     motions = ((name, (make, "", None, *ends)) for name, (make, *ends) in MOTIONS.items())
     for name, (make, channels, change, low, high) in itertools.chain(LADDERS.items(), motions):
         ladder: dict[str, list[Any]] = defaultdict(lambda: [math.nan] * n)
         said: dict[str, list[str]] = defaultdict(lambda: ["-"] * n)
         text: dict[str, list[str]] = defaultdict(list)
-        for k, size in enumerate(np.geomspace(low, high, 9)[rungs]):
+        for k, size in enumerate(np.geomspace(low, high, 9)[[*rungs]]):
             one = make() if channels else log(make(size), noise=0.5)
             if channels == "rows":
                 one = rows(lambda n: change(n, one, size))(one)  # noqa: B023 - called at once
