@@ -93,7 +93,7 @@ def held_shares(trace: Trace, forces: FloatArray) -> tuple[float, ...]:
     )
 
 
-LEAST_GAS = 30.0  # N; what a rig's usual tare may be: a gas force below it tells nothing
+LEAST_GAS = 30.0  # N; what a rig's usual tare may be: a gas force below it proves nothing
 _MADE_UP = 1e-15  # of the largest of a matrix
 # What both estimates may be wrong by together. Oil at 1e8 Pa exceeds it at setting 10
 # (`python -m tests.conditioning.corrections_grid`).

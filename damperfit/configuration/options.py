@@ -247,7 +247,7 @@ _TYPES = {  # in words, and what a JSON schema calls them
 def read_document(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the sections of a document as the program reads them; what [damper] has it judges.
 
-    A ConfigurationError tells the key that is unknown, or whose value is wrong.
+    A ConfigurationError: a key is unknown, or its value is wrong.
     """
     for name, value in document["adjusters"].items():
         is_list = isinstance(value, list) and all(isinstance(word, str) for word in value)

@@ -49,7 +49,7 @@ class Guessed:
 
     @property
     def without_model(self) -> Guessed:
-        """The same where nobody has named the model."""
+        """The same where no model is named."""
         text = (
             "the model is not named: [damper] has the keys of the paper's; name one "
             f"({', '.join(LAYOUTS)}) by {{--model}}, or let the logs choose: identify "
