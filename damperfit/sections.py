@@ -49,6 +49,9 @@ class Entry(NamedTuple):
 
     def in_place_of(self, value: Any) -> str:
         """Return what is expected where a value, as the program reads it, is not allowed."""
+        if self.given == "sign":
+            is_sign = value == "detect" or isinstance(value, bool)
+            return "" if is_sign else "true, false or 'detect'"
         if self.words:
             *first, last = (repr(word) for word in self.words if word)
             return "" if value in self.words else f"{', '.join(first)} or {last}"
@@ -103,7 +106,7 @@ class Section(SimpleNamespace):
             if value is not None and (wanted := entry.in_place_of(value)):
                 hint = did_you_mean(str(value), entry.words)
                 text = f"expected {wanted}, found {value!r}{hint and f'.{hint}'}"
-                code = "wrong-value" if entry.words else "out-of-range"
+                code = "wrong-value" if entry.words or entry.given else "out-of-range"
                 raise ConfigurationError(text, where=Key((name,)), code=code)
 
     @classmethod

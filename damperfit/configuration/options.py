@@ -268,8 +268,8 @@ def _section(section: type[Section], values: Mapping[str, Any], *path: str) -> d
 def _value(entry: Entry, value: Any, *path: str) -> Any:
     """Return a value as the program reads it."""
     if entry.given == "sign":
-        if value != "detect" and not isinstance(value, bool):
-            raise _wrong("true, false or 'detect'", value, *path)
+        if expected := entry.in_place_of(value):
+            raise _wrong(expected, value, *path)
         return value
     if entry.given == "profiles":
         if not isinstance(value, dict):

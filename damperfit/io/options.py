@@ -43,9 +43,6 @@ class ReadOptions(Declarations):
     def __init__(self, **given: Any) -> None:
         super().__init__(**given)
         self.refuse_wrong(max_bytes=_MAX_BYTES)
-        for name in ("reverse_force", "reverse_displacement"):
-            if (value := getattr(self, name)) not in (True, False, "detect"):
-                raise _wrong(name, f"expected true, false or 'detect', found {value!r}")
         self._check()
 
     def _check(self) -> None:
