@@ -15,11 +15,13 @@ import runpy
 import sys
 from typing import Any
 
+from damperfit.identification import procedures
 from damperfit.laws import search, structures
 from tests.bench_numbers import CASES, compared, load_frozen
 
 _WITH_PART = structures.with_part
 _STARTS = search._Search.starts
+_TAKE_FRICTION = procedures._Stages._take_friction
 
 
 def _first(given: Any, *_: Any, **__: Any) -> Any:
@@ -28,6 +30,13 @@ def _first(given: Any, *_: Any, **__: Any) -> Any:
 
 def _one_start(*given: Any) -> Any:
     return {"full": _STARTS(*given)["full"]}
+
+
+def _of_sound_fits(paper: Any, r_m3: float | None) -> None:
+    known, judged = paper.judged, procedures._is_good
+    paper.judged = {setting: one for setting, one in known.items() if judged(one)}
+    _TAKE_FRICTION(paper, r_m3)
+    paper.judged = known
 
 
 def _without_rubber(damper: Any, name: str) -> Any:
@@ -51,6 +60,11 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "determined values": ("laws.search", "_Linear.is_shown", lambda *_: True),
     # Fits.
     "mean friction": ("identification.procedures", "_with_mean_friction", lambda _, fit, *__: fit),
+    "frictions of unsound fits": (
+        "identification.procedures",
+        "_Stages._take_friction",
+        _of_sound_fits,
+    ),
     "contradicted R_m3": ("identification.procedures", "_is_contradicted", lambda *_: False),
     "first beta": ("identification.procedures", "_with_first_beta", lambda _, given, __: given),
     "clip": ("identification.fit_problem", "Block.stays_beyond", property(lambda _: False)),
