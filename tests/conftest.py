@@ -26,6 +26,7 @@ from _pytest.doctest import DoctestModule
 
 # The workers share the cores; threads of BLAS in each of them get in one another's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("HYPOTHESIS_NO_PLUGINS", "1")  # of Trio, where it is installed: 0.2 s each
 
 TESTS = Path(__file__).parent
 PACKAGE = TESTS.parent / "damperfit"
