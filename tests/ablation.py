@@ -53,12 +53,14 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "ties by the logs": ("laws.search", "_Search.with_ties", lambda *_: None),
     "believed defaults": ("laws.search", "_FREED", 1e9),
     "floor of the criterion": ("laws.search", "FLOOR_PERCENT", 0.001),
+    "second look": ("laws.search", "_LOOK", search._ONE),
     "rubber": ("laws.structures", "with_part", _without_rubber),
     "ties of parts": ("laws.structures", "Structure.ties_of", lambda _, other: other.ties),
     "hopeless valves": ("laws.search", "_Search.is_hopeless", lambda *_: False),
     "more starts of a move": ("laws.search", "_Search.starts", _one_start),
     "determined values": ("laws.search", "_Linear.is_shown", lambda *_: True),
     # Fits.
+    "corners": ("identification.logs", "_counted", lambda _: None),
     "mean friction": ("identification.procedures", "_with_mean_friction", lambda _, fit, *__: fit),
     "frictions of unsound fits": (
         "identification.procedures",
