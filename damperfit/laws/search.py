@@ -433,7 +433,7 @@ class _Search:
     def followed(
         self, fit: _Fit, known: Mapping[str, Structure], which: set[str], rises: dict[str, float]
     ) -> _Fit | None:
-        """The best of some candidates that screening puts first, at its minimum; None: no better."""
+        """The best candidate of those that screening puts first; None: no better."""
         began: Mapping[str, str] = {}
         candidates = {words: structure for words, structure in known.items() if words in which}
         pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
