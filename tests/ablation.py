@@ -32,7 +32,7 @@ def _one_start(*given: Any) -> Any:
     return {"full": _STARTS(*given)["full"]}
 
 
-def _of_sound_fits(paper: Any, r_m3: float | None) -> None:
+def _sound(paper: Any, r_m3: float | None) -> None:
     known, judged = paper.judged, procedures._is_good
     paper.judged = {setting: one for setting, one in known.items() if judged(one)}
     _TAKE_FRICTION(paper, r_m3)
@@ -62,11 +62,7 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     # Fits.
     "corners": ("identification.logs", "_counted", lambda _: None),
     "mean friction": ("identification.procedures", "_with_mean_friction", lambda _, fit, *__: fit),
-    "frictions of unsound fits": (
-        "identification.procedures",
-        "_Stages._take_friction",
-        _of_sound_fits,
-    ),
+    "frictions of unsound fits": ("identification.procedures", "_Stages._take_friction", _sound),
     "contradicted R_m3": ("identification.procedures", "_is_contradicted", lambda *_: False),
     "first beta": ("identification.procedures", "_with_first_beta", lambda _, given, __: given),
     "clip": ("identification.fit_problem", "Block.stays_beyond", property(lambda _: False)),

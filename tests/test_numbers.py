@@ -995,17 +995,6 @@ MOTIONS: dict[str, tuple[Callable[[float], Motion], float, float]] = {
 }
 
 
-@case
-def ladders() -> Any:
-    return laddered(2, 4, 6)
-
-
-@case
-def ladders_between() -> Any:
-    """At night: the sizes between those and at the ends."""
-    return laddered(0, 1, 3, 5, 7, 8)
-
-
 def laddered(*rungs: int) -> Any:
     options, n = load_configuration().conditioning, len(rungs)
     found: dict[str, Any] = {}
@@ -1043,6 +1032,10 @@ def laddered(*rungs: int) -> Any:
         at = {one: "".join(row) for one, row in said.items()}
         found[name] = {"at": at, "text": text, **ladder}
     return found
+
+
+CASES["ladders"] = partial(laddered, 2, 4, 6)
+CASES["ladders_between"] = partial(laddered, 0, 1, 3, 5, 7, 8)  # at night
 
 
 def written_by(folder: Path, *words: str) -> dict[str, Any]:

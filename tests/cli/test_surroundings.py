@@ -165,7 +165,6 @@ def test_an_answer_that_stdout_does_not_take_is_a_failure_with_a_word(tmp_path, 
 @pytest.mark.parametrize(
     ("words", "code"),
     [
-        pytest.param("identify {log} --out {there}", 0, marks=pytest.mark.slow),
         ("identify {log}", 2),
         pytest.param("inspect {log}", 0, marks=pytest.mark.slow),
         pytest.param("report {results} --out page", 2, marks=pytest.mark.slow),
@@ -175,7 +174,7 @@ def test_a_working_folder_that_is_gone_is_one_sentence(
     logs, results, tmp_path, words, code
 ) -> None:
     (tmp_path / "gone").mkdir()
-    words = words.format(log=logs / "setting_01.csv", there=tmp_path / "out", results=results)
+    words = words.format(log=logs / "setting_01.csv", results=results)
     got, _, said = ended(f"cd gone; rmdir ../gone; exec damperfit {words}", tmp_path)
     assert got == code
     assert code == 0 or len(said.splitlines()) == 1
