@@ -39,7 +39,7 @@ from damperfit.problem import Problem, warning
 from damperfit.recording import Segment, Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.residuals import Diagnosis, residual_scatter
+from damperfit.uncertainty.residuals import Diagnosis, residual_scatter, rounded
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
@@ -56,7 +56,8 @@ class GradeLimits(NamedTuple):
     dimensions: float = 0.9  # of what repeats, the share that other dimensions explain
     # What repeats in the residual, over the noise and as a share of the force's variance, both at
     # once: rigs repeat so well that 0.05 % is many times their noise and of no consequence; 0.2 %
-    # is 4.5 % of the force's standard deviation, 3 % of its peak.
+    # is 4.5 % of the force's standard deviation, 3 % of its peak. Of what nothing explains
+    # `nothing_percent` is the bar.
     times_noise: float = 30.0
     misfit_percent: float = 0.2
     # An MSE that leaves nothing anyone would use, whatever repeats in it: such a fit knows the
@@ -119,17 +120,15 @@ def objections(
     if campaign.sharing.estimated:  # what one setting gives to all is spoilt at all
         of_all = [text for texts in of_rig.values() for text in texts]
         of_rig = dict.fromkeys(of_rig, of_all)
+    errors = {errors.setting: errors.intervals for errors in assessment.uncertainties}
     reasons = {
         fit.setting: (
             *_of_fit(fit, diagnoses.get(fit.setting), gas, of_rig[fit.setting]),
             *doubted.get(fit.setting, ()),
+            *_turned_gas(fit, errors.get(fit.setting, {}), gas),
         )
         for fit in campaign.fits
     }
-    errors = {errors.setting: errors.intervals for errors in assessment.uncertainties}
-    for fit in campaign.fits:
-        if gas is not None and (turned := _turned_gas(fit, errors.get(fit.setting, {}), gas)):
-            reasons[fit.setting] = (*reasons[fit.setting], turned)
     return {setting: why for setting, why in reasons.items() if why}
 
 
@@ -140,7 +139,7 @@ def doubted_cavitation(objections: Mapping[Setting, Sequence[Objection]]) -> fro
     )
 
 
-def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
+def _of_fit(  # noqa: PLR0912 - one reason after the other
     fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None, of_rig: Sequence[str]
 ) -> Iterator[Objection]:
     values = fit.parameters
@@ -166,10 +165,9 @@ def _of_fit(  # noqa: C901, PLR0912 - one reason after the other
     else:
         is_missed = diagnosis.is_structured and fit.mse_percent > LIMITS.nothing_percent
         repeats, noise = diagnosis.repeating_percent, diagnosis.noise_percent
-        if repeats > LIMITS.misfit_percent and repeats > LIMITS.times_noise * noise:
-            times = "without any noise"
-            if noise > 0.0:  # two digits, and no power of ten
-                times = f"{float(f'{repeats / noise:.2g}'):.0f} times the noise"
+        least = LIMITS.misfit_percent if diagnosis.hints else LIMITS.nothing_percent
+        if repeats > least and repeats > LIMITS.times_noise * noise:
+            times = f"{rounded(repeats / noise)} times the noise" if noise else "without any noise"
             text = f"a misfit of {repeats:.2g} % repeats from cycle to cycle, {times}"
             yield Objection("misfit", "", text)
     seen = fit.cavitation
@@ -210,11 +208,13 @@ def _spoiling(logs: Iterable[LogFit], names: Mapping[str, float]) -> Iterator[st
                 yield f"{finding.name} of {trace.name}"
 
 
-def _turned_gas(fit: Fit, intervals: Mapping[str, Interval], gas: GasFacts) -> Objection | None:
+def _turned_gas(
+    fit: Fit, intervals: Mapping[str, Interval], gas: GasFacts | None
+) -> Iterator[Objection]:
     """An offset that reverses the gas force, as two wrongly declared signs do."""
     for quantity in fit.parameters.quantities:
         error = intervals.get(quantity.name)
-        if not quantity.is_offset or error is None or gas.force < LEAST_GAS:
+        if not quantity.is_offset or error is None or gas is None or gas.force < LEAST_GAS:
             continue
         symbol, value = quantity.symbol, fit.parameters[quantity.name]
         level, doubt = value - gas.force, math.hypot(error.error, error.misfit)
@@ -224,8 +224,7 @@ def _turned_gas(fit: Fit, intervals: Mapping[str, Interval], gas: GasFacts) -> O
                 "both channels were positive in compression: check the signs; hold "
                 f"{symbol} if the load cell has such a zero"
             )
-            return Objection("direction", quantity.name, text)
-    return None
+            yield Objection("direction", quantity.name, text)
 
 
 def _repeats(diagnosis: Diagnosis) -> bool:
@@ -784,10 +783,7 @@ def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objec
         if prediction.cycles == TRANSIENTS:
             what = f"the run-up, coast-down or changes of speed of {what}"
             was, is_missed = "were", "are"
-        there, expected = (  # two digits, and no power of ten
-            f"{x:.2g}" if x < 100.0 else f"{float(f'{x:.2g}'):.0f}"
-            for x in (prediction.mse_percent, prediction.expected_mse_percent)
-        )
+        there, expected = map(rounded, (prediction.mse_percent, prediction.expected_mse_percent))
         text = (
             f"{what}, which {was} not fitted, {is_missed} predicted with an MSE of {there} % where "
             f"{expected} % is expected: the numbers hold for the motion that was fitted"

@@ -62,10 +62,10 @@ class _Flaw(NamedTuple):
 
     def words(self, amount: float) -> str:
         """Say how large it is, in two digits."""
-        return self.text.format(size=_rounded(amount), way=self.ways[not amount > 0.0])
+        return self.text.format(size=rounded(amount), way=self.ways[not amount > 0.0])
 
 
-def _rounded(amount: float) -> str:
+def rounded(amount: float) -> str:
     """Two digits, without sign or exponent: 750, not 7.5e+02."""
     return f"{float(f'{abs(amount):.2g}'):g}"
 
@@ -331,7 +331,7 @@ def _as_stiffness(hint: Hint) -> Hint:
     is_stiffness = not _is_reasonable(hint, math.inf) and _SOFTEST <= times <= _STIFFEST
     if hint.name != "gas_exponent" or not is_stiffness:
         return hint
-    words = f"a gas spring about {_rounded(times)} times as stiff as declared (gas volume, gas "
+    words = f"a gas spring about {rounded(times)} times as stiff as declared (gas volume, gas "
     return replace(hint, name="gas_stiffness", words=f"{words}pressure, rod diameter)")
 
 
