@@ -2,8 +2,9 @@
 
 From here come the defaults, the page that `damperfit config` prints, the options of the commands
 and the keywords of the functions; the parts of the program are given the sections themselves, or
-classes on them. `damperfit.configuration.options` reads a document by them. [damper] beside the two
-keys of any model has the fields of the model that it names.
+classes on them. `damperfit.configuration.options` makes one pydantic model of it. Nothing here
+needs pydantic, so that help is there at once. [damper] beside the two keys of any model has the
+fields of the model that it names.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ class Entry(NamedTuple):
             is_sign = value == "detect" or isinstance(value, bool)
             return "" if is_sign else "true, false or 'detect'"
         if self.words:
-            *first, last = (repr(word) for word in self.words if word)
-            return "" if value in self.words else f"{', '.join(first)} or {last}"
+            wanted = " or ".join(repr(word) for word in self.words if word)
+            return "" if value in self.words else wanted
         limits = (
             ("more than {:g}", self.above, operator.gt),
             ("{:g} or more", self.least, operator.ge),

@@ -78,6 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         begin()
     shield_streams()
+    # Looking for plugins reads the metadata of every package that is installed.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Products here are small; another BLAS thread spins for 25 ms as often as it is made.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's backend is not for us

@@ -15,14 +15,16 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-from damperfit.configuration.damper_section import damper_defaults, not_a_section
+from pydantic import ValidationError
+
+from damperfit.configuration.damper_section import damper_defaults, not_a_section, unknown_key
 from damperfit.configuration.drawings import MEASURED
 from damperfit.configuration.options import Configuration, build_configuration
 from damperfit.damper.model import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.files import IrregularFileError, read_text, why_unread
 from damperfit.problem import FilePlace, Key, Option
-from damperfit.sections import SECTIONS
+from damperfit.sections import SECTIONS, ProfileSection
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _OF_FILE = Option("config")
@@ -31,6 +33,23 @@ _OF_VALVES = "twin_tube"  # whose geometry and gas the other layouts share
 _TEMPERATURES = {"rig.temperature", "rig.temperature_tolerance"}
 # Where a key that names no section is looked for.
 _ORDER = ("conditioning", "rig", "identification", "simulation", "damper", "output")
+# What pydantic refuses, by its kind, and what it then has expected.
+_EXPECTED = {
+    "int": "a whole number",
+    "int_from_float": "a whole number",
+    "float": "a number",
+    "finite_number": "a finite number",
+    "bool": "true or false",
+    "string": "a text",
+    "string_too_short": "a text that is not empty",
+    "list": "a list",
+    "dict": "a section of keys",
+    "greater_than": "more than {gt:g}",
+    "greater_than_equal": "{ge:g} or more",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "literal_error": "{expected}",
+}
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _KEY = re.compile(r"\s*(?:([\"'])(.+?)\1|([\w-]+))")  # bare or in quotes
@@ -82,6 +101,8 @@ def load_configuration(
         document["rig"]["temperature_tolerance"] = math.inf
     try:
         made = build_configuration(document, declared=declared)
+    except ValidationError as error:
+        raise _explained(error, layers) from error
     except ConfigurationError as error:
         raise _blamed(error, layers) from error
     typed = (overlay or {}).get("rig", {})
@@ -219,6 +240,43 @@ def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> Configuratio
                     ConfigurationError("{problem}", code=error.problem.code, problem=itself), *path
                 )
     return error
+
+
+def _explained(error: ValidationError, layers: Sequence[_Layer]) -> ConfigurationError:
+    """Return the first thing that is wrong, with the layer it came from."""
+    errors = error.errors(include_url=False)
+    first = next((issue for issue in errors if issue["type"] == "extra_forbidden"), errors[0])
+    keys = [str(part) for part in first["loc"]]
+    context = first.get("ctx", {})
+    kind = first["type"].removesuffix("_type").removesuffix("_parsing")
+    # pydantic ends with the branch of a union that it tried, which is no key.
+    source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
+    keys = keys[: max(_depth(source.values, keys), 1)]
+    entries = (ProfileSection if keys[:2] == ["rig", "profiles"] else SECTIONS[keys[0]]).entries()
+    if kind == "extra_forbidden":
+        return source.blame(unknown_key(keys[-1], entries, *keys[:-1]), *keys)
+    if kind == "model" or (kind == "dict" and len(keys) == 1):
+        return source.blame(not_a_section(*keys), *keys)
+    reason = str(context.get("error", ""))
+    if keys == ["rig", "profiles"]:
+        reason = "expected sections named [rig.profiles.NAME]"
+    entry = entries.get(keys[-1])
+    if not reason:
+        word = f"{entry.word!r} or " if entry is not None and entry.word else ""
+        reason = f"expected {word}{_EXPECTED.get(kind, 'another value').format(**context)}"
+    code = "out-of-range" if kind.startswith(("greater", "less")) else "wrong-value"
+    if kind.endswith("_equal") and context.get("ge") != 0 and entry is not None and entry.dimension:
+        unit = entry.default.lstrip("0123456789.").replace("mm", "m")
+        example = f", as in {entry.default!r}" * (entry.default[0] != "0")
+        reason += f" {unit}" * (kind == "less_than_equal")
+        reason += f"; a bare number is in {unit}{example}"
+    typed: Any = source.values
+    for part in keys[: _depth(source.values, keys)]:  # as it was written, not as it was converted
+        typed = typed[int(part) if isinstance(typed, list | tuple) else part]
+    shown = "" if isinstance(typed, dict) else f", found {typed!r}"
+    if near := did_you_mean(str(typed), entry.words if entry is not None else ()):
+        shown += f".{near}"
+    return source.blame(ConfigurationError(f"{reason}{shown}", code=code), *keys)
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:

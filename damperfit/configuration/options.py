@@ -1,4 +1,4 @@
-"""What a configuration holds (`Configuration`), and how it is made of a document."""
+"""What a configuration holds (`Configuration`), and how it is made of a document, by pydantic."""
 
 from __future__ import annotations
 
@@ -8,19 +8,22 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
-from types import UnionType
-from typing import Any, TypeAlias, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    WithJsonSchema,
+    create_model,
+)
 
 from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest, OffsetFacts
-from damperfit.configuration.damper_section import (
-    damper_defaults,
-    damper_of,
-    damper_record,
-    not_a_section,
-    unknown_key,
-)
+from damperfit.configuration.damper_section import damper_defaults, damper_of, damper_record
 from damperfit.configuration.drawings import MEASURED
 from damperfit.damper.cylinder import K_E
 from damperfit.damper.model import MODELS, Model
@@ -44,7 +47,6 @@ from damperfit.sections import (
     OutputSection,
     ProfileSection,
     RigSection,
-    Section,
     SimulationSection,
     TestSection,
 )
@@ -230,121 +232,87 @@ def parameter_value(quantity: Quantity, value: str | float) -> float:
     return number
 
 
-# A document as the program reads it
-
-# How clicks count, or a list of the quantities that follow them, with that among them.
-AdjusterKey: TypeAlias = str | list[str]
-_TYPES = {  # in words, and what a JSON schema calls them
-    bool: ("true or false", "boolean"),
-    int: ("a whole number", "integer"),
-    float: ("a number", "number"),
-    str: ("a text", "string"),
-    list: ("a list", "array"),
-    dict: ("a section of keys", "object"),
-}
+# The one pydantic model of a document
 
 
-def read_document(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the sections of a document as the program reads them; what [damper] has it judges.
-
-    A ConfigurationError: a key is unknown, or its value is wrong.
-    """
-    for name, value in document["adjusters"].items():
-        is_list = isinstance(value, list) and all(isinstance(word, str) for word in value)
-        if not is_list and value not in ("", *_FROM):
-            expected = "'', 'from open', 'from closed', or a list of what follows it, as in "
-            raise _wrong(f"{expected}['rebound.bleed']", value, "adjusters", name)
-    others = [name for name in document if name not in {"damper", "adjusters"}]
-    return {**document, **{name: _section(SECTIONS[name], document[name], name) for name in others}}
+def _adjuster(value: object) -> object:
+    is_list = isinstance(value, list) and all(isinstance(name, str) for name in value)
+    if is_list or value in ("", *_FROM):
+        return value
+    raise ValueError(
+        "expected '', 'from open', 'from closed', or a list of what follows it, as in "
+        "['rebound.bleed']"
+    )
 
 
-def _section(section: type[Section], values: Mapping[str, Any], *path: str) -> dict[str, Any]:
-    entries = section.entries()
-    if unknown := [key for key in values if key not in entries]:
-        raise unknown_key(unknown[0], entries, *path)
-    return {key: _value(entries[key], value, *path, key) for key, value in values.items()}
+# How its clicks count, or a list of the quantities that follow it, with that among them.
+AdjusterKey: TypeAlias = Annotated[str | list[str], BeforeValidator(_adjuster)]
 
 
-def _value(entry: Entry, value: Any, *path: str) -> Any:
-    """Return a value as the program reads it."""
+def _whole_or_share(cycles: float) -> float:
+    if cycles >= 1.0 and cycles != round(cycles):
+        raise ValueError("expected a share below 1 or a whole number of cycles")
+    return cycles
+
+
+def _type_of(name: str, entry: Entry) -> Any:
+    """Return the type of a key, as pydantic checks it."""
     if entry.given == "sign":
-        if expected := entry.in_place_of(value):
-            raise _wrong(expected, value, *path)
-        return value
+
+        def sign(value: object) -> object:
+            if expected := entry.in_place_of(value):
+                raise ValueError(f"expected {expected}")
+            return value
+
+        return Annotated[bool | str, BeforeValidator(sign)]
     if entry.given == "profiles":
-        if not isinstance(value, dict):
-            raise _wrong("sections named [rig.profiles.NAME]", value, *path)
-        if others := [name for name in value if not isinstance(value[name], dict)]:
-            raise not_a_section(*path, others[0])
-        return {n: _section(ProfileSection, own, *path, n) for n, own in value.items()}
+        return dict[str, _section_model(ProfileSection)]  # type: ignore[misc]
     if entry.given is not None:
-        return _typed(entry.given, value, *path)
-    if not isinstance(entry.default, list):
-        return _limited(entry, value, *path)
-    items = _typed(list[Any], value, *path)
-    if not items and path[-1] == "speeds":
-        raise _wrong("a list that is not empty", value, *path)
-    return [_limited(entry, item, *path, f"{i}") for i, item in enumerate(items)]
+        return entry.given
+    if entry.words:
+        return Literal[entry.words]
+    is_list = isinstance(entry.default, list)
+    kind: Any = float if entry.dimension else str if is_list else type(entry.default)
+    if kind in {int, float}:
+        limits: dict[str, Any] = {"gt": entry.above, "ge": entry.least}
+        limits |= {"lt": entry.below, "le": entry.most}
+        limits["allow_inf_nan"] = False if kind is float and not entry.has_infinity else None
+        kind = Annotated[kind, Field(**{n: limits[n] for n in limits if limits[n] is not None})]
+    if name == "hold_out_cycles":
+        kind = Annotated[kind, AfterValidator(_whole_or_share)]
+    if entry.dimension:
+
+        def in_si(value: object) -> object:
+            """Text with a unit, a bare number in SI, or the word."""
+            is_text = isinstance(value, str) and not (entry.word and value == entry.word)
+            return parse_quantity(str(value), entry.dimension) if is_text else value
+
+        written = WithJsonSchema({"type": ["number", "string"]})
+        kind = Annotated[kind | str if entry.word else kind, BeforeValidator(in_si), written]
+    if not is_list:
+        return Annotated[kind, Field(min_length=1)] if name == "folder" else kind
+    return Annotated[list[kind], Field(min_length=1)] if name == "speeds" else list[kind]
 
 
-def _limited(entry: Entry, value: Any, *path: str) -> Any:
-    """Return a number, a text or a truth: text with a unit in SI, within its limits."""
-    number, word = value, f"{entry.word!r} or " * bool(entry.word)
-    is_word = bool(entry.words or (entry.word and value == entry.word))
-    if entry.dimension and isinstance(value, str) and not is_word:
-        try:
-            number = parse_quantity(value, entry.dimension)
-        except ValueError as error:
-            raise ConfigurationError(
-                f"{error}, found {value!r}", where=Key(path), code="wrong-value"
-            ) from error
-    elif not is_word:
-        kind: Any = float if entry.dimension else type(entry.default)
-        number = _typed(str if kind is list else kind, value, *path, word=word)
-        if isinstance(number, float) and not (math.isfinite(number) or entry.has_infinity):
-            raise _wrong(f"{word}a finite number", value, *path)
-    if wanted := entry.in_place_of(number):
-        is_most = bool(entry.most is not None and number > entry.most)
-        if entry.dimension and (is_most or (entry.least and number < entry.least)):
-            unit = entry.default.lstrip("0123456789.").replace("mm", "m")
-            example = f", as in {entry.default!r}" * (entry.default[0] != "0")
-            wanted += f" {unit}" * is_most + f"; a bare number is in {unit}{example}"
-        near = did_you_mean(str(value), entry.words)
-        refusal = _wrong(f"{word}{wanted}", value, *path, is_limit=not entry.words)
-        raise refusal.adding(near and f".{near}")
-    if path[-1] == "folder" and not value:
-        raise _wrong("a text that is not empty", value, *path)
-    if path[-1] == "hold_out_cycles" and number >= 1.0 and number != round(number):
-        raise _wrong("a share below 1 or a whole number of cycles", value, *path)
-    return number
+@cache
+def _section_model(section: Any) -> type[BaseModel]:
+    """Return the pydantic model of a section; the defaults stand as they would be written."""
+    keys = {
+        name: (_type_of(name, entry), Field(default=entry.default, description=entry.about))
+        for name, entry in section.entries().items()
+    }
+    how = ConfigDict(extra="forbid", strict=True, protected_namespaces=())
+    return create_model(section.__name__, __config__=how, __doc__=section.__doc__, **keys)  # type: ignore[call-overload, no-any-return]
 
 
-def _typed(kind: Any, value: Any, *path: str, word: str = "") -> Any:
-    """Return a value of a type, of one of several, or of a list or section of them."""
-    origin, inner = get_origin(kind), get_args(kind)
-    if kind is Any:
-        return value
-    kinds = inner if origin is UnionType else (origin or kind,)
-    is_whole = isinstance(value, int) and not isinstance(value, bool)
-    is_float = is_whole and float in kinds and int not in kinds
-    is_bool = isinstance(value, bool) and bool not in kinds  # which is a whole number in Python
-    if is_bool or not (is_float or isinstance(value, kinds)):
-        raise _wrong(f"{word}{_TYPES[kinds[0]][0]}", value, *path)
-    if origin is dict:
-        return {name: _typed(inner[1], own, *path, name) for name, own in value.items()}
-    if origin is list:
-        return [_typed(inner[0], item, *path, f"{i}") for i, item in enumerate(value)]
-    if is_float:
-        with suppress(OverflowError):  # of hundreds of digits
-            return float(value)
-        return math.inf
-    return value
-
-
-def _wrong(expected: str, value: object, *path: str, is_limit: bool = False) -> ConfigurationError:
-    found = "" if isinstance(value, dict) else f", found {value!r}"
-    code = "out-of-range" if is_limit else "wrong-value"
-    return ConfigurationError(f"expected {expected}{found}", where=Key(path), code=code)
+@cache
+def document_model() -> type[BaseModel]:
+    """Return the model of the whole document; what [damper] has is its own model's to judge."""
+    sections: dict[str, Any] = dict(SECTIONS)
+    kinds: dict[str, Any] = {name: (_section_model(sections[name]), ...) for name in sections}
+    kinds["damper"] = (dict[str, Any], ...)
+    kinds["adjusters"] = (dict[str, AdjusterKey], ...)
+    return create_model("Document", __config__=ConfigDict(extra="forbid", strict=True), **kinds)
 
 
 def build_configuration(
@@ -359,7 +327,7 @@ def build_configuration(
         own["procedure"] = "joint"
     left = {key: value for key, value in own.items() if f"identification.{key}" not in declared}
     document = {**document, "identification": document["identification"] | left}
-    values = read_document(document)
+    values = document_model().model_validate(document).model_dump(exclude_unset=True)
     damper, adjusters = damper_of(values["damper"]), check_adjusters(values["adjusters"])
     rig_values, fit, output, test = (
         {key: _as_read(value) for key, value in values[name].items()}
@@ -588,9 +556,11 @@ def _read(value: Any, read: Callable[[], Any], *key: str) -> Any:
 
 def configuration_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a file: editors complete and check TOML by it."""
-    sections = {name: _schema_of_section(section) for name, section in SECTIONS.items()}
-    how = {"anyOf": [{"enum": ["", *_FROM]}, _schema_of_type(list[str])]}
-    sections["adjusters"] = {"type": "object", "additionalProperties": how}
+    schema = document_model().model_json_schema()
+    for section in (schema, *schema["$defs"].values()):
+        section.pop("required", None)  # a file needs only what differs
+        for key in section["properties"].values():
+            key.pop("title", None)
     keys: dict[str, Any] = {}  # [damper] has those of any model; what goes together it says itself
     for model in MODELS:
         for name, value in damper_defaults(model).items():
@@ -598,47 +568,10 @@ def configuration_schema() -> dict[str, Any]:
     for name, entry in SECTIONS["damper"].entries().items():
         keys[name]["description"] = entry.about
     keys["model"]["enum"] = [*MODELS]
-    sections["damper"] = _object(keys)
+    damper = {"type": "object", "properties": keys, "additionalProperties": False}
+    schema["properties"]["damper"] = damper
     named = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "damperfit"}
-    return {**_object(sections), **named}
-
-
-def _object(properties: Mapping[str, Any]) -> dict[str, Any]:
-    return {"type": "object", "properties": properties, "additionalProperties": False}
-
-
-def _schema_of_section(section: type[Section]) -> dict[str, Any]:
-    return _object({
-        name: {**_schema_of(entry), "default": entry.default, "description": entry.about}
-        for name, entry in section.entries().items()
-    })  # fmt: skip
-
-
-def _schema_of(entry: Entry) -> dict[str, Any]:
-    if entry.given == "sign":
-        return {"enum": [True, False, "detect"]}
-    if entry.given == "profiles":
-        return {"type": "object", "additionalProperties": _schema_of_section(ProfileSection)}
-    if entry.given is not None:
-        return _schema_of_type(entry.given)
-    is_list = isinstance(entry.default, list)
-    item: dict[str, Any] = _schema_of_type(str if is_list else type(entry.default))
-    limits = {"exclusiveMinimum": entry.above, "minimum": entry.least}
-    limits |= {"exclusiveMaximum": entry.below, "maximum": entry.most}
-    if entry.words:
-        item = {"enum": [*entry.words]}
-    elif entry.dimension:
-        item, limits = {"type": ["number", "string"]}, {}
-    item |= {name: limit for name, limit in limits.items() if limit is not None}
-    return {"type": "array", "items": item} if is_list else item
-
-
-def _schema_of_type(kind: Any) -> dict[str, Any]:
-    origin, inner = get_origin(kind), get_args(kind)
-    if origin in (dict, list):
-        items = "items" if origin is list else "additionalProperties"
-        return {"type": _TYPES[origin][1], items: _schema_of_type(inner[-1])}
-    return {"type": [_TYPES[own][1] for own in inner or (kind,)]}
+    return {**schema, **named}
 
 
 def _add(keys: dict[str, Any], name: str, value: Any) -> None:
