@@ -433,7 +433,10 @@ class _Search:
     def followed(
         self, fit: _Fit, known: Mapping[str, Structure], which: set[str], rises: dict[str, float]
     ) -> _Fit | None:
-        """The best candidate of those that screening puts first; None: no better."""
+        """The best of some candidates that screening puts first, at its minimum; None: no better.
+
+        What is better beside the best is tried on top of it.
+        """
         began: Mapping[str, str] = {}
         candidates = {words: structure for words, structure in known.items() if words in which}
         pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
@@ -444,10 +447,23 @@ class _Search:
             candidates, began = {words: candidates[words] for words in near}, near
         screened = self.screened(candidates, fit, fit, began)
         rises |= {words: rise for rise, words, _ in screened}
-        hopeful = (item for item in screened[:_FOLLOWED] if item[0] <= self.margin(fit))
-        ends = [self.candidate(glance, fit, words) for _, words, glance in hopeful]
-        best = min((end for end in ends if end is not None), key=self.criterion, default=fit)
-        return best if self.criterion(best) < self.criterion(fit) - 1e-6 else None
+        ends = []
+        for rise, words, glance in screened[:_FOLLOWED]:
+            if rise > self.margin(fit):
+                break
+            if (ended := self.candidate(glance, fit, words)) is not None:
+                ends.append((self.criterion(ended), words, ended))
+        ends = sorted(ends, key=lambda end: end[0])
+        if not ends or ends[0][0] >= self.criterion(fit) - 1e-6:
+            return None
+        before, best = self.criterion(fit), ends[0][2]
+        for cost, words, _ in ends[1:]:
+            again = moves(best.structure).get(words) if cost < before else None
+            begun = None if again is None else self.glanced(again, best)
+            ended = None if begun is None else self.candidate(begun, best, words)
+            if ended is not None and self.criterion(ended) < self.criterion(best) - 1e-6:
+                best = ended
+        return best
 
     def candidate(self, glance: _Fit, beside: _Fit, words: str) -> _Fit | None:
         """A candidate followed to its minimum, and kept with what it gains."""
