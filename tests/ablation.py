@@ -14,13 +14,16 @@ import importlib
 import runpy
 import sys
 from typing import Any
+from unittest import mock
 
+from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.identification import procedures
 from damperfit.laws import search, structures
 from tests.bench_numbers import CASES, compared, load_frozen
 
 _WITH_PART = structures.with_part
 _STARTS = search._Search.starts
+_FOLLOWED, _EXTENDED = search._Search.followed, search._Search.extended
 _TAKE_FRICTION = procedures._Stages._take_friction
 
 
@@ -39,6 +42,16 @@ def _sound(paper: Any, r_m3: float | None) -> None:
     paper.judged = known
 
 
+def _nothing_on_top(*given: Any) -> Any:
+    with mock.patch.object(search, "moves", return_value={}):
+        return _FOLLOWED(*given)
+
+
+def _from_neighbours_alone(*given: Any) -> Any:
+    with mock.patch.object(ValveDamper, "start", return_value=()):
+        return _EXTENDED(*given)
+
+
 def _without_rubber(damper: Any, name: str) -> Any:
     return damper if name == "rubber" else _WITH_PART(damper, name)
 
@@ -53,6 +66,9 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "ties by the logs": ("laws.search", "_Search.with_ties", lambda *_: None),
     "believed defaults": ("laws.search", "_FREED", 1e9),
     "floor of the criterion": ("laws.search", "FLOOR_PERCENT", 0.001),
+    "on top of the best": ("laws.search", "_Search.followed", _nothing_on_top),
+    "starts at more settings": ("laws.search", "_Search.extended", _from_neighbours_alone),
+    "starts of a valve": ("damper.valve_dampers", "_GUESSES", ()),
     "second look": ("laws.search", "_LOOK", search._ONE),
     "rubber": ("laws.structures", "with_part", _without_rubber),
     "ties of parts": ("laws.structures", "Structure.ties_of", lambda _, other: other.ties),
