@@ -81,12 +81,25 @@ _OF_UNCERTAINTY, _OF_GAS = 1.5, 0.25
 # counted reversed.
 _TURNED = 0.4
 _AS_CLEAR = 1.5  # times the least doubt of a log: valves that open early look like an offset
-# Warnings of a log that spoil its numbers, from a value on: whatever the MSE; where an offset is
-# held, whose place others take; where what repeats is many times the noise.
-_CLIPPED = dict.fromkeys(("force_clipping", "displacement_clipping"), LIMITS.clipped_percent)
-_SPOILING = {**_CLIPPED, "another_force": 0.0, CONTRADICTED: 0.0}
-_SPOILING_ZERO = {"force_drift": 0.0}
-_SPOILING_MISSED = dict.fromkeys(("rig_filter", "force_smoothed"), 0.0)
+# What warnings of a log mean for its numbers: whatever the MSE; where an offset is held, whose
+# place others take; where what repeats is many times the noise.
+_CLIPPED = "is clipped at {size:.2g} % of its samples: the numbers lack what was cut off"
+_SPOILING = {
+    "force_clipping": f"the force of {{log}} {_CLIPPED}",
+    "displacement_clipping": f"the displacement of {{log}} {_CLIPPED}",
+    "another_force": "{log} holds two forces of one motion: split it, or repair what changed",
+    CONTRADICTED: "the gas force in {log} contradicts the signs of its channels: check and declare "
+    "which way they are counted",
+}
+_SPOILING_ZERO = {
+    "force_drift": "the mean force of {log} drifts by {size:.2g} % of the peak, and the numbers "
+    "take it up: check amplifier and temperature"
+}
+_SPOILING_MISSED = {
+    "rig_filter": "{log} looks filtered in the rig, and a misfit repeats: declare rig.filter",
+    "force_smoothed": "the force of {log} is smoothed, and a misfit repeats: log it unfiltered",
+}
+_LEAST = dict.fromkeys(("force_clipping", "displacement_clipping"), LIMITS.clipped_percent)
 # s; a 30 Hz filter spreads a jump over so much to both sides.
 _REVERSAL = 0.02
 
@@ -116,10 +129,7 @@ def objections(
     """
     diagnoses = {diagnosis.setting: diagnosis for diagnosis in assessment.diagnoses}
     doubted = _doubted_dimensions(campaign, diagnoses, assumed)
-    of_rig = {fit.setting: [*_of_rig(fit, diagnoses.get(fit.setting))] for fit in campaign.fits}
-    if campaign.sharing.estimated:  # what one setting gives to all is spoilt at all
-        of_all = [text for texts in of_rig.values() for text in texts]
-        of_rig = dict.fromkeys(of_rig, of_all)
+    of_rig = _of_rig(campaign, diagnoses)
     errors = {errors.setting: errors.intervals for errors in assessment.uncertainties}
     reasons = {
         fit.setting: (
@@ -159,7 +169,7 @@ def _of_fit(  # noqa: PLR0912 - one reason after the other
             yield Objection("beyond", quantity.name, f"{quantity.symbol} = {text}")
     spoilt = [*_spoiling(fit.logs, _SPOILING), *of_rig]
     if spoilt:
-        yield Objection("log", "", f"the warning {spoilt[0]} spoils the numbers: mend its cause")
+        yield Objection("log", "", spoilt[0])
     if diagnosis is None or math.isnan(diagnosis.noise_percent):
         is_missed = fit.mse_percent > LIMITS.misfit_percent  # much, where noise is not known
     else:
@@ -192,20 +202,31 @@ def _of_fit(  # noqa: PLR0912 - one reason after the other
             yield Objection("friction", q.name, f"{text}{ratio:.2g} times that of the log")
 
 
-def _of_rig(fit: Fit, diagnosis: Diagnosis | None) -> Iterator[str]:
-    """Yield the warnings of faults of the rig that the fit takes up."""
-    if any(q.is_offset and fit.status[q.name] == Status.FIXED for q in fit.parameters.quantities):
-        yield from _spoiling(fit.logs, _SPOILING_ZERO)
-    if diagnosis is not None and _repeats(diagnosis):
-        yield from _spoiling(fit.logs, _SPOILING_MISSED)
+def _of_rig(campaign: Campaign, diagnoses: Mapping[Setting, Diagnosis]) -> dict[Setting, list[str]]:
+    """Return by setting what faults of the rig do to its numbers, its own or given by others."""
+    zero: dict[Setting, list[str]] = {}
+    missed: dict[Setting, list[str]] = {}
+    for fit in campaign.fits:
+        offsets = (q.name for q in fit.parameters.quantities if q.is_offset)
+        is_held = any(fit.status[name] == Status.FIXED for name in offsets)
+        is_missed = fit.setting in diagnoses and _repeats(diagnoses[fit.setting])
+        zero[fit.setting] = [*_spoiling(fit.logs, _SPOILING_ZERO if is_held else {})]
+        missed[fit.setting] = [*_spoiling(fit.logs, _SPOILING_MISSED if is_missed else {})]
+    # A zero is one log's and spoils what its setting gives to all; a filter is that of all logs.
+    given = [text for setting in campaign.sharing.taken.values() for text in zero.get(setting, ())]
+    if campaign.sharing.estimated:
+        given += [text for texts in missed.values() for text in texts]
+    return {setting: [*zero[setting], *missed[setting], *given] for setting in zero}
 
 
-def _spoiling(logs: Iterable[LogFit], names: Mapping[str, float]) -> Iterator[str]:
-    """Yield the warnings of logs that are among some, from the value on that each has there."""
+def _spoiling(logs: Iterable[LogFit], texts: Mapping[str, str]) -> Iterator[str]:
+    """Yield what warnings of logs mean for the numbers, of those that have a text."""
     for trace in (log.trace for log in logs):
-        for finding in (finding for finding in trace.findings if finding.severity == "warning"):
-            if abs(finding.value or 0.0) >= names.get(finding.name, math.inf):
-                yield f"{finding.name} of {trace.name}"
+        for finding in trace.findings:
+            size = abs(finding.value or 0.0)
+            is_warning = finding.name in texts and finding.severity == "warning"
+            if is_warning and size >= _LEAST.get(finding.name, 0.0):
+                yield texts[finding.name].format(log=trace.name, size=size)
 
 
 def _turned_gas(

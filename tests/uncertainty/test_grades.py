@@ -124,7 +124,7 @@ def test_a_log_of_which_much_is_clipped(channel, share, *, is_withheld) -> None:
     cut = Finding(f"{channel}_clipping", "warning", "is clipped", share, "%")
     found = reasons(logged(having(), name="cut.csv", findings=(cut,)), told(misses=False))
     assert [one.kind for one in found] == ["log"] * is_withheld
-    assert all(f"{channel}_clipping of cut.csv" in one.sentence for one in found)
+    assert all(f"the {channel} of cut.csv is clipped at 4.1 %" in one.sentence for one in found)
 
 
 @pytest.mark.parametrize("severity", ["warning", "note"])
