@@ -698,7 +698,7 @@ def refuse_idle(
     for name in names:
         if (value := given.get(name)) is None:
             continue
-        where = Option(name, _worded(value))
+        where = Option(name, value if value is True else _worded(value))
         if beside is None:
             raise usage(f"{{where}} has no effect: {why}; leave it out", "no-effect", where)
         text = f"{{where}} cannot be combined with {{other}}: {why}; leave one of the two out"

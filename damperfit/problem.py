@@ -71,6 +71,7 @@ class Words(NamedTuple):
         """Return the name of an option within a sentence."""
         name, key, value = option.name, option.key, str(option.value)
         if not self.call:
+            value = "" if option.value is True and not key else value  # a flag
             given = f"{key}={value}" if key and value else key or value
             if {*"()<>`\\"} & {*given}:  # a user may paste it
                 given = shlex.quote(given)

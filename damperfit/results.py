@@ -267,7 +267,9 @@ class Run(StoredRun):
         if self._stored is None:
             return self._source
         is_in_record = isinstance(inside(self.record, "configuration", "damper"), dict)
-        return str(self._stored / ("run.json" if is_in_record else "parameters.parquet"))
+        places = [self._stored / f"parameters.{suffix}" for suffix in ("parquet", "csv")]
+        table = next(filter(Path.is_file, places), self._stored)
+        return str(self._stored / "run.json" if is_in_record else table)
 
     def configured(
         self, given: Configuration, *, config: Path | None = None, takes_motion: bool = False

@@ -8,6 +8,7 @@ comma, semicolon or tab, UTF-8 or Latin-1.
 import csv
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -70,7 +71,9 @@ def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, 
         elif words & _TEMPERATURES and words <= _TEMPERATURES | _OF_OIL:
             key = "temperature"
             if stated[-1:].isdigit():  # degrees of some kind, and keys are in lower case
-                is_cold = not unit and stated.isdecimal() and float(stated) < _TOO_COLD
+                is_cold = False
+                with suppress(ValueError):  # of more than a number
+                    is_cold = not unit and float(stated) < _TOO_COLD
                 notes += [f"{name}: {text}: taken as degC, as it has no unit"] * is_cold
                 stated += " degC" if is_cold else f" {unit.upper().replace('DEG', 'deg') or '?'}"
         else:

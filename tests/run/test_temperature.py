@@ -253,6 +253,6 @@ def test_beta_is_lost_by_its_error_beside_what_oils_have(value, error, *, is_los
 
 
 def test_of_a_preamble_the_first_temperature_is_taken_and_a_cold_one_is_celsius() -> None:
-    taken, notes = facts_in({"temp": "28", "oil temp (degf)": "104", "shock temp": "80"})
-    assert taken == {"temperature": 28.0}
+    taken, notes = facts_in({"temp": "28.5", "oil temp (degf)": "104", "shock temp": "80"})
+    assert taken == {"temperature": 28.5}
     assert ["degC" in notes[0], "not used" in notes[1], "not used" in notes[2]] == [True] * 3
