@@ -439,9 +439,12 @@ def serve(idle: float) -> None:
     tasks: SimpleQueue[bytes] = SimpleQueue()
 
     def listen() -> None:
-        while task := _received(sys.stdin.buffer):
-            tasks.put(task)
-        os._exit(0)  # the parent has ended
+        try:
+            while task := _received(sys.stdin.buffer):
+                tasks.put(task)
+                del task  # it may be a large log
+        finally:  # the parent has ended, or there is no memory for what it sends
+            os._exit(0)
 
     threading.Thread(target=listen, daemon=True).start()
     with suppress(Empty):
@@ -449,6 +452,7 @@ def serve(idle: float) -> None:
             task = tasks.get(timeout=idle)
             try:
                 act, item = pickle.loads(task)  # noqa: S301 - of the parent
+                del task
                 answer = pickle.dumps(act(item), protocol=5)
             except Exception as error:  # noqa: BLE001 - it is the result
                 try:
