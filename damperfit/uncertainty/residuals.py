@@ -67,7 +67,7 @@ class _Flaw(NamedTuple):
 
 def rounded(amount: float) -> str:
     """Two digits, without sign or exponent: 750, not 7.5e+02."""
-    return f"{float(f'{abs(amount):.2g}'):g}"
+    return f"{float(f'{abs(amount):.2g}'):.12g}"
 
 
 FLAWS: Mapping[str, _Flaw] = {
