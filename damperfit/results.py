@@ -197,10 +197,13 @@ class Run(StoredRun):
         return tuple(sorted(logs, key=lambda log: (log.setting, natural_order(log.name))))
 
     def log_of(self, signals: LogSignals) -> LogResult:
-        """Return the log of signals; one without a row of errors is known by them alone."""
-        alone = LogResult(*signals[:2], "fitted", None, None, {}, (), self)
-        own = (log for log in self.logs if (log.setting, log.name) == signals[:2])
-        return next(own, alone)
+        """Return the log of signals, also of one without a row of errors."""
+        own = signals[:2]
+        if log := next((log for log in self.logs if (log.setting, log.name) == own), None):
+            return log
+        facts = next((facts for facts in self.inputs if facts.get("log") == signals.log), {})
+        rows = [row for row in self.rows("characteristics") if (row["setting"], row["log"]) == own]
+        return LogResult(*own, "fitted", None, None, facts, rows, self)
 
     # The damper and its tests
 

@@ -36,7 +36,7 @@ _LEFT_OPEN = 2.0
 _MOVES = 1e-3  # of a force: less is invisible
 SMOOTH, STRAIGHT, AREAS, LEAST, MOST = "smooth", "straight", "areas", "least", "most"
 BENDS = (STRAIGHT, AREAS)
-_CURVE = 3  # settings; two alone tell no curve
+_CURVE = 3  # settings; two alone show no curve
 
 
 def values_between(
