@@ -45,7 +45,7 @@ from damperfit.tables.columns import (
     read_setting,
     setting_cells,
 )
-from damperfit.tables.files import LogSignals, finite, is_part, json_values, write_table
+from damperfit.tables.files import LogSignals, finite, is_part, json_values, tests_in, write_table
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.shown_units import SI, parse_units
@@ -363,7 +363,12 @@ def _is_run(folder: Path) -> bool:
 
 
 def _runs_in(folder: Path) -> dict[str, Path]:
-    return {entry.name: entry for entry in _listed(folder) if entry.is_dir() and _is_run(entry)}
+    runs: dict[str, Path] = {}
+    for entry in (entry for entry in _listed(folder) if entry.is_dir() and _is_run(entry)):
+        tests = tests_in(entry)
+        several = {f"{entry.name}, {date}": part for date, part in tests.items()}
+        runs |= several if len(tests) > 1 else {entry.name: entry}
+    return runs
 
 
 def _holds_logs(folder: Path) -> bool:

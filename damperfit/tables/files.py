@@ -565,20 +565,27 @@ def part_in(path: Path) -> Path:
     """Return the part that a path names, itself or as the folder of its serial number."""
     if not path.is_dir():
         return path
-    parts = _parts_of(path)
+    parts = tests_in(path)
     if len(parts) > 1:
-        names = []
-        for part in parts:
-            dates: list[str] = []
-            with suppress(*_BROKEN):
-                dates = pq.ParquetFile(part).read(columns=["date"])["date"].drop_null().to_pylist()
-            names.append(f"{part.name} ({max(dates, default='no date')})")
+        names = (f"{part.name} ({date.partition(',')[0]})" for date, part in parts.items())
         raise ConfigurationError(
             f"several tests of one damper; name one of {', '.join(names)}",
             subject=path,
             code="several-tests",
         )
-    return parts[0]
+    return next(iter(parts.values()))
+
+
+def tests_in(folder: Path) -> dict[str, Path]:
+    """Return the parts in the folder of a serial number, by the dates of their tests."""
+    parts: dict[str, Path] = {}
+    for part in _parts_of(folder):
+        dates: list[str] = []
+        with suppress(*_BROKEN):
+            dates = pq.ParquetFile(part).read(columns=["date"])["date"].drop_null().to_pylist()
+        date = max(dates, default="no date")
+        parts[f"{date}, {part.name}" if date in parts else date] = part
+    return parts
 
 
 def part_table(path: Path) -> tuple[pa.Table, dict[str, Any]]:

@@ -75,6 +75,8 @@ def test_what_a_part_cannot_be_asked_is_said(taken, tmp_path, capsys):
         (folder / name).write_bytes(file.read_bytes())
     with pytest.raises(ConfigurationError, match=r"name one of part-.*\(no date\), part-"):
         Run.load(folder)
+    assert main(["compare", str(tmp_path)]) == 0  # both tests of it, of a whole fleet
+    assert "part-other.parquet" in "".join(capsys.readouterr().out.split())
     assert len(Run.load(folder / file.name).rows("parameters")) == 2
     (folder / "part-other.parquet").unlink()
     (folder / file.name).write_bytes(file.read_bytes()[:-9])
