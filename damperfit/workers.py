@@ -366,10 +366,12 @@ class Worker:
         return Died(code if isinstance(code, str) else f"code {code}", is_late=is_late)
 
     def end(self) -> None:
-        """End the process at once; what it was writing was not there yet."""
+        """End the process at once, from any thread; what it was writing was not there yet."""
         self._process.kill()
-        with suppress(OSError, ValueError):
-            self._process.communicate()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError, ValueError):  # what is left to be written has no reader
+                pipe.close()  # type: ignore[union-attr]  # both are there
 
 
 class Processes:
