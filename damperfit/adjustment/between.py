@@ -42,9 +42,9 @@ _CURVE = 3  # settings; two alone show no curve
 def values_between(
     damper: Model, stages: Sequence[Stage], setting: Setting
 ) -> tuple[Values, tuple[Stage, Stage]] | None:
-    """Return the parameters of a setting between tested ones of an adjuster, and those beside it.
+    """Return the parameters of a setting between two tested ones, and these two.
 
-    An offset, which is each test's own, is the mean of theirs. None where no curve leads there.
+    An offset, which is each test's own, is the mean of theirs. None: too few were tested.
     """
     for adjuster, place in setting.places:
         turned = {
@@ -144,7 +144,7 @@ class Between:
         return forces
 
     def values_at(self, quantity: Quantity, at: FloatArray, kind: str) -> FloatArray:
-        """Return the values of a quantity at some places, by one of the ways."""
+        """Return the values of a quantity at some positions, by one kind of curve."""
         y = self.values[quantity.name]
         if not quantity.is_logarithmic:
             return _along(self.places, y, at, is_smooth=kind == SMOOTH)

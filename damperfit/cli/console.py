@@ -320,7 +320,7 @@ class _Steps(logging.Handler):
     """Shows on stderr what is otherwise for the log file alone: logs read, fits, times, files."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a step; lines for people are there already, a traceback is not asked for."""
+        """Write a step; lines for people and tracebacks are no steps."""
         if record.levelno == logging.DEBUG and getattr(record, "is_step", True):
             with suppress(OSError):
                 _write(sys.stderr, one_line(record.getMessage()) + "\n")

@@ -127,6 +127,15 @@ def test_a_log_of_which_much_is_clipped(channel, share, *, is_withheld) -> None:
     assert all(f"the {channel} of cut.csv is clipped at 4.1 %" in one.sentence for one in found)
 
 
+@pytest.mark.parametrize(("source", "withheld"), [(1, {1, 2}), (2, {1})])
+def test_a_drifting_zero_spoils_what_its_setting_gives_to_others(source, withheld) -> None:
+    drift = Finding("force_drift", "warning", "drifts", 1.5, "%")
+    fits = logged(fakes.fit(1), findings=(drift,)), fakes.fit(2)
+    shared = replace(fakes.campaign().sharing, taken={"r_m3": fits[source - 1].setting})
+    found = objections(campaign(*fits, sharing=shared), Assessment(), None)
+    assert {int(str(setting)) for setting in found} == withheld
+
+
 @pytest.mark.parametrize("severity", ["warning", "note"])
 def test_a_log_whose_warning_is_of_spoilt_numbers(severity) -> None:
     is_warned = severity == "warning"

@@ -43,7 +43,7 @@
     const colour = look[line.colour] || line.colour;
     const few = array(line.x).length <= 60;
     const [x, y] = points(line, panel);
-    const drawn = {
+    const trace = {
       type: "scatter", x, y, name: line.label,
       mode: marked(line) ? (JOINED.has(line.style) ? "lines+markers" : "markers") : "lines",
       xaxis: "x", yaxis: row ? `y${row + 1}` : "y",
@@ -53,14 +53,14 @@
     };
     if (marked(line)) {
       const size = line.style === "rings" ? 16 : line.style === "triangle_line" ? 10 : JOINED.has(line.style) ? 6 : few ? 8 : 3;
-      drawn.marker = { color: colour, size, symbol: SYMBOLS[line.style], line: { width: few ? 1.5 : 0, color: colour } };
+      trace.marker = { color: colour, size, symbol: SYMBOLS[line.style], line: { width: few ? 1.5 : 0, color: colour } };
     }
-    if (!marked(line) || JOINED.has(line.style)) drawn.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid", simplify: false };
-    if (line.style === "wide") drawn.opacity = 0.7;  // what lies thin on top of it is seen
-    if (line.style === "pale") drawn.opacity = 0.6;
-    if (line.style === "faint") drawn.opacity = 0.3;
-    if (line.up !== null && marked(line)) drawn.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
-    return drawn;
+    if (!marked(line) || JOINED.has(line.style)) trace.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid", simplify: false };
+    if (line.style === "wide") trace.opacity = 0.7;  // what lies thin on top of it is seen
+    if (line.style === "pale") trace.opacity = 0.6;
+    if (line.style === "faint") trace.opacity = 0.3;
+    if (line.up !== null && marked(line)) trace.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
+    return trace;
   }
 
   // A line with an interval: the band first, under the line.
