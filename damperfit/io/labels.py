@@ -50,6 +50,11 @@ _NO_CLICKS = {
     "essai", "mesure", "numero", "serie", "amortisseur", "piece", "fichier", "course",
     "frequence", "vitesse", "temperature", "temperatur",
 }  # fmt: skip
+# Words of a preamble's key that mean the clicks of an adjuster and nothing else.
+_OF_CLICKS = {
+    *("adjuster", "adj", "click", "clicks", "clicker", "klick", "klicks", "einstellung"),
+    *("clic", "clics", "reglage", "réglage"),
+}
 _MAY_BE_DEGREES = "c"  # 25c is as well 25 clicks of compression
 # What several numbers are called that have no word before them, or the same.
 _PLACES = ("a", "b", "c", "d")
@@ -353,17 +358,30 @@ def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER
 
 
 def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence[str]) -> LogLabel:
-    """Return the label of a preamble: under ``setting``, or each adjuster by its name."""
+    """Return the label of a preamble: under ``setting``, or each adjuster by its name.
+
+    Beside that name may stand words for clicks, where a number follows: ``Adjuster: 3 clicks``.
+    """
     if ADJUSTER in metadata:
         stated = setting_in_words(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
         return LogLabel(dict(stated.places))
-    keys = {re.sub(r"[\W_]+", "_", key.strip()): text for key, text in metadata.items()}
-    places = {}
-    for adjuster in adjusters:
-        if (text := keys.get(adjuster.casefold())) is not None:
+    names = {adjuster.casefold(): adjuster for adjuster in adjusters}
+    named: dict[str, Place] = {}
+    counted: dict[str, Place] = {}
+    notes = []
+    for key, text in metadata.items():
+        words = re.findall(r"[^\W_]+", key)
+        if adjuster := names.get("_".join(words)):
             stated = setting_in_words(text, f"{name}: metadata '{adjuster}'")
-            places[adjuster] = stated.places[0][1]
-    return LogLabel(places)
+            named[adjuster] = stated.places[0][1]
+            continue
+        adjuster = names.get("_".join(word for word in words if word not in _OF_CLICKS) or ADJUSTER)
+        with suppress(ValueError):
+            place = parse_setting(text).places[0][1]
+            if adjuster and not isinstance(place, str):
+                counted[adjuster] = place
+                notes.append(f"{adjuster}: {place}, from the preamble: {key}: {text}")
+    return LogLabel(counted | named, notes=tuple(notes))
 
 
 def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)) -> LogLabel:

@@ -95,10 +95,9 @@ def _says_setting(table: Table, source: Source, options: ReadOptions) -> bool:
     """Say whether a log that cannot be read says its setting, or tries to."""
     if options.setting is not None or options.part_settings:
         return True
-    if any(key in table.metadata for key in ("setting", *options.adjusters)):
-        return True
     with suppress(LogError):
-        label = file_setting(source.name, options.setting_pattern, options.adjusters)
+        stated = preamble_setting(table.metadata, source.name, options.adjusters)
+        label = stated.over(file_setting(source.name, options.setting_pattern, options.adjusters))
         return bool(label.places) or has_channel("setting", table.columns, options)
     return True
 

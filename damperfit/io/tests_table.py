@@ -37,6 +37,9 @@ _OF_OIL = {
     *("oil", "fluid", "damper", "shock", "body", "test", "öl", "huile", "olio", "aceite"),
     *("of", "de", "l", "d", "the", "amortisseur"),
 }
+# The same of its gas; a gauge has shown it, where the unit does not say.
+_GASES = {"gas", "nitrogen", "n2", "gasdruck", "stickstoff", "gaz", "azote"}
+_OF_GAS = {*("pressure", "charge", "fill", "reservoir", "druck", "pression", "de", "du")}
 _TOO_COLD = 45.0  # degF, 7 degC: a bare number below it is degrees Celsius
 _IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _FILE = ("file", "log", "filename", "datei")
@@ -76,8 +79,13 @@ def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, 
                     is_cold = not unit and float(stated) < _TOO_COLD
                 notes += [f"{name}: {text}: taken as degC, as it has no unit"] * is_cold
                 stated += " degC" if is_cold else f" {unit.upper().replace('DEG', 'deg') or '?'}"
+        elif words & _GASES and words <= _GASES | _OF_GAS:
+            key = "gas_pressure"
         else:
             continue
+        if key == "gas_pressure" and says_absolute_or_gauge(f"{stated}g"):
+            stated += "g"
+            notes.append(f"{name}: {text}: taken as gauge pressure, {stated}")
         try:
             value = fact_of(key, stated)
         except ValueError as error:

@@ -362,6 +362,7 @@ def _fits(configuration: Configuration, batch: LogBatch, *, jobs: int, watch: Wa
 
 _MANY = 20
 _ROD_OFF = 0.05  # an area of the rod that is further off is another's
+_GAS_OFF = 0.01  # of the pressure: below it no force differs that anyone would see
 # K between the coldest and the warmest log. At 1 to 4 % a kelvin the viscosity then changes by 3 to
 # 12 %, where settings repeat within a few per cent.
 _LEAST_WARMING = 3.0
@@ -456,6 +457,15 @@ def prepare(
             "the force was tared between the tests"
         )
         batch.remarks.append(warning("rod-area", text))
+    ours = getattr(configuration.damper, "gas_pressure", math.nan)
+    tested = [log.gas_pressure for log in batch.traces if log.gas_pressure is not None]
+    if any(abs(pressure / ours - 1.0) > _GAS_OFF for pressure in tested):
+        of_logs = " to ".join(dict.fromkeys(f"{1e-5 * f(tested):.3g}" for f in (min, max)))
+        text = (
+            f"the logs were tested with gas of {of_logs} bar absolute; forces at a speed are given "
+            f"at the {1e-5 * ours:.3g} bar of damper.gas_pressure"
+        )
+        batch.remarks.append(warning("gas-pressure", text))
     hold_out_transients(batch, options)
     return configuration if is_law_open else with_reference(configuration, batch.traces)
 

@@ -243,8 +243,8 @@ def parse_place(text: str) -> Place:
 def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     """Return the setting that a label names.
 
-    For one adjuster as in "10", "10 clicks" or "soft"; for several "rebound=12, compression=8",
-    "R12 C08", "12r/8c", "b12-r8", or "12/8" in the declared order.
+    For one adjuster as in "10", "10 clicks from open" or "soft"; for several "R12 C08", "12r/8c",
+    "rebound=12, compression=8", "b12-r8", or "12/8" in the declared order.
 
     >>> parse_setting("R12 C08", ["rebound", "compression"]).places
     (('rebound', 12), ('compression', 8))
@@ -282,7 +282,9 @@ def _ways_to_say(adjuster: str) -> tuple[re.Pattern[str], re.Pattern[str]]:
     number = r"[+-]?\d{1,9}(?:\.\d{1,6})?"
     # A hyphen directly behind the word parts it from the number, as in names of files.
     parted = r"(?:\s*[=:]\s*|[ _-])?"
-    ahead = rf"(?:(?:{words}|clicks?){parted}({number})|({number}) ?(?:{words}|clicks?))"
+    words = rf"(?:{words}|[ck]lic(?:ks?|s)?|crans?|rasten?)"
+    counted = r"(?: ?(?:out )?(?:from|von|ab|depuis) .+)?"
+    ahead = rf"(?:{words}{parted}({number})|({number}) ?{words}?){counted}"
     return named, re.compile(ahead, re.IGNORECASE)
 
 

@@ -76,12 +76,32 @@ def test_words_halves_and_negative_clicks_are_settings_and_what_is_no_label_is_r
         ("x12y8.csv", "", r"x(?P<rebound>\d+)y(?P<compression>\d+)", "R12 C8"),
         ("12-8.csv", "# compression: 8\n", r"^(?P<rebound>\d+)", "R12 C8"),
         ("a.csv", "# rebound: 12\n", None, None),
+        (
+            "a.csv",
+            "Rebound clicks = 12 from open\nBump: soft\nCompression adjuster;8\n",
+            None,
+            "R12 C8",
+        ),
     ],
 )
 def test_two_adjusters_are_found(put, name, preamble, pattern, label) -> None:
     more = {} if pattern is None else {"setting_pattern": pattern}
     log = read_log(put(preamble + LOG, name), ReadOptions(adjusters=TWO, **more))
     assert (log.setting and log.setting.label) == label
+
+
+@pytest.mark.parametrize(
+    ("line", "cell"),
+    [
+        ("Adjuster : 3 clicks from open", 3), ("Einstellung: 4 Klicks ab offen", 4),
+        ("R\u00e9glage;5 crans", 5), ("Adjuster: Öhlins", None), ("Bump clicks: 3", None),
+        ("setting: 2.0 clicks out from closed", 2),
+    ],
+)  # fmt: skip
+def test_clicks_in_the_words_of_a_logger_are_a_setting_and_said(put, line, cell) -> None:
+    log = read_log(put(f"{line}\n{LOG}"))
+    assert (log.setting and log.setting.cell) == cell
+    assert any(line.casefold()[:5] in said for said in log.notes) is (cell in {3, 4, 5})
 
 
 def test_adjusters_in_columns_cut_a_log(put) -> None:

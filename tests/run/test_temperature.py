@@ -256,3 +256,15 @@ def test_of_a_preamble_the_first_temperature_is_taken_and_a_cold_one_is_celsius(
     taken, notes = facts_in({"temp": "28.5", "oil temp (degf)": "104", "shock temp": "80"})
     assert taken == {"temperature": 28.5}
     assert ["degC" in notes[0], "not used" in notes[1], "not used" in notes[2]] == [True] * 3
+
+
+def test_of_a_preamble_gas_is_by_gauge_unless_it_says_otherwise() -> None:
+    for lines, taken, is_said in (
+        ({"gas": "305 psi"}, 305 * 6894.757 + 101325, True),
+        ({"gas pressure": "5,6 bara"}, 5.6e5, False),
+        ({"gas": "nitrogen"}, None, True),
+        ({"gas temperature": "5 bara"}, None, False),
+    ):
+        facts, notes = facts_in(lines)
+        assert facts == ({} if taken is None else {"gas_pressure": pytest.approx(taken)}), lines
+        assert bool(notes) is is_said, lines
