@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 if TYPE_CHECKING:
     from damperfit.exporting.check import SettingCheck
     from damperfit.exporting.targets import Export
+    from damperfit.problem import Problem
 
 
 class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
@@ -18,8 +19,8 @@ class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
     `made` is what was exported, `checked` how it was held against the logs.
     """
 
-    remarks: tuple[str, ...]
-    notes: tuple[str, ...]
+    remarks: tuple[Problem, ...]
+    notes: tuple[Problem, ...]
     made: Export | None
     checked: tuple[SettingCheck, ...]
 
@@ -27,8 +28,8 @@ class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
         cls,
         paths: Iterable[Path],
         *,
-        remarks: Iterable[str] = (),
-        notes: Iterable[str] = (),
+        remarks: Iterable[Problem] = (),
+        notes: Iterable[Problem] = (),
         made: Export | None = None,
         checked: tuple[SettingCheck, ...] = (),
     ) -> Self:

@@ -27,7 +27,7 @@ from damperfit.arguments import (
     workers,
 )
 from damperfit.errors import DamperfitError, LogError, blamed_on, did_you_mean
-from damperfit.problem import Option, Words
+from damperfit.problem import Option, Words, note
 from damperfit.store import check_writable, file_set, path_of, write_text
 from damperfit.tested.setting import Setting
 
@@ -882,7 +882,9 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     with watch.during_work():
         watch.on_start(len(options.settings))
         logs = make_samples(where, options, parameters=truth, on_log=watch.on_fit)
-    return Files((*logs, where / "truth.csv", where / "README.md"), notes=(sentence,))
+    return Files(
+        (*logs, where / "truth.csv", where / "README.md"), notes=(note("damper", sentence),)
+    )
 
 
 @public

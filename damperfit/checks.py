@@ -20,7 +20,7 @@ from damperfit.identification.fit_setting import Fit
 from damperfit.identification.outcome import Status
 from damperfit.identification.procedures import Campaign
 from damperfit.identification.sharing import of_runs, of_settings
-from damperfit.problem import FEW, Key, listed_names
+from damperfit.problem import FEW, Key, Problem, listed_names
 from damperfit.recording import Trace
 from damperfit.tested.setting import ADJUSTER, Setting, clicks_between, lines_of
 from damperfit.uncertainty.assessment import Assessment
@@ -568,9 +568,14 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     return tuple(dict.fromkeys(name for name in wanted if name not in left_out))
 
 
-def missed_gates(checks: Sequence[Check], gates: Iterable[str]) -> tuple[str, ...]:
-    """Return one sentence for each gate that is not met, or that could not be looked at."""
+def missed_gates(checks: Sequence[Check], gates: Iterable[str]) -> tuple[Problem, ...]:
+    """Return the gates that are not met, or that could not be looked at."""
     results = {check.name: check for check in checks}
-    how = {False: "check", None: "check not evaluated:"}
     missed = (results[name] for name in gates if not results[name].passed)
-    return tuple(f"{how[check.passed]} {check.name}: {check.reason}" for check in missed)
+    texts = {False: "check {check}: {why}", None: "check not evaluated: {check}: {why}"}
+    return tuple(
+        Problem(
+            "failed-check", texts[check.passed], values={"check": check.name, "why": check.reason}
+        )
+        for check in missed
+    )

@@ -144,6 +144,12 @@ class Problem:
             text = text.replace(f"{{{name}}}", _worded(value, words))
         return text
 
+    def of(self, place: object) -> Problem:
+        """Return the problem with a place, as that of its run, before its own."""
+        return replace(
+            self, text="{problem}", subject=str(place), where=None, values={"problem": self}
+        )
+
     def _lead(self, words: Words) -> tuple[str, ...]:
         where, subject = self.where, self.subject
         if isinstance(where, Option):
@@ -274,6 +280,11 @@ class Failure:
         """Return the failure for run.json."""
         facts = {"log": self.log, "path": self.path, "setting": self.setting, "kind": self.kind}
         return {**self.problem.record(), **facts, "message": self.message}
+
+
+def distinct(problems: Iterable[Problem]) -> tuple[Problem, ...]:
+    """Return problems, each sentence once."""
+    return tuple({problem.sentence(): problem for problem in problems}.values())
 
 
 def counted(number: int, noun: str) -> str:

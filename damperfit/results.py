@@ -23,7 +23,7 @@ from damperfit.errors import ConfigurationError, did_you_mean, refuse_wrong_argu
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import of_settings
 from damperfit.io.files import sha256_of
-from damperfit.problem import Option, Problem, Words, warning
+from damperfit.problem import Option, Problem, Words, note, warning
 from damperfit.recording import Recording, natural_order
 from damperfit.reporting.records import (
     all_in,
@@ -148,19 +148,25 @@ class Run(StoredRun):
         raise ConfigurationError(text, code="no-setting")
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Problem, ...]:
         """What a reader must know of the errors: where the fit gave none."""
         lost = [setting for setting, is_recorded in self._without_errors.items() if is_recorded]
-        why = "no minimum was met, or it could not be judged; the forces have no interval"
-        return (f"no errors are known of {of_settings(lost)}: {why}",) if lost else ()
+        text = (
+            "no errors are known of {settings}: no minimum was met, or it could not be judged; the "
+            "forces have no interval"
+        )
+        return (note("no-errors", text, settings=of_settings(lost)),) if lost else ()
 
     @property
-    def remarks_on_errors(self) -> tuple[str, ...]:
+    def remarks_on_errors(self) -> tuple[Problem, ...]:
         """Settings whose errors the run should have, and has not."""
         lost = [setting for setting, is_recorded in self._without_errors.items() if not is_recorded]
         which = "all settings" if len(lost) == len(self.rows("parameters")) else of_settings(lost)
-        why = "are missing in run.json: forces without intervals"
-        return (f"errors and correlations of {which} {why}",) if lost else ()
+        text = (
+            "errors and correlations of {settings} are missing in run.json: forces without "
+            "intervals"
+        )
+        return (warning("lost-errors", text, settings=which),) if lost else ()
 
     @property
     def _without_errors(self) -> dict[Setting, bool]:
@@ -220,9 +226,8 @@ class Run(StoredRun):
         if self.declared_damper is not None:
             given = self.configured(given, config=self._config)
         elif self._config is None:
-            self._remarks.append(
-                "the damper of the run is not known: the paper's is assumed; declare yours"
-            )
+            text = "the damper of the run is not known: the paper's is assumed; declare yours"
+            self._remarks.append(warning("damper-assumed", text))
         return with_temperature(given, self._temperature)
 
     @cached_property
@@ -356,7 +361,8 @@ class Run(StoredRun):
         """The fastest motion of the logs that were fitted, else the nominal one, with a remark."""
         if (tested := self.motion_of_tests) is not None:
             return tested
-        self._remarks.append("the motion of the test is not known: the nominal one is used")
+        text = "the motion of the test is not known: the nominal one is used"
+        self._remarks.append(warning("motion-assumed", text))
         return Sine(self.configuration.rig.amplitude, self.configuration.rig.frequency)
 
     @cached_property
@@ -553,8 +559,7 @@ class Run(StoredRun):
     @property
     def warned(self) -> tuple[Problem, ...]:
         """What to know before believing the numbers; of older runs their sentences."""
-        remarks = (warning("incomplete-results", remark) for remark in self.remarks)
-        return (*remarks, *problems_in(self.record))
+        return (*self.remarks, *problems_in(self.record))
 
     @property
     def problems(self) -> tuple[Problem, ...]:

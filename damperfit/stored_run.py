@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Self
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError, OutputError, refuse_wrong_arguments
 from damperfit.io.files import read_bytes, read_text, sha256_of
-from damperfit.problem import Option
+from damperfit.problem import Option, Problem, distinct, warning
 from damperfit.recording import natural_order
 from damperfit.reporting.records import entries_in, units_in
 from damperfit.store import file_set, path_of, settle
@@ -56,7 +56,7 @@ class StoredRun:
         quantities: tuple[Quantity, ...] = PAPER_QUANTITIES,
         place: Path | None = None,
         signals: Sequence[LogSignals] | Callable[[], Iterable[LogSignals]] | None = None,
-        remarks: Sequence[str] = (),
+        remarks: Sequence[Problem] = (),
         config: Path | None = None,
         temperature: str | None = None,
         facts: Mapping[str, Any] | None = None,
@@ -110,7 +110,7 @@ class StoredRun:
         if table_files.is_part(place):
             record, quantities, rows = table_files.read_part(place)
             return cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
-        remarks: list[str] = []
+        remarks: list[Problem] = []
         if place.is_file() or place.suffix in {".csv", ".parquet"}:
             record, quantities, rows, source = table_files.read_table(place)
             beside = table_files.read_record(place.parent / "run.json", [])
@@ -124,7 +124,8 @@ class StoredRun:
             raise ConfigurationError(text, subject=place, code="no-folder")
         settle(place)
         record = table_files.read_record(place / "run.json", remarks)
-        remarks.extend(filter(None, [unknown_schema(record)]))
+        if schema := unknown_schema(record):
+            remarks.append(warning("other-schema", schema))
         table_files.check_files(place, record, remarks, parts)
         quantities = table_files.table_quantities(place / "parameters.parquet", record)
         run = cls(record, quantities=quantities, place=place, remarks=remarks, **more)
@@ -132,7 +133,7 @@ class StoredRun:
             _ = run.signals if name == "responses" else run.rows(name)
         if not run._rows.get("parameters") and not run._signals:
             raise ConfigurationError(
-                f"nothing to show, {'; '.join(run._remarks) or 'its tables are empty'}; "
+                f"nothing to show, {'; '.join(map(str, run._remarks)) or 'its tables are empty'}; "
                 "run identify with {out} first",
                 out=Option("out", "FOLDER"),
                 subject=place,
@@ -142,9 +143,9 @@ class StoredRun:
         return run
 
     @property
-    def remarks(self) -> tuple[str, ...]:
+    def remarks(self) -> tuple[Problem, ...]:
         """What was missing, damaged or written by another version."""
-        return tuple(dict.fromkeys(self._remarks))
+        return distinct(self._remarks)
 
     @property
     def folder(self) -> Path | None:
@@ -163,9 +164,8 @@ class StoredRun:
             once = {row["setting"]: row for row in reversed(rows)}  # the first of each
             if name == "parameters" and len(once) < len(rows):
                 rows = tuple(reversed(once.values()))
-                self._remarks.append(
-                    "the parameters table lists a setting more than once: its first row is shown"
-                )
+                text = "the parameters table lists a setting more than once: its first row is shown"
+                self._remarks.append(warning("given-twice", text))
             self._rows[name] = rows
         return self._rows[name]
 
@@ -230,7 +230,8 @@ class StoredRun:
             (strange, "signals but no parameters"),
         ):
             if lone:
-                self._remarks.append(f"setting {', '.join(map(str, sorted(lone)))}: {what}")
+                which = f"setting {', '.join(map(str, sorted(lone)))}"
+                self._remarks.append(warning("one-table", what, which))
 
     @property
     def exit_code(self) -> int:

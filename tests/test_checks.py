@@ -331,10 +331,8 @@ def test_names_and_lists_stand_for_checks_each_once(names, expected) -> None:
 
 def test_a_gate_that_nobody_looked_at_is_not_met() -> None:
     checks = (Check("a", True, "fine"), Check("b", False, "bad"), Check("c", None, "no data"))
-    assert missed_gates(checks, ("a", "b", "c")) == (
-        "check b: bad",
-        "check not evaluated: c: no data",
-    )
+    sentences = ["check b: bad", "check not evaluated: c: no data"]
+    assert list(map(str, missed_gates(checks, ("a", "b", "c")))) == sentences
 
 
 def test_a_chamber_that_is_empty_in_a_model_that_misses_may_be_full() -> None:

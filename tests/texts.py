@@ -334,7 +334,7 @@ def texts() -> dict[str, str]:
         [text_table(inspection_sheet(LOGS)), *finding_lines(LOGS, has_notes=True)]
     )
     told |= {f"of many: {name}": "\n".join(lines).rstrip("\n") for name, lines in many().items()}
-    told["what the rig adds"] = "\n".join(of_the_rig())
+    told["what the rig adds"] = "\n".join(map(str, of_the_rig()))
     for name, lines in compared().items():
         text = lines if isinstance(lines, str) else "\n".join(lines)
         told[f"compared: {name}"] = text.rstrip("\n")

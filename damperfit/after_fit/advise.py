@@ -299,7 +299,7 @@ def advise(
         sentence=sentence,
         tests=tests,
         known={"interval_now": {known.label: NORMAL_95 * known.now for known in rig.planned}},
-        remarks=(*run.remarks, *[remark] * (speed > tested)),
+        remarks=(*map(str, run.remarks), *[remark] * (speed > tested)),
         tables=(laid_out(tests, (*_MOTION, *_INTERVALS)),) if is_any_use else (),
     )
 

@@ -417,10 +417,12 @@ def report(how: Shown, **given: Any) -> int:
     Units are those of the run unless --units says otherwise.
     Damper and rig are those of the run; a --config is only checked.
     """
+    from damperfit.tables.files import json_values
+
     files = api.report(**given)
     code = _warn(given["results"], files.remarks)
     if how.json:
-        print_json({"files": list(map(str, files)), "remarks": list(files.remarks)})
+        print_json({"files": list(map(str, files)), "remarks": json_values(files.remarks)})
     else:
         more = f" and {len(files) - 1} figures" if len(files) > 1 else ""
         _tell(how, f"{files[0]} written{more}")
@@ -447,8 +449,8 @@ def export(how: Shown, **given: Any) -> int:
             "units": target.units,
             "sign": target.sign,
             "files": list(map(str, files)),
-            "remarks": list(files.remarks),
-            "notes": list(files.notes),
+            "remarks": json_values(files.remarks),
+            "notes": json_values(files.notes),
         }
         document |= {"lost_in_a_table": made.lost} if made.lost else {}
         document["determined"] = [
@@ -462,7 +464,7 @@ def export(how: Shown, **given: Any) -> int:
     shown = SI if given["units"] is None else parse_units(given["units"])
     more = f" and {len(files) - 1} more" if len(files) > 1 else ""
     used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
-    notes = [made.lost] if made.lost else []
+    notes: list[object] = [made.lost] if made.lost else []
     if given["extend"] is not None:
         tested = max(table.tested for table in made.tables)
         notes.append(f"beyond {tested:.4g} m/s the tables are untested")
@@ -491,7 +493,7 @@ def samples(how: Shown, **given: Any) -> int:
     """Write synthetic rig logs with known parameters."""
     files = api.samples(**given, watch=looking_on(is_quiet=how.quiet or how.no_progress))
     written = [str(path) for path in files]
-    _tell(how, files.notes[0])
+    _tell(how, str(files.notes[0]))
     document = {"logs": written[:-2], "files": written}
     _show(how, lambda: document, [[] if how.quiet else written])
     return 0

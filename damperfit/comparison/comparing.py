@@ -41,7 +41,7 @@ from damperfit.comparison.measured import (
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings, of_settings
-from damperfit.problem import Failure, counted, listed_names
+from damperfit.problem import Failure, Problem, counted, distinct, listed_names, note
 from damperfit.statistics import NORMAL_95
 from damperfit.units.shown_units import SI, ShownUnits
 
@@ -282,8 +282,8 @@ class RunComparison:
     lines: tuple[Difference, ...]  # measured forces, forces, parameters, figures
     identical: tuple[Setting, ...] = ()  # at which both have the same logs, byte for byte
     units: ShownUnits = SI  # of its sentences
-    notes: tuple[str, ...] = ()  # what a reader must know; nothing is missing
-    remarks: tuple[str, ...] = ()  # what could not be compared
+    notes: tuple[Problem, ...] = ()  # what a reader must know; nothing is missing
+    remarks: tuple[Problem, ...] = ()  # what could not be compared
     traces: tuple[str, ...] = ()  # where internal errors happened
 
     def of(self, kind: str) -> tuple[Difference, ...]:
@@ -328,7 +328,7 @@ class RunComparison:
     def to_know(self) -> tuple[str, ...]:
         """Sentences of what both have in common, and the notes."""
         of_logs = tuple(fact.sentence for fact in self.circumstances if fact.kind == "logs")
-        return (*of_logs, *self.notes)
+        return (*of_logs, *map(str, self.notes))
 
 
 def compare_runs(
@@ -409,7 +409,7 @@ def compare_runs(
     comparison = RunComparison(
         *(first, second, tuple(repeats), besides, settings, is_bare),
         *(tuple(lines), identical, options.units),
-        remarks=tuple(dict.fromkeys(failure.message for failure in failures)),
+        remarks=distinct(failure.problem for failure in failures),
         traces=tuple(failure.trace for failure in failures if failure.trace),
     )
     return replace(comparison, notes=tuple(_notes(comparison, runs, tables, shifts)))
@@ -635,39 +635,42 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
     runs: Sequence[Run],
     tables: Sequence[Readings],
     shifts: Sequence[tuple[float, float]],
-) -> Iterator[str]:
+) -> Iterator[Problem]:
     is_bare, units, forces = comparison.is_without_model, comparison.units, comparison.of("force")
     if 0 < (n := len(comparison.repeats)) < _FEW_REPEATS:
-        yield (
+        text = (
             f"the scatter of A is that of {n + 1} runs, {counted(n, 'degree')} of freedom: "
             f"intervals are {'six times' if n == 1 else 'twice'} as wide as those of many would be"
         )
+        yield note("few-repeats", text)
     with_forces = {line.subject.setting for line in forces}
     at = [setting for setting in comparison.settings if setting in with_forces]
     if lost := [setting for setting in comparison.settings if forces and setting not in at]:
-        yield f"{of_settings(lost)}: no motion is common to both: not compared"
+        yield note("no-motion", "no motion is common to both: not compared", of_settings(lost))
     top = min((stage.top_speed for run in runs for stage in run.settings), default=math.inf)
     speeds = {line.subject.speed or 0.0 for line in forces if not line.is_measured}
     if beyond := sorted(speed for speed in speeds if speed > (1.0 + REPEATS) * top):
         listed = ", ".join(map(units.write_speed, beyond))
-        yield (
+        text = (
             f"{listed} was never tested (tested: up to {units.write_speed(float(f'{top:.3g}'))}): "
             "the forces there are the models', extrapolated"
         )
+        yield note("never-tested", text)
     for run, (shift, error) in zip(runs, shifts, strict=True):
         if shift:
             of_models = (
                 "; half of it (± half) off the forces of a model fitted without an offset, whose "
                 "parameters absorb the rest: free f_0 in both runs to compare them"
             )
-            yield (
-                f"{run.name}: its measured forces lie {units.write(shift, 'N', '+.3g')} (± "
+            text = (
+                f"its measured forces lie {units.write(shift, 'N', '+.3g')} (± "
                 f"{units.write(NORMAL_95 * error, 'N', '.2g')}) from those of {runs[0].name} in "
                 "both strokes and at all speeds, as another tare or gas pressure makes them: so "
                 f"much is taken off{'' if is_bare else of_models}"
             )
+            yield note("zero-shift", text, run.name)
     for run in runs:
-        yield from (f"{run.name}: {note}" for note in _own_notes(run, is_bare=is_bare))
+        yield from (own.of(run.name) for own in _own_notes(run, is_bare=is_bare))
     if is_bare or not forces:
         return
     # Why forces of fitted runs are compared as measured.
@@ -677,49 +680,55 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
                 topic, worst = max(missed.items(), key=lambda item: abs(item[1].misses))
                 miss, where = abs(worst.misses), dict.fromkeys(topic.setting for topic in missed)
                 of_it = f" ({miss / abs(worst.scale):.1%} of the damping)" if worst.scale else ""
-                yield (
-                    f"{run.name}: its model ({run.damper.name}) misses the measured force at "
+                text = (
+                    f"its model ({run.damper.name}) misses the measured force at "
                     f"{of_settings(filter(None, where))}, most {topic.place(units)}: "
                     f"by {units.write(miss, 'N', '.3g')}{of_it}"
                 )
+                yield note("model-misses", text, run.name)
         why = "they show how the tests differ and say nothing about the models"
         if not dict(_inputs(runs[0])).keys().isdisjoint(dict(_inputs(runs[-1]))):
             why = "both are based on the same logs, so this says nothing about the models"
         where_measured = of_settings(filter(None, measured))
-        yield f"at {where_measured} the measured forces of both are compared: {why}"
+        text = "at {settings} the measured forces of both are compared: {why}"
+        yield note("as-measured", text, settings=where_measured, why=why)
     # What became of the rigs' force offsets.
     bare = known_tares(runs, at)
     offsets = [[stage.offset for stage in run.settings if stage.setting in bare] for run in runs]
     if any(map(any, offsets)):
         pairs = zip(runs, offsets, strict=True)
         each = "; ".join(f"{run.name}: {offsets_in_words(mine)}" for run, mine in pairs)
-        yield f"the rigs' force offsets, their tares, are left out of the forces ({each})"
+        text = "the rigs' force offsets, their tares, are left out of the forces ({offsets})"
+        yield note("offset", text, offsets=each)
     for run in () if any(shift for shift, _ in shifts) else runs:
         left = [stage for stage in run.settings if stage.setting in {*at} - bare]
         if (rest := [stage.offset for stage in left if stage.offset]) and _knows_gas(run):
-            yield (
-                f"{run.name}: its force offset ({offsets_in_words(rest)}), the rig's tare, is in "
-                "its forces, for not every run has a known one: so much of a difference may be the "
-                "tare"
+            text = (
+                f"its force offset ({offsets_in_words(rest)}), the rig's tare, is in its forces, "
+                "for not every run has a known one: so much of a difference may be the tare"
             )
+            yield note("offset", text, run.name)
     if not comparable_quantities(runs):
-        yield "fitted with different models: no parameter is common to both"
+        yield note("other-model", "fitted with different models: no parameter is common to both")
 
 
-def _own_notes(run: Run, *, is_bare: bool) -> Iterator[str]:
-    yield from run.record.get("notes", ()) if is_bare else run.notes
+def _own_notes(run: Run, *, is_bare: bool) -> Iterator[Problem]:
+    as_read = (note("as-read", text) for text in run.record.get("notes", ()))
+    yield from as_read if is_bare else run.notes
     share, freedom = repeat_scatter(run)
     if share:
-        yield (
+        text = (
             f"tests of one setting differ by {100.0 * share:.2g} % of the damping beyond their "
             f"noise ({freedom:.0f} degrees of freedom): counted in the errors of forces, energy "
             "and hysteresis, not in those of parameters"
         )
+        yield note("tests-differ", text)
     if not is_bare and not run.speed_forces:
-        yield (
+        text = (
             "the lack of fit to the measured force is not known (an older version, or no motion "
             "repeats): it is not in the errors of forces"
         )
+        yield note("no-misfit", text)
 
 
 # What two runs differ in besides their numbers

@@ -40,7 +40,7 @@ from damperfit.identification.options import (
 )
 from damperfit.io import ReadOptions
 from damperfit.io.tests_table import FACTS, fact_of
-from damperfit.problem import Key, as_subject
+from damperfit.problem import Key, Problem, as_subject, note
 from damperfit.sections import (
     SECTIONS,
     Entry,
@@ -168,42 +168,47 @@ class Configuration:
         return f"Damper: {self.damper.plain.sentence}{assumed}{origin}{self.damper.condition}."
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """What was assumed of the damper, a sentence each."""
+    def notes(self) -> tuple[Problem, ...]:
+        """What was assumed of the damper."""
         notes = [] if self.is_assumed else [*self._assumed()]
         fit = self.identification
         if (procedure := fit.procedure) != "joint":
             only = f"only procedure joint uses it, found procedure {procedure}"
             if fit.follows:
-                notes.append(f"[adjusters] says what follows which adjuster; {only}")
+                text = f"[adjusters] says what follows which adjuster; {only}"
+                notes.append(note("no-effect", text))
             shared = self.document["identification"]["share"]
             if "identification.share" in self.declared and shared not in _USUALLY_SHARED:
-                notes.append(f"identification.share = {shared} has no effect: {only}")
+                text = f"identification.share = {shared} has no effect: {only}"
+                notes.append(note("no-effect", text))
         pressure = self.document["damper"].get("gas_pressure")
         if isinstance(pressure, str) and not says_absolute_or_gauge(pressure):
-            notes.append(
+            text = (
                 f"damper.gas_pressure = {pressure} is taken as absolute; a gauge shows 1.013 bar "
                 "less: say which, as in 12bara or 12barg"
             )
+            notes.append(note("assumed", text))
         return tuple(notes)
 
-    def _assumed(self) -> Iterator[str]:
+    def _assumed(self) -> Iterator[Problem]:
         if names := self.not_measured:
             taken = {name: getattr(self.damper, name) for name in GAS if name in self.undeclared}
             gas = f" ({gas_in_words(taken)})" if "gas_volume" in taken else ""
-            yield (
+            text = (
                 f"[damper] leaves {', '.join(names)} to {self.whose}{gas}: "
                 "declare what your damper has (damperfit config prints every key)"
             )
+            yield note("assumed", text)
         if _OUTSIDE in self.undeclared:
             bar = 1e-5 * getattr(self.damper, _OUTSIDE)
-            yield (
+            text = (
                 f"the air presses on the rod with {bar:.4g} bar, unless damper.{_OUTSIDE} says "
                 "otherwise"
                 if bar
                 else "the paper's equation leaves out the air that presses on the rod; if the load "
                 f'cell was zeroed without the damper, set damper.{_OUTSIDE} = "1.013bara"'
             )
+            yield note("assumed", text)
 
 
 def gas_in_words(values: Mapping[str, float]) -> str:

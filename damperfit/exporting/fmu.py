@@ -35,6 +35,7 @@ from damperfit.exporting.targets import (
     rendered,
     taken_out,
 )
+from damperfit.problem import Problem, note
 from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
 from damperfit.units.shown_units import SI
@@ -409,12 +410,12 @@ def built() -> dict[Platform, bytes]:
     return libraries
 
 
-def missing_platforms(version: int) -> tuple[str, ...]:
-    """Return a sentence on platforms whose library was not built here; none where all were."""
+def missing_platforms(version: int) -> tuple[Problem, ...]:
+    """Return a note on platforms whose library was not built here; none where all were."""
     here = built()
     missing = [p.name for p in PLATFORMS if p not in here and (version == 3 or p.fmi2)]
     sentence = (
         f"no library inside for {', '.join(missing)}, only the C sources; to build them once: "
         "pip install 'damperfit[fmu]' && python -m damperfit.exporting.fmu_build"
     )
-    return (sentence,) if missing else ()
+    return (note("no-library", sentence),) if missing else ()

@@ -43,7 +43,7 @@ from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.stepping import without_rig
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.problem import Option
+from damperfit.problem import Option, Problem, note
 from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
 from damperfit.results import Run
@@ -82,7 +82,7 @@ class ExportedRun:
     run: Run  # whose test it was, and how it was tested
     damper: Model  # at one temperature, where the run's follows it: other programs know of none
     settings: tuple[SettingResult, ...]  # rising; at least one
-    notes: tuple[str, ...] = ()  # what else to know of the values
+    notes: tuple[Problem, ...] = ()  # what else to know of the values
 
 
 def exported_run(
@@ -103,14 +103,13 @@ def exported_run(
         )
     if isinstance(damper, WithTemperature):
         at = damper.oil_temperature
-        notes.append(
-            f"resistances as they are at {at:g} degC (fitted at {damper.reference:g} degC)"
-        )
+        text = f"resistances as they are at {at:g} degC (fitted at {damper.reference:g} degC)"
+        notes.append(note("at-temperature", text))
         settings = tuple(_at_one_temperature(fit, damper) for fit in settings)
         damper = damper.plain
+    text = "the logs set no upper limit; the speeds to which the force is determined allow for it"
     notes += [
-        f"{', '.join(fit.unlimited)} at setting {fit.setting}: the logs set no upper limit; the "
-        "speeds to which the force is determined allow for it"
+        note("no-upper-limit", text, f"{', '.join(fit.unlimited)} at setting {fit.setting}")
         for fit in settings
         if fit.unlimited
     ]
@@ -530,7 +529,7 @@ class Export(NamedTuple):
     tables: tuple[ForceTable, ...]  # of each setting, as they stand in the files, or would
     lost: str  # how far the tables are from the damper's dynamics; empty without a table
     determined: str  # up to which speed the logs determine the force
-    notes: tuple[str, ...]  # what else to know
+    notes: tuple[Problem, ...]  # what else to know
 
 
 @dataclass(frozen=True, slots=True)

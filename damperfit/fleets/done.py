@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.fleets.parts import SUMMARY, collect
 from damperfit.fleets.run import Done, State
-from damperfit.problem import counted
+from damperfit.problem import Problem, counted, note
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import Sheet
 
@@ -82,8 +82,8 @@ class FleetDone(Answer):
         held, survey = self.held, self.survey
 
         def lines(name: str) -> list[dict[str, str]]:
-            listed = [(task.owner, line) for task in self.done for line in getattr(task, name)]
-            return [{"damper": owner, "message": line} for owner, line in listed]
+            listed = [(task.owner, each) for task in self.done for each in getattr(task, name)]
+            return [{"damper": owner, "message": str(problem)} for owner, problem in listed]
 
         return {
             "dampers": self.n_tasks,
@@ -131,18 +131,18 @@ class FleetDone(Answer):
         return "\n".join(lines)
 
     @property
-    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+    def remarks(self) -> tuple[Problem, ...]:  # type: ignore[override]
         """What failed, gates that were missed, and what an interrupt has left."""
         owners = [(task.owner or "logs", task) for task in self.done]
-        failures = [f"{owner}: {line}" for owner, task in owners for line in task.failures]
-        gates = [f"{owner}: {line}" for owner, task in owners for line in task.gates]
+        failures = [problem.of(owner) for owner, task in owners for problem in task.failures]
+        gates = [problem.of(owner) for owner, task in owners for problem in task.gates]
         if (more := len(failures) - _MANY) > 0:
-            failures[_MANY:] = [
-                f"and {more} more failures; the parts in {self.folder} hold them all"
-            ]
+            text = f"and {more} more failures; the parts in {self.folder} hold them all"
+            failures[_MANY:] = [note("more", text)]
         if self.is_stopped:
             left = f"{self.n_tasks - len(self.done)} of {self.n_tasks} dampers left"
-            gates.append(f"interrupted; {left}, the same command goes on with them")
+            text = f"interrupted; {left}, the same command goes on with them"
+            gates.append(note("interrupted", text))
         return (*failures, *gates)
 
     @property

@@ -218,11 +218,11 @@ class Done(NamedTuple):
     n_settings: int = 0  # with a fit
     n_failures: int = 0
     n_gates: int = 0
-    failures: tuple[str, ...] = ()  # one sentence each
-    gates: tuple[str, ...] = ()  # that were missed, likewise
+    failures: tuple[Problem, ...] = ()
+    gates: tuple[Problem, ...] = ()  # that were missed
 
 
-def _later(task: DamperTask, reason: str) -> Done:
+def _later(task: DamperTask, reason: Problem) -> Done:
     return Done(task.owner, State.LATER, len(task.logs), n_failures=1, failures=(reason,))
 
 
@@ -271,7 +271,7 @@ def _do(configuration: Configuration, folder: Path, task: DamperTask) -> Done:
         with brought_here(task.files) as (here, stamps):
             return _fitted(configuration, folder, task, here, stamps)
     except UnreachableError as error:
-        return _later(task, str(error))
+        return _later(task, error.problem)
 
 
 def _fitted(
@@ -303,14 +303,14 @@ def _fitted(
             setting = labels.unread(here[log], configuration)
             failures.append((task.owner, Failure(problem, "WorkerDied", log.file, "", setting)))
     rows: list[dict[str, Any]] = []
-    gates: list[str] = []
+    gates: list[Problem] = []
     records: list[dict[str, Any]] = []
     try:
         living = [str(here[log]) for log in task.logs if log.place not in dead]
         for result in identified(configuration, living, jobs=1) if living else ():
             owner = result.owner or task.owner
             rows += _part_rows(result.run, owner)
-            gates += result.run.record["gates_missed"]
+            gates += [Problem("gate", text) for text in result.run.record["gates_missed"]]
             records.append(compared_record(result.run.record))
             failures += [(owner, failure) for failure in result.failures]
     except (MemoryError, OSError):
@@ -340,7 +340,10 @@ def _fitted(
     return Done(
         *(task.owner, State.FITTED if rows else State.FAILED, len(task.logs)),
         *(len(rows), len(failed), len(gates)),
-        failures=tuple(row["error"] for row in failed),
+        failures=tuple(
+            Problem(failure.code, row["error"])
+            for row, (_, failure) in zip(failed, failures, strict=True)
+        ),
         gates=tuple(gates),
     )
 
@@ -452,7 +455,7 @@ def run_fleet(
             if isinstance(result, Died):
                 died.append(task)
             elif isinstance(result, Exception):  # of the disk, or a bug
-                yield _later(task, failure_of(result, "the work on one damper").message)
+                yield _later(task, failure_of(result, "the work on one damper").problem)
             else:
                 yield result
         return died
@@ -466,7 +469,7 @@ def run_fleet(
         try:
             before = _known_already(configuration, folder, task)
         except (OSError, ValueError) as error:
-            before = _later(task, failure_of(error, "looking for its part").message)
+            before = _later(task, failure_of(error, "looking for its part").problem)
         if before:
             yield before
         else:
@@ -488,7 +491,6 @@ def run_fleet(
         logs = sorted(task.logs[0] for task in alone)
         dead = tuple((log.place, f"{log.file}: {reason}") for log in logs)
         for failed in (yield from tried([task._replace(dead=dead)])):
-            yield _later(
-                failed, "its workers die, though no single log is the cause; nothing was written"
-            )
+            text = "its workers die, though no single log is the cause; nothing was written"
+            yield _later(failed, Problem("worker-died", text))
     forget_earlier(folder)

@@ -25,7 +25,7 @@ from damperfit.errors import ConfigurationError, DamperfitError, LogError, Timel
 from damperfit.io import read_curves
 from damperfit.io.files import open_regular, read_text
 from damperfit.io.force_curves import ForceCurve
-from damperfit.problem import Failure, Option
+from damperfit.problem import Failure, Option, Problem, distinct, warning
 from damperfit.queries.settings import positive, refuse_unfitted, speed_in
 from damperfit.recording import Trace, natural_order
 from damperfit.reporting import compared as shown
@@ -59,8 +59,8 @@ class Comparison(Answer):
     """What differs between results, pair by pair, and forces held against bands."""
 
     comparisons: tuple[RunComparison, ...] = ()  # one a pair
-    alone: tuple[str, ...] = ()  # what has no partner
-    remarks: tuple[str, ...] = ()  # what is missing or damaged in the runs, or was not compared
+    alone: tuple[Problem, ...] = ()  # what has no partner
+    remarks: tuple[Problem, ...] = ()  # what is missing or damaged in the runs, or was not compared
     points: tuple[Point, ...] = ()  # forces held against their bands, where a tolerance was given
     tolerance: str = ""  # as it was given
 
@@ -70,8 +70,8 @@ class Comparison(Answer):
             "comparisons": [shown.comparison_record(pair) for pair in self.comparisons],
             "tolerance": self.tolerance or None,
             "points": shown.tolerance_rows(self.points),
-            "alone": list(self.alone),
-            "remarks": list(self.remarks),
+            "alone": json_values(self.alone),
+            "remarks": json_values(self.remarks),
         }
 
     @property
@@ -196,16 +196,16 @@ def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on t
     remarks = [*places.remarks]
     for run in runs.values():
         own = run.remarks if options.is_measured else (*run.remarks, *run.remarks_on_errors)
-        remarks += [f"{run.shown_as}: {remark}" for remark in own]
+        remarks += [problem.of(run.shown_as) for problem in own]
     for pair in comparisons:
-        remarks += [f"{pair.second.shown_as}: {remark}" for remark in pair.remarks]
+        remarks += [problem.of(pair.second.shown_as) for problem in pair.remarks]
     points: list[Point] = []
     if nominal is not None:
         points = [p for place in wanted for p in bands_met(runs[place], nominal, options)]
     elif tolerance is not None:
         points = [p for pair in comparisons for p in tolerated(pair, tolerance)]
     source = tolerance.source if tolerance else ""
-    return Comparison(comparisons, alone, tuple(dict.fromkeys(remarks)), tuple(points), source)
+    return Comparison(comparisons, alone, distinct(remarks), tuple(points), source)
 
 
 # What a command line names: which runs, and which pairs of them
@@ -224,7 +224,7 @@ class _Places:
     ) -> None:
         self.config, self.is_measured = config, options.is_measured
         self.groups: dict[Path, dict[str, Path]] = {}  # runs of logs by damper; none: of one
-        self.remarks: list[str] = []  # folders of which no log can be used
+        self.remarks: list[Problem] = []  # folders of which no log can be used
         self._runs: dict[Path, Run] = {}
         for place, run in unsaved.items():
             own = _comparable(Run.load(copy(run), config=config), is_measured=options.is_measured)
@@ -255,12 +255,12 @@ class _Places:
             except LogError as error:
                 if folder == place:
                     raise
-                self.remarks.append(str(error))
+                self.remarks.append(error.problem)
                 continue
             above = "" if folder == place else folder.name
             runs |= {"/".join(filter(None, (above, name))): run for name, run in own.items()}
         if folders and not runs:
-            raise NoUsableLogError(self.remarks[-1])
+            raise NoUsableLogError(str(self.remarks[-1]))
         if runs:
             self.groups[place] = {name: Path(run.shown_as) for name, run in runs.items() if name}
             self._runs |= {self.groups[place].get(name, place): run for name, run in runs.items()}
@@ -281,8 +281,8 @@ class _Places:
             )
         return self.run(place)
 
-    def pairs(self, paths: Sequence[Path]) -> tuple[list[tuple[Path, Path]], tuple[str, ...]]:
-        """Return what is compared with what, and what has no partner, a sentence each.
+    def pairs(self, paths: Sequence[Path]) -> tuple[list[tuple[Path, Path]], tuple[Problem, ...]]:
+        """Return what is compared with what, and what has no partner.
 
         A folder that holds results folders stands for them: one alone for all its dampers, the
         first of which is the reference; two or more for the same dampers before and after, paired
@@ -316,12 +316,16 @@ class _Places:
             common = [name for name in groups[0] if name in group]
             pairs += [(groups[0][name], group[name]) for name in common]
             for where, names in ((paths[0], groups[0]), (path, group)):
-                alone += [f"{name}: only in {where}" for name in names if name not in common]
+                alone += [
+                    warning("no-partner", "only in {place}", name, place=where)
+                    for name in names
+                    if name not in common
+                ]
         if not pairs:
             named = zip(paths, groups, strict=True)
             held = "; ".join(f"{path} holds {', '.join(group)}" for path, group in named)
             raise ConfigurationError(f"no damper is in both: {held}", code="no-pair")
-        return pairs, tuple(dict.fromkeys(alone))
+        return pairs, distinct(alone)
 
     def inside(self, path: Path) -> Mapping[str, Path]:
         """Return the results folders inside a folder that is none; of raw logs, the dampers."""
@@ -408,7 +412,9 @@ def _comparable(run: Run, *, is_measured: bool) -> Run:
     if not is_measured:
         return refuse_unfitted(run)
     if not run.tests:
-        why = f" ({'; '.join(run.remarks)})" if run.remarks else "; no motion in it repeats"
+        why = (
+            f" ({'; '.join(map(str, run.remarks))})" if run.remarks else "; no motion in it repeats"
+        )
         raise ConfigurationError(
             f"{run.shown_as}: no measured cycles to compare{why}", code="not-measured"
         )
@@ -560,7 +566,7 @@ def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -
 
 def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
     timeless = [failure for failure in batch.failures if failure.kind == TimelessError.__name__]
-    lost = [failure.message for failure in batch.failures if failure not in timeless]
+    lost = [failure.problem for failure in batch.failures if failure not in timeless]
     about = (*batch.notes, *batch.skipped_files, *batch.remarks, *log_warnings(batch.traces))
     notes = list(map(str, about))
     tests: list[MeasuredTest] = []
@@ -568,29 +574,32 @@ def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
         own = _of_trace(trace)
         tests += own
         if not own:
-            lost.append(f"{trace.name}: no measured cycles to compare; no motion in it repeats")
+            text = "no measured cycles to compare; no motion in it repeats"
+            lost.append(warning("not-measured", text, trace.name))
     for failure in timeless:
         try:
             curves = read_curves(Path(failure.path), configuration.reading)
         except ConfigurationError:
             raise
         except DamperfitError as error:
-            lost.append(str(error))
+            lost.append(error.problem)
             continue
         tests += [_of_curve(curve, None if place.is_file() else failure) for curve in curves]
         notes += [f"{failure.log}: {note}" for note in curves[0].notes]
     # Among logs that say their setting, one that does not is ambiguous.
     if named := [test for test in tests if test.setting != _NAMELESS]:
+        text = (
+            "does not say its adjuster setting, and others do; give it a line '# setting: 10', a "
+            "column 'setting', a name such as setting_10.csv or a row in tests.csv"
+        )
         lost += [
-            f"{log}: does not say its adjuster setting, and others do; give it a line "
-            "'# setting: 10', a column 'setting', a name such as setting_10.csv or a row in "
-            "tests.csv"
+            warning("no-setting", text, log)
             for log in dict.fromkeys(test.log for test in tests if test.setting == _NAMELESS)
         ]
         tests = named
     if not tests:
         more = f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
-        first = lost[0] if lost else "no log that is not damperfit's own"
+        first = str(lost[0]) if lost else "no log that is not damperfit's own"
         where = "" if place.is_file() else f"{place}: none of its logs can be used: "
         raise NoUsableLogError(f"{where}{first}{more}")
     if not place.is_file() and not named:

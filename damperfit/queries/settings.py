@@ -29,7 +29,7 @@ from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.sharing import of_settings
 from damperfit.io import ReadOptions, read_curves
 from damperfit.io.force_curves import ForceCurve
-from damperfit.problem import Failure, Option, as_subject
+from damperfit.problem import Failure, Option, Problem, as_subject, note, warning
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.inspection import curve_forces_sheet
 from damperfit.reporting.records import to_record
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 def refuse_unfitted(run: Run) -> Run:
     """Return a run, which must have a setting with all parameters."""
     if not run.settings:
-        why = f" ({'; '.join(run.remarks)})" if run.remarks else ""
+        why = f" ({'; '.join(map(str, run.remarks))})" if run.remarks else ""
         raise ConfigurationError(
             f"no setting has all parameters{why}; run damperfit identify LOGS first",
             subject=run.place,
@@ -84,26 +84,28 @@ def speed_in(text: str | float) -> float:
 # What of the rig is in forces that are shown, and what is left out, in words
 
 
-def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[str]:
+def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[Problem]:
     """Yield what of the rig is left out of forces by setting."""
     holds_gas = damper.rest_force(0.0) is None
     if sentence := offset_sentence([stage.offset for stage in stages], holds_gas=holds_gas):
-        yield sentence
+        yield note("offset", sentence)
     if stages and (parts := _mounting(stages[0].parameters)):
-        yield f"the rig's {as_subject(parts)} in measured forces, not in the model's"
+        text = "the rig's {parts} in measured forces, not in the model's"
+        yield note("mounting", text, parts=as_subject(parts))
 
 
-def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
+def notes_on_simulation(damper: Model, values: Values) -> Iterator[Problem]:
     """Yield what of the rig is in a simulated force."""
     parts = _mounting(values)
     if damper.rest_force(0.0) is not None:  # else the offset holds the gas force
         tares = [values[quantity.name] for quantity in values.quantities if quantity.is_offset]
         parts += [f"force offset of {tare:.3g} N" for tare in tares if tare]
     if parts:
-        yield (
-            f"the rig's {as_subject(parts)} in these forces; what damperfit settings shows and "
-            "damperfit export writes is of the damper alone"
+        text = (
+            "the rig's {parts} in these forces; what damperfit settings shows and damperfit export "
+            "writes is of the damper alone"
         )
+        yield note("mounting", text, parts=as_subject(parts))
 
 
 def _mounting(values: Values) -> list[str]:
@@ -145,8 +147,8 @@ class SettingForces(_Forces):
     # The answers, where a force was asked for: one for each line on which one adjuster turns.
     wanted: tuple[Wanted, ...]
     # What was missing or damaged in the run, and settings that could not be simulated.
-    remarks: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()  # what a reader must know of the forces; nothing is missing
+    remarks: tuple[Problem, ...] = ()
+    notes: tuple[Problem, ...] = ()  # what a reader must know of the forces; nothing is missing
     traces: tuple[str, ...] = ()  # where internal errors happened
     units: ShownUnits = SI
 
@@ -288,9 +290,9 @@ def tabulate_forces(
     if isinstance(damper, WithTemperature):
         source += f" and {damper.oil_temperature:g} degC"
     lost = (
-        failures[stage.setting].message
+        failures[stage.setting].problem
         if stage.setting in failures
-        else f"setting {stage.setting} cannot be simulated {source}"
+        else warning("simulation", f"setting {stage.setting} cannot be simulated {source}")
         for stage in run.settings
         if stage.setting not in done
     )
@@ -301,11 +303,12 @@ def tabulate_forces(
                 amplitude=sine.amplitude, frequency=sine.frequency, speed=sine.peak_speed
             )
         )
-        notes += [f"never tested: {beyond}"] if beyond else []
-        notes.append(
+        notes += [note("never-tested", "never tested: {what}", what=beyond)] if beyond else []
+        text = (
             f"the sine of {1e3 * sine.amplitude:.4g} mm at {sine.frequency:.4g} Hz says which "
             "speeds are shown; the forces are those at constant speed, whatever the stroke"
         )
+        notes.append(note("sine", text))
     notes += [*notes_on_settings(damper, run.settings), *_force_notes(run, forces, shown)]
     wanted, steps, gas = question.force, clicks(shown), 0.0
     if without_gas and math.isnan(gas := shown[0].gas):
@@ -356,39 +359,43 @@ def _wanted(
     )
 
 
-def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> Iterator[str]:
-    """Say which forces are extrapolated, cavitate or are measured, and where peaks differ."""
+def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> Iterator[Problem]:
+    """Yield which forces are extrapolated, cavitate or are measured, and where peaks differ."""
     untested = {force.setting: force.speed for force in shown if not force.is_tested}
     if untested:
         stages = [stage for stage in run.settings if stage.setting in untested]
         top = min(stage.top_speed for stage in stages)
-        yield (
+        text = (
             f"{max(untested.values()):g} m/s was never tested at {of_settings(untested)} (tested: "
             f"up to {top:.3g} m/s): the force there is the model's, extrapolated; from the tested "
             "speed on it may rise by half of that or twice, which its interval holds"
         )
+        yield note("extrapolated", text)
         if loose := [f.setting for f in shown if not (f.is_tested or f.is_determined)]:
             reached = min(determined_speed(stage, run.damper) for stage in stages)
-            yield (
+            text = (
                 f"the logs do not determine the force there at {of_settings(dict.fromkeys(loose))}:"
                 f" within 5 % it is known up to {reached:.3g} m/s; the intervals are what is left "
                 "open"
             )
+            yield note("not-determined", text)
     if empty := [force for force in forces if force.is_cavitating]:
-        yield (
+        text = (
             f"a chamber cavitates from {min(force.speed for force in empty):g} m/s on at "
             f"{of_settings(dict.fromkeys(force.setting for force in empty))}: the forces there are "
             "the model's with an empty chamber"
         )
+        yield note("cavitation", text)
     if missed := [force for force in shown if force.is_measured and force.disagrees]:
         worst = max(missed, key=lambda force: abs(force.difference / force.measured_force))
-        yield (
+        text = (
             "the model misses measured forces at "
             f"{of_settings(dict.fromkeys(force.setting for force in missed))}, most by "
             f"{100.0 * abs(worst.difference / worst.measured_force):.2g} % at {worst.speed:g} m/s "
             f"in {STROKE_WORDS[worst.stroke]} (setting {worst.setting}): measured forces are given "
             "at those speeds"
         )
+        yield note("model-misses", text)
     peaks = [
         (abs(reading.peak - reading.force), reading, force)
         for force in shown
@@ -396,12 +403,13 @@ def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> I
     ]
     if peaks:
         _, reading, force = max(peaks, key=lambda peak: peak[0])
-        yield (
+        text = (
             f"the largest force of a segment is not that at its peak speed, most at setting "
             f"{force.setting} in {STROKE_WORDS[force.stroke]} at {force.speed:g} m/s: "
             f"{reading.peak:.4g} N for {reading.force:.4g} N; measured forces are those at the "
             "peak speed"
         )
+        yield note("peaks-differ", text)
 
 
 # Curves that were measured without time, asked for forces: by curve, and which gives a force

@@ -19,6 +19,7 @@ from damperfit.arrays import FloatArray
 from damperfit.configuration.options import Configuration
 from damperfit.damper.purdy.reference import FAMILIES
 from damperfit.damper.temperature_law import at_temperature
+from damperfit.problem import Problem, warning
 from damperfit.queries.settings import notes_on_simulation
 from damperfit.queries.simulations import (
     FEW_SAMPLES,
@@ -126,18 +127,22 @@ class Simulation(Answer):
         return "; ".join(parts)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """What to know before believing the figures, a sentence each."""
+    def warnings(self) -> tuple[Problem, ...]:
+        """What to know before believing the figures."""
         warned = list(self.choice.warnings(temperature=self.temperature, **self._tested))
         samples_a_cycle = 1.0 / (self.frequency * float(self.time[1] - self.time[0]))
         if samples_a_cycle < FEW_SAMPLES:
-            warned.append(
-                f"{samples_a_cycle:.3g} samples a cycle: peaks, hysteresis and forces at a "
-                f"speed are coarse; {FEW_SAMPLES} or more are wanted (--sample-rate)"
+            text = (
+                "peaks, hysteresis and forces at a speed are coarse; "
+                f"{FEW_SAMPLES} or more are wanted ({{--sample-rate}})"
             )
+            warned.append(warning("few-samples", text, f"{samples_a_cycle:.3g} samples a cycle"))
+        text = (
+            "chamber {chamber} is empty for {share} % of the cycle: these are the forces of a "
+            "damper that cavitates; a slower motion or more gas keeps it full"
+        )
         warned += [
-            f"chamber {chamber} is empty for {100.0 * share:.3g} % of the cycle: these are the "
-            "forces of a damper that cavitates; a slower motion or more gas keeps it full"
+            warning("cavitation", text, chamber=chamber, share=f"{100.0 * share:.3g}")
             for chamber, share in enumerate(self.characteristics.cavitation_shares, start=1)
             if share > 0.0
         ]

@@ -26,7 +26,7 @@ from damperfit.errors import (
 )
 from damperfit.identification.sharing import unlimited_in, values_from_others
 from damperfit.io import read_log
-from damperfit.problem import Option, listed_names
+from damperfit.problem import Option, Problem, listed_names, warning
 from damperfit.recording import Trace
 from damperfit.results import Run
 from damperfit.run.logs import Labels, conditioned_as_tested, facts_of
@@ -69,30 +69,33 @@ class ChosenParameters:
 
     def warnings(
         self, speed: float, temperature: float | None = None, **motion: float
-    ) -> tuple[str, ...]:
+    ) -> tuple[Problem, ...]:
         """What to know before believing a force on a motion, as of `Tested`, at so many degC."""
         run, names, outside = self.run, listed_names(self.unlimited), self.tested.outside
-        warned = [f"{run.shown_as}: {text}" for text in run.remarks] if run else []
-        if beyond := list(outside(speed=speed, **motion)):
-            warned.append(f"never tested: {', '.join(beyond)}; there the force is extrapolated")
+        warned = [problem.of(run.shown_as) for problem in run.remarks] if run else []
+        if beyond := ", ".join(outside(speed=speed, **motion)):
+            text = "never tested: {what}; there the force is extrapolated"
+            warned.append(warning("never-tested", text, what=beyond))
         if temperature is not None and self.tested.temperatures is not None:
             low, high = self.tested.temperatures
             if temperature < low - _WARMER or temperature > high + _WARMER:
-                warned.append(
-                    f"{temperature:.3g} degC: the tests were at {low:.3g} to {high:.3g} degC; "
-                    "beyond that the viscosity is extrapolated"
+                text = (
+                    f"the tests were at {low:.3g} to {high:.3g} degC; beyond that the viscosity is "
+                    "extrapolated"
                 )
+                warned.append(warning("never-tested", text, f"{temperature:.3g} degC"))
         if names and run and all(fit.setting != self.setting for fit in run.settings):
-            warned.append(
-                f"{names} at setting {self.setting}: the logs of the settings that it is put "
-                "together from set no upper limit, so these forces may be far off; fit a log of "
-                "this setting, or replace the value"
+            text = (
+                "the logs of the settings that it is put together from set no upper limit, so "
+                "these forces may be far off; fit a log of this setting, or replace the value"
             )
+            warned.append(warning("no-upper-limit", text, f"{names} at setting {self.setting}"))
         elif names and any(outside(speed=speed)):
-            warned.append(
-                f"{names}: the logs of setting {self.setting} set no upper limit, so the force "
-                "beyond their speeds may be far off"
+            text = (
+                f"the logs of setting {self.setting} set no upper limit, so the force beyond their "
+                "speeds may be far off"
             )
+            warned.append(warning("no-upper-limit", text, names))
         return tuple(warned)
 
 

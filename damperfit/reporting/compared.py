@@ -33,7 +33,7 @@ from damperfit.reporting.sheet import (
     printable,
     with_interval,
 )
-from damperfit.tables.files import finite
+from damperfit.tables.files import finite, json_values
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import SI, ShownUnits
 
@@ -218,13 +218,13 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
 
 def comparison_markdown(done: Comparison) -> str:
     """Return comparisons, and forces held against bands, as one document, everything escaped."""
-    sections = [Section("In one run only", "", done.alone)] if done.alone else []
+    sections = [Section("In one run only", "", [*map(str, done.alone)])] if done.alone else []
     if done.points:
         title, outcome = f"Tolerance {done.tolerance}", [tolerance_outcome(done.points)]
         sections.append(Section(title, "", outcome, [tolerance_sheet(done.points)]))
     for pair in done.comparisons:
         besides = (f"differs: {sentence}" for sentence in pair.differing)
-        sentences = [*besides, *pair.sentences, *pair.to_know, *pair.remarks]
+        sentences = [*besides, *pair.sentences, *pair.to_know, *map(str, pair.remarks)]
         sections.append(Section(f"{pair.second.name} beside {pair.first.name}", "", sentences))
         sheets = comparison_sheets(pair)
         sections += [Section(title, "below", (), [sheet]) for title, sheet in sheets]
@@ -338,8 +338,8 @@ def comparison_record(comparison: RunComparison) -> dict[str, Any]:
         "settings": [setting.cell for setting in comparison.settings],
         "sentences": list(comparison.sentences),
         "circumstances": [fact._asdict() for fact in comparison.circumstances],
-        "notes": list(comparison.notes),
-        "remarks": list(comparison.remarks),
+        "notes": json_values(comparison.notes),
+        "remarks": json_values(comparison.remarks),
         "lines": comparison_rows(comparison),
     }
 

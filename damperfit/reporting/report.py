@@ -97,7 +97,7 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
 
     missing = [f"no result for {of_runs(gaps)}"] if gaps else []
     yield Section("Not done", "alarm", [*failure_lines(records.failures_in(record)), *missing])
-    yield Section("These results are incomplete", "alarm", run.remarks)
+    yield Section("These results are incomplete", "alarm", [*map(str, run.remarks)])
     yield Section("Gates not met", "alarm", [*map(str, records.listed_in(record, "gates_missed"))])
     yield table("Force by setting", "top", *tables.force_sheets(forces), scaled=True)
     yield Section("Model structure that the logs support", "words", tables.law_sentences(law))

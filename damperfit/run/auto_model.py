@@ -221,7 +221,7 @@ class LawChoice(Answer):
     undecided: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
     open_layouts: tuple[str, ...] = ()
-    assumed: tuple[str, ...] = ()
+    assumed: tuple[Problem, ...] = ()
 
     @property
     def layouts_alike(self) -> tuple[str, ...]:

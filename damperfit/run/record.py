@@ -638,7 +638,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
 
 
 def ending_of(
-    n_fits: int, failures: Sequence[Failure], gates: Sequence[object], *, is_interrupted: bool
+    n_fits: int, failures: Sequence[Failure], gates: Sequence[Problem], *, is_interrupted: bool
 ) -> Ending:
     """Return how a run ended; a failure counts before a gate, an interruption before both.
 

@@ -32,7 +32,7 @@ from damperfit.arrays import FloatArray
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text, regular, sha256_of, why_unread
-from damperfit.problem import Option, listed_names
+from damperfit.problem import Option, Problem, listed_names, warning
 from damperfit.store import file_set, settle
 from damperfit.tables.columns import (
     PAPER_QUANTITIES,
@@ -240,7 +240,7 @@ _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
 
 def json_values(value: Any) -> Any:
-    """Return the value with every number that JSON does not know (NaN, infinity) as None."""
+    """Return the value with every number that JSON does not know as None, problems as sentences."""
     if type(value) in _PLAIN:  # with numbers, lists and dictionaries of them nearly all there is
         return value
     if isinstance(value, float):
@@ -249,6 +249,8 @@ def json_values(value: Any) -> Any:
         return {str(key): json_values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [json_values(item) for item in value]
+    if isinstance(value, Problem):
+        return value.sentence()
     return value.cell if isinstance(value, Setting) else value
 
 
@@ -365,8 +367,8 @@ def has_table(folder: Path, record: Mapping[str, Any], table: str) -> bool:
     return is_listed or any((folder / f"{table}{end}").is_file() for end in (".parquet", ".csv"))
 
 
-def read_record(path: Path, remarks: list[str]) -> dict[str, Any]:
-    """Return run.json; empty, with a remark, where it cannot be read."""
+def read_record(path: Path, problems: list[Problem]) -> dict[str, Any]:
+    """Return run.json; empty, with a problem, where it cannot be read."""
     why = "is not a JSON object"
     try:
         document = json.loads(read_text(path))
@@ -376,26 +378,28 @@ def read_record(path: Path, remarks: list[str]) -> dict[str, Any]:
         why = "is missing"
     except (OSError, ValueError, RecursionError) as error:
         why = f"cannot be read ({_reason(error)})"
-    remarks.append(f"run.json {why}: rig, inputs and warnings are not known")
+    text = "run.json {why}: rig, inputs and warnings are not known"
+    problems.append(warning("no-record", text, why=why))
     return {}
 
 
 def check_files(
-    folder: Path, record: dict[str, Any], remarks: list[str], parts: Sequence[str]
+    folder: Path, record: dict[str, Any], problems: list[Problem], parts: Sequence[str]
 ) -> None:
-    """Remark on files that are not those the run wrote."""
+    """Add the files that are not those the run wrote."""
     files = record.get("files")
     for name, expected in files.items() if isinstance(files, dict) else ():
         path = folder / str(name)
         is_asked = path.stem in parts and path.suffix == ".parquet" and path.parent == folder
         if is_asked and path.is_file() and sha256_of(path) != expected:
-            remarks.append(f"{name} is not the file that the run wrote (see run.json)")
+            text = "{file} is not the file that the run wrote (see run.json)"
+            problems.append(warning("other-file", text, file=name))
 
 
 def read_rows(
     folder: Path,
     table: str,
-    remarks: list[str],
+    problems: list[Problem],
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
     record: Mapping[str, Any] | None = None,
 ) -> Rows:
@@ -412,20 +416,24 @@ def read_rows(
                 raise KeyError("setting")  # noqa: TRY301 - as of a damaged file
             rows = typed_rows(table, cells, quantities, names)
         except FileNotFoundError:
-            remarks.append(f"{path.name} is missing")
+            problems.append(_lost(path, "is missing"))
         except KeyError as error:
-            remarks.append(f"{path.name} has no column {error.args[0]}")
+            problems.append(_lost(path, f"has no column {error.args[0]}"))
         except _BROKEN as error:
-            remarks.append(f"{path.name} cannot be read: {_reason(error)}")
+            problems.append(_lost(path, f"cannot be read: {_reason(error)}"))
         else:
             if rows and (lost := [name for name in written if name not in names]):
-                remarks.append(f"{path.name} has no column {listed_names(lost)}")
+                problems.append(_lost(path, f"has no column {listed_names(lost)}"))
             return rows
     return ()
 
 
+def _lost(path: Path, why: str) -> Problem:
+    return warning("lost-data", "{file} {why}", file=path.name, why=why)
+
+
 def read_signals(
-    folder: Path, remarks: list[str], quantities: Sequence[Quantity] = PAPER_QUANTITIES
+    folder: Path, problems: list[Problem], quantities: Sequence[Quantity] = PAPER_QUANTITIES
 ) -> Iterator[LogSignals]:
     """Yield the signals of each log; a damaged row group costs that log alone."""
     path = folder / "responses.parquet"
@@ -434,20 +442,22 @@ def read_signals(
             columns = file.schema_arrow.names
             wanted = ("setting", "log", *_SIGNALS)
             if missing := [name for name in wanted if name not in columns]:
-                remarks.append(f"{path.name} has no column {', '.join(missing)}: no loops")
+                problems.append(_lost(path, f"has no column {', '.join(missing)}: no loops"))
                 return
             adjusters = adjusters_in(columns, quantities)
             for group in range(file.num_row_groups):
                 try:
                     table = file.read_row_group(group, columns=[*wanted, *adjusters])
                 except _BROKEN as error:
-                    remarks.append(f"{path.name}: log {group + 1} is damaged: {_reason(error)}")
+                    text = "{file}: log {number} is damaged: {why}"
+                    about = {"file": path.name, "number": group + 1, "why": _reason(error)}
+                    problems.append(warning("damaged-log", text, **about))
                     continue
                 yield from _each_log(table, adjusters)
     except FileNotFoundError:
-        remarks.append(f"{path.name} is missing: no loops")
+        problems.append(_lost(path, "is missing: no loops"))
     except _BROKEN as error:
-        remarks.append(f"{path.name} cannot be read: {_reason(error)}")
+        problems.append(_lost(path, f"cannot be read: {_reason(error)}"))
 
 
 def _each_log(table: pa.Table, adjusters: Sequence[str]) -> Iterator[LogSignals]:

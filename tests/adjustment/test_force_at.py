@@ -59,7 +59,8 @@ SINE = Sine(0.032, 1.5)
 
 
 def notes_of(stages, model, speed=0.1, sine=SINE):
-    return tabulate_forces(run_of(tuple(stages), model, sine), Question(speed)).notes
+    shown = tabulate_forces(run_of(tuple(stages), model, sine), Question(speed))
+    return tuple(map(str, shown.notes))
 
 
 @pytest.mark.parametrize("setting", [2, 18])

@@ -134,7 +134,7 @@ def test_a_scatter_of_tests_keeps_a_difference_from_being_called_one() -> None:
     loud = run(*(measured(factor=f, noise=2.0, seed=k) for k, f in enumerate(factors)))
     found = compare_runs(loud, other, MEASURED)
     assert found.of("force")[-1].verdict != DIFFERENT
-    assert any("tests of one setting differ by" in note for note in found.notes)
+    assert any("tests of one setting differ by" in str(note) for note in found.notes)
     assert line.is_measured
 
 

@@ -173,8 +173,8 @@ def test_an_edited_record_costs_what_it_told_alone(result, tmp_path, edit, remar
     edit(record)
     (where / "run.json").write_text(json.dumps(record), encoding="utf-8")
     answer = damperfit.settings(where)
-    assert [remark in told for told in answer.remarks] == [True] * bool(remark)
-    assert not any("no errors are known" in note for note in answer.notes)
+    assert [remark in str(told) for told in answer.remarks] == [True] * bool(remark)
+    assert not any("no errors are known" in str(note) for note in answer.notes)
     assert damperfit.compare(where, where).is_met
 
 

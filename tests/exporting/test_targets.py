@@ -135,7 +135,7 @@ def test_a_folder_tells_its_range_and_without_run_json_what_is_assumed(folder) -
     source = exported_run(folder)
     assert (len(source.settings), source.run.tested.speed) == (3, None)
     for words in ("the paper's is assumed", "nominal one is used"):
-        assert any(words in remark for remark in source.run.remarks)
+        assert any(words in str(remark) for remark in source.run.remarks)
     assert force_tables(source)[0].end == pytest.approx(0.301)
 
 
@@ -144,7 +144,7 @@ def test_a_value_that_no_log_limits_is_noted(handed, folder) -> None:
     fits = [fit(n, status={"r_m2": "not_identifiable"} if n == 20 else {}) for n in (1, 20)]
     write_table(folder / "parameters.parquet", make_tables(campaign(*fits))["parameters"])
     (note,) = exported_run(folder).notes
-    assert note.startswith("r_m2 at setting 20: the logs set no upper limit")
+    assert str(note).startswith("r_m2 at setting 20: the logs set no upper limit")
 
 
 # Modelica: what it says, its table for other models, and a compiler.

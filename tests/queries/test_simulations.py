@@ -50,7 +50,7 @@ def test_a_setting_that_was_not_tested_is_put_together(suffix: str, tmp_path: Pa
     with pytest.raises(ConfigurationError, match="no parameters of setting LS20 HS3; there are"):
         chosen("LS20 HS3")
     # A value that no log limits is named where it acts.
-    (said,) = found.warnings(0.1)
+    (said,) = map(str, found.warnings(0.1))
     assert said == (
         "r_m2 at setting LS14 HS3: the logs of the settings that it is put together from set no "
         "upper limit, so these forces may be far off; fit a log of this setting, or replace the "
@@ -59,7 +59,7 @@ def test_a_setting_that_was_not_tested_is_put_together(suffix: str, tmp_path: Pa
     own = chosen("LS6 HS3")
     faster = chosen("LS6 HS3")
     faster.run.tested = Tested(1, 0.03, 0.1, (0.5, 0.5))
-    assert "r_m2: the logs of setting LS6 HS3 set no upper limit" in faster.warnings(0.2)[1]
+    assert "r_m2: the logs of setting LS6 HS3 set no upper limit" in str(faster.warnings(0.2)[1])
     for quiet in (
         *(chosen("LS14 HS3", r_m2="3e6").warnings(0.1), chosen("LS6 HS1").warnings(0.1)),
         *(own.warnings(9.0), faster.warnings(0.1)),  # nobody knows what was tested
@@ -102,7 +102,7 @@ def test_what_lies_beyond_the_tests_is_extrapolated(asked, says) -> None:
     one = ChosenParameters(fakes.fit(1).parameters, None, "", run)
     speed, warmth, *motion = (*asked, None)[: max(len(asked), 2)]
     how = dict(zip(("amplitude", "frequency"), motion, strict=False))
-    assert [says in line for line in one.warnings(speed, warmth, **how)] == [True] * bool(says)
+    assert [says in str(line) for line in one.warnings(speed, warmth, **how)] == [True] * bool(says)
     assert replace(one, run=None).warnings(speed, warmth) == ()
 
 
