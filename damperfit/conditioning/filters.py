@@ -149,7 +149,7 @@ def _run(design: FilterDesign, signal: FloatArray, *, pad: int | None = None) ->
     result = np.empty_like(rows)
     steady = _constants(design.sections.tobytes())[0]
     compiled_core().run_filter(
-        np.ascontiguousarray(design.sections), steady, rows, result, np.empty(2 * (n + 2 * more)),
+        np.ascontiguousarray(design.sections), steady, rows, result, np.empty(n + 2 * more),
         rows.size // n, more, _FORWARD if pad is None else _BOTH,
     )  # fmt: skip
     return result

@@ -36,7 +36,7 @@ static void between(size_t n)
     free(y);
 }
 
-/* Every number of rows beside those that go together, in place too. */
+/* In place too. */
 static void lags(size_t rows, size_t n)
 {
     const df_lag lag = {0.5, 0.3, 0.2};
@@ -49,26 +49,6 @@ static void lags(size_t rows, size_t n)
     df_behind_lag(&lag, rows, n, out, out);
     free(in);
     free(out);
-}
-
-static void two_filtered(size_t n, size_t pad)
-{
-    static const double rows[] = {0.1, 0.2, 0.1, 1.0, -1.2, 0.5, 1.0, 1.0, 0.0, 1.0, -0.3, 0.0};
-    static const double steady[] = {1.2, -0.4, 2.0, 0.0};
-    const df_sections f = {2, rows, steady};
-    double *in = malloc(2 * n * sizeof *in), *out = malloc(2 * n * sizeof *out), *one = malloc(n * sizeof *one);
-    double *scratch = malloc(2 * (n + 2 * pad) * sizeof *scratch);
-    for (size_t k = 0; k < 2 * n; k++)
-        in[k] = sin(1.3 * (double)k);
-    df_filter_two_both(&f, n, pad, in, out, scratch);
-    df_filter_both(&f, n, pad, in + n, one, scratch);
-    for (size_t k = 0; k < n; k++)
-        if (one[k] != out[n + k])
-            abort();
-    free(in);
-    free(out);
-    free(one);
-    free(scratch);
 }
 
 /* With what is no number among the samples, too. */
@@ -95,10 +75,8 @@ int main(void)
         for (size_t n = 0; n < 5; n++)
             lags(rows, n);
     for (size_t n = 2; n < MOST; n++)
-        for (size_t pad = 0; pad < n; pad++) {
+        for (size_t pad = 0; pad < n; pad++)
             filters(n, pad);
-            two_filtered(n, pad);
-        }
     for (size_t n = 8; n < MOST; n++)
         between(n);
     for (size_t n = 4; n < MOST; n++) {

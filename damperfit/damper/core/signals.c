@@ -4,8 +4,7 @@
 
 #include <math.h>
 
-/* USUAL: sections of a filter of fourth order. */
-enum { LAGGED = 4, USUAL = 2 };
+enum { USUAL = 2 }; /* sections of a filter of fourth order */
 
 /* A section with its state, which no signal can lie over in memory. With y = b0 x + z0, z0 = b1 x' - a1 y' + z1 of the sample before, only a product and a
    difference wait for the sample before: p = b1 x' + z1 needs no y'. */
@@ -74,74 +73,17 @@ void df_filter_both(const df_sections *f, size_t n, size_t pad, const double *in
         out[k] = scratch[pad + k];
 }
 
-/* As df_filter_once, two signals side by side: one waits for its own last sample, two do not. */
-static inline void filter_pair(const df_sections *f, int sections, size_t n, double *both, int backward)
-{
-    section own[2][DF_MOST_SECTIONS];
-    for (int one = 0; one < 2; one++)
-        settle(f, sections, both[(backward ? 2 * (n - 1) : 0) + one], own[one]);
-    for (size_t step = 0; step < n; step++) {
-        double *at = both + 2 * (backward ? n - 1 - step : step);
-        double x[2] = {at[0], at[1]};
-        for (int k = 0; k < sections; k++)
-            for (int one = 0; one < 2; one++)
-                x[one] = through(&own[one][k], x[one]);
-        at[0] = x[0];
-        at[1] = x[1];
-    }
-}
-
-static void filter_two(const df_sections *f, size_t n, double *both, int backward)
-{
-    if (f->n == USUAL)
-        filter_pair(f, USUAL, n, both, backward);
-    else
-        filter_pair(f, f->n, n, both, backward);
-}
-
-void df_filter_two_both(const df_sections *f, size_t n, size_t pad, const double *in, double *out,
-                        double *scratch)
-{
-    for (size_t one = 0; one < 2; one++) {
-        const double *y = in + one * n;
-        for (size_t k = 0; k < pad; k++) {
-            scratch[2 * k + one] = 2.0 * y[0] - y[pad - k];
-            scratch[2 * (pad + n + k) + one] = 2.0 * y[n - 1] - y[n - 2 - k];
-        }
-        for (size_t k = 0; k < n; k++)
-            scratch[2 * (pad + k) + one] = y[k];
-    }
-    filter_two(f, n + 2 * pad, scratch, 0);
-    filter_two(f, n + 2 * pad, scratch, 1);
-    for (size_t k = 0; k < n; k++) {
-        out[k] = scratch[2 * (pad + k)];
-        out[n + k] = scratch[2 * (pad + k) + 1];
-    }
-}
-
-/* Few rows side by side: each waits for its own last sample alone. */
-static void lag_rows(const df_lag *lag, size_t rows, size_t n, const double *in, double *out)
-{
-    double f[LAGGED], g[LAGGED];
-    for (size_t j = 0; j < rows; j++)
-        out[j * n] = f[j] = g[j] = in[j * n];
-    for (size_t k = 1; k < n; k++) {
-        for (size_t j = 0; j < rows; j++) {
-            const double now = in[j * n + k];
-            g[j] = lag->a * g[j] + (lag->b * now + lag->c * f[j]);
-            f[j] = now;
-            out[j * n + k] = g[j];
-        }
-    }
-}
-
 void df_behind_lag(const df_lag *lag, size_t rows, size_t n, const double *in, double *out)
 {
-    size_t j = 0;
-    for (; n && j + LAGGED <= rows; j += LAGGED)
-        lag_rows(lag, LAGGED, n, in + j * n, out + j * n);
-    for (; n && j < rows; j++)
-        lag_rows(lag, 1, n, in + j * n, out + j * n);
+    for (size_t row = 0; n && row < rows; row++, in += n, out += n) {
+        double before = in[0];
+        out[0] = before;
+        for (size_t k = 1; k < n; k++) {
+            const double now = in[k];
+            out[k] = lag->a * out[k - 1] + (lag->b * now + lag->c * before);
+            before = now;
+        }
+    }
 }
 
 void df_lag_slope(const df_lag *lag, double by_a, double by_mean, size_t n, const double *in, const double *behind,

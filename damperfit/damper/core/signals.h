@@ -27,11 +27,6 @@ void df_filter_once(const df_sections *f, size_t n, const double *in, double *ou
 void df_filter_both(const df_sections *f, size_t n, size_t pad, const double *in, double *out,
                     double *scratch);
 
-/* The same for two signals, one behind the other in memory, in little more time than one takes.
-   scratch: 2 (n + 2 pad). */
-void df_filter_two_both(const df_sections *f, size_t n, size_t pad, const double *in, double *out,
-                        double *scratch);
-
 /* A first-order lag of each of some signals, one behind the other in memory, at rest before its first
    sample: g(k) = a g(k-1) + b f(k) + c f(k-1). In place is allowed. */
 typedef struct {

@@ -36,12 +36,8 @@ PyObject *df_py_filter(PyObject *self, PyObject *args)
     const double *in = v[IN].buf;
     double *out = v[OUT].buf;
     Py_BEGIN_ALLOW_THREADS
-    const int has_room = df_count(&v[SCRATCH]) >= 2 * (n + 2 * pad);
     for (Py_ssize_t k = 0; k < rows; k++) {
-        if (way == 0 && has_room && k + 1 < rows) {
-            df_filter_two_both(&f, (size_t)n, (size_t)pad, in + k * n, out + k * n, v[SCRATCH].buf);
-            k++;
-        } else if (way == 0)
+        if (way == 0)
             df_filter_both(&f, (size_t)n, (size_t)pad, in + k * n, out + k * n, v[SCRATCH].buf);
         else
             df_filter_once(&f, (size_t)n, in + k * n, out + k * n, way < 0);
