@@ -201,8 +201,8 @@ class Block:
 
     def descend(self, start: Values, stopping: Stopping) -> Minimum[Values]:
         """Minimise as `minimise`; of the point found only the values are kept."""
-        ended = self.minimise(start, stopping)
-        return replace(ended, extra=ended.extra.values[_ALONE])  # type: ignore[arg-type,return-value]
+        minimum = self.minimise(start, stopping)
+        return replace(minimum, extra=minimum.extra.values[_ALONE])  # type: ignore[arg-type,return-value]
 
     def rows(self, values: Values, names: Sequence[str]) -> FloatArray:
         """Residuals and their derivatives by some names, weighted, N: (1 + k, n)."""

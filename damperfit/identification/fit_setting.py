@@ -77,7 +77,7 @@ _SMALL = 0.02
 _AN_ERROR = 1.0
 # A number with a standard error above this share of itself is not found by the fit. One that all
 # settings are to share must be three errors away from nothing: it bends every one of them.
-NOT_FOUND = 0.5
+NOT_DETERMINED = 0.5
 NOT_FIT_TO_SHARE = 1.0 / 3.0
 # Friction below this share of the force's deviation that the logs do not fix has run to zero.
 _NO_FRICTION = 1e-2
@@ -160,7 +160,7 @@ class Fit:
 
 def minimised(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
     """The minimum that a start leads to, with the evaluations made before it."""
-    result = _ended(block, start)
+    result = _fit(block, start)
     at, n = result.minimum, result.n_independent
     cost, jacobian, lengths = at.cost, at.jacobian, np.maximum(at.system.lengths, 1e-300)
     errors = np.sqrt(np.diag(inverse_information(jacobian)) * (cost / n))
@@ -184,7 +184,7 @@ def minimised(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
     return replace(result, status=status, outcome=outcome, errors=by_name).after(nfev)
 
 
-def _ended(block: Block, start: Values) -> FitResult:
+def _fit(block: Block, start: Values) -> FitResult:
     if block.cycles is None or block.max_evaluations == 1:
         return _on_logs(block.whole, start)
     cycles = replace(block, max_evaluations=block.max_evaluations - 1)  # the logs have one more
@@ -196,9 +196,9 @@ def _ended(block: Block, start: Values) -> FitResult:
     logs = replace(block, cycles=None, max_evaluations=left)
     if block.cancelled():
         raise FitCancelledError("stopped while a fit was running.", code="cancelled")
-    ended = None if near.minimum.status == _LIMIT else _last_step(logs, near.values)
-    ended = ended or _on_logs(logs, near.values)
-    return ended.after(near.evaluations, near.minimum.failed_trials)
+    result = None if near.minimum.status == _LIMIT else _last_step(logs, near.values)
+    result = result or _on_logs(logs, near.values)
+    return result.after(near.evaluations, near.minimum.failed_trials)
 
 
 def _on_logs(block: Block, start: Values) -> FitResult:
@@ -247,9 +247,9 @@ def descended(block: Block, start: Values, stopping: Stopping) -> FitResult:
         max_evaluations=block.max_evaluations,
         least_share=max(stopping.least_share, block.model.kinks),
     )
-    ended = block.minimise(kept_within(start, block.free), stopping)
-    (values,) = ended.extra.values.values()
-    return FitResult(block.free, values, ended)
+    minimum = block.minimise(kept_within(start, block.free), stopping)
+    (values,) = minimum.extra.values.values()
+    return FitResult(block.free, values, minimum)
 
 
 def is_loose(quantity: Quantity, value: float, error: float, share: float) -> bool:
@@ -268,13 +268,13 @@ def _statuses(block: Block, result: FitResult, errors: Mapping[str, float]) -> d
         status[name] = Status.FITTED
         quantity = block.model.quantity(name)
         low, high = quantity.plausible
-        if quantity.unit == "N" and quantity.is_logarithmic and error > NOT_FOUND:
+        if quantity.unit == "N" and quantity.is_logarithmic and error > NOT_DETERMINED:
             low = max(low, _NO_FRICTION * block.deviation)
         if quantity.is_open and value >= high:
             status[name] = Status.NOT_IDENTIFIABLE  # rigid oil is no fault: there is no upper limit
         elif not low < value < high:
             status[name] = Status.AT_BOUND
-        elif is_loose(quantity, value, error, NOT_FOUND):
+        elif is_loose(quantity, value, error, NOT_DETERMINED):
             status[name] = Status.NOT_IDENTIFIABLE
     for first, *others in block.model.determined_together:
         if status.get(first) is Status.NOT_IDENTIFIABLE:
@@ -338,7 +338,7 @@ COMPARING = Stopping(
 _TRIED = 3
 _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
 # Of the force's deviation: starts with offsets or frictions that are so far apart are two places.
-_APART = 0.1
+_UNLIKE = 0.1
 # Times the scatter between cycles: a minimum that is there needs no other start.
 _AS_EXPECTED = 2.0
 _OF_VALVES = ("bleed", "opening", "slope")
@@ -475,8 +475,8 @@ def from_neighbours(
         nearest = sorted(sound, key=lambda other: (steps(setting, other), other))
         is_lost = fits[setting].outcome is Outcome.AT_BOUND
         for other in nearest[:_NEIGHBOURS] if is_lost else ():
-            known = {n: getattr(fits[other].parameters, n) for n in blocks[other].free}
-            result = attempted(setting, partial(minimised, blocks[setting], best.replace(known)))
+            near = {n: getattr(fits[other].parameters, n) for n in blocks[other].free}
+            result = attempted(setting, partial(minimised, blocks[setting], best.replace(near)))
             if isinstance(result, Failure):
                 continue
             nfev[setting] += result.evaluations
@@ -559,8 +559,8 @@ def fit_from(
         return first, None
     others = spread_starts(block, first.values, setting, starts - 1)
     tried = [unless_failed(partial(fit_setting, block, other)) for other in others]
-    ends = [first, *(end for end in tried if end is not None)]
-    groups = _grouped(ends, block)
+    results = [first, *(result for result in tried if result is not None)]
+    groups = _grouped(results, block)
     best = groups[0][0]
     is_improved = first not in groups[0] and not _is_level(best, first)
     sound = [group[0] for group in groups if group[0].is_sound]
@@ -569,10 +569,10 @@ def fit_from(
         for group in groups
     )
     is_ambiguous = len(sound) > 1 and sound[0] is best and _is_level(sound[0], sound[1])
-    n_failed = starts - len(ends)
+    n_failed = starts - len(results)
     search = Search(setting, block.free, minima, starts, n_failed, is_improved, is_ambiguous)
     kept = best if is_improved else first
-    return kept.after(sum(end.evaluations for end in ends if end is not kept)), search
+    return kept.after(sum(result.evaluations for result in results if result is not kept)), search
 
 
 def unless_failed(fit: Callable[[], FitResult]) -> FitResult | None:
@@ -606,25 +606,25 @@ def spread_starts(
     )
 
 
-def _grouped(ends: Sequence[FitResult], block: Block) -> list[list[FitResult]]:
+def _grouped(results: Sequence[FitResult], block: Block) -> list[list[FitResult]]:
     """Ends of one minimum together, best first; sound minima before the others."""
     groups: list[list[FitResult]] = []
-    for end in sorted(ends, key=lambda end: end.mse_percent):
-        for group in (group for group in groups if _is_same(group[0], end, block)):
-            group.append(end)
+    for result in sorted(results, key=lambda result: result.mse_percent):
+        for group in (group for group in groups if _is_same(group[0], result, block)):
+            group.append(result)
             break
         else:
-            groups.append([end])
+            groups.append([result])
     return sorted(groups, key=lambda group: (not group[0].is_sound, group[0].mse_percent))
 
 
-def _is_same(end: FitResult, other: FitResult, block: Block) -> bool:
+def _is_same(result: FitResult, other: FitResult, block: Block) -> bool:
     """Whether all parameters that the logs determine agree."""
-    for name, error in end.errors.items():
-        if end.status[name] != Status.FITTED and other.status[name] == end.status[name]:
+    for name, error in result.errors.items():
+        if result.status[name] != Status.FITTED and other.status[name] == result.status[name]:
             continue  # a flat direction is one minimum however far along it a fit stopped
-        a, b = getattr(end.values, name), getattr(other.values, name)
-        quantity = end.values.quantity(name)
+        a, b = getattr(result.values, name), getattr(other.values, name)
+        quantity = result.values.quantity(name)
         if quantity.is_logarithmic:
             limit = max(_SAME, _SAME_ERRORS * error) * max(a, b)
         else:
@@ -664,22 +664,22 @@ def best_of_starts(block: Block, starts: Sequence[Values], *, known: int = 0) ->
             f"{block.model.name} cannot be simulated from any of its starts.", code="no-start"
         )
     nfev = sum(look.evaluations for look in looks)
-    ended = block.descend(min(looks, key=lambda look: look.cost).extra, COMPARING)
-    nfev += ended.evaluations
+    minimum = block.descend(min(looks, key=lambda look: look.cost).extra, COMPARING)
+    nfev += minimum.evaluations
     # The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
-    if ended.cost > expected and _lost_a_valve(block, ended):
+    if minimum.cost > expected and _lost_a_valve(block, minimum):
         for start in ranked[many : many + 1]:
             with suppress(SimulationError):
                 other = block.descend(start, COMPARING)
                 nfev += other.evaluations
-                ended = min(ended, other, key=lambda end: end.cost)
-    return replace(ended, evaluations=nfev)
+                minimum = min(minimum, other, key=lambda end: end.cost)
+    return replace(minimum, evaluations=nfev)
 
 
-def _lost_a_valve(block: Block, ended: Minimum[Values]) -> bool:
+def _lost_a_valve(block: Block, minimum: Minimum[Values]) -> bool:
     """Whether a bleed or a blow-off ran out of its range."""
     return any(
-        block.model.quantity(name).part in _OF_VALVES and is_at_edge(ended.extra, name)
+        block.model.quantity(name).part in _OF_VALVES and is_at_edge(minimum.extra, name)
         for name in block.free
     )
 
@@ -689,7 +689,7 @@ def _in_turn(block: Block, ranked: list[Values]) -> list[Values]:
     # An offset or a friction that hides a preload fits best at the start and leads nowhere else.
     own = [block.model.quantity(name) for name in block.free]
     forces = [quantity.name for quantity in own if quantity.is_offset or quantity.is_friction]
-    least = _APART * block.deviation
+    least = _UNLIKE * block.deviation
     first: list[Values] = []
     for start in ranked:
         here = values_of(forces, start)

@@ -123,16 +123,16 @@ def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> Minimu
     return problem.minimise(starts, stopping)
 
 
-def _fairly_weighed(problem: FitProblem, ended: Minimum[Point]) -> Minimum[Point]:
+def _fairly_weighed(problem: FitProblem, minimum: Minimum[Point]) -> Minimum[Point]:
     """The joint fit with the weights that its own end gives the settings."""
     # Where shared values meet a setting badly at the start, what they miss is not its noise: a
     # tenth of its weight moves the minimum as a wrong law would.
     for _ in range(_MAX_ROUNDS):
-        if ended.extra.is_fairly_weighed:
+        if minimum.extra.is_fairly_weighed:
             break
-        again = fit_jointly(problem, ended.extra.values)
-        ended = replace(again, evaluations=ended.evaluations + again.evaluations)
-    return ended
+        again = fit_jointly(problem, minimum.extra.values)
+        minimum = replace(again, evaluations=minimum.evaluations + again.evaluations)
+    return minimum
 
 
 # What is shared.
@@ -212,9 +212,9 @@ def detected_sharing(
             return sharing, single, nfev
         weights, tied = search.weights, (sharing.jointly, sharing.follows)
         problem = FitProblem(blocks, *tied, weights=weights, jobs=jobs)
-        ended = fit_jointly(problem, search.starts(follows))
-        nfev += ended.evaluations + 1
-        at, left = ended.extra.values, ended.extra.mean_squares
+        minimum = fit_jointly(problem, search.starts(follows))
+        nfev += minimum.evaluations + 1
+        at, left = minimum.extra.values, minimum.extra.mean_squares
         if any(left[s] < _CLEARLY_BETTER * before for s, before in search.mean_squares.items()):
             results, tried = [], []
             search = _Search(blocks, at, None)
@@ -407,16 +407,16 @@ def _fit_sound(
     alone = _fairly_weighed(problem, fit_jointly(problem, starts))
     if not is_gas:
         return _result(problem, alone, sharing, free, nfev)
-    ended, more = _with_gas(given, problem, alone.extra.values)
-    nfev += alone.evaluations + more - ended.evaluations
-    result = _result(problem, ended, sharing, free, nfev)
+    minimum, more = _with_gas(given, problem, alone.extra.values)
+    nfev += alone.evaluations + more - minimum.evaluations
+    result = _result(problem, minimum, sharing, free, nfev)
     rises = {
-        setting: n * (ended.extra.mean_squares[setting] / alone.extra.mean_squares[setting] - 1.0)
+        setting: n * (minimum.extra.mean_squares[setting] / alone.extra.mean_squares[setting] - 1.0)
         for setting, n in alone.extra.n_independent.items()
     }
     return result._replace(
         status={Unknown(GAS_FOLLOWER): Status.SHARED, **result.status},
-        sharing=replace(result.sharing, gas=ended.extra.gas, gas_rises=rises),
+        sharing=replace(result.sharing, gas=minimum.extra.gas, gas_rises=rises),
         warnings=(*(w for w in result.warnings if w is _NO_MINIMUM), *_judged_law(rises)),
     )
 
@@ -430,23 +430,23 @@ def fit_from_one_model(
     if any(percent < blocks[s].solvers_percent for s, percent in left.items()):
         blocks = {s: block.refined(left[s]) for s, block in blocks.items()}
     tied = FitProblem(blocks, sharing.jointly, sharing.follows, jobs=given.jobs)
-    ended = _fairly_weighed(tied, fit_jointly(tied, starts))
-    return _result(tied, ended, sharing, sharing.free, 0)
+    minimum = _fairly_weighed(tied, fit_jointly(tied, starts))
+    return _result(tied, minimum, sharing, sharing.free, 0)
 
 
 def _result(
     tied: FitProblem,
-    ended: Minimum[Point],
+    minimum: Minimum[Point],
     sharing: Sharing,
     free: tuple[str, ...],
     nfev: int,
 ) -> JointResult:
     """What a joint fit has reached, and what it has not."""
-    system, at, status = ended.system, ended.extra, {}
+    system, at, status = minimum.system, minimum.extra, {}
     # Rough relative standard errors of what is shared.
     inflation = np.mean([tied.blocks[s].facts.n_samples / n for s, n in at.n_independent.items()])
     border = replace(tied, gas=at.gas).border
-    variances = np.diag(inverse_information(ended.jacobian))[-len(border) :] * inflation
+    variances = np.diag(inverse_information(minimum.jacobian))[-len(border) :] * inflation
     errors = dict(zip(border, np.sqrt(variances).tolist(), strict=True))
     for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(at.values)):
         having = [values for s, values in at.values.items() if unknown.holds_at(s)]
@@ -456,12 +456,12 @@ def _result(
         status[unknown] = fitted if low < value < high else Status.AT_BOUND
         if is_loose(quantity, value, errors[unknown], NOT_FIT_TO_SHARE):
             status[unknown] = Status.NOT_IDENTIFIABLE
-    steps = system.without(ended.is_held).scaled(np.maximum(system.lengths, NO_LENGTH))
-    is_converged = ended.status in _AT_MINIMUM or steps.step(0.0).effect < _NOTHING
+    steps = system.without(minimum.is_held).scaled(np.maximum(system.lengths, NO_LENGTH))
+    is_converged = minimum.status in _AT_MINIMUM or steps.step(0.0).effect < _NOTHING
     checks = ((_NO_MINIMUM, is_converged), (_WEIGHTS_MOVE, at.is_fairly_weighed))
     warnings = tuple(problem for problem, is_well in checks if not is_well)
     sharing = replace(sharing, free=free, settings=tuple(sorted(at.values)))
-    return JointResult(at, status, sharing, nfev + ended.evaluations, warnings)
+    return JointResult(at, status, sharing, nfev + minimum.evaluations, warnings)
 
 
 def _common_starts(
@@ -499,16 +499,16 @@ def _with_gas(
 
     moduli = {setting: getattr(start, GAS_FOLLOWER) for setting, start in starts.items()}
     gas = first_law(moduli, pressures_at(starts), cast("Damper", given.damper).gas_exponent)
-    ended = fit_jointly(replace(problem, gas=gas), starts)
-    nfev = ended.evaluations + 1
+    best = fit_jointly(replace(problem, gas=gas), starts)
+    nfev = best.evaluations + 1
     for _ in range(_MAX_ROUNDS):
-        law, again = cast("GasLaw", ended.extra.gas), pressures_at(ended.extra.values)
+        law, again = cast("GasLaw", best.extra.gas), pressures_at(best.extra.values)
         # Once more in any case: the weights of the first round are those of a rough law.
-        ended = fit_jointly(replace(problem, gas=law._replace(pressures=again)), ended.extra.values)
-        nfev += ended.evaluations + 1
+        best = fit_jointly(replace(problem, gas=law._replace(pressures=again)), best.extra.values)
+        nfev += best.evaluations + 1
         if max(abs(again[s] / law.pressures[s] - 1.0) for s in again) < _SAME_PRESSURE:
             break
-    return ended, nfev
+    return best, nfev
 
 
 def working_pressure(block: Block, parameters: Values) -> float:

@@ -210,7 +210,7 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
     held = {**{k: v for k, v in fixed.items() if k not in free}, **stages.shared}
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        block, first = given.block(setting, free), stages.judged.get(setting)
+        block, first = given.block(setting, free), stages.fits.get(setting)
         is_good = first is not None and _is_good(first)
         start = first.values if first and is_good else own_start(given, setting, block, held)
         nfev = 0 if first is None else first.evaluations
@@ -233,7 +233,7 @@ class _Stages:
     ) -> None:
         self.given, self.fixed, self.wanted = given, fixed, wanted
         self.names = tuple(name for name in given.damper.names if name not in fixed)
-        self.judged: dict[Setting, FitResult] = {}  # the fits
+        self.fits: dict[Setting, FitResult] = {}
         self.broken: dict[Setting, Failure] = {}  # met a bug, which a second fit would only hide
         self.searches: tuple[Search, ...] = ()
         self.shared: dict[str, float] = {}  # R_m3 and f_f as far as they are wanted
@@ -256,14 +256,14 @@ class _Stages:
     def run(self) -> None:
         """Fit everything free everywhere, then find what is shared."""
         lowest = self._fit_everywhere()
-        while self.judged:
-            lowest = lowest if lowest in self.judged else min(self.judged)
+        while self.fits:
+            lowest = lowest if lowest in self.fits else min(self.fits)
             failure = self._share(lowest)
             if failure is None:
                 return
             # A setting that met a bug is left out of all that is shared.
             self.broken[failure.setting] = failure
-            del self.judged[failure.setting]
+            del self.fits[failure.setting]
             self.searches = tuple(s for s in self.searches if s.setting != failure.setting)
         self.shared, self.sharing, self.warnings = dict(self.fallbacks), Sharing(), []
         self.status = dict.fromkeys(self.wanted, Status.FIXED)
@@ -291,15 +291,15 @@ class _Stages:
         )
         for setting, result in zip(settings, results, strict=True):
             if not isinstance(result, Failure):
-                self.judged[setting], search = result
+                self.fits[setting], search = result
                 self.searches += () if search is None else (search,)
             elif result.is_internal:
                 self.broken[setting] = result
-        return next((setting for setting in given.softest_first if setting in self.judged), None)
+        return next((setting for setting in given.softest_first if setting in self.fits), None)
 
     def _share(self, lowest: Setting) -> Failure | None:
         """R_m3 and f_f from the fits with everything free; a failure of the setting of R_m3."""
-        judged, first = self.judged, self.given.softest_first[0]
+        fits, first = self.fits, self.given.softest_first[0]
         self.warnings, self.shared, self.sharing = [], {}, Sharing(self.names)
         if TAKEN not in self.wanted:
             self._take_friction(None)
@@ -310,10 +310,10 @@ class _Stages:
                 f"setting {first} could not be fitted with all parameters free: R_m3 is taken from "
             )
             self._warn(code, f"{text}setting {lowest}.")
-        telling = [s for s, result in judged.items() if result.is_sound and _tells_r_m3(result)]
-        source = lowest if _tells_r_m3(judged[lowest]) else min(telling, default=None)
+        telling = [s for s, result in fits.items() if result.is_sound and _determines_r_m3(result)]
+        source = lowest if _determines_r_m3(fits[lowest]) else min(telling, default=None)
         if MEAN in self.wanted:
-            self._take_friction(None if source is None else judged[source].values.r_m3)
+            self._take_friction(None if source is None else fits[source].values.r_m3)
         # A mean that does not hold there would bend R_m3, which stays beside its own friction.
         holds = source is None or not self.sharing.friction_varies
         where = lowest if source is None else source
@@ -334,18 +334,18 @@ class _Stages:
             return _is_good(result) and agrees(result)
 
         def lacks_r_m3_alone(result: FitResult) -> bool:  # where no setting determines it
-            is_told = all(result.status[n] == Status.FITTED for n in result.errors if n != TAKEN)
+            is_fitted = all(result.status[n] == Status.FITTED for n in result.errors if n != TAKEN)
             end = result.outcome
-            return is_told and end.is_minimum and end is not Outcome.CAVITATING
+            return is_fitted and end.is_minimum and end is not Outcome.CAVITATING
 
         def cavitates_rightly(result: FitResult) -> bool:  # in a damper that does at every setting
-            is_told = all(error < NOT_FIT_TO_SHARE for error in result.errors.values())
+            is_fitted = all(error < NOT_FIT_TO_SHARE for error in result.errors.values())
             is_excellent = result.outcome is Outcome.CAVITATING and result.mse_percent < EXCELLENT
-            return is_excellent and is_told and r_m3 is not None and agrees(result)
+            return is_excellent and is_fitted and r_m3 is not None and agrees(result)
 
         used: list[Setting] = []
         for counts in (is_sound, lacks_r_m3_alone, cavitates_rightly):
-            used = used or sorted(s for s, result in self.judged.items() if counts(result))
+            used = used or sorted(s for s, result in self.fits.items() if counts(result))
         if not used:
             self.shared[MEAN] = self.fallbacks[MEAN]
             self._warn_assumed(
@@ -354,17 +354,17 @@ class _Stages:
                 MEAN,
             )
             return
-        if left_out := sorted(set(self.judged) - set(used)):
+        if left_out := sorted(set(self.fits) - set(used)):
             self._warn(
                 "mean-of-some",
-                f"friction is the mean over {len(used)} of {len(self.judged)} settings: with "
+                f"friction is the mean over {len(used)} of {len(self.fits)} settings: with "
                 f"all parameters free the fit is not sound at {of_settings(left_out)}.",
             )
-        own = np.array([self.judged[setting].values.f_f for setting in used])
+        own = np.array([self.fits[setting].values.f_f for setting in used])
         self.shared[MEAN] = float(np.mean(own))
         self.sharing = replace(self.sharing, means={MEAN: tuple(used)})
         if len(used) > 1:
-            errors = own * np.array([self.judged[setting].errors[MEAN] for setting in used])
+            errors = own * np.array([self.fits[setting].errors[MEAN] for setting in used])
             misses = (own - np.average(own, weights=1.0 / errors**2)) / errors
             is_certain = misses @ misses > chi_squared_quantile(len(own) - 1, 1.0 - _CHANCE)
             spread = float(own.min()), float(own.max())
@@ -372,15 +372,15 @@ class _Stages:
 
     def _take_r_m3(self, setting: Setting, f_f: float | None) -> None:
         """R_m3 from the logs of one setting, and how well they determine it."""
-        block, first = self.given.block(setting, self.names), self.judged[setting]
+        block, first = self.given.block(setting, self.names), self.fits[setting]
         fallback, again = self.fallbacks[TAKEN], first
         # An unsound fit that determines R_m3 is left alone: other friction may upset it.
-        is_safe = not _tells_r_m3(first) or (first.is_sound and len(self.judged) > 1)
+        is_safe = not _determines_r_m3(first) or (first.is_sound and len(self.fits) > 1)
         if f_f is not None and is_safe:
             again = _with_mean_friction(block, first, f_f, fallback)
         is_refined = again is not first
         value, status = again.values.r_m3, Status.SHARED
-        if not _tells_r_m3(again):
+        if not _determines_r_m3(again):
             text = f"the logs of setting {setting} do not determine R_m3"
             taken = f"{fallback:.4g} (identification.fallback_r_m3)"
             value, status = fallback, Status.NOT_IDENTIFIABLE
@@ -394,7 +394,7 @@ class _Stages:
                 text += f": {taken} fits them as well as any and is used"
             self._warn_assumed(text, TAKEN)
         is_from_logs = status is not Status.FIXED
-        self.judged[setting] = again if is_from_logs else first
+        self.fits[setting] = again if is_from_logs else first
         self.shared[TAKEN], self.status = value, {TAKEN: status}
         held = (MEAN,) if is_refined and is_from_logs else ()
         source = {TAKEN: setting} if is_from_logs else {}
@@ -406,9 +406,9 @@ def _is_good(first: FitResult) -> bool:
     return first.is_sound or lacks_stiffness_alone(first)
 
 
-def _tells_r_m3(judged: FitResult) -> bool:
+def _determines_r_m3(result: FitResult) -> bool:
     """Whether a fit knows R_m3 well enough for all settings to use it."""
-    return judged.status[TAKEN] == Status.FITTED and judged.errors[TAKEN] < NOT_FIT_TO_SHARE
+    return result.status[TAKEN] == Status.FITTED and result.errors[TAKEN] < NOT_FIT_TO_SHARE
 
 
 def _is_contradicted(block: Block, best: FitResult, r_m3: float, f_f: float | None) -> bool:
@@ -422,18 +422,18 @@ def _is_contradicted(block: Block, best: FitResult, r_m3: float, f_f: float | No
     return rise * best.n_independent > CHI_SQUARED_95
 
 
-def _with_mean_friction(block: Block, judged: FitResult, f_f: float, r_m3: float) -> FitResult:
+def _with_mean_friction(block: Block, first: FitResult, f_f: float, r_m3: float) -> FitResult:
     """The setting of R_m3 with the mean friction, which halves its error, where that is better."""
     rest = replace(block, free=tuple(name for name in block.free if name != MEAN))
-    start = judged.values.replace(f_f=f_f)
-    if not _tells_r_m3(judged):  # it starts from a value that can be seen
+    start = first.values.replace(f_f=f_f)
+    if not _determines_r_m3(first):  # it starts from a value that can be seen
         limit = cavitation_limit(block.traces, cast("Damper", block.model))
         start = start.replace(r_m3=min(r_m3, limit))
-    again = unless_failed(lambda: fit_setting(rest, start, nfev=judged.evaluations))
+    again = unless_failed(lambda: fit_setting(rest, start, nfev=first.evaluations))
     if again is None:
-        return judged
-    is_better = again.is_sound if judged.is_sound else again.outcome.is_minimum
-    return again if is_better else judged
+        return first
+    is_better = again.is_sound if first.is_sound else again.outcome.is_minimum
+    return again if is_better else first
 
 
 def identify(
@@ -574,8 +574,8 @@ def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
     damper, fixed, start = given.damper, given.options.fixed, given.options.start
     sharing, moving = _sharing_of(given)
-    is_ended = start.is_of_one_model and all(s in start.by_setting for s in given.settings)
-    if sharing is not None and sharing.jointly and is_ended:
+    has_model = start.is_of_one_model and all(s in start.by_setting for s in given.settings)
+    if sharing is not None and sharing.jointly and has_model:
         with suppress(SimulationError):
             first = damper.start(next(iter(given.settings.values())), fixed)[0]
             starts = {s: with_given(given, s, first, fixed) for s in given.settings}

@@ -115,13 +115,13 @@ def fit_law(
     } | {name: x for name, x in evidence.fixed.items() if name in model.names}
     free = tuple(name for name in model.names if name not in held)
     misfit = Block(model, evidence.fitted, free, solver, is_candidate=True)
-    ended = descended(misfit.on_cycles(), held, evidence.more_start, near)
-    evaluations = ended.evaluations
+    minimum = descended(misfit.on_cycles(), held, evidence.more_start, near)
+    evaluations = minimum.evaluations
     if is_whole:
-        ended = misfit.descend(ended.extra, COMPARING)
-        evaluations += ended.evaluations
-    known = undetermined(ended, [misfit], [Unknown(name) for name in free])
-    return fit_at(misfit, evidence, ended.extra, evaluations=evaluations, undetermined=known)
+        minimum = misfit.descend(minimum.extra, COMPARING)
+        evaluations += minimum.evaluations
+    known = undetermined(minimum, [misfit], [Unknown(name) for name in free])
+    return fit_at(misfit, evidence, minimum.extra, evaluations=evaluations, undetermined=known)
 
 
 def fit_at(
@@ -183,7 +183,7 @@ def descended(
 
 
 def undetermined(
-    ended: Minimum[Any], blocks: Iterable[Block], unknowns: Sequence[Unknown]
+    minimum: Minimum[Any], blocks: Iterable[Block], unknowns: Sequence[Unknown]
 ) -> tuple[Unknown, ...]:
     """Return the unknowns of a fit whose logarithm has too large a standard error, to first order.
 
@@ -191,7 +191,7 @@ def undetermined(
     """
     blocks = list(blocks)
     n = FEWEST_SAMPLES * sum(len(trace.segments) for block in blocks for trace in block.traces)
-    errors = np.sqrt(np.diag(inverse_information(ended.jacobian)) * (ended.cost / n))
+    errors = np.sqrt(np.diag(inverse_information(minimum.jacobian)) * (minimum.cost / n))
     return tuple(
         unknown
         for unknown, error in zip(unknowns, errors.tolist(), strict=True)

@@ -18,7 +18,7 @@ from damperfit.damper.quantity import Quantity
 from damperfit.errors import FitCancelledError, SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import is_nothing
-from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, Fit, is_loose
+from damperfit.identification.fit_setting import NOT_DETERMINED, NOT_FIT_TO_SHARE, Fit, is_loose
 from damperfit.identification.options import check_profile_names
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.procedures import TAKEN, Campaign
@@ -97,7 +97,7 @@ def with_least_openings(
     That of all settings that have the same number.
     """
     by_setting = {linear.fit.setting: linear for linear in linearised}
-    judged = []
+    widened = []
     for errors in known:
         highest, mine = {}, by_setting[errors.setting]
         for name in mine.pressed:
@@ -107,8 +107,8 @@ def with_least_openings(
                 alike += [linear for linear in linearised if own.holds_at(linear.fit.setting)]
             if all(linear.pressed[name] < _passes_from(name, linear, damper) for linear in alike):
                 highest[name] = max(linear.pressed[name] for linear in alike)
-        judged.append(replace(errors, unopened=highest))
-    return tuple(judged)
+        widened.append(replace(errors, unopened=highest))
+    return tuple(widened)
 
 
 def _passes_from(name: str, linear: Linearisation, damper: Model) -> float:
@@ -159,7 +159,7 @@ def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
         (low, high), quantity = assessment.limits(fit.setting, name), values.quantity(name)
         if not (low and high and quantity.is_logarithmic):
             return False
-        return is_loose(quantity, 1.0, math.log(high / low) / (2.0 * NORMAL_95), NOT_FOUND)
+        return is_loose(quantity, 1.0, math.log(high / low) / (2.0 * NORMAL_95), NOT_DETERMINED)
 
     def named(*statuses: Status) -> list[str]:
         return [name for name, status in fit.status.items() if status in statuses]
@@ -170,7 +170,7 @@ def _reconsidered(fit: Fit, sharing: Sharing, assessment: Assessment) -> Fit:
     # What a setting finds only beside a shared slope of either sign that the logs leave open.
     slopes = {n for n in sharing.estimated if n in lost or fit.status[n] == Status.NOT_IDENTIFIABLE}
     if not all(values.quantity(name).is_logarithmic for name in slopes):
-        lost |= {name for name in named(Status.FITTED) if is_unfit(name, NOT_FOUND)}
+        lost |= {name for name in named(Status.FITTED) if is_unfit(name, NOT_DETERMINED)}
     at_bound = {*named(Status.AT_BOUND)}
     none = {name for name in at_bound if is_nothing(values, name)}
     is_own = bool(none or lost.intersection(named(Status.FITTED)))
@@ -646,8 +646,8 @@ def assess(
         return None
 
     each = in_copies(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
-    judged = [setting for setting in each if setting is not None]
-    everywhere, together = _with_hidden_friction(judged)
+    assessed = [setting for setting in each if setting is not None]
+    everywhere, together = _with_hidden_friction(assessed)
     errors = uncertainties(everywhere, sharing, on_error=on_error)
     known = {e.setting: e for e in with_least_openings(errors, everywhere, sharing, damper)}
     linearised = [linear for linear in everywhere if linear.fit.setting in known]
@@ -663,14 +663,14 @@ def assess(
         profiles = tuple(p for several in pool.map(doubtful, linearised) for p in several)
     return Assessment(
         uncertainties=tuple(known.values()),
-        diagnoses=reconciled(s.diagnosis for s in judged if s.diagnosis.setting in known),
+        diagnoses=reconciled(s.diagnosis for s in assessed if s.diagnosis.setting in known),
         profiles=(*profiles, *shared_limits(linearised, bench)),
         gas=gas_content(linearised, sharing),
         forces=tuple(
             beside_the_rig(force, slopes, seen.linearised.fit, known[setting], damper)
             if (setting := seen.diagnosis.setting) in known
             else force
-            for seen in judged
+            for seen in assessed
             for force, slopes in seen.forces
         ),
         apart=(
@@ -699,7 +699,7 @@ def profile_campaign(
     check_profile_names(names, bench.damper.names)
     sharing, known = campaign.sharing, {e.setting: e for e in assessment.uncertainties}
     bench = bench._replace(sharing=sharing, known=known)
-    judged = tuple(fit for fit in campaign.fits if fit.setting in known)
+    fits = tuple(fit for fit in campaign.fits if fit.setting in known)
     structured = {d.setting for d in assessment.diagnoses if d.is_structured}
 
     def seen(fit: Fit) -> list[Linearisation]:
@@ -707,7 +707,7 @@ def profile_campaign(
         linearised = linearise_settings(own, bench.damper, solver=bench.solver)
         return [linear.summed(is_structured=fit.setting in structured) for linear in linearised]
 
-    each = in_copies(seen, judged, jobs=bench.jobs, known=(*judged, bench.damper))
+    each = in_copies(seen, fits, jobs=bench.jobs, known=(*fits, bench.damper))
     linearised = {linear.fit.setting: linear for few in each for linear in few}
     finished: list[MisfitProfile] = []
 

@@ -345,10 +345,10 @@ def _own_line(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
             least_gain=_SETTLED / scale if scale > 0.0 else math.inf,
             longest_step=_LONGEST_STEP,
         )
-        ended = iterate(point_at, start[moving], stopping, (bounds[0][moving], bounds[1][moving]))
-        system = ended.system.without(ended.is_held) if ended.is_held.any() else ended.system
-        cost = ended.system.cost - _full_step(system).effect
-        return ended.extra, cost, ended.evaluations
+        best = iterate(point_at, start[moving], stopping, (bounds[0][moving], bounds[1][moving]))
+        system = best.system.without(best.is_held) if best.is_held.any() else best.system
+        cost = best.system.cost - _full_step(system).effect
+        return best.extra, cost, best.evaluations
 
     # From the edge of its range the profiled one would leave it.
     moving = others if is_at_edge(fit.parameters, name) else every
@@ -363,8 +363,8 @@ def _own_line(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
         change = _full_step(LinearSystem(ahead, state.jacobian[:, others])).change
         length = float(np.max(np.abs(change), initial=0.0))
         moved[others] += change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
-        ended, cost, nfev = settled(moved, others, left)
-        return _Point(ended, scale * (cost - least), {fit.setting: ended.parameters}, nfev)
+        minimum, cost, nfev = settled(moved, others, left)
+        return _Point(minimum, scale * (cost - least), {fit.setting: minimum.parameters}, nfev)
 
     best = float(getattr(centre.parameters, name))
     start = _Point(centre, 0.0, {fit.setting: centre.parameters}, nfev)
@@ -479,9 +479,9 @@ def profile_jointly(
         starts = {
             s: x.replace(there) if unknown.holds_at(s) else x for s, x in state.values.items()
         }
-        ended = fit_jointly(replace(held, gas=state.gas), starts)
-        rise = scale * (ended.cost - centre.cost)
-        return _Point(ended.extra, rise, ended.extra.values, ended.evaluations)
+        minimum = fit_jointly(replace(held, gas=state.gas), starts)
+        rise = scale * (minimum.cost - centre.cost)
+        return _Point(minimum.extra, rise, minimum.extra.values, minimum.evaluations)
 
     begin = _Point(centre.extra, 0.0, at, 0)
     profiles = _Line(quantity, best, error / _unit(fits[0], name), begin, refit).profiles(stride)
