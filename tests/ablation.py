@@ -36,10 +36,10 @@ def _one_start(*given: Any) -> Any:
 
 
 def _sound(paper: Any, r_m3: float | None) -> None:
-    known, judged = paper.judged, procedures._is_good
-    paper.judged = {setting: one for setting, one in known.items() if judged(one)}
+    known, judged = paper.fits, procedures._is_good
+    paper.fits = {setting: one for setting, one in known.items() if judged(one)}
     _TAKE_FRICTION(paper, r_m3)
-    paper.judged = known
+    paper.fits = known
 
 
 def _nothing_on_top(*given: Any) -> Any:
