@@ -436,13 +436,6 @@ def _displacement_noise(run: Run, corner: float) -> float:
     return median(noises) if noises else 0.0
 
 
-class _Refitted(NamedTuple):
-    """What fits of simulated tests have."""
-
-    stages: dict[str, Stage]  # by label; those that have errors
-    measured: Sequence[SpeedForces]
-
-
 class _Rig:
     """What tests show on a rig."""
 
@@ -514,40 +507,37 @@ class _Rig:
 
         None: it cannot be recorded or fitted at every setting.
         """
-        # Of what was screened; by chance of one noise a test may look better than it is.
-        ratios = {known.label: 1.0 for known in self.probed}
-        for seed, (own, first) in self._first.items():
-            try:
-                traces = [*own]
+        if self._first is None:
+            return None
+        own, before = self._first
+        try:
+            both = [[*traces] for traces in own]
+            for seed, traces in zip(_SEEDS, both, strict=True):
                 for known in self.probed:  # as warm as the first of its setting
                     like = known.segments[0]["log"]
                     traces.append(self._recorded(known, test, like, [seed, len(traces)]))
                     findings = traces[-1].findings
                     if any(f.name == _NOISE and f.severity == "warning" for f in findings):
                         return None
-                both = self._refitted(traces)
-            except _UNFITTED:
-                return None
-            for known in self.probed:
-                label, after = known.label, self._error(known, both)
-                before = known.now if first is None else self._error(known, first)
-                if before > 0.0 and after > 0.0:  # else one fit has no error of it: as screened
-                    ratio = after / before / test.shares[label]
-                    ratios[label] *= ratio ** (1.0 / len(self._first))
+            after = self._refitted(both)
+        except _UNFITTED:
+            return None
+        # Of what was screened; by chance of one noise a test may look better than it is.
+        ratios = {known.label: 1.0 for known in self.probed}
+        for known in self.probed:
+            (today, misfit), (left, _) = before[known.label], after[known.label]
+            if today > 0.0 and left > 0.0:  # else one fit has no error of it: as screened
+                # What the rig's filter makes of lack of fit is in the simulated tests too.
+                more = max(known.floor**2 - misfit, 0.0)
+                now = known.now if self.is_whole else math.sqrt(today + more)
+                ratios[known.label] = math.sqrt(left + more) / now / test.shares[known.label]
         usual = median(ratios.values())
         shares = {label: share * ratios.get(label, usual) for label, share in test.shares.items()}
         for end in (0, 1) if self.question.quantity else ():
             if at_end := self.screened(test, end):
                 for label, share in test.shares.items():
                     shares[label] *= max(1.0, at_end.shares[label] / share)
-        return test._replace(shares=shares) if self._first else None
-
-    def _error(self, known: _Known, refitted: _Refitted) -> float:
-        """Standard error in simulated tests, with the run's lack of fit, which they do not have."""
-        stage = refitted.stages[known.label]
-        error, misfit = self.question.errors(self.run.damper, stage, refitted.measured)
-        more = math.sqrt(max(known.floor**2 - misfit**2, 0.0))
-        return math.hypot(error, more) if error > 0.0 else 0.0
+        return test._replace(shares=shares)
 
     def decided(self, rivals: Sequence[Rival], test: NextTest) -> NextTest | None:
         """What a test decides of the structures that remain; None: it is beyond rig or damper."""
@@ -604,11 +594,10 @@ class _Rig:
         return rows[0], rows[1:].T * np.array(scales)
 
     @cached_property
-    def _first(self) -> dict[int, tuple[list[Trace], _Refitted | None]]:
-        """The run's tests by the seed of their noise, and what few of many are fitted to.
+    def _first(self) -> tuple[list[list[Trace]], dict[str, FloatArray]] | None:
+        """The run's tests by the seed of their noise, and their errors; None: they have no fit.
 
-        What settings share is known worse by a few of them, before a test and after it. No seed:
-        they have no fit.
+        What settings share is known worse by a few of them, before a test and after it.
         """
         tests = [
             (
@@ -619,25 +608,34 @@ class _Rig:
             for known in self.fitted
             for part in known.segments
         ]
-        first: dict[int, tuple[list[Trace], _Refitted | None]] = {}
         with suppress(*_UNFITTED):
-            for seed in _SEEDS:
-                own = [self._recorded(*motion, [seed, k]) for k, motion in enumerate(tests)]
-                first[seed] = own, None if self.is_whole else self._refitted(own)
-        return first
+            own = [
+                [self._recorded(*motion, [seed, k]) for k, motion in enumerate(tests)]
+                for seed in _SEEDS
+            ]
+            return own, self._refitted(own)
+        return None
 
-    def _refitted(self, traces: Sequence[Trace]) -> _Refitted:
-        """Tests fitted as the run was, from its values on; a LogError where it has no errors."""
+    def _refitted(self, tests: Sequence[Sequence[Trace]]) -> dict[str, FloatArray]:
+        """The error in question and its misfit, mean squares of some noises, by label.
+
+        Tests are fitted as the run was, from its values on; a LogError where they have no errors.
+        """
         damper, made = self.run.damper, self.run.own_configuration.identification
         ended = {known.setting.setting: dict(known.setting.values) for known in self.fitted}
         options = replace(made, start=GivenStart(by_setting=ended, is_of_one_model=True))
-        campaign = identify(traces, damper, options, jobs=available_cores())
-        assessment = assess(campaign, damper, solver=options.solver, jobs=available_cores())
-        judged = [stage_of(fit, assessment) for fit in reconsider(campaign, assessment).fits]
-        stages = {stage.setting.label: stage for stage in judged if stage.covariance is not None}
-        if lost := [known.label for known in self.probed if known.label not in stages]:
-            raise LogError(f"setting {lost[0]} has no errors", code="no-setting-fitted")
-        return _Refitted(stages, assessment.forces)
+        squares = {known.label: np.zeros(2) for known in self.probed}
+        for traces in tests:
+            campaign = identify(traces, damper, options, jobs=available_cores())
+            assessment = assess(campaign, damper, solver=options.solver, jobs=available_cores())
+            judged = [stage_of(fit, assessment) for fit in reconsider(campaign, assessment).fits]
+            stages = {stage.setting.label: stage for stage in judged}
+            for label in squares:
+                if label not in stages or stages[label].covariance is None:
+                    raise LogError(f"setting {label} has no errors", code="no-setting-fitted")
+                errors = self.question.errors(damper, stages[label], assessment.forces)
+                squares[label] += np.square(errors) / len(tests)
+        return squares
 
     def _recorded(self, known: _Known, test: NextTest, like: str, seed: list[int]) -> Trace:
         """A test as the rig writes it, conditioned; the same noise in every call.
