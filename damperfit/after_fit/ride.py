@@ -53,14 +53,14 @@ _ROUGHNESS = {name: 16e-6 * 4.0**k for k, name in enumerate("ABCDEFGH")}
 _REFERENCE, _WAVINESS = 0.1, 2.0
 _RATE, _SECONDS = 512.0, 16.0  # Hz and s of the road's period
 _SLOWEST, _FASTEST = 0.01, 10.0  # cycles/m
-_ROUNDS, _DEPTH, _AGREED = 60, 6, 1e-3  # of the damper's force, rms
+_ROUNDS, _DEPTH, _AGREED, _LEFT = 60, 6, 1e-3, 0.05  # of the damper's force, rms
 _STEP, _RESOLVED = 1e-2, 0.5  # of u, for derivatives; of what the step changes
 _TOLERANCE = 3e-5  # of the static load: what a step of the integrator may be off
 _ROUNDING = 1e-10  # of the products of secants
 _FRICTION_BAND = 5e-3  # m/s, as in an exported FMU: with the fit's a car at rest would shake
 _LIFTS = 0.33  # rms of the dynamic load over the static one: three deviations lift the wheel
 _LEAD = 1.0  # s that the damper runs in, before the period
-_USUAL = 0.2  # m/s, of a damper on a road: its linear damping is that up to there
+_FIRST, _LINEARISED = 2e3, 8  # N s/m, and how often it is found anew
 _EDGES = (0.0, 0.025, 0.05, 0.1, 0.2, 0.5, np.inf)  # m/s, of bands of speed
 _FEWEST, _BINS = 10, 40  # samples of a stroke, bins of its speed
 # Hz, of a stroke: a wheel hops at 10 to 20. Sampled less than so many times faster it is as logged.
@@ -110,7 +110,8 @@ class Ride(Answer):
 
     car: Car
     settings: tuple[RideOfSetting, ...]
-    lost: tuple[str, ...] = ()  # settings so stiff that the iteration does not settle
+    lost: tuple[str, ...] = ()  # settings without numbers
+    remarks: tuple[str, ...] = ()  # and why
 
     @property
     def pareto(self) -> tuple[str, ...]:
@@ -152,11 +153,6 @@ class Ride(Answer):
                 f"; the wheel leaves the road now and then at setting {', '.join(flying)}, where a "
                 "linear tyre says nothing"
             )
-        if self.lost:
-            text += (
-                f"; left out: setting {', '.join(self.lost)}, too stiff for the iteration between "
-                f"car and damper ({_ROUNDS} rounds)"
-            )
         return f"road {self.car.road} at {self.car.speed:.3g} m/s{text}"
 
     def document(self) -> dict[str, Any]:
@@ -167,6 +163,7 @@ class Ride(Answer):
             "pareto": list(self.pareto),
             "undecided": list(self.undecided),
             "lost": list(self.lost),
+            "remarks": list(self.remarks),
             "settings": [row._asdict() for row in self.settings],
         }
 
@@ -287,11 +284,12 @@ def ride_on_road(run: Run, car: Car, settings: Sequence[SettingResult]) -> Ride:
 
     with executor(available_cores()) as pool:
         ridden = dict(zip((s.label for s in settings), pool.map(ride, settings), strict=True))
+    rows = tuple(row for row in ridden.values() if isinstance(row, RideOfSetting))
     lost = {label: row for label, row in ridden.items() if isinstance(row, SimulationError)}
-    if lost and len(lost) == len(settings):
+    if not rows:
         raise next(iter(lost.values()))
-    rows = (row for row in ridden.values() if isinstance(row, RideOfSetting))
-    return Ride(car, tuple(rows), tuple(lost))
+    remarks = (f"setting {label} is left out: {error}" for label, error in lost.items())
+    return Ride(car, rows, tuple(lost), tuple(remarks))
 
 
 class _Settled(NamedTuple):
@@ -302,6 +300,7 @@ class _Settled(NamedTuple):
     rest: FloatArray
     residual: FloatArray
     path: FloatArray  # stroke and speed of the damper, shape (2, n)
+    left: float  # of the damper's force, rms
 
 
 class _Road:
@@ -324,34 +323,53 @@ class _Road:
 
     def ride(self, setting: SettingResult) -> RideOfSetting:
         """The setting's numbers with their errors."""
-        values, ratio = without_rig(setting.parameters), self.car.motion_ratio
-        ends = quasi_static(self.run.damper, values, [-_USUAL, _USUAL]).forces
-        c = max(ratio**2 * float(ends[1] - ends[0]) / (2.0 * _USUAL), 1.0)
+        values = without_rig(setting.parameters)
+        c, rest = self._linear(values)
         secants: list[tuple[FloatArray, FloatArray]] = []
-        settled = self._settled(values, c, np.zeros(self.n), secants, _AGREED)
-        errors, names = np.zeros(3), setting.names if setting.covariance is not None else ()
+        settled = self._settled(values, c, rest, secants, _AGREED)
+        covariance, names = np.asarray(setting.covariance), setting.names
+        if setting.covariance is None:
+            covariance, names = np.zeros((0, 0)), ()
         # Of the rig and its tare the car feels nothing.
         quantities = [q for q in map(values.quantity, names) if q.scope != RIG and not q.is_offset]
         felt = tuple(quantity.name for quantity in quantities)
         force, *sensitivities = self._force(values, settled.path, felt)
         slopes = np.zeros((len(names), 3))
         for quantity, sensitivity in zip(quantities, sensitivities, strict=True):
-            name, step = quantity.name, _STEP * (1.0 if quantity.is_logarithmic else quantity.size)
-            value = values[name]
+            name, row, value = quantity.name, names.index(quantity.name), values[quantity.name]
+            unit = value if quantity.is_logarithmic else 1.0
+            step = _STEP * (1.0 if quantity.is_logarithmic else quantity.size)
             to = value * math.exp(step) if quantity.is_logarithmic else value + step
             change = (to - value) * sensitivity
-            goal = _RESOLVED * max(float(np.std(change) / np.std(force)), _AGREED)
+            goal = max(_RESOLVED * float(np.std(change) / np.std(force)), settled.left)
             start, moved = settled.rest + _mixed(change, secants), values.replace({name: to})
             there = self._settled(moved, c, start, secants, goal, settled.residual)
-            slopes[names.index(name)] = (there.numbers - settled.before) / step
-        if setting.covariance is not None:
-            variances = np.einsum("ik,ij,jk->k", slopes, setting.covariance, slopes)
-            errors = NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))
-        errors = np.hypot(errors, settled.numbers - settled.before)  # what the iteration leaves
+            # The model's misfit is taken to be correlated as the noise.
+            noise, misfit = math.sqrt(covariance[row, row]), setting.misfits.get(name, 0.0) / unit
+            wider = math.hypot(noise, misfit) / noise if noise > 0.0 else 1.0
+            slopes[row] = wider * (there.numbers - settled.before) / step
+        variances = np.einsum("ik,ij,jk->k", slopes, covariance, slopes)
+        # What the iteration leaves.
+        left = settled.numbers - settled.before
+        if settled.left > _AGREED:
+            left = settled.left * settled.numbers
+        errors = np.hypot(NORMAL_95 * np.sqrt(np.maximum(variances, 0.0)), left)
         outside = int(np.count_nonzero(np.abs(settled.path[1]) > setting.top_speed)) / _RATE
         comfort, load, stroke = settled.numbers.tolist()
         shown = comfort, load, load / self.static, stroke, *errors.tolist(), outside, _SECONDS
         return RideOfSetting._make((setting.label, *shown))
+
+    def _linear(self, values: Values) -> tuple[float, FloatArray]:
+        """The damping that takes the same power as the curve at constant speed, and its D."""
+        c, rest, ratio = _FIRST, np.zeros(self.n), self.car.motion_ratio
+        for _ in range(_LINEARISED):
+            speed = self._moved(c, np.zeros(self.n))[1][1]
+            speeds = np.linspace(speed.min(), speed.max(), _BINS + 1)
+            force = np.interp(speed, speeds, quasi_static(self.run.damper, values, speeds).forces)
+            force = ratio * (force - force.mean())
+            c = max(ratio * float(force @ speed / (speed @ speed)), 1.0)
+            rest = force - c / ratio * speed
+        return c, rest
 
     def _settled(
         self,
@@ -364,9 +382,10 @@ class _Road:
     ) -> _Settled:
         """The fixed point of D, less an offset that is left of it.
 
-        A damper that differs a little has nearly the same secants.
+        A damper that differs a little has nearly the same secants. Of one that hardly lets the
+        wheel move its steps leave more than the goal: the nearest round is taken.
         """
-        step, last, left = rest, None, math.inf
+        step, last, best = rest, None, None
         for _ in range(_ROUNDS):
             numbers, path = self._moved(c, rest)
             (force,) = self._force(values, path)
@@ -376,14 +395,18 @@ class _Road:
                 secants.append((step, residual - last))
                 del secants[:-_DEPTH]
             step, last = _mixed(residual, secants), residual
+            if best is None or left < best.left:
+                after = self._moved(c, rest + step)[0]
+                best = _Settled(after, numbers, rest, residual, path, left)
             if left <= goal:
-                return _Settled(self._moved(c, rest + step)[0], numbers, rest, residual, path)
+                break
             rest = rest + step
-        raise SimulationError(
-            f"the damper in the car did not settle within {_ROUNDS} rounds; the last change "
-            f"was {100.0 * left:.2g} % of its force",
-            code="not-settled",
-        )
+        if best is None or best.left > max(goal, _LEFT):
+            raise SimulationError(
+                "the damper hardly lets the wheel move, and its force in the car does not settle",
+                code="not-settled",
+            )
+        return best
 
     def _moved(self, c: float, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The car with linear damping c and D: its numbers, and the damper's stroke and speed."""
@@ -403,7 +426,14 @@ class _Road:
 
         Gas force and tare at rest are out.
         """
-        lead = round(_LEAD * _RATE)
+        lead, reach, travel = round(_LEAD * _RATE), np.abs(path[0]).max(), self.run.damper.travel
+        if reach >= travel:
+            raise SimulationError(
+                f"the damper has {1e3 * travel:.3g} mm to either side, and the car without bump "
+                f"stops takes {1e3 * reach:.3g} mm on this road; drive slower or take a smoother "
+                "one",
+                code="stroke",
+            )
         motion = Motion(1.0 / _RATE, *np.concatenate([path[:, -lead:], path], axis=1))
         seen = self.run.damper.simulate(values, motion, sensitivities=names, options=self.solver)
         rows = np.stack([seen.force, *(seen.sensitivities[name] for name in names)])[:, lead:]

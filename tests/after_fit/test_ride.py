@@ -182,13 +182,14 @@ def test_a_ride_and_a_stroke_are_drawn(fitted, tmp_path, name) -> None:
 
 
 def test_the_interval_is_how_far_the_errors_of_the_values_move_it(fitted) -> None:
-    """Of one value 2 % off, as at the ends of its interval."""
+    """Of one value 2 % off by noise and misfit, as at the ends of its interval."""
     setting = fitted.setting(3)
-    error = np.array([[0.02**2]])
+    noise, misfit = np.array([[0.012**2]]), {"r_m1": 0.016 * setting.values["r_m1"]}
 
     def ridden(step: float) -> np.ndarray:
         moved = setting.values.replace({"r_m1": setting.values["r_m1"] * math.exp(step)})
-        own = replace(setting, parameters=moved, own=("r_m1",), shared=(), covariance=error)
+        known = {"own": ("r_m1",), "shared": (), "covariance": noise, "misfits": misfit}
+        own = replace(setting, parameters=moved, **known)
         (row,) = ride.ride_on_road(fitted, CAR, (own,)).settings
         return np.array([row[1:3], row[5:7]])
 
@@ -210,6 +211,10 @@ def test_a_setting_that_is_beaten_within_its_interval_is_said_so() -> None:
 
 def test_a_stiff_damper_stays_within_its_stroke_on_a_rough_road(fitted) -> None:
     setting = fitted.setting(20)
-    stiff = {name: 1.5 * setting.values[name] for name in ("r_m1", "r_m2", "r_m3")}
+    stiff = {name: 3.0 * setting.values[name] for name in ("r_m1", "r_m2", "r_m3")}
     own = replace(setting, parameters=setting.values.replace(stiff))
     assert ride.ride_on_road(fitted, CAR._replace(road="D", speed=20.0), (own,)).settings
+    rough = CAR._replace(road="F", speed=15.0)
+    rides = ride.ride_on_road(fitted, rough, (fitted.setting(1), setting))
+    assert rides.lost == ("1",)
+    assert "bump stops" in repr(rides)
