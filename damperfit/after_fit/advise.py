@@ -24,14 +24,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
-from statistics import median
+from statistics import median, median_high
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from damperfit.adjustment.force_at import Stage, force_at, stage_of
 from damperfit.arrays import FloatArray
-from damperfit.conditioning.filters import apply_filter, design_filter, passed_filter
+from damperfit.conditioning.filters import apply_filter, passed_filter
 from damperfit.conditioning.log_to_trace import condition
 from damperfit.configuration.damper_section import damper_of_record
 from damperfit.damper.model import Model, Values
@@ -387,14 +387,19 @@ class _Known:
         self.gradient = question.gradient(run.damper, setting)
         self.covariance = np.asarray(setting.covariance)  # of noise alone
         self.now, self.floor = question.errors(run.damper, setting, run.speed_forces)
-        self.segments = [
+        segments = [
             segment
             for segment in entries_in(run.record, "stretches")
             if segment.get("setting") == setting.setting.cell and all(map(segment.get, _OF_SINE))
         ]
-        noises = sorted(float(segment["noise_N"]) for segment in self.segments)
+        warm = {log.name: log.temperature for log in run.logs}
+        # As if they were planned, with their temperatures, degC.
+        self.tests = [
+            (NextTest(x["amplitude_m"], x["frequency_Hz"], x["cycles"]), warm.get(x["log"]))
+            for x in segments
+        ]
         # Of the filtered force between cycles, N.
-        self.noise = noises[len(noises) // 2] if noises else math.nan
+        self.noise = median_high(x["noise_N"] for x in segments) if segments else math.nan
 
     def variance(self, gradient: FloatArray, information: FloatArray) -> float:
         """What a new test leaves of the variance along a gradient, g' (C^-1 + G)^-1 g."""
@@ -448,7 +453,7 @@ class _Rig:
         known = [k for k in known if k.now > 0.0 or question.quantity == LAW]
         labels = {setting.label for setting in settings}
         self.planned = [k for k in known if k.label in labels]
-        if mute := [k.label for k in self.planned if not k.segments]:
+        if mute := [k.label for k in self.planned if not k.tests]:
             raise ConfigurationError(
                 f"{run.name}: run.json does not have the noise of setting {mute[0]}; "
                 "identify logs with steady cycles",
@@ -456,13 +461,12 @@ class _Rig:
             )
         # A test is tried at some of them; the others of the run show what they share.
         self.probed = _spread(self.planned, _TRIED)
-        others = [k for k in known if k.label not in labels and k.segments]
+        others = [k for k in known if k.label not in labels and k.tests]
         self.fitted = [*self.probed, *_spread(others, _TRIED - len(self.probed))]
         self.is_whole = len(self.fitted) == len(known)
         # What is simulated is in time, and about the middle of the stroke.
         self.options = run.own_configuration.conditioning.but(skew=0.0, centre=None)
-        inputs = run.inputs
-        rates = [rate for log in inputs if (rate := number_in(log, "sample_rate_Hz"))]
+        rates = [rate for log in run.inputs if (rate := number_in(log, "sample_rate_Hz"))]
         self.rate = median(rates) if rates else 1000.0  # of the logs, Hz
         # Samples to one that counts, of white noise behind the filter.
         effective = [log.effective_rate for log in run.logs if log.effective_rate]
@@ -513,9 +517,9 @@ class _Rig:
         try:
             both = [[*traces] for traces in own]
             for seed, traces in zip(_SEEDS, both, strict=True):
-                for known in self.probed:  # as warm as the first of its setting
-                    like = known.segments[0]["log"]
-                    traces.append(self._recorded(known, test, like, [seed, len(traces)]))
+                for known in self.probed:
+                    warm = known.tests[0][1]
+                    traces.append(self._recorded(known, test, warm, [seed, len(traces)]))
                     findings = traces[-1].findings
                     if any(f.name == _NOISE and f.severity == "warning" for f in findings):
                         return None
@@ -599,15 +603,7 @@ class _Rig:
 
         What settings share is known worse by a few of them, before a test and after it.
         """
-        tests = [
-            (
-                known,
-                NextTest(part["amplitude_m"], part["frequency_Hz"], part["cycles"]),
-                part["log"],
-            )
-            for known in self.fitted
-            for part in known.segments
-        ]
+        tests = [(known, *test) for known in self.fitted for test in known.tests]
         with suppress(*_UNFITTED):
             own = [
                 [self._recorded(*motion, [seed, k]) for k, motion in enumerate(tests)]
@@ -637,7 +633,9 @@ class _Rig:
                 squares[label] += np.square(errors) / len(tests)
         return squares
 
-    def _recorded(self, known: _Known, test: NextTest, like: str, seed: list[int]) -> Trace:
+    def _recorded(
+        self, known: _Known, test: NextTest, warm: float | None, seed: Sequence[int]
+    ) -> Trace:
         """A test as the rig writes it, conditioned; the same noise in every call.
 
         The scatter between cycles is all taken for noise of the force, white before the filter;
@@ -649,16 +647,17 @@ class _Rig:
         motion = sine_motion(
             test.amplitude, test.frequency, cycles=test.cycles + _RUN_IN, sample_rate=rate
         )
-        warm = next((log.temperature for log in self.run.logs if log.name == like), None)
         force = known.setting.simulate(replace(motion, temperature=warm)).force
 
         def filtered(channels: FloatArray, rate: float) -> FloatArray:
             if own.rig_filter == "none":
                 return channels
-            how: Any = {"sample_rate": rate, "order": own.rig_filter_order}
-            return apply_filter(design_filter(own.rig_filter, own.declared_corner, **how), channels)
+            design = passed_filter(own, rate)  # which completes a causal one
+            return apply_filter(design._replace(is_zero_phase=own.rig_filter != "causal"), channels)
 
-        logged = filtered(np.stack([motion.displacement, force]), rate)[:, ::finer]
+        # Samples of an analogue filter fall at any phase of the motion.
+        first = sum(seed) % finer
+        logged = filtered(np.stack([motion.displacement, force]), rate)[:, first::finer]
         white = np.random.default_rng(seed).standard_normal(logged.shape)
         white *= [[self.displacement_noise], [known.noise * math.sqrt(self.worth)]]
         logged += filtered(white, self.rate)
