@@ -28,20 +28,23 @@ from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter, design_filter, differentiate
+from damperfit.configuration.damper_section import not_a_section, unknown_key
 from damperfit.damper.model import Values
 from damperfit.damper.quantity import RIG
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.stepping import without_rig
-from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.errors import ConfigurationError, SimulationError, blamed_on
 from damperfit.io import ReadOptions, read_log
 from damperfit.io.files import read_text
+from damperfit.problem import Key
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.figures import Line, Panel, Plot, setting_colours
 from damperfit.reporting.sheet import Column, Sheet, laid_out, number, with_interval
+from damperfit.sections import Section, key
 from damperfit.simulation import Motion
 from damperfit.statistics import NORMAL_95
 from damperfit.tables.files import json_values
-from damperfit.units.quantities import QuantityError, parse_quantity
+from damperfit.units.quantities import parse_quantity
 from damperfit.workers import available_cores, executor
 
 if TYPE_CHECKING:
@@ -67,25 +70,18 @@ _FEWEST, _BINS = 10, 40  # samples of a stroke, bins of its speed
 _STROKE_CORNER, _STROKE_RATE = 40.0, 4.0
 
 
-# What a number of [car] is, where it is no bare number.
-_DIMENSIONS = {
-    **dict.fromkeys(("sprung_mass", "unsprung_mass"), "mass"),
-    **dict.fromkeys(("spring", "tyre"), "stiffness"),
-    "speed": "velocity",
-}
+class Car(Section):
+    """[car]: a corner of a car and its road, SI."""
 
-
-class Car(NamedTuple):
-    """A corner of a car and its road, SI."""
-
-    sprung_mass: float  # kg
-    unsprung_mass: float  # kg
-    spring: float  # at the wheel, N/m
-    tyre: float  # N/m
-    tyre_damping: float = 0.0  # N s/m
-    motion_ratio: float = 1.0  # stroke of the damper over that of the wheel
-    road: str = "C"  # class of ISO 8608, A to H
-    speed: float = 20.0  # m/s
+    name = "car"
+    sprung_mass: float = key("", "of the body", "mass", above=0.0)
+    unsprung_mass: float = key("", "of the wheel", "mass", above=0.0)
+    spring: float = key("", "at the wheel", "stiffness", above=0.0)
+    tyre: float = key("", "its stiffness", "stiffness", above=0.0)
+    tyre_damping: float = key(0.0, "N s/m", least=0.0)
+    motion_ratio: float = key(1.0, "stroke of the damper over that of the wheel", above=0.0)
+    road: str = key("C", "class of ISO 8608", words=tuple(_ROUGHNESS))
+    speed: float = key("20m/s", "of the car", "velocity", above=0.0)
 
 
 class RideOfSetting(NamedTuple):
@@ -158,7 +154,7 @@ class Ride(Answer):
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
         return {
-            "car": self.car._asdict(),
+            "car": vars(self.car),
             "sentence": self.sentence,
             "pareto": list(self.pareto),
             "undecided": list(self.undecided),
@@ -216,39 +212,37 @@ class Ride(Answer):
 
 def read_car(given: Path | Mapping[str, Any]) -> Car:
     """Read [car] of a TOML file, or its keys."""
+    subject = given if isinstance(given, Path) else ""
     try:
-        table: Any = tomllib.loads(read_text(given)) if isinstance(given, Path) else given
-        section = table.get("car", table)
-        section = section if isinstance(section, Mapping) else {}
-        needed = {*Car._fields} - {*Car._field_defaults}
-        problems = {"unknown": {*section} - {*Car._fields}, "missing": needed - {*section}}
-        words = [f"{word} {', '.join(sorted(keys))}" for word, keys in problems.items() if keys]
-        if words:
-            text = f"[car]: {'; '.join(words)}; expected {', '.join(Car._fields)}"
-            raise QuantityError(text)
-        return Car(**{name: _read(name, value) for name, value in section.items()})
+        table = tomllib.loads(read_text(given)) if isinstance(given, Path) else given
     except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or str(error)
+        why = getattr(error, "strerror", None) or f"not a TOML file: {error}"
         if isinstance(error, FileNotFoundError):
             why = "no such file; give a TOML file with [car]"
-        if isinstance(error, (tomllib.TOMLDecodeError, UnicodeError)):
-            why = f"not a TOML file: {why}"
-        subject = given if isinstance(given, Path) else ""
         raise ConfigurationError(why, subject=subject, code="car") from None
+    try:
+        section = table.get("car", table)
+        if not isinstance(section, Mapping):
+            raise not_a_section("car")
+        car = Car(**{name: _read(name, value) for name, value in section.items()})
+    except ConfigurationError as error:
+        raise error.at(subject=subject) from None
+    if missing := [name for name, value in vars(car).items() if value == ""]:
+        text = f"[car] needs {', '.join(missing)}"
+        raise ConfigurationError(text, subject=subject, code="car")
+    return car
 
 
 def _read(name: str, given: Any) -> Any:
-    try:
-        if name == "road" and (road := str(given).upper()) in _ROUGHNESS:
-            return road
-        if name == "road":
-            raise QuantityError(f"found {given!r}; expected a class of ISO 8608, A to H")
-        dimension = _DIMENSIONS.get(name)
-        value = parse_quantity(str(given), dimension) if dimension else float(given)
-        if not (0.0 if name == "tyre_damping" else 1e-300) <= value < math.inf:
-            raise QuantityError(f"found {given!r}; expected more than 0")
-    except (TypeError, ValueError) as error:
-        raise QuantityError(f"car.{name}: {error}") from None
+    entries = Car.entries()
+    if name not in entries:
+        raise unknown_key(name, entries, "car")
+    with blamed_on(Key(("car", name))):
+        dimension = entries[name].dimension
+        value = parse_quantity(str(given), dimension) if dimension else given
+        value = str(given).upper() if name == "road" else value
+        if wanted := entries[name].in_place_of(value):
+            raise ConfigurationError(f"expected {wanted}, found {given!r}", code="car")
     return value
 
 

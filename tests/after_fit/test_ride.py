@@ -17,7 +17,16 @@ from damperfit.errors import DamperfitError
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper
 
-CAR = Car(300.0, 40.0, 25e3, 200e3, tyre_damping=20.0, motion_ratio=0.9, road="B", speed=15.0)
+CAR = Car(
+    sprung_mass=300.0,
+    unsprung_mass=40.0,
+    spring=25e3,
+    tyre=200e3,
+    tyre_damping=20.0,
+    motion_ratio=0.9,
+    road="B",
+    speed=15.0,
+)
 
 
 def test_the_weighting_is_that_of_the_standard() -> None:
@@ -102,9 +111,9 @@ def test_a_measured_stroke_dissipates_what_its_loop_encloses(fitted, tmp_path) -
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("[car]\nspring = 1", "missing"),
+        ("[car]\nspring = 1", "needs"),
         ("[car", "TOML"),
-        ('[car]\nsprung_mass=300\nunsprung_mass=40\nspring=2e4\ntyre=2e5\nroad="Z"', "ISO 8608"),
+        ('[car]\nsprung_mass=300\nunsprung_mass=40\nspring=2e4\ntyre=2e5\nroad="Z"', "car.road"),
         ('[car]\nsprung_mass=300\nunsprung_mass=40\nspring=2e4\ntyre="2m"', "car.tyre"),
     ],
 )
@@ -170,7 +179,7 @@ def test_the_rig_is_no_part_of_the_car() -> None:
 
 @pytest.mark.parametrize("name", ["picture.svg", "new/picture.png"])
 def test_a_ride_and_a_stroke_are_drawn(fitted, tmp_path, name) -> None:
-    given = {"car": CAR._asdict(), "setting": 5}
+    given = {"car": vars(CAR), "setting": 5}
     if name.endswith("svg"):
         given = {"stroke": tmp_path / "lap.csv", "setting": 5}
         rows = (f"{k / 200:.3f},{5.0 * math.sin(k / 9):.4f}" for k in range(800))
@@ -213,8 +222,8 @@ def test_a_stiff_damper_stays_within_its_stroke_on_a_rough_road(fitted) -> None:
     setting = fitted.setting(20)
     stiff = {name: 3.0 * setting.values[name] for name in ("r_m1", "r_m2", "r_m3")}
     own = replace(setting, parameters=setting.values.replace(stiff))
-    assert ride.ride_on_road(fitted, CAR._replace(road="D", speed=20.0), (own,)).settings
-    rough = CAR._replace(road="F", speed=15.0)
+    assert ride.ride_on_road(fitted, CAR.but(road="D", speed=20.0), (own,)).settings
+    rough = CAR.but(road="F", speed=15.0)
     rides = ride.ride_on_road(fitted, rough, (fitted.setting(1), setting))
     assert rides.lost == ("1",)
     assert "bump stops" in repr(rides)
