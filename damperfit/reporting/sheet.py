@@ -289,8 +289,8 @@ def with_interval(
 ) -> str:
     """Return a value and half of its interval, both to the decimal place of the interval.
 
-    Where the limits are not as far below as above, they stand behind it. Without limits
-    ``digits`` significant digits are shown. ``plus`` is "+" for changes, which show their sign.
+    Where the limits are not as far below as above, but for rounding, they stand behind it. Without
+    them ``digits`` significant digits are shown. ``plus`` is "+" for changes, with their sign.
 
     Examples
     --------
@@ -298,6 +298,8 @@ def with_interval(
     ('14.00 ± 0.02', '45700 ± 400')
     >>> with_interval(0.631, 0.134, 2.963), with_interval(2.0, None, None)
     ('0.6 (0.1 to 3.0)', '2.0000')
+    >>> with_interval(11.97, 9.70, 14.7), with_interval(100.0, 90.0, 112.0)
+    ('12 ± 3', '100 (90 to 112)')
     """
     if value is None or not math.isfinite(value):
         return NOTHING
@@ -306,17 +308,18 @@ def with_interval(
     if not (math.isfinite(half) and low <= value <= high and half > _ROUNDING * abs(value)):
         return number(value, digits=digits) if not plus else f"{value:+.{digits - 1}g}"
     below, above = value - low, high - value
-    is_even = max(below, above) <= _UNEVEN * min(below, above)
-    error = half if is_even else max(min(below, above), _LEAST * half)
+    larger, smaller = max(below, above), min(below, above)
+    is_even = larger <= _UNEVEN * smaller
+    error = larger if is_even else max(smaller, _LEAST * half)
     place = math.floor(math.log10(error)) - 1  # of the last significant digit
     place += round(error / 10.0**place) > _TWO_DIGITS
+    step = 10.0**place
 
     def rounded(x: float, plus: str = "") -> str:
-        step = 10.0**place
         return f"{round(x / step) * step + 0.0:{plus}.{max(0, -place)}f}"
 
-    if is_even:
-        return f"{rounded(value, plus)} ± {rounded(half)}"
+    if is_even and larger - smaller <= step:
+        return f"{rounded(value, plus)} ± {rounded(larger)}"
     return f"{rounded(value, plus)} ({rounded(low)} to {rounded(high)})"
 
 

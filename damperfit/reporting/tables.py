@@ -459,11 +459,12 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
         share = row.get("change_percent")
         return NOTHING if share is None else f"{share:+.1f}"
 
-    columns = [
-        Column(STROKE_WORDS[stroke], "N at", words),
-        *(column(f"{speed:.3g}", "m/s", speed, bare_force) for speed in speeds),
-        column(f"{last:.3g}" if speeds else f"{last:g}", "m/s ±95 %", last, force),
-    ]
+    # Beyond the tests the interval says how many digits are known.
+    is_wide = {row["speed_m_per_s"] for row in rows if row.get("tested") == "no"} | {last}
+    columns = [Column(STROKE_WORDS[stroke], "N at", words)]
+    for speed in (*speeds, last):
+        unit, cell = ("m/s ±95 %", force) if speed in is_wide else ("m/s", bare_force)
+        columns.append(column(f"{speed:.3g}" if speeds else f"{speed:g}", unit, speed, cell))
     if has_click:
         columns.append(column("change" if wide else "click", "N ±95 %", last, change))
         columns.append(column("", "%", last, change_percent))
