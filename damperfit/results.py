@@ -222,10 +222,8 @@ class Run(StoredRun):
         """
         from damperfit.configuration.loading import load_configuration
 
-        given = load_configuration(self._config)
-        if self.declared_damper is not None:
-            given = self.configured(given, config=self._config)
-        elif self._config is None:
+        given = self.configured(load_configuration(self._config), config=self._config)
+        if self.declared_damper is None and self._config is None:
             text = "the damper of the run is not known: the paper's is assumed; declare yours"
             self._remarks.append(warning("damper-assumed", text))
         return with_temperature(given, self._temperature)
@@ -290,6 +288,14 @@ class Run(StoredRun):
         from damperfit.configuration.damper_section import damper_of_record
 
         if self.declared_damper is None:
+            names = {quantity.name for quantity in self.quantities}
+            if any(q.default is None and q.name not in names for q in given.damper.quantities):
+                text = (
+                    "its parameters are not those of the model {model}, and it does not say of "
+                    "which damper they are; give {--config FILE} with its [damper]"
+                )
+                model = given.damper.name
+                raise ConfigurationError(text, subject=self.source, model=model, code="no-damper")
             return given
         try:
             own = damper_of_record(self.declared_damper)

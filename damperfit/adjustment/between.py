@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -39,12 +39,24 @@ BENDS = (STRAIGHT, AREAS)
 _CURVE = 3  # settings; two alone show no curve
 
 
-def values_between(
-    damper: Model, stages: Sequence[Stage], setting: Setting
-) -> tuple[Values, tuple[Stage, Stage]] | None:
-    """Return the parameters of a setting between two tested ones, and these two.
+class Interpolated(NamedTuple):
+    """A setting that was not tested, between two that were."""
 
-    An offset, which is each test's own, is the mean of theirs. None: too few were tested.
+    values: Values
+    beside: tuple[Stage, Stage]
+    others: tuple[Values, ...]  # by the other curves: what may hide between settings
+
+    def spread(self, damper: Model, speed: float) -> float:
+        """Return how far the other curves lead from its force at a speed, m/s, N."""
+        values = (self.values, *self.others)
+        own, *others = (quasi_static(damper, each, [speed]).forces[0] for each in values)
+        return float(max(abs(own - force) for force in others))
+
+
+def values_between(damper: Model, stages: Sequence[Stage], setting: Setting) -> Interpolated | None:
+    """Return the parameters of a setting between two tested ones; None: too few were tested.
+
+    An offset, which is each test's own, is the mean of theirs.
     """
     for adjuster, place in setting.places:
         turned = {
@@ -59,14 +71,17 @@ def values_between(
             curve = Between(damper, own, np.array(places), np.zeros(len(own)))
             first = own[0].parameters
             means = {q.name for q in first.quantities if q.is_offset}
-            values = {
-                name: float(np.mean(row))
-                if name in means
-                else float(curve.values_at(first.quantity(name), np.array([at]), SMOOTH)[0])
-                for name, row in curve.values.items()
-            }
+            values, *others = (
+                first.replace({
+                    name: float(np.mean(row))
+                    if name in means
+                    else float(curve.values_at(first.quantity(name), np.array([at]), kind)[0])
+                    for name, row in curve.values.items()
+                })
+                for kind in curve.kinds
+            )  # fmt: skip
             above = int(np.searchsorted(places, at))
-            return first.replace(values), (own[above - 1], own[above])
+            return Interpolated(values, (own[above - 1], own[above]), tuple(others))
     return None
 
 

@@ -19,7 +19,7 @@ from damperfit.arrays import FloatArray
 from damperfit.configuration.options import Configuration
 from damperfit.damper.purdy.reference import FAMILIES
 from damperfit.damper.temperature_law import at_temperature
-from damperfit.problem import Problem, warning
+from damperfit.problem import Problem, in_a_row, warning
 from damperfit.queries.settings import notes_on_simulation
 from damperfit.queries.simulations import (
     FEW_SAMPLES,
@@ -88,19 +88,25 @@ class Simulation(Answer):
     @cached_property
     def half_intervals(self) -> tuple[float, float] | None:
         """Of the damper's own force at the peak speeds, rebound and compression, 95 %, N."""
-        fitted, figures = self.choice.fitted, self.characteristics
-        if fitted is None or fitted.run is None or fitted.covariance is None or not fitted.names:
+        choice, figures = self.choice, self.characteristics
+        beside = choice.between.beside if choice.between else ()
+        stages = beside if choice.fitted is None else (choice.fitted,)
+        run = choice.run if all(s.covariance is not None and s.names for s in stages) else None
+        if run is None or not stages:
             return None
-        speeds = figures.peak_speed_rebound, figures.peak_speed_bump
-        damper = fitted.run.damper
+        damper = run.damper
         if self.temperature is not None:
             damper = at_temperature(damper, self.temperature)
-        # Both strokes of each speed; none: it cannot be simulated there.
-        forces = force_at([fitted], damper, speeds, measured=fitted.run.speed_forces)
-        if not forces:
-            return None
-        rebound, bump = (max(f.force - f.low, f.high - f.force) for f in (forces[0], forces[-1]))
-        return rebound, bump
+        halves = []
+        for k, speed in enumerate((figures.peak_speed_rebound, figures.peak_speed_bump)):
+            # Both strokes of each setting; none: it cannot be simulated there.
+            forces = force_at(stages, damper, [speed], measured=run.speed_forces)[k::2]
+            if not forces:
+                return None
+            half = max(max(f.force - f.low, f.high - f.force) for f in forces)
+            spread = choice.between.spread(damper, -speed if k else speed) if choice.between else 0
+            halves.append(math.hypot(half, spread))
+        return halves[0], halves[1]
 
     @property
     def _tested(self) -> dict[str, float]:
@@ -112,17 +118,20 @@ class Simulation(Answer):
     @property
     def trust(self) -> str:
         """Grade, interval, and that the motion was tested; empty where no run has it."""
-        fitted, figures = self.choice.fitted, self.characteristics
-        if fitted is None:
+        choice, figures = self.choice, self.characteristics
+        if choice.fitted is None and choice.between is None:
             return ""
-        parts = [f"grade of the fit: {fitted.grade}"]
+        parts = [f"grade of the fit: {choice.fitted.grade}"] if choice.fitted else []
         if self.half_intervals is not None:
             rebound, bump = (f"{float(f'{half:.2g}'):g}" for half in self.half_intervals)
             parts.append(
                 f"the damper's own force ±{rebound} N at {figures.peak_speed_rebound:.3g} m/s in "
                 f"rebound, ±{bump} N in compression (95 %)"
             )
-        if not any(self.choice.tested.outside(**self._tested)):
+            if choice.between is not None:
+                beside = in_a_row([str(stage.setting) for stage in choice.between.beside])
+                parts[-1] += f", of {beside} and of other curves between the tested settings"
+        if choice.fitted and not any(choice.tested.outside(**self._tested)):
             parts.append("amplitude, frequency and speed were tested")
         return "; ".join(parts)
 
@@ -160,8 +169,9 @@ class Simulation(Answer):
             "characteristics": asdict(self.characteristics),
         }
         if self.choice.fitted is not None:
-            halves = self.half_intervals or (None, None)
             document["grade"] = self.choice.fitted.grade
+        if self.trust:
+            halves = self.half_intervals or (None, None)
             document["half_interval_N"] = dict(zip(("rebound", "bump"), halves, strict=True))
         return {key: json_values(value) for key, value in document.items()}
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from damperfit.adjustment.between import values_between
+from damperfit.adjustment.between import Interpolated, values_between
 from damperfit.configuration.options import Configuration, parameter_value
 from damperfit.damper.model import Model, Values
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
@@ -26,7 +26,7 @@ from damperfit.errors import (
 )
 from damperfit.identification.sharing import unlimited_in, values_from_others
 from damperfit.io import read_log
-from damperfit.problem import Option, Problem, listed_names, warning
+from damperfit.problem import Option, Problem, in_a_row, listed_names, warning
 from damperfit.recording import Trace
 from damperfit.results import Run
 from damperfit.run.logs import Labels, conditioned_as_tested, facts_of
@@ -61,6 +61,7 @@ class ChosenParameters:
     run: Run | None = None  # that they are of; None: the reference set, or all were given
     unlimited: tuple[str, ...] = ()  # those to which the logs of their setting set no upper limit
     fitted: SettingResult | None = None  # None where values were replaced
+    between: Interpolated | None = None  # of a setting that was not tested, beside two that were
 
     @property
     def tested(self) -> Tested:
@@ -161,18 +162,18 @@ def _of_run(
     values = {result.setting: result.parameters for result in run.settings}
     unlimited = {result.setting: frozenset(result.unlimited) for result in run.settings}
     chosen = _setting_named(setting, results)
-    source, fitted = f"setting {chosen} of {path}", results.get(chosen)
+    source, fitted, curve = f"setting {chosen} of {path}", results.get(chosen), None
     if fitted is None:
         together = values_from_others(values, chosen)
         if together is not None:
             names = frozenset(unlimited_in(together, values, unlimited))
             source = f"setting {chosen}, put together from the clicks of the settings of {path}"
         elif (curve := values_between(run.damper, run.settings, chosen)) is not None:
-            together, beside = curve
-            names = frozenset(name for result in beside for name in unlimited[result.setting])
-            between = " and ".join(str(result.setting) for result in beside)
+            together, beside = curve.values, [stage.setting for stage in curve.beside]
+            names = frozenset(name for setting in beside for name in unlimited[setting])
             source = (
-                f"setting {chosen}, not tested, its values between those of {between} of {path}"
+                f"setting {chosen}, not tested, its values between those of "
+                f"{in_a_row(list(map(str, beside)))} of {path}"
             )
         else:
             there = ", ".join(str(number) for number in sorted(results)) or "none"
@@ -185,8 +186,8 @@ def _of_run(
     else:
         together, names = fitted.parameters, unlimited[chosen]
     unlimited_here = tuple(n for n in together.names if n in names and n not in replaced)
-    fitted = None if replaced else fitted
-    return ChosenParameters(together, chosen, source, run, unlimited_here, fitted)
+    known = (None, None) if replaced else (fitted, curve)
+    return ChosenParameters(together, chosen, source, run, unlimited_here, *known)
 
 
 def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:

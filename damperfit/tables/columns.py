@@ -371,14 +371,16 @@ def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
 def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tuple[Quantity, ...]:
     """Return the quantities in the facts of a table or run.json, else the paper's.
 
-    Where the facts are lost, and a column has a status that is none of the paper's, ``columns``
-    say what there is.
+    Where the facts are lost, and ``columns`` are not the paper's, these say what there is: those
+    with a status, of a table of one's own all.
     """
     records = facts.get("quantities")
     quantities: tuple[Quantity, ...] = ()
     with suppress(KeyError, TypeError, ValueError):
         quantities = tuple(map(_quantity, records)) if isinstance(records, list) else ()
     named = [name.removesuffix("_status") for name in columns if name.endswith("_status")]
+    if not (named or {"r_m1", "r_m2", "r_m3"}.intersection(columns)):
+        named = [name for name in columns if name != "setting"]
     if not quantities and not {q.name for q in PAPER_QUANTITIES}.issuperset(named):
         quantities = tuple(Quantity(n, n, n, n, "", (-math.inf, math.inf)) for n in named)
     return quantities if quantities and quantities != PAPER_QUANTITIES else PAPER_QUANTITIES

@@ -483,13 +483,12 @@ def table_quantities(path: Path, record: Mapping[str, Any] | None = None) -> tup
     facts = read_facts(path)
     if "quantities" in facts:
         return quantities_in(facts)
-    if record is None:
-        return quantities_in(read_record(path.parent / "run.json", []))
     columns: list[str] = []
-    for table in (path, path.with_suffix(".csv")):
+    for table in dict.fromkeys((path, path.with_suffix(".csv"))):
         with suppress(*_BROKEN):
             columns = columns or _cells(table)[0]
-    return quantities_in(record, columns)
+    beside = read_record(path.parent / "run.json", []) if record is None else record
+    return quantities_in(beside, columns)
 
 
 def read_table(

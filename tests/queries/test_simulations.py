@@ -4,11 +4,14 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import damperfit
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Status
 from damperfit.queries.simulations import (
@@ -184,3 +187,25 @@ def test_the_interval_of_a_simulated_force_is_that_of_settings(sample_results) -
         low, force, high = (own[f"force{end}_N"] for end in ("_ci_low", "", "_ci_high"))
         half = max(high - force, force - low)
         assert done.document()["half_interval_N"]["rebound"] == pytest.approx(half, rel=1e-3)
+
+
+def test_a_setting_between_tested_ones_has_an_interval_that_holds_the_truth() -> None:
+    run = damperfit.identify([f"sample_runs/setting_{n:02d}.csv" for n in (1, 5, 10)])
+    done = damperfit.simulate(7, parameters=run)
+    speeds = [done.characteristics.peak_speed_rebound, -done.characteristics.peak_speed_bump]
+    truth, force = (
+        quasi_static(run.damper, values, speeds).forces
+        for values in (reference_parameters(7), done.choice.parameters)
+    )
+    assert np.all(np.abs(truth - force) < done.half_intervals)
+    for tested in (5, 10):
+        at_tested = damperfit.simulate(tested, parameters=run).half_intervals
+        assert np.all(np.array(at_tested) < 1.01 * np.array(done.half_intervals))
+
+
+def test_a_lone_table_is_of_the_damper_that_is_declared(tmp_path) -> None:
+    (path := tmp_path / "mine.csv").write_text("setting,c_r,c_b,f_0\n3,2000,1500,0\n")
+    done = damperfit.simulate(3, parameters=path, damper={"model": "bilinear"})
+    assert done.choice.parameters["c_r"] == 2000.0
+    with pytest.raises(ConfigurationError, match="give config="):
+        damperfit.simulate(3, parameters=path)
