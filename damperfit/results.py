@@ -413,7 +413,11 @@ class Run(StoredRun):
         """SHA-256 of the table of parameters, as it would be written where it stands nowhere."""
         if self.place is None:
             return table_files.sha256_of_table(self.table("parameters"))
-        paths = [table_files.part_in(self.place) if table_files.is_part(self.place) else self.place]
+        paths = (
+            [table_files.part_in(self.place, [])]
+            if table_files.is_part(self.place)
+            else [self.place]
+        )
         if self._stored is not None:
             paths = [self.place / f"parameters{suffix}" for suffix in (".parquet", ".csv")]
         return next((sha256_of(path) for path in paths if path.is_file()), "")

@@ -107,16 +107,16 @@ class StoredRun:
             again.__dict__ |= own | {"_remarks": list(place._remarks)}  # noqa: SLF001 - its own
             return again
         place = path_of(place, "damperfit.load", "the path of a results folder")
-        if table_files.is_part(place):
-            record, quantities, rows = table_files.read_part(place)
-            return cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
         remarks: list[Problem] = []
+        more |= {"place": place, "remarks": remarks}
+        if table_files.is_part(place):
+            record, quantities, rows = table_files.read_part(place, remarks)
+            return cls(record, {"parameters": rows}, quantities=quantities, **more)
         if place.is_file() or place.suffix in {".csv", ".parquet"}:
             record, quantities, rows, source = table_files.read_table(place)
             beside = table_files.read_record(place.parent / "run.json", [])
             table_files.check_files(place.parent, beside, remarks, [place.stem])
-            more |= {"quantities": quantities, "place": place, "remarks": remarks}
-            run = cls(record, {"parameters": rows}, **more)
+            run = cls(record, {"parameters": rows}, quantities=quantities, **more)
             run._source = source
             return run
         if not place.is_dir():
@@ -128,7 +128,7 @@ class StoredRun:
             remarks.append(warning("other-schema", schema))
         table_files.check_files(place, record, remarks, parts)
         quantities = table_files.table_quantities(place / "parameters.parquet", record)
-        run = cls(record, quantities=quantities, place=place, remarks=remarks, **more)
+        run = cls(record, quantities=quantities, **more)
         for name in parts:
             _ = run.signals if name == "responses" else run.rows(name)
         if not run._rows.get("parameters") and not run._signals:

@@ -161,7 +161,8 @@ class Outlets:
         ):
             for block in re.split(r"\n\s*\n", text):
                 headings, *lines = block.strip().splitlines()
-                rows = [re.findall(rf"{NUMBER}(?: ± {NUMBER})?\*?|\S+", line) for line in lines]
+                interval = rf" ± {NUMBER}| \({NUMBER} to {NUMBER}\)"
+                rows = [re.findall(rf"{NUMBER}(?:{interval})?\*?|\S+", line) for line in lines]
                 rows = [row for row in rows if row[0] == str(SETTING)]
                 found.append((name, headings.split(), rows))
         return found
@@ -199,11 +200,10 @@ def agrees(shown: float | str, stored: float) -> bool:
 
 
 def holds(cell: str, value: float, low: float = math.nan, high: float = math.nan) -> bool:
-    """Whether a cell is a value, and half of its interval where it shows one."""
-    numbers = re.findall(NUMBER, cell)
-    return agrees(numbers[0], value) and (
-        len(numbers) < 2 or agrees(numbers[1], 0.5 * (high - low))
-    )
+    """Whether a cell is a value, and the larger side or both ends of its interval if it has one."""
+    first, *ends = re.findall(NUMBER, cell)
+    expected = (low, high) if len(ends) > 1 else (max(value - low, high - value),)
+    return agrees(first, value) and all(map(agrees, ends, expected))
 
 
 def plotted(lines: list[dict], label: str) -> np.ndarray:

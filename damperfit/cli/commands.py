@@ -44,7 +44,7 @@ from damperfit.cli.console import (
     wrapped,
 )
 from damperfit.errors import ConfigurationError, DamperfitError, SimulationError
-from damperfit.problem import Option, counted
+from damperfit.problem import Option, Problem, counted
 
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
@@ -82,11 +82,16 @@ def _show(
         print_blocks(blocks, colours)
 
 
-def _warn(place: object, problems: Sequence[object]) -> int:
+def _warn(place: object, problems: Sequence[Problem]) -> int:
     """Report problems of a results folder; return the exit code that they give."""
     for problem in problems:
         say(f"damperfit: {place}: {problem}")
-    return int(bool(problems))
+    return _code_of(problems)
+
+
+def _code_of(problems: Iterable[Problem]) -> int:
+    """Return the exit code that problems give: a note is none."""
+    return int(any(problem.severity != "note" for problem in problems))
 
 
 def _counting(how: Shown) -> Callable[[str], None]:
@@ -360,7 +365,7 @@ def compare(how: Shown, runs: list[str], **given: Any) -> int:
         append_summary(summary, done.markdown, instead="The comparison is too long for a summary.")
     if given["out"] is not None:
         _tell(how, f"{given['out']}/comparison.html written, with Markdown, JSON and tables")
-    return 1 if done.remarks else 0 if done.is_met else 4
+    return _code_of(done.remarks) or (0 if done.is_met else 4)
 
 
 def _answer(function: Any, how: Shown, **given: Any) -> int:

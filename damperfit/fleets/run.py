@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import replace
 from enum import Enum
 from functools import partial
+from itertools import chain
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
@@ -105,12 +106,14 @@ def tasks_by_damper(
 ) -> tuple[DamperTask, ...]:
     """Group logs by damper: as the table of tests says, else the log's preamble, else its folder.
 
-    Where logs of one name were taken on several dates, each date is a test of its own. A
-    ConfigurationError: a table of tests is wrong, or there is no log.
+    Where logs of one name and setting were taken on several dates, each date is a test of its own;
+    the date in a name is no part of it. A ConfigurationError: a table of tests is wrong, or there
+    is no log.
     """
     adjusters, given = configuration.reading.adjusters, configuration.test.table
     named = [source for source in sources if source.file.lower() == TABLE_OF_TESTS]
-    rows: dict[tuple[str, str], Identity] = {}  # whose a log is, by its folder and name
+    # Whose a log is, and at which setting, by its folder and name.
+    rows: dict[tuple[str, str], tuple[Identity, str]] = {}
     with brought_here(named) as (here, _):
         tables = {(file.where, file.folder): file for file in named if is_tests_table(here[file])}
         logs = [source for source in sources if source not in set(tables.values())]
@@ -123,29 +126,30 @@ def tasks_by_damper(
         for where, path in own if given is None else [("", given)]:
             for name, row in read_tests(path, adjusters).rows.items():
                 if row.identity.owner:
-                    rows.setdefault((where, name), row.identity)
+                    rows.setdefault((where, name), (row.identity, str(row.places)))
 
-    def whose(log: FleetLog) -> Identity:
+    def whose(log: FleetLog) -> tuple[Identity, str]:
         keys = ((log.where, log.file), ("", log.file), ("", log.name))
         if listed := next((rows[key] for key in keys if key in rows), None):
             return listed
         if log.earlier is not None:
-            return Identity(serial=log.earlier.owner, date=log.earlier.date)
+            return Identity(serial=log.earlier.owner, date=log.earlier.date), ""
         return _in_preamble(head_of(log))
 
     owners: dict[str, dict[str, list[FleetLog]]] = defaultdict(lambda: defaultdict(list))
+    tests_on: dict[tuple[str, str], set[tuple[str, str]]] = defaultdict(set)
     # In a store each new log costs the time of an answer.
     with executor(AT_ONCE if any(log.is_remote for log in logs) else 1) as pool:
-        for log, own in zip(logs, pool.map(whose, logs), strict=True):
+        for log, (own, setting) in zip(logs, pool.map(whose, logs), strict=True):
             owner = own.owner or configuration.test.identity.owner or _in_unicode(log.folder)
-            owners[owner][own.date[:10]].append(log)
+            owners[owner][day := own.date[:10]].append(log)
+            tests_on[owner, day].add((_undated(log.file, day), setting))
     tasks = []
     for owner in sorted(owners, key=natural_order):
-        by_date = owners[owner].values()
-        names = [{log.file for log in taken} for taken in by_date]
-        tests = list(map(tuple, by_date))
+        names = [tests_on[owner, day] for day in owners[owner]]
+        tests = list(map(tuple, owners[owner].values()))
         if sum(map(len, names)) == len(set().union(*names)):
-            everything = {log for taken in by_date for log in taken}
+            everything = set(chain.from_iterable(tests))
             tests = [tuple(log for log in logs if log in everything)]
         for taken in tests:
             keys = dict.fromkeys((log.where, log.folder) for log in taken)
@@ -159,11 +163,24 @@ def _in_unicode(name: str) -> str:
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
-def _in_preamble(head: bytes) -> Identity:
-    """Return whose test it is by the lines before the numbers of a text log."""
+def _undated(name: str, day: str) -> str:
+    """Return a file's name without the date of its test, YYYY-MM-DD, and the time behind that."""
+    if not (parts := re.fullmatch(r"(\d\d(\d\d))-(\d\d)-(\d\d)", day)):
+        return name
+    year, short, month, number = parts.groups()
+    gap = "[-_.]?"
+    dates = (
+        f"{year}{gap}{month}{gap}{number}|{number}{gap}{month}{gap}{year}|{short}{month}{number}"
+    )
+    return re.sub(rf"({dates})([-_T ]?\d\d[-_]?\d\d([-_]?\d\d)?(?!\d))?", "", name)
+
+
+def _in_preamble(head: bytes) -> tuple[Identity, str]:
+    """Return whose test it is, and its setting, by the lines before the numbers of a text log."""
     text = head.decode("utf-8", "replace")
     entries = (_ENTRY.match(line) for line in text.splitlines()[:60] if "\0" not in text)
-    return identity_in({entry[1]: entry[2] for entry in entries if entry})
+    stated = {entry[1]: entry[2] for entry in entries if entry}
+    return identity_in(stated), stated.get(ADJUSTER, "")
 
 
 def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configuration) -> str:
@@ -288,7 +305,7 @@ def _fitted(
     objects = {}
     for file, stamp in stamps.items():
         if stamp:
-            own = _in_preamble(head_of(FleetLog(str(here[file]), "")))
+            own, _ = _in_preamble(head_of(FleetLog(str(here[file]), "")))
             objects[file.place] = (stamp, hashes[file], own.owner, own.date)
     if before:
         if objects:  # changed in date, not in bytes: with the new stamp it is not fetched again

@@ -75,6 +75,12 @@ def report_sections(run: Run, units: ShownUnits = SI) -> list[Section]:
     return sections
 
 
+def _of_results(run: Run) -> Iterator[Section]:
+    for title, is_note in (("These results are incomplete", False), ("Which test this is", True)):
+        problems = [str(p) for p in run.remarks if (p.severity == "note") is is_note]
+        yield Section(title, "alarm", problems)
+
+
 def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     record, parameters = run.record, run.rows("parameters")
     checks, law, gaps = records.checks_in(record), records.law_in(record), records.gaps_in(record)
@@ -97,7 +103,7 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
 
     missing = [f"no result for {of_runs(gaps)}"] if gaps else []
     yield Section("Not done", "alarm", [*failure_lines(records.failures_in(record)), *missing])
-    yield Section("These results are incomplete", "alarm", [*map(str, run.remarks)])
+    yield from _of_results(run)
     yield Section("Gates not met", "alarm", [*map(str, records.listed_in(record, "gates_missed"))])
     yield table("Force by setting", "top", *tables.force_sheets(forces), scaled=True)
     yield Section("Model structure that the logs support", "words", tables.law_sentences(law))

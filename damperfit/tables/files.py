@@ -32,7 +32,7 @@ from damperfit.arrays import FloatArray
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text, regular, sha256_of, why_unread
-from damperfit.problem import Option, Problem, listed_names, warning
+from damperfit.problem import Option, Problem, listed_names, note, warning
 from damperfit.store import file_set, settle
 from damperfit.tables.columns import (
     PAPER_QUANTITIES,
@@ -538,6 +538,8 @@ def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
 
 # A part of a fleet
 
+_DATE = re.compile(r"\d{4}-\d\d-\d\d.*")  # dates that sort
+
 
 def _parts_of(folder: Path) -> list[Path]:
     is_ours = folder.name.startswith(("serial-", "serial="))
@@ -570,19 +572,24 @@ def is_part(path: Path) -> bool:
     return path.name.startswith("part-") and path.suffix == ".parquet" and path.is_file()
 
 
-def part_in(path: Path) -> Path:
-    """Return the part that a path names, itself or as the folder of its serial number."""
+def part_in(path: Path, problems: list[Problem]) -> Path:
+    """Return the part that a path names, itself or as the folder of its serial number.
+
+    Of several tests it is the last, with a note; they are refused where it is not known which.
+    """
     if not path.is_dir():
         return path
     parts = tests_in(path)
-    if len(parts) > 1:
-        names = (f"{part.name} ({date.partition(',')[0]})" for date, part in parts.items())
-        raise ConfigurationError(
-            f"several tests of one damper; name one of {', '.join(names)}",
-            subject=path,
-            code="several-tests",
-        )
-    return next(iter(parts.values()))
+    *earlier, last = sorted(parts)
+    names = [f"{parts[date].name} ({date.partition(',')[0]})" for date in (*earlier, last)]
+    if earlier and not all(map(_DATE.fullmatch, parts)):
+        text = f"several tests of one damper; name one of {', '.join(names)}"
+        raise ConfigurationError(text, subject=path, code="several-tests")
+    if earlier:
+        text = "of {n} tests the last is taken, of {date}; before it: {names}"
+        about = {"n": len(parts), "date": last, "names": listed_names(names[:-1])}
+        problems.append(note("several-tests", text, **about))
+    return parts[last]
 
 
 def tests_in(folder: Path) -> dict[str, Path]:
@@ -610,9 +617,11 @@ def part_table(path: Path) -> tuple[pa.Table, dict[str, Any]]:
         ) from error
 
 
-def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
+def read_part(
+    path: Path, problems: list[Problem]
+) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
     """Return what a part keeps of run.json, its quantities, and its rows of parameters."""
-    table, record = part_table(path := part_in(path))
+    table, record = part_table(path := part_in(path, problems))
     table = table.select([name for name in table.column_names if name != "serial"])
     if not record:
         raise ConfigurationError(

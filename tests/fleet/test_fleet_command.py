@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import OutputError
 from damperfit.fleets.parts import collect, parts_in
@@ -28,6 +29,19 @@ def failed(folder: Path) -> list[dict]:
     table = table_of(folder)
     texts = table[table["error"].notna()].select_dtypes(exclude="number")
     return texts.fillna("").to_dict("records")
+
+
+def test_of_a_damper_tested_on_two_dates_the_last_is_shown(tmp_path, texts, out, capsys):
+    for day in ("2026-03-08", "2026-03-01"):
+        put(tmp_path / day, texts, "SN7")
+        for log in (tmp_path / day).glob("*.csv"):
+            log.write_text(f"# date: {day}\n{log.read_text()}")
+            log.rename(tmp_path / f"{day.replace('-', '')}_{log.name}")
+    assert run(tmp_path, "--out", out) == 0
+    assert len(parts_in(out)) == 2
+    for words in ("report", "settings"):
+        assert main([words, str(out / "serial-SN7")]) == 0
+        assert "the last is taken, of 2026-03-08" in capsys.readouterr().err
 
 
 def test_every_damper_gets_a_part_and_all_one_table_and_what_is_new_is_done(three, out, capsys):
