@@ -680,10 +680,8 @@ def _temperature(seen: Seen) -> Iterator[Finding]:
     yield _judged("temperature_drift", text, drift, "degC", fault=fault)
 
 
-# A force that is smoothed beside a displacement that is not is reported; a displacement is not,
-# for a heavy actuator is smooth by itself.
-_FILTERED = 100.0
-_SMOOTHED, _NOT_SMOOTHED = 30.0, 10.0
+# A displacement that is smooth by itself is that of a heavy actuator.
+_SMOOTHED = 30.0
 # Hz, and by how much less noise there is: an amplifier's filter of 60 Hz or more does no harm.
 _HARMFUL_BAND, _HARMFUL = (50.0, 80.0), 3.0
 
@@ -709,16 +707,15 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
         text = "whether the rig has filtered a channel cannot be judged: "
         text += "too few cycles, or no noise above the motion"
         yield Finding("rig_filter", "note", text)
-    elif motion > _SMOOTHED and force > _FILTERED:
+    elif min(motion, force) > _SMOOTHED:
         yield Finding("rig_filter", "warning", text, force)
     elif (
         force > _SMOOTHED
-        and motion < _NOT_SMOOTHED
         and noise_ratio(log.force, runs[0], log.interval, beyond=_HARMFUL_BAND) > _HARMFUL
     ):
         text = (
-            f"the force is smoothed and the displacement is not: its noise is {force:.0f} times "
-            "stronger below 25 Hz than far above, as behind a running mean or an amplifier's "
+            f"the force is smoother than the displacement: its noise is {force:.0f} times stronger "
+            "below 25 Hz than far above, as behind a running mean or an amplifier's "
             "filter; friction, stiffness and forces at low speed are wrong: log it unfiltered"
         )
         yield Finding("force_smoothed", "warning", text, force)

@@ -73,15 +73,17 @@ if TYPE_CHECKING:
 
 
 # Rigs repeat frequency and stroke to parts in a thousand: one log of at least so many that is off
-# by more than so much, and by so many times what the others differ by, was logged otherwise. Of
-# three, or of stepped tests, one off by less or by far more may well be another test.
+# by more than so much, and by so many times what the others differ by, was logged otherwise. One
+# off by far more is another test, as is one off by less of three, or of stepped tests.
 _ENOUGH_LOGS, _FAR = 3, 10.0
-_APART, _APART_OF_FEW = (5e-3, math.inf), (1e-2, 0.2)
+_APART, _APART_OF_FEW, _OTHER_TEST = 5e-3, 1e-2, 0.1
 # Settings disagree about a shared value from this factor and so many errors on, of those whose own
 # logs know it better than by this error of its logarithm, where that is half of what they miss.
 _UNLIKE, _SURELY, _TELLING, _MOST_OF_IT = 1.5, 3.0, 0.3, 0.5
 # An offset of so much of the force's swing, of which a gas leaves no more than so much.
 _OFFSET_THAT_MATTERS, _OF_OFFSET = 0.01, 0.2
+# What changes within a log leaves a misfit that looks like a friction: it is named by its own name.
+_CHANGES = {"force_drift", "force_trend"}
 # Of a stroke's oil: a share below it is that of a passage which the logs do not show.
 _UNNOTICED = 0.01
 
@@ -194,7 +196,7 @@ def _motions_apart(traces: Sequence[Trace]) -> Iterator[Problem]:
     """Yield the one log that is off all others, which have as many segments."""
     names = [trace.name for trace in traces]
     is_few = len(traces[0].segments) > 1 or len(traces) == _ENOUGH_LOGS
-    least, greatest = _APART_OF_FEW if is_few else _APART
+    least = _APART_OF_FEW if is_few else _APART
     kinds = (
         ("clock-apart", "Hz", 1.0, "clock", "frequency"),
         ("stroke-apart", "mm", 1e3, "displacement channel", "amplitude"),
@@ -206,7 +208,7 @@ def _motions_apart(traces: Sequence[Trace]) -> Iterator[Problem]:
         ratios = np.median(values / middles, axis=1) - 1.0
         off, values, middle = np.abs(ratios), values[:, 0], float(middles[0])
         *_, second, most = np.sort(off).tolist()
-        if least < most < greatest and most > _FAR * second:
+        if least < most < _OTHER_TEST and most > _FAR * second:
             place = int(np.argmax(off))
             yield warning(
                 code,
@@ -590,7 +592,9 @@ def _with_hidden_friction(
         replace(linear, flawed={name: amount * friction.pulls[place], **linear.flawed})
         for linear, friction in zip(linearised, known, strict=True)
     ]
-    if any(name in linear.flawed for linear in linearised):
+    logs = (log for linear in linearised for log in linear.fit.logs)
+    warned = {x.name for log in logs for x in log.trace.findings if x.severity == "warning"}
+    if warned & _CHANGES or any(name in linear.flawed for linear in linearised):
         return with_friction, ()
     text = "{settings}: a small misfit looks like {words}; the intervals allow for it."
     where = of_settings(setting.diagnosis.setting for setting in settings)

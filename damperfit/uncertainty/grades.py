@@ -67,6 +67,8 @@ class GradeLimits(NamedTuple):
     # Samples of a log at the end of a channel's range. With 4 % no number moves by half a per cent;
     # with 19 % a slope is 16 % off, at an MSE of 0.05 %.
     clipped_percent: float = 4.0
+    trend_percent: float = 5.0  # of the peak force: a mean over 8 % has an R_m1 2 % off
+    cell_percent: float = 3.0  # of the peak force: a load cell bent by 5 % has an R_m1 3 % off
     # MSE of a test that was not fitted, in all and over the one expected, both at once.
     predicted_percent: float = 0.5
     predicted_times: float = 4.0
@@ -88,6 +90,7 @@ _SPOILING = {
     "force_clipping": f"the force of {{log}} {_CLIPPED}",
     "displacement_clipping": f"the displacement of {{log}} {_CLIPPED}",
     "another_force": "{log} holds two forces of one motion: split it, or repair what changed",
+    "force_trend": "the peak force of {log} changes by {size:.2g} %: its numbers are a mean",
     CONTRADICTED: "the gas force in {log} contradicts the signs of its channels: check and declare "
     "which way they are counted",
 }
@@ -100,6 +103,7 @@ _SPOILING_MISSED = {
     "force_smoothed": "the force of {log} is smoothed, and a misfit repeats: log it unfiltered",
 }
 _LEAST = dict.fromkeys(("force_clipping", "displacement_clipping"), LIMITS.clipped_percent)
+_LEAST["force_trend"] = LIMITS.trend_percent
 # s; a 30 Hz filter spreads a jump over so much to both sides.
 _REVERSAL = 0.02
 
@@ -129,7 +133,7 @@ def objections(
     """
     diagnoses = {diagnosis.setting: diagnosis for diagnosis in assessment.diagnoses}
     doubted = _doubted_dimensions(campaign, diagnoses, assumed)
-    of_rig = _of_rig(campaign, diagnoses)
+    of_rig = _of_rig(campaign, diagnoses, assessment.apart)
     errors = {errors.setting: errors.intervals for errors in assessment.uncertainties}
     reasons = {
         fit.setting: (
@@ -202,21 +206,36 @@ def _of_fit(  # noqa: PLR0912 - one reason after the other
             yield Objection("friction", q.name, f"{text}{ratio:.2g} times that of the log")
 
 
-def _of_rig(campaign: Campaign, diagnoses: Mapping[Setting, Diagnosis]) -> dict[Setting, list[str]]:
+def _of_rig(
+    campaign: Campaign, diagnoses: Mapping[Setting, Diagnosis], apart: Iterable[Problem]
+) -> dict[Setting, list[str]]:
     """Return by setting what faults of the rig do to its numbers, its own or given by others."""
-    zero: dict[Setting, list[str]] = {}
+    otherwise = {problem.values["log"]: problem for problem in apart if "log" in problem.values}
+    own: dict[Setting, list[str]] = {}
     missed: dict[Setting, list[str]] = {}
     for fit in campaign.fits:
         offsets = (q.name for q in fit.parameters.quantities if q.is_offset)
         is_held = any(fit.status[name] == Status.FIXED for name in offsets)
         is_missed = fit.setting in diagnoses and _repeats(diagnoses[fit.setting])
-        zero[fit.setting] = [*_spoiling(fit.logs, _SPOILING_ZERO if is_held else {})]
+        own[fit.setting] = [*_spoiling(fit.logs, _SPOILING_ZERO if is_held else {})]
+        for name in (log.trace.name for log in fit.logs if log.trace.name in otherwise):
+            text = "the {what} of {log} is {percent} % off that of all others, and its numbers by "
+            text += "about as much, or it is another test"
+            own[fit.setting].append(text.format_map(otherwise[name].values))
         missed[fit.setting] = [*_spoiling(fit.logs, _SPOILING_MISSED if is_missed else {})]
-    # A zero is one log's and spoils what its setting gives to all; a filter is that of all logs.
-    given = [text for setting in campaign.sharing.taken.values() for text in zero.get(setting, ())]
+    # These are one log's and spoil what its setting gives to all; a filter is that of all logs.
+    given = [text for setting in campaign.sharing.taken.values() for text in own.get(setting, ())]
     if campaign.sharing.estimated:
         given += [text for texts in missed.values() for text in texts]
-    return {setting: [*zero[setting], *missed[setting], *given] for setting in zero}
+    # A load cell is the rig's: where one setting shows it, it bends the others too.
+    hints = (hint for diagnosis in diagnoses.values() for hint in diagnosis.hints[:1])
+    cells = (h for h in hints if h.name == "load_cell" and abs(h.amount) > LIMITS.cell_percent)
+    common = [f"a misfit looks like {hint.words}" for hint in cells]
+    if campaign.sharing.friction_varies:
+        common.append("friction differs over the settings, and one value for all bends the others")
+    for setting in (s for s in own if s in diagnoses and diagnoses[s].is_structured):
+        own[setting] += common
+    return {setting: [*own[setting], *missed[setting], *given] for setting in own}
 
 
 def _spoiling(logs: Iterable[LogFit], texts: Mapping[str, str]) -> Iterator[str]:

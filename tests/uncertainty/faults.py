@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 import damperfit
@@ -247,6 +248,9 @@ KINDS = [
          lambda a: partial(held, rows=round(a)), "converter"),
     Kind("running mean of {:.2g} ms", (40,), (10, 60),
          lambda a: lambda log: smoothed(log, round(a), "force_N"), "smooth"),
+    Kind("mean over {:.2g} ms before the noise", (40,), (10, 50),
+         lambda a: forced(partial(uniform_filter1d, size=round(a))),
+         f"one value for all|{FILTER}"),
     Kind("running mean of {:.2g} ms on both", (40,), (10, 60),
          lambda a: lambda log: smoothed(log, round(a), "force_N", "displacement_m"), FILTER),
 ]  # fmt: skip

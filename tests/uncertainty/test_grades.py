@@ -23,6 +23,7 @@ from damperfit.uncertainty.residuals import Hint
 from tests import fakes
 from tests.fakes import campaign
 from tests.identification.rig import short_trace
+from tests.uncertainty.faults import FAULTS, outcome
 
 GAS = GasFacts(
     rod_area=PURDY_DAMPER.rod_area,
@@ -134,6 +135,25 @@ def test_a_drifting_zero_spoils_what_its_setting_gives_to_others(source, withhel
     shared = replace(fakes.campaign().sharing, taken={"r_m3": fits[source - 1].setting})
     found = objections(campaign(*fits, sharing=shared), Assessment(), None)
     assert {int(str(setting)) for setting in found} == withheld
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "stroke 1.03 times in one",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in (
+                "clock 1.02 times in one", "cell of 0.05 second order", "zero drifts by -20 N",
+                "oil thinner by 0.06 at the end", "mean over 40 ms before the noise",
+            )
+        ),
+    ],
+)  # fmt: skip
+def test_no_number_that_a_fault_puts_off_has_a_grade(name) -> None:
+    _, off, is_named = outcome(*FAULTS[name])
+    assert is_named
+    assert not off
 
 
 @pytest.mark.parametrize("severity", ["warning", "note"])
