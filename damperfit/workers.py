@@ -1,21 +1,14 @@
-"""Work on many things at once: threads, copies of this process, processes that may die, a cluster.
+"""Work on many things at once: threads, processes that may die, a cluster.
 
     with executor(jobs) as pool:        threads, or this thread where there is one job
         results = pool.map(act, items)  in the order of the items
 
-    results = in_copies(act, items, jobs=2) the same, of many items in copies of this process
-
     for item, result in Processes(2).each(act, items):      as they are done; a death costs its item
     for item, result in Cluster(address).each(act, items):  the same on a Dask cluster
 
-A copy is a fork: it has the items and the work already, and sends results alone. On
-two cores of its own `identify` takes 5.6 s for 200 logs by copies, 7.5 s by threads, which wait for
-the interpreter's lock, and 9.1 s by one (medians of three). New interpreters take 0.6 s of
-processor each to begin, and what is done with an item cannot be pickled.
+Simulations and fits spend most of their time in the core, which releases the interpreter's lock.
 """
 
-import gc
-import io
 import logging
 import os
 import pickle
@@ -25,8 +18,7 @@ import subprocess
 import sys
 import threading
 import time
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from itertools import islice
@@ -71,216 +63,6 @@ def available_cores() -> int:
     with suppress(AttributeError):  # macOS and Windows have no affinity
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-# Copies of this process
-#
-# Nothing depends on a copy: an item without an answer, be it for an error, a death or a result that
-# cannot be sent, is done here, where an error is raised with its own traceback.
-
-# Items from which on copies gain more than they cost: two of them 20 to 30 ms of processor, as much
-# as one log from reading to judged result.
-_FEWEST_APART = 24
-_ROOM = 1 << 20  # bytes of a pipe: a result goes in whole, and its copy goes on
-_MOST_TURNS = 1024  # the smallest pipe holds them; beyond, a copy takes several items at a time
-_TURN = struct.Struct("<I")
-_is_copy = False
-
-
-def in_copies(  # noqa: PLR0913 - one more than usual, for what is done meanwhile
-    act: Callable[[Any], Any],
-    items: Iterable[Any],
-    *,
-    jobs: int,
-    known: Sequence[object] = (),
-    cancelled: Callable[[], bool] = lambda: False,
-    threads: int | None = None,
-    meanwhile: Callable[[], object] = lambda: None,
-) -> Iterator[Any]:
-    """Yield the results in the order of the items, of many items from copies of this process.
-
-    What ``act`` does besides returning its result is lost in a copy; it need not be of a module.
-    """
-    items = list(items)
-    if jobs > 1 and len(items) >= _FEWEST_APART and _may_be_copied():
-        copies = _Copies(act, items, known)
-        try:
-            copies.begin(jobs)
-            meanwhile()
-            yield from copies.results(cancelled)
-        finally:
-            copies.end()
-        return
-    with executor(jobs if threads is None else threads) as pool:
-        results = pool.map(act, items)
-        meanwhile()
-        yield from results
-
-
-def raised_in_copy(take: Callable[..., None]) -> Callable[..., None]:
-    """Return a taker of errors that raises them in a copy, whose parent then does the item."""
-
-    def taken(whose: object, error: Exception) -> None:
-        if _is_copy:
-            raise error
-        take(whose, error)
-
-    return taken
-
-
-def _may_be_copied() -> bool:
-    """Whether a copy can do what this process does; a copy itself makes none."""
-    # A lock that another thread of Python holds stays locked in a copy for ever; the threads of
-    # Arrow and OpenBLAS are made anew there. Libraries of macOS abort in one, Windows has none.
-    is_main = threading.current_thread() is threading.main_thread()
-    is_alone = is_main and threading.active_count() == 1
-    return sys.platform == "linux" and is_alone and not _is_copy
-
-
-class _Copies:
-    """Copies at work, as their parent sees them; each takes the next item from a common pipe."""
-
-    def __init__(
-        self, act: Callable[[Any], Any], items: list[Any], known: Sequence[object]
-    ) -> None:
-        self._act, self._items, self._known = act, items, known
-        self._step = -(-len(items) // _MOST_TURNS)
-        self._processes: dict[Any, int] = {}  # by the pipe that each answers through
-
-    def begin(self, jobs: int) -> None:
-        """Make the copies, as many as the system allows, and let them begin."""
-        pipes: list[int] = []
-        try:
-            pipes += os.pipe()
-            turns, deal = pipes
-            firsts = range(0, len(self._items), self._step)
-            os.write(deal, b"".join(map(_TURN.pack, firsts)))
-            for _ in range(min(jobs, len(self._items))):
-                self._copy(turns, deal)
-        except OSError as error:  # no more processes, files or memory
-            _LOGGER.debug("%d copies, for there are no more: %s", len(self._processes), error)
-        finally:
-            for pipe in pipes:
-                os.close(pipe)
-
-    def _copy(self, turns: int, deal: int) -> None:
-        import fcntl
-        from multiprocessing.connection import Pipe
-
-        source, sink = Pipe(duplex=False)
-        with suppress(OSError):
-            fcntl.fcntl(sink.fileno(), getattr(fcntl, "F_SETPIPE_SZ", 1031), _ROOM)
-        # A signal between the fork and the copy's own handlers would run those of its parent.
-        stops = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, stops)
-        try:
-            with warnings.catch_warnings():
-                # From 3.12 on it warns of any thread; those that are left mend themselves.
-                warnings.simplefilter("ignore", DeprecationWarning)
-                process = os.fork()
-            if process == 0:
-                self._live(turns, (deal, source.fileno()), sink, before)
-            self._processes[source] = process
-        except OSError:
-            source.close()
-            raise
-        finally:
-            sink.close()
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-    def _live(self, turns: int, others: tuple[int, ...], sink: Any, mask: set[Any]) -> None:
-        """Work as a copy and end here, without the parent's clean-up."""
-        global _is_copy  # noqa: PLW0603 - a fact of the whole process
-        try:
-            _is_copy = True
-            gc.freeze()  # a collection would write to every page that is shared
-            for number in (signal.SIGINT, signal.SIGHUP):  # its parent's business
-                signal.signal(number, signal.SIG_IGN)
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-            # Once its parent is gone no open end may look like a reader.
-            for other in (*others, *(pipe.fileno() for pipe in self._processes)):
-                os.close(other)
-            while turn := os.read(turns, _TURN.size):
-                (first,) = _TURN.unpack(turn)
-                for place in range(first, min(first + self._step, len(self._items))):
-                    try:
-                        answer = _packed((place, self._act(self._items[place])), self._known)
-                    except Exception:
-                        _LOGGER.debug("a copy leaves item %d to its parent", place, exc_info=True)
-                        continue
-                    sink.send_bytes(answer)
-        finally:
-            os._exit(0)
-
-    def results(self, cancelled: Callable[[], bool]) -> Iterator[Any]:
-        """Yield the results in the order of the items; an item that no copy did is done here."""
-        answers: dict[int, Any] = {}
-        for place, item in enumerate(self._items):
-            while place not in answers and self._processes:
-                answers.update(self._received())
-                if cancelled():
-                    self.end()
-            yield answers.pop(place) if place in answers else self._act(item)
-
-    def _received(self) -> Iterator[tuple[int, Any]]:
-        """Yield the places and results that have come, after a short wait at most."""
-        from multiprocessing.connection import wait
-
-        for pipe in wait(list(self._processes), _LOOK):
-            try:
-                answer = pipe.recv_bytes()  # type: ignore[union-attr]
-            except (EOFError, OSError):  # it has done all, or died
-                self._forget(pipe)
-                continue
-            try:
-                yield _Unpickler(answer, self._known).load()
-            except Exception:
-                _LOGGER.debug("the result of an item cannot be read", exc_info=True)
-
-    def _forget(self, pipe: Any) -> None:
-        pipe.close()
-        process = self._processes.pop(pipe)
-        with suppress(ChildProcessError):  # with SIGCHLD ignored there are no children to wait for
-            os.waitpid(process, 0)
-
-    def end(self) -> None:
-        """Let all copies go, whatever they are doing."""
-        for process in self._processes.values():
-            with suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)
-        for pipe in list(self._processes):
-            self._forget(pipe)
-
-
-class _Pickler(pickle.Pickler):
-    """Pickles a result; objects that the parent has too go by their place in `known`."""
-
-    def __init__(self, file: io.BytesIO, known: Sequence[object]) -> None:
-        super().__init__(file, protocol=5)
-        self._places = {id(item): place for place, item in enumerate(known)}
-
-    def persistent_id(self, result: object) -> int | None:
-        return self._places.get(id(result))
-
-
-class _Unpickler(pickle.Unpickler):
-    """Reads a result in the process that has the known objects."""
-
-    def __init__(self, answer: bytes, known: Sequence[object]) -> None:
-        super().__init__(io.BytesIO(answer))
-        self._known = known
-
-    def persistent_load(self, place: int) -> object:
-        return self._known[place]
-
-
-def _packed(answer: tuple[int, Any], known: Sequence[object]) -> bytes | memoryview:
-    if not known:  # else each object is asked for
-        return pickle.dumps(answer, protocol=5)
-    file = io.BytesIO()
-    _Pickler(file, known).dump(answer)
-    return file.getbuffer()
 
 
 # Processes that may die: new interpreters, which have their work through pipes, so that a death

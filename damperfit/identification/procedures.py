@@ -56,7 +56,7 @@ from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Trace, natural_order
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
 from damperfit.tested.setting import Setting
-from damperfit.workers import executor, in_copies
+from damperfit.workers import executor
 
 # The settings of a campaign fitted side by side; one that cannot be fitted costs itself alone.
 
@@ -109,13 +109,6 @@ class ProcedureInput:
         """Settings by rising stiffness, as far as it is declared how clicks count."""
         return sorted(self.settings, key=lambda setting: setting.softness(self.options.from_closed))
 
-    @property
-    def known(self) -> tuple[object, ...]:
-        """What fits may hold that is not their own: logs, cycles, damper, solver."""
-        traces = (trace for few in self.settings.values() for trace in few)
-        cycles = (cycle for few in self.cycles.values() if few is not None for cycle in few.cycles)
-        return (*traces, *cycles, self.damper, self.options.solver)
-
     def ordered(self, names: Iterable[str]) -> tuple[str, ...]:
         """The names in the order of the model."""
         wanted = set(names)
@@ -152,16 +145,15 @@ def fit_every_setting(
             return None
 
     settings, done, failures, is_complete = sorted(given.settings), [], [], True
-    for result in in_copies(
-        of, settings, jobs=given.jobs, known=given.known, cancelled=given.cancelled
-    ):
-        if isinstance(result, tuple):
-            given.on_fit(result[0])
-            done.append(result)
-        elif result is None:
-            is_complete = False
-        else:
-            failures.append(result)
+    with executor(given.jobs) as pool:
+        for result in pool.map(of, settings):
+            if isinstance(result, tuple):
+                given.on_fit(result[0])
+                done.append(result)
+            elif result is None:
+                is_complete = False
+            else:
+                failures.append(result)
     return Campaign(
         procedure=given.options.procedure,
         fits=tuple(fit for fit, _ in done),
@@ -286,9 +278,8 @@ class _Stages:
             return attempted(setting, begun)
 
         settings = sorted(given.settings)
-        results = in_copies(
-            fit, settings, jobs=given.jobs, known=given.known, cancelled=given.cancelled
-        )
+        with executor(given.jobs) as pool:
+            results = list(pool.map(fit, settings))
         for setting, result in zip(settings, results, strict=True):
             if not isinstance(result, Failure):
                 self.fits[setting], search = result
@@ -496,7 +487,8 @@ def identify(
 
     cycles: dict[Setting, SettledLogs | None] = {}
     if not damper.kinks:  # these need every sample
-        cycles = dict(zip(settings, in_copies(mean_cycles, settings, jobs=jobs), strict=True))
+        with executor(jobs) as pool:
+            cycles = dict(zip(settings, pool.map(mean_cycles, settings), strict=True))
     watched = on_fit or (lambda _fit: None), cancelled or (lambda: False)
     given = ProcedureInput(settings, damper, options, jobs, *watched, cycles)
     # BLAS threads spin between the small products of a fit and take the core that the next

@@ -27,7 +27,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +59,7 @@ from damperfit.run.logs import LogBatch, add_traces, read_batch
 from damperfit.store import check_writable, reserved
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.grades import Prediction, SegmentRange, split_cycles
-from damperfit.workers import available_cores, in_copies, raised_in_copy
+from damperfit.workers import available_cores, executor
 
 if TYPE_CHECKING:
     from damperfit.results import Run
@@ -225,7 +224,6 @@ def identified(  # noqa: PLR0913 - what is asked of it
             jobs=workers,
             setting=setting,
             cancelled=watch.cancelled,
-            meanwhile=lambda: import_module("damperfit.run.record"),
         )
     add_traces(batch, traces, setting)
     if not batch.logs and not watch.cancelled():
@@ -296,7 +294,7 @@ def fitted(
     if not (is_interrupted := watch.cancelled()):
         note_unpredicted(batch, campaign, judgement.predictions, failure_log.failures)
     logs = [(fit, log) for fit in campaign.fits for log in fit.logs]
-    lose = raised_in_copy(failure_log.at("simulating the response of"))
+    lose = failure_log.at("simulating the response of")
     speeds = configuration.output.speeds
 
     def rows_of(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]] | None:
@@ -308,8 +306,8 @@ def fitted(
             lose(log.trace, error)
             return None
 
-    with clock.lap("characteristics"):
-        rows = list(in_copies(rows_of, logs, jobs=jobs))
+    with clock.lap("characteristics"), executor(jobs) as pool:
+        rows = list(pool.map(rows_of, logs))
     readable = [log for log, of_log in zip(logs, rows, strict=True) if of_log is not None]
 
     def signals() -> Iterator[LogSignals]:

@@ -55,7 +55,7 @@ from damperfit.sections import SETTING_PATTERN
 from damperfit.tables.files import json_values
 from damperfit.tested.identity import Identity, identity_in
 from damperfit.tested.setting import Place, Setting, letters_of, parse_place
-from damperfit.workers import in_copies
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
@@ -414,7 +414,7 @@ def conditioned_as_tested(
 # Reading
 
 
-def read_batch(  # noqa: PLR0913 - one more than usual, for what is done meanwhile
+def read_batch(
     paths: Sequence[Path],
     configuration: Configuration,
     *,
@@ -422,13 +422,11 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done meanwhi
     setting: Setting | None = None,
     purpose: Purpose = Purpose.FIT,
     cancelled: Callable[[], bool] = lambda: False,
-    meanwhile: Callable[[], object] = lambda: None,
 ) -> LogBatch:
     """Read and condition logs, several at a time.
 
     ``setting`` is that of logs that do not give one. To be inspected, curves without time are facts
-    too, not failures. Once ``cancelled`` says True, the remaining logs are left out. `meanwhile` is
-    what this process does while others read.
+    too, not failures. Once ``cancelled`` says True, the remaining logs are left out.
     """
     is_table = {path: is_own_table(path) for path in paths}
     logs = [path for path in paths if not is_table[path] and not is_tests_table(path)]
@@ -452,7 +450,7 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done meanwhi
                 log.sha256 or "unknown",
             )
             if is_inspected:
-                log.trace = None  # a copy of this process need not send it
+                log.trace = None
         kinds = [log.failure.kind if log.failure is not None else "" for log in own]
         if not is_inspected or kinds != [TimelessError.__name__]:
             return own
@@ -475,9 +473,9 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done meanwhi
         return False
 
     threads = jobs if any(map(gains_by_threads, logs)) else 1
-    with one_blas_thread():  # more would spin between small products, on the next log's core
-        how: dict[str, Any] = {"jobs": jobs, "cancelled": cancelled, "threads": threads}
-        read = list(chain.from_iterable(in_copies(logs_of, logs, meanwhile=meanwhile, **how)))
+    # More BLAS threads would spin between small products, on the next log's core.
+    with one_blas_thread(), executor(threads) as pool:
+        read = list(chain.from_iterable(pool.map(logs_of, logs)))
         read = _with_common_signs(read, names, configuration, labels)
     traces = [log.trace for log in read if log.trace is not None and not is_inspected]
     for log in read:

@@ -61,7 +61,7 @@ from damperfit.uncertainty.speed_forces import (
     beside_the_rig,
     speed_forces,
 )
-from damperfit.workers import executor, in_copies, raised_in_copy
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from damperfit.errors import OnError
@@ -636,12 +636,11 @@ def assess(
     frictions = tuple(quantity.name for quantity in damper.quantities if quantity.is_friction)
     sharing = campaign.sharing
     doubted = frictions if sharing.friction_varies else ()
-    take = None if on_error is None else raised_in_copy(on_error)
 
     def alone(fit: Fit) -> _Alone | None:
         own = replace(campaign, fits=(fit,))
-        for linear in linearise_settings(own, damper, solver=solver, on_error=take):
-            with sparing(fit.setting, take):
+        for linear in linearise_settings(own, damper, solver=solver, on_error=on_error):
+            with sparing(fit.setting, on_error):
                 diagnosis, pulls = diagnose(linear, doubted=doubted)
                 is_structured = diagnosis.is_structured
                 over_speed = speed_forces(linear, is_structured=is_structured)
@@ -649,8 +648,8 @@ def assess(
                 return _Alone(seen, diagnosis, over_speed, friction_by_speed(linear))
         return None
 
-    each = in_copies(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
-    assessed = [setting for setting in each if setting is not None]
+    with executor(jobs) as pool, one_blas_thread():
+        assessed = [setting for setting in pool.map(alone, campaign.fits) if setting is not None]
     everywhere, together = _with_hidden_friction(assessed)
     errors = uncertainties(everywhere, sharing, on_error=on_error)
     known = {e.setting: e for e in with_least_openings(errors, everywhere, sharing, damper)}
@@ -711,7 +710,8 @@ def profile_campaign(
         linearised = linearise_settings(own, bench.damper, solver=bench.solver)
         return [linear.summed(is_structured=fit.setting in structured) for linear in linearised]
 
-    each = in_copies(seen, fits, jobs=bench.jobs, known=(*fits, bench.damper))
+    with executor(bench.jobs) as pool, one_blas_thread():
+        each = list(pool.map(seen, fits))
     linearised = {linear.fit.setting: linear for few in each for linear in few}
     finished: list[MisfitProfile] = []
 
