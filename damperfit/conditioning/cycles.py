@@ -171,7 +171,7 @@ def cycles_of(x: FloatArray) -> Turns:
         turns,
         at_turns,
         passages,
-        period=passages[2:] - passages[: max(len(passages) - 2, 0)],
+        period=passages[2:] - passages[:-2],
         amplitude=0.25 * (strokes[:-2] + strokes[1:-1]),
         middle=0.25 * (at_turns[:-3] + 2.0 * at_turns[1:-2] + at_turns[2:-1]),
     )
