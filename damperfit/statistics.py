@@ -100,19 +100,23 @@ def fisher_chance(above: float, below: float, ratio: float) -> float:
         return math.nan
     if ratio <= 0.0:
         return 1.0
-    # The density of z = ln F has its top at 0, and beside it falls as
-    # exp(a z - (a + b) ln(1 + p (e^z - 1))) with p = a/(a + b), on either side without a bend back.
     a, b, z = 0.5 * above, 0.5 * below, math.log(ratio)
-    p = a / (a + b)
-
-    def beyond(start: float, side: float) -> float:
-        """The integral from a place away from the top, of a density that is 1 there."""
-        slope = a * (1.0 - math.exp(start) / (1.0 + p * math.expm1(start)))
-        length = 1.0 / max(abs(slope), math.sqrt(a * (1.0 - p)))
-        at = start + side * length * _REACH
-        with np.errstate(over="ignore"):
-            density = np.exp(a * at - (a + b) * np.log1p(p * np.expm1(at)))
-        return length * float(_WEIGHTS @ density)
-
-    share = beyond(z, math.copysign(1.0, z)) / (beyond(0.0, 1.0) + beyond(0.0, -1.0))
+    tail = _tail(a, b, z, math.copysign(1.0, z))
+    share = tail / (_tail(a, b, 0.0, 1.0) + _tail(a, b, 0.0, -1.0))
     return share if z >= 0.0 else 1.0 - share
+
+
+@lru_cache(maxsize=256)
+def _tail(a: float, b: float, start: float, side: float) -> float:
+    """The integral of the density of z = ln F from a place away from its top, where it is 1.
+
+    The top is at 0; beside it the density falls as exp(a z - (a + b) ln(1 + p (e^z - 1))) with
+    p = a/(a + b), on either side without a bend back.
+    """
+    p = a / (a + b)
+    slope = a * (1.0 - math.exp(start) / (1.0 + p * math.expm1(start)))
+    length = 1.0 / max(abs(slope), math.sqrt(a * (1.0 - p)))
+    at = start + side * length * _REACH
+    with np.errstate(over="ignore"):
+        density = np.exp(a * at - (a + b) * np.log1p(p * np.expm1(at)))
+    return length * float(_WEIGHTS @ density)

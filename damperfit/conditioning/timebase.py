@@ -151,6 +151,7 @@ def _line(index: FloatArray, elapsed: FloatArray) -> tuple[float, float, float]:
     middle = index - mean
     slope = float(middle @ elapsed) / float(middle @ middle)
     offset = float(elapsed.mean()) - slope * mean
+    offset *= abs(offset) > 1e-9 * slope  # a table is to begin at 0 s, not at -7e-15
     return offset, slope, float(np.abs(elapsed - offset - slope * index).max())
 
 

@@ -39,7 +39,7 @@ _OF_OIL = {
 }
 # The same of its gas; a gauge has shown it, where the unit does not say.
 _GASES = {"gas", "nitrogen", "n2", "gasdruck", "stickstoff", "gaz", "azote"}
-_OF_GAS = {*("pressure", "charge", "fill", "reservoir", "druck", "pression", "de", "du")}
+_OF_GAS = {*("pressure", "charge", "fill", "reservoir", "druck", "pression", "de", "d")}
 _TOO_COLD = 45.0  # degF, 7 degC: a bare number below it is degrees Celsius
 _IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _FILE = ("file", "log", "filename", "datei")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -22,6 +22,7 @@ from damperfit.damper.model import model_named
 from damperfit.errors import ConditioningError, ConfigurationError, DamperfitError, LogError
 from damperfit.io import ReadOptions, read_logs
 from damperfit.io.labels import guess_settings, unclear_names
+from damperfit.io.tests_table import facts_in
 from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import Option, note
 from damperfit.recording import Recording
@@ -45,6 +46,7 @@ class Guessed:
     why: tuple[str, ...] = ()  # a sentence for each guess
     open: tuple[str, ...] = ()  # what they do not show, a sentence each
     adjusters: tuple[str, ...] = ()  # names of the adjusters, where their names show several
+    damper: Mapping[str, str] = field(default_factory=dict)  # keys of [damper], of all logs
     asks_signs: bool = False  # somebody must decide them
 
     @property
@@ -111,9 +113,13 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
     identity = common_identity(identity_in(recording.metadata) for recording in recordings)
     facts = {key: getattr(identity, key) for key in IDENTITY_KEYS}
     test = {key: value for key, value in facts.items() if value and "," not in value}
+    gases = {facts_in(recording.metadata)[0].get("gas_pressure") for recording in recordings}
+    gas = gases.pop() if len(gases) == 1 else None
+    damper = {} if gas is None else {"gas_pressure": f"{1e-5 * gas:.5g}bara"}
     adjusters = guess.adjusters if rig.get("setting_pattern") == guess.pattern else ()
     unknown += unreadable[:1]  # the others are named alike, and `inspect` names them all
-    return Guessed(rig, test, tuple(why), tuple(dict.fromkeys(unknown)), adjusters, bool(doubt))
+    opens = tuple(dict.fromkeys(unknown))
+    return Guessed(rig, test, tuple(why), opens, adjusters, damper, asks_signs=bool(doubt))
 
 
 def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict[str, str]]:
@@ -193,6 +199,7 @@ def first_configuration(model: str | None, given: Mapping[str, str], guessed: Gu
     if kind.name in DRAWINGS:
         lines += ["#", *(f"# {line}".rstrip() for line in DRAWINGS[kind.name].splitlines()), "#"]
     defaults = damper_keys(kind.name)
+    given = {**guessed.damper, **given}
     for key, text in defaults.items():
         value = toml_value(_plain(given.get(key, text)))
         mark = "" if key in given else "# "

@@ -11,11 +11,11 @@ from typing import Any
 _WORDS = {
     "damper": (
         "damper", "shock", "shockabsorber", "daempfer", "dämpfer", "article", "part", "prüfling",
-        "pruefling", "specimen",
+        "pruefling", "specimen", "amortisseur",
     ),
     "serial": (
         "serial", "serialnumber", "serialno", "serialnr", "sn", "damperserial", "seriennummer",
-        "seriennr", "damperid",
+        "seriennr", "damperid", "ndesérie", "nodesérie", "numérodesérie",
     ),
     "customer": ("customer", "client", "kunde", "cliente", "team"),
     "operator": (
