@@ -457,7 +457,7 @@ def prepare(
         batch.remarks.append(warning("rod-area", text))
     ours = getattr(configuration.damper, "gas_pressure", math.nan)
     tested = [log.gas_pressure for log in batch.traces if log.gas_pressure is not None]
-    if any(abs(pressure / ours - 1.0) > _GAS_OFF for pressure in tested):
+    if tested and all(abs(pressure / ours - 1.0) > _GAS_OFF for pressure in tested):
         of_logs = " to ".join(dict.fromkeys(f"{1e-5 * f(tested):.3g}" for f in (min, max)))
         text = (
             f"the logs were tested with gas of {of_logs} bar absolute; forces at a speed are given "
