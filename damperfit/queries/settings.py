@@ -426,7 +426,7 @@ class CurveForces(_Forces):
     sentence: str  # which curve gives the wanted force; empty where none was asked for
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[str, ...]:  # type: ignore[override]
         """What to know of the curves."""
         return tuple(dict.fromkeys(note for curve in self.curves for note in curve.notes))
 

@@ -136,7 +136,7 @@ class Simulation(Answer):
         return "; ".join(parts)
 
     @property
-    def warnings(self) -> tuple[Problem, ...]:
+    def warnings(self) -> tuple[Problem, ...]:  # type: ignore[override]
         """What to know before believing the figures."""
         warned = list(self.choice.warnings(temperature=self.temperature, **self._tested))
         samples_a_cycle = 1.0 / (self.frequency * float(self.time[1] - self.time[0]))
@@ -404,7 +404,8 @@ class Sweep(Answer):
 
     def __repr__(self) -> str:
         pairs = zip(self.sheets(), self.sentences, strict=True)
-        return "\n\n".join(f"{text_table(sheet, 100)}\n{sentence}" for sheet, sentence in pairs)
+        texts = [f"{text_table(sheet, 100)}\n{sentence}" for sheet, sentence in pairs]
+        return "\n\n".join(filter(None, (*texts, "\n".join(self._to_know))))
 
 
 def _in_words(name: str, members: Sequence[SweepMember]) -> str:

@@ -4,7 +4,10 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
+from damperfit.problem import Problem, Words
 from damperfit.reporting.sheet import Sheet, html_table, text_table
+
+_WORDS = Words("damperfit")
 
 
 class Answer:
@@ -14,12 +17,14 @@ class Answer:
     ----------
     sentence : str
         The answer in words; empty: the tables are the answer.
-    remarks : tuple
-        What to know of it, a sentence each.
+    remarks, warnings, notes : tuple
+        What to know of it: what was missing, what to know before believing it, and the rest.
     """
 
     sentence: str = ""
     remarks: tuple[object, ...] = ()
+    warnings: tuple[object, ...] = ()
+    notes: tuple[object, ...] = ()
 
     def sheets(self) -> Sequence[Sheet]:
         """Return its tables."""
@@ -31,9 +36,20 @@ class Answer:
 
     def __repr__(self) -> str:
         tables = (text_table(sheet, 100) for sheet in self.sheets() if sheet.rows)
-        notes = (f"note: {remark}" for remark in self.remarks)
-        return "\n\n".join(filter(None, (self.sentence, *tables, "\n".join(notes))))
+        return "\n\n".join(filter(None, (self.sentence, *tables, "\n".join(self._to_know))))
+
+    @property
+    def _to_know(self) -> list[str]:
+        every = (*self.remarks, *self.warnings, *self.notes)
+        return list(
+            dict.fromkeys(
+                f"{known.severity}: {known.sentence(_WORDS)}"
+                if isinstance(known, Problem)
+                else f"note: {known}"
+                for known in every
+            )
+        )
 
     def _repr_html_(self) -> str:
-        texts = [f"<p>{escape(str(text))}</p>" for text in (self.sentence, *self.remarks) if text]
+        texts = [f"<p>{escape(text)}</p>" for text in (self.sentence, *self._to_know) if text]
         return "".join([*texts, *(html_table(sheet) for sheet in self.sheets() if sheet.rows)])

@@ -187,6 +187,8 @@ def test_the_interval_of_a_simulated_force_is_that_of_settings(sample_results) -
         low, force, high = (own[f"force{end}_N"] for end in ("_ci_low", "", "_ci_high"))
         half = max(high - force, force - low)
         assert done.document()["half_interval_N"]["rebound"] == pytest.approx(half, rel=1e-3)
+    assert "warning: never tested" in repr(done)  # as the command says
+    assert "sample_rate=" in repr(damperfit.simulate(10, parameters=run, sample_rate=100))
 
 
 def test_a_setting_between_tested_ones_has_an_interval_that_holds_the_truth() -> None:
