@@ -203,6 +203,8 @@ def test_a_damper_that_is_no_preset_is_fitted():
     assert fit.mse_percent < 0.01
     assert "1 to 2 and back piston (orifice), 1 to 2 low (linear)" in model.sentence
     assert model.valve_characteristics(truth, [made]) == ()
+    words = "rod 12 mm, piston 30 mm, chambers 90 and 90 mm, gas 30 cm3 at 5 bar absolute"
+    assert words in Monotube(gas_pressure=5e5).sentence
 
 
 PASSAGES = [
