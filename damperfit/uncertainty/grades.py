@@ -39,7 +39,7 @@ from damperfit.problem import Problem, warning
 from damperfit.recording import Segment, Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.residuals import Diagnosis, residual_scatter, rounded
+from damperfit.uncertainty.residuals import STIFFEST, Diagnosis, residual_scatter, rounded
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
@@ -140,6 +140,7 @@ def objections(
             *_of_fit(fit, diagnoses.get(fit.setting), gas, of_rig[fit.setting]),
             *doubted.get(fit.setting, ()),
             *_turned_gas(fit, errors.get(fit.setting, {}), gas),
+            *_stiff_gas(fit, diagnoses.get(fit.setting), gas),
         )
         for fit in campaign.fits
     }
@@ -265,6 +266,23 @@ def _turned_gas(
                 f"{symbol} if the load cell has such a zero"
             )
             yield Objection("direction", quantity.name, text)
+
+
+def _stiff_gas(fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None) -> Iterator[Objection]:
+    """A gas spring that no damper of the declared size has, as of a force in another unit."""
+    if gas is None or diagnosis is None or not _repeats(diagnosis):
+        return
+    spring = gas.exponent * gas.rod_area**2 * gas.pressure / gas.volume  # N/m
+    stroke = max(
+        float(np.abs(log.trace.displacement[log.trace.compared]).max()) for log in fit.logs
+    )
+    for hint in diagnosis.hints:
+        times = 1.0 + hint.amount / max(spring * stroke, 1e-300)
+        if hint.name == "gas_volume" and times > STIFFEST:
+            text = (
+                f"the gas spring looks {times:.2g} times as stiff as that of the declared damper: "
+            )
+            yield Objection("dimensions", "", f"{text}check the unit of the force, and [damper]")
 
 
 def _repeats(diagnosis: Diagnosis) -> bool:

@@ -115,7 +115,7 @@ FLAWS: Mapping[str, _Flaw] = {
 # Large enough, or turned round, these two look like most that a valve or a sharp turn leaves.
 _OF_ANY = frozenset({"load_cell", "friction_with_pressure"})
 # A gas spring of another stiffness is so many times as stiff as declared; beyond it is none.
-_STIFFEST, _SOFTEST = 5.0, 0.2
+STIFFEST, _SOFTEST = 5.0, 0.2
 _LARGEST_OF_HELD = 1000.0  # %; ten times what it is held at
 # None of these is the cause where a damper yields before it slides: all of them shape the reversal.
 _OF_VALVES = frozenset(
@@ -328,7 +328,7 @@ def _as_stiffness(hint: Hint) -> Hint:
     """An exponent that no gas has as what it stands for: another stiffness of the gas."""
     # To first order the gas's force at the ends of the stroke goes with gamma a_r^2 P_0/V_g0.
     times = 1.0 + hint.amount / 100.0
-    is_stiffness = not _is_reasonable(hint, math.inf) and _SOFTEST <= times <= _STIFFEST
+    is_stiffness = not _is_reasonable(hint, math.inf) and _SOFTEST <= times <= STIFFEST
     if hint.name != "gas_exponent" or not is_stiffness:
         return hint
     words = f"a gas spring about {rounded(times)} times as stiff as declared (gas volume, gas "
@@ -430,10 +430,10 @@ _NEGLIGIBLE = 1e-7
 _NOISE_COUNTS = 1.0 / 3.0
 # Delay and skew of a log that differ by less, ms, or by less than half, are one.
 _SKEW_AGREES = 1.0
-# What all settings have in common: the rig's timing and the damper's gas. Of opposite amounts those
-# stand that are so many times as frequent.
+# What all settings have in common: the rig's timing and the damper's gas. Amounts within so much
+# of the middle one stand where they are so many times as frequent as others.
 _IN_COMMON = ("delay", "gas_pressure", "gas_exponent", "gas_volume")
-_MOST_RESIDUALS = 3
+_MOST_RESIDUALS, _UNLIKE = 3, 2.0
 # Warnings on a log that leave a misfit in every cycle, in the order to look at them: no tare can be
 # reported before the signs are right.
 _FAULTS_OF_LOGS = (
@@ -615,20 +615,22 @@ def _fold(residuals: FloatArray, segment: Segment) -> FloatArray:
 def reconciled(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
     """Return the diagnoses of a run without causes that contradict each other.
 
-    The rig's delay and the damper's gas are one for all settings: where a few settings want the
-    opposite of what most want, it is not theirs; where settings are divided, it is no flaw of any.
+    The rig's delay and the damper's gas are one for all settings: where a few settings want far
+    more or less than most, or the opposite, it is not theirs; where settings are divided, it is no
+    flaw of any.
     """
     of_run = list(diagnoses)
     for name in (*_IN_COMMON, "force_gain"):
-        signs = [h.amount > 0.0 for d in of_run for h in d.hints if h.name == name]
-        n_up = sum(signs)
-        few, many = sorted((n_up, len(signs) - n_up))
-        kept = None if many < _MOST_RESIDUALS * few else n_up > few
+        amounts = [h.amount for d in of_run for h in d.hints if h.name == name]
+        low, high = sorted(median(amounts or [0.0]) * times for times in (1.0 / _UNLIKE, _UNLIKE))
+        dropped = [amount for amount in amounts if not low <= amount <= high]
+        if (_MOST_RESIDUALS + 1) * len(dropped) > len(amounts):
+            dropped = amounts
         if name == "force_gain":  # half of the logs have none beside the others
-            few, kept = int(2 * len(signs) >= len(of_run)), None
-        for place, diagnosis in enumerate(of_run) if few else ():
-            hints = tuple(h for h in diagnosis.hints if h.name != name or (h.amount > 0.0) is kept)
-            of_run[place] = _with_hints(diagnosis, hints)
+            dropped = amounts if 2 * len(amounts) >= len(of_run) else []
+        for place, diagnosis in enumerate(of_run) if dropped else ():
+            kept = (h for h in diagnosis.hints if h.name != name or h.amount not in dropped)
+            of_run[place] = _with_hints(diagnosis, tuple(kept))
     for place, diagnosis in enumerate(of_run):
         if any(hint.name == "force_gain" for hint in diagnosis.hints):  # of this log, of no other
             hints = tuple(hint for hint in diagnosis.hints if hint.name not in _IN_COMMON)

@@ -15,8 +15,9 @@ import math
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.results import Run
 from tests.oracles.model import sine, solve
+from tests.oracles.network import solve as solve_network
 
 SETTINGS = (4, 8, 12, 16, 20)
 ODD = 12  # the setting that a fault of one log has
@@ -58,9 +60,42 @@ class Log:
         return self.oil + FRICTION * self.sign
 
 
+def passage(start: int, end: int, *, orifice: str = "", resistance: str = "") -> SimpleNamespace:
+    terms = dict.fromkeys(("opening", "width", "power"), "")
+    ends = {"start": start, "end": end, "is_two_way": bool(orifice)}
+    return SimpleNamespace(**terms, **ends, orifice=orifice, resistance=resistance)
+
+
+# The paper's damper, for oil with free gas.
+NETWORK = SimpleNamespace(
+    has_floating_piston=False,
+    ambient_pressure=0.0,
+    passages=(
+        passage(1, 3, orifice="r_m1"), passage(2, 1, resistance="r_m2"),
+        passage(3, 2, resistance="r_m3"),
+    ),
+)  # fmt: skip
+
+
+@cache
+def with_free_gas(setting: int, share: float):
+    """As `steady_cycle`, of oil with a share of free gas at the pressure at rest."""
+    values = asdict(replace(reference_parameters(setting), f_f=0.0, f_0=0.0))
+    values |= {"free_gas": share, "k_s": 0.0, "drag": 0.0}
+    values |= {f"gas_{name}": getattr(PURDY_DAMPER, f"gas_{name}")
+               for name in ("pressure", "volume", "exponent")}  # fmt: skip
+    time = np.linspace(0.0, 2.0 / FREQUENCY, 8001)
+    force, pressures = solve_network(
+        NETWORK, values, PURDY_DAMPER, sine(AMPLITUDE, FREQUENCY), time, rtol=1e-8
+    )
+    return force[4000:], pressures[:, 4000:]
+
+
 @cache
 def steady_cycle(setting: int, changes: tuple[tuple[str, float], ...]):
     """Oil force and pressures over one steady cycle, 4000 places."""
+    if changes and changes[0][0] == "free_gas":
+        return with_free_gas(setting, changes[0][1])
     damper = replace(
         PURDY_DAMPER, **{name: times * getattr(PURDY_DAMPER, name) for name, times in changes}
     )
@@ -206,6 +241,8 @@ KINDS = [
     Kind("rod {:.3g} times", (0.95, 1.05), (0.93, 1.07), lambda a: other(rod_diameter=a), GAS),
     Kind("bore {:.3g} times", (0.95, 1.05), (0.93, 0.97),
          lambda a: other(piston_diameter=a), "declare"),
+    Kind("{:.2g} of free gas", (0.008,), (0.001, 0.01), lambda a: other(free_gas=a),
+         "bulk modulus|cause was not found"),
     Kind("isothermal gas", (1.0 / PURDY_DAMPER.gas_exponent,), (),
          lambda a: other(gas_exponent=a), GAS),
     Kind("{:.2g} kg below the cell", (1.5, 5.0), (0.5, 6.0),

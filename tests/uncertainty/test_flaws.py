@@ -177,6 +177,10 @@ def test_causes_of_one_run_do_not_contradict_each_other() -> None:
     assert "explained by valve_law_bump 50" in divided[2].sentence
     most = reconciled([*(diagnosis(k, late) for k in (1, 2, 3)), diagnosis(4, early)])
     assert [one.hints for one in most] == [(late,)] * 3 + [()]
+    # One gas spring is not six times as wrong at one setting as at another.
+    amounts = 30.0, 70.0, 200.0
+    unlike = reconciled([diagnosis(k, hint("gas_volume", a)) for k, a in enumerate(amounts, 1)])
+    assert [one.hints for one in unlike] == [()] * 3
     # What each setting may have for itself stands in any sign.
     own = (diagnosis(1, valve), diagnosis(2, hint("valve_law_bump", -50.0)))
     assert reconciled(own) == own

@@ -146,6 +146,7 @@ def test_a_drifting_zero_spoils_what_its_setting_gives_to_others(source, withhel
             for name in (
                 "clock 1.02 times in one", "cell of 0.05 second order", "zero drifts by -20 N",
                 "oil thinner by 0.06 at the end", "mean over 40 ms before the noise",
+                "0.008 of free gas",
             )
         ),
     ],
@@ -267,6 +268,17 @@ def test_a_misfit_of_another_gas_spring_or_rod(mse, noise, hints, *, is_withheld
     said = about_dimensions(told(mse, noise, hints=hints))
     assert len(said) == is_withheld
     assert all("the rest looks like a wrong gas or rod volume (29 N" in one for _, one in said)
+
+
+@pytest.mark.parametrize(("times", "is_withheld"), [(5.1, True), (4.9, False)])
+def test_a_gas_spring_that_no_damper_of_the_declared_size_has(times, *, is_withheld) -> None:
+    fit = having()
+    (trace,) = (log.trace for log in fit.logs)
+    stiffness = GAS.exponent * GAS.rod_area**2 * GAS.pressure / GAS.volume
+    declared = stiffness * np.abs(trace.displacement[trace.compared]).max()
+    hint = replace(of_gas(share=0.7), amount=(times - 1.0) * declared)
+    found = kinds(fit, told(0.1, 0.001, hints=(hint,)), GAS)
+    assert ("dimensions" in found) is is_withheld
 
 
 @pytest.mark.parametrize(("mse", "is_withheld"), [(0.0201, True), (0.0199, False)])
