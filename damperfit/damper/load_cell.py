@@ -62,15 +62,15 @@ def lag_slope(
     """
     lag = max(lag, _NO_LAG * interval)
     q = interval / lag
-    force = np.ascontiguousarray(force, dtype=np.float64)
     if read is None:
         read = behind_lag(force[None, :], interval, lag)[0]
     a = math.exp(-q)
     by_a = a * q / lag
     by_mean = (1.0 - a) / interval - by_a / q
-    slope = np.empty_like(force)
-    compiled_core().lag_slope(force, np.ascontiguousarray(read), slope, a, by_a, by_mean)
-    return slope
+    driven, slope = np.zeros((2, 1, len(force)))
+    driven[0, 1:] = by_a * (read[:-1] - force[:-1]) - by_mean * np.diff(force)
+    compiled_core().behind_lag(driven, slope, 1, a, 1.0, 0.0)
+    return np.asarray(slope[0])
 
 
 def acceleration(velocity: FloatArray, interval: float) -> FloatArray:

@@ -44,8 +44,6 @@ static void lags(size_t rows, size_t n)
     for (size_t k = 0; k < rows * n; k++)
         in[k] = (double)(k % (n ? n : 1));
     df_behind_lag(&lag, rows, n, in, out);
-    if (rows)
-        df_lag_slope(&lag, 1.0, 0.1, n, in, out, in);
     df_behind_lag(&lag, rows, n, out, out);
     free(in);
     free(out);

@@ -221,8 +221,6 @@ static PyMethodDef METHODS[] = {
      "Filters each row; way 1 forward, -1 backward, 0 both with its ends reflected over pad."},
     {"behind_lag", df_py_behind_lag, METH_VARARGS,
      "behind_lag(signals, result, rows, a, b, c)\nFills each row behind a first-order lag."},
-    {"lag_slope", df_py_lag_slope, METH_VARARGS,
-     "lag_slope(signal, behind, slope, a, by_a, by_mean)\nFills the derivative by the lag."},
     {"spline_slopes", df_py_spline_slopes, METH_VARARGS,
      "spline_slopes(samples, slopes, scratch)\nFills the slopes of the spline, by sample."},
     {"between", df_py_between, METH_VARARGS,

@@ -86,17 +86,6 @@ void df_behind_lag(const df_lag *lag, size_t rows, size_t n, const double *in, d
     }
 }
 
-void df_lag_slope(const df_lag *lag, double by_a, double by_mean, size_t n, const double *in, const double *behind,
-                  double *slope)
-{
-    double s = 0.0;
-    for (size_t k = 0; k < n; k++) {
-        if (k)
-            s = lag->a * s + (by_a * (behind[k - 1] - in[k - 1]) + by_mean * (in[k - 1] - in[k]));
-        slope[k] = s;
-    }
-}
-
 void df_spline_slopes(size_t n, const double *y, double *slopes, double *scratch)
 {
     /* s0 + 2 s1 = (5 m0 + m1)/2, s(i-1) + 4 s(i) + s(i+1) = 3 (y(i+1) - y(i-1)), and the first

@@ -34,11 +34,6 @@ typedef struct {
 } df_lag;
 void df_behind_lag(const df_lag *lag, size_t rows, size_t n, const double *in, double *out);
 
-/* Its derivative by the lag, from the signal before and behind it; `by_a` and `by_mean` are those of a and
-   of 1 - b. */
-void df_lag_slope(const df_lag *lag, double by_a, double by_mean, size_t n, const double *in, const double *behind,
-                  double *slope);
-
 /* Slopes of the cubic spline through n >= 4 samples, without a knot at the second from either end;
    by sample. scratch: n. */
 void df_spline_slopes(size_t n, const double *y, double *slopes, double *scratch);

@@ -68,27 +68,6 @@ PyObject *df_py_behind_lag(PyObject *self, PyObject *args)
     return df_done(&b);
 }
 
-PyObject *df_py_lag_slope(PyObject *self, PyObject *args)
-{
-    (void)self;
-    enum { IN, BEHIND, OUT, N };
-    PyObject *o[N];
-    df_lag lag = {0.0, 0.0, 0.0};
-    double by_a, by_mean;
-    if (!PyArg_ParseTuple(args, "OOOddd:lag_slope", &o[IN], &o[BEHIND], &o[OUT], &lag.a, &by_a, &by_mean))
-        return NULL;
-    df_buffers b;
-    if (!df_borrow(&b, o, N, OUT))
-        return NULL;
-    const Py_buffer *v = b.view;
-    if (v[BEHIND].len != v[IN].len || v[OUT].len != v[IN].len)
-        return df_refused(&b, "lag_slope: as many samples behind the lag, and of its slope");
-    Py_BEGIN_ALLOW_THREADS
-    df_lag_slope(&lag, by_a, by_mean, (size_t)df_count(&v[IN]), v[IN].buf, v[BEHIND].buf, v[OUT].buf);
-    Py_END_ALLOW_THREADS
-    return df_done(&b);
-}
-
 PyObject *df_py_spline_slopes(PyObject *self, PyObject *args)
 {
     (void)self;

@@ -6,7 +6,6 @@
 
 PyObject *df_py_filter(PyObject *self, PyObject *args);
 PyObject *df_py_behind_lag(PyObject *self, PyObject *args);
-PyObject *df_py_lag_slope(PyObject *self, PyObject *args);
 PyObject *df_py_spline_slopes(PyObject *self, PyObject *args);
 PyObject *df_py_between(PyObject *self, PyObject *args);
 PyObject *df_py_turns(PyObject *self, PyObject *args);
