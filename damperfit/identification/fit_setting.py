@@ -294,11 +294,8 @@ def describe_fit(setting: Setting, result: FitResult, block: Block) -> Fit:
         mse = normalised_mse(measured, simulated)
         places = trace.places if len(trace.segments) > 1 else ()
         alone = tuple(normalised_mse(measured[at], simulated[at]) for at in places) or (mse,)
-        force = comparison.force.copy()  # not a view that keeps more
-        pressures = comparison.response.pressures.astype(np.float32)
         own = tuple(islice(cycles, len(trace.segments)))
-        seen_with, floor = (values, block.model, block.solver), noise_floor(trace)
-        logs.append(LogFit(trace, mse, floor, alone, seen_with, force, pressures, own))
+        logs.append(LogFit(trace, mse, noise_floor(trace), alone, own))
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))

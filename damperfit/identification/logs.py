@@ -393,7 +393,7 @@ def fast_length(n: int) -> int:
     return best
 
 
-# The model beside a log: simulate, filter alike, subtract; and what a fit keeps of it.
+# The model beside a log: simulate, filter alike, subtract; and how a fit meets it.
 
 
 class SimulatedLog(NamedTuple):
@@ -440,41 +440,10 @@ def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:
 
 
 class LogFit(NamedTuple):
-    """How one log of a setting is met by the setting's parameters.
-
-    Judging, the responses' file and the characteristics are all of one simulation at the values
-    that a fit ended at. It is kept, and made anew where anything of it has changed.
-    """
+    """How one log of a setting is met by the setting's parameters."""
 
     trace: Trace
     mse_percent: float  # eq. (22) over the log's steady whole cycles,
     noise_floor_percent: float  # and of the scatter between them alone; NaN for a single cycle
     segment_mse_percent: tuple[float, ...] = ()  # of each segment, by its own variance
-    seen_with: tuple[Values, Model, SolverOptions] | None = None  # what was simulated
-    force: FloatArray = np.empty(0)  # (n,), behind the trace's model filter, N
-    # (3, n), Pa; of every log of a run no more is kept than 50 bytes a sample, and 0.03 Pa are less
-    # than the integrator's error. An empty chamber stays empty.
-    pressures: NDArray[np.float32] = np.empty((3, 0), dtype=np.float32)
     cycles: tuple[SettledCycle, ...] = ()  # of each segment, where the fit has gone down on them
-
-    def cycles_of(
-        self, parameters: Values, damper: Model, solver: SolverOptions
-    ) -> tuple[SettledCycle, ...]:
-        """Return the mean cycles that the fit went down on; none where it ended at other values."""
-        return self.cycles if self.seen_with == (parameters, damper, solver) else ()
-
-    def compared(self, parameters: Values, damper: Model, solver: SolverOptions) -> SimulatedLog:
-        """Return the log beside the model, as the fit has left it or simulated anew.
-
-        Without masses, sensitivities and what is before the filter where it is as it was left.
-        """
-        if self.seen_with == (parameters, damper, solver):
-            motion, n = motion_of(self.trace), len(self.force)
-            time = motion.start_time + motion.interval * np.arange(n, dtype=np.float64)
-            driven, pressures = (motion.displacement, motion.velocity), self.pressures.astype(float)
-            response = Response(time, *driven, np.empty(0), pressures, np.empty((2, 0)))
-            return SimulatedLog(response, self.force, np.empty((0, n)))
-        simulated = compare(parameters, self.trace, damper, solver=solver)
-        # As one that was kept: whoever looks at it sees the same, whether or not it was.
-        single = simulated.response.pressures.astype(np.float32).astype(np.float64)
-        return simulated._replace(response=replace(simulated.response, pressures=single))

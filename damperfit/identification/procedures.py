@@ -7,7 +7,7 @@ and fits all settings at once, with R_m3 and f_f, or what the model ties, in com
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
 from typing import cast
@@ -48,7 +48,7 @@ from damperfit.identification.joint import (
     fit_from_one_model,
     fit_settings_jointly,
 )
-from damperfit.identification.logs import SettledLogs, settled
+from damperfit.identification.logs import settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.outcome import Outcome, Status, attempted
 from damperfit.identification.sharing import GAS_FOLLOWER, Sharing, of_settings, unknown_at
@@ -94,7 +94,7 @@ class Campaign:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProcedureInput:
-    """Everything a procedure needs; `cycles` are those of the settings whose logs repeat."""
+    """Everything a procedure needs."""
 
     settings: Mapping[Setting, tuple[Trace, ...]]
     damper: Model
@@ -102,7 +102,6 @@ class ProcedureInput:
     jobs: int
     on_fit: Callable[[Fit], None]
     cancelled: Callable[[], bool]
-    cycles: Mapping[Setting, SettledLogs | None] = field(default_factory=dict)
 
     @property
     def softest_first(self) -> list[Setting]:
@@ -115,13 +114,14 @@ class ProcedureInput:
         return tuple(name for name in self.damper.names if name in wanted)
 
     def block(self, setting: Setting, free: Iterable[str]) -> Block:
-        """What is fitted at a setting."""
+        """What is fitted at a setting; of logs that repeat their mean cycles, but among kinks."""
+        traces = self.settings[setting]
         return Block(
             self.damper,
-            self.settings[setting],
+            traces,
             self.ordered(free),
             self.options.solver,
-            self.cycles.get(setting),
+            None if self.damper.kinks else settled(traces, is_thinned=False),
             self.cancelled,
             self.options.max_evaluations,
         )
@@ -479,18 +479,8 @@ def identify(
     check_options(options, damper)
     if not traces:
         raise LogError("identify: found no log to fit; give one trace or more", code="no-log")
-    settings, jobs = _by_setting(traces), max(1, jobs)
-
-    def mean_cycles(setting: Setting) -> SettledLogs | None:
-        cycles = attempted(setting, lambda: settled(settings[setting], is_thinned=False))
-        return None if isinstance(cycles, Failure) else cycles
-
-    cycles: dict[Setting, SettledLogs | None] = {}
-    if not damper.kinks:  # these need every sample
-        with executor(jobs) as pool:
-            cycles = dict(zip(settings, pool.map(mean_cycles, settings), strict=True))
     watched = on_fit or (lambda _fit: None), cancelled or (lambda: False)
-    given = ProcedureInput(settings, damper, options, jobs, *watched, cycles)
+    given = ProcedureInput(_by_setting(traces), damper, options, max(1, jobs), *watched)
     # BLAS threads spin between the small products of a fit and take the core that the next
     # setting's thread needs.
     with one_blas_thread():

@@ -48,7 +48,7 @@ from damperfit.errors import (
     failure_of,
 )
 from damperfit.identification.fit_setting import Fit
-from damperfit.identification.logs import LogFit
+from damperfit.identification.logs import LogFit, compare
 from damperfit.identification.options import HoldOutOptions
 from damperfit.identification.procedures import Campaign
 from damperfit.identification.unlike_motions import contradictory_motions
@@ -300,7 +300,7 @@ def fitted(
     def rows_of(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]] | None:
         fit, log = pair
         try:
-            response = log.compared(fit.parameters, damper, solver)
+            response = compare(fit.parameters, log.trace, damper, solver=solver)
             return list(characteristic_rows(fit.setting, log.trace, response, damper, speeds))
         except Exception as error:  # noqa: BLE001 - the other logs have theirs
             lose(log.trace, error)
@@ -313,7 +313,7 @@ def fitted(
     def signals() -> Iterator[LogSignals]:
         # Of each log as the fit saw it last, one by one: they are large.
         for fit, log in readable:
-            response = log.compared(fit.parameters, damper, solver)
+            response = compare(fit.parameters, log.trace, damper, solver=solver)
             yield signals_of(fit.setting, log.trace, response)
 
     run, failures = run_of(

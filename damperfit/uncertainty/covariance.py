@@ -67,7 +67,6 @@ from damperfit.errors import SimulationError, sparing
 from damperfit.identification.fit_setting import Fit
 from damperfit.identification.logs import (
     LogFit,
-    SettledCycle,
     SimulatedLog,
     compare,
     fast_length,
@@ -711,9 +710,9 @@ def linearise_at_fit(  # noqa: PLR0915 - log by log and segment by segment, best
     pressed = {p.opening: 0.0 for p in passages if p.opening and not p.width}
     for log, weight in zip(fit.logs, weights([log.trace for log in fit.logs]), strict=True):
         trace, part = log.trace, log.trace.compared
-        seen, names = log.cycles_of(values, damper, solver), (*damper.names, *damper.conditions)
-        force, pressures, rows, rounding = _responses(log, seen, values, damper, solver, names)
-        others = _other_frictions(log, seen, values, damper, solver, rows)
+        names = (*damper.names, *damper.conditions)
+        force, pressures, rows, rounding = _responses(log, values, damper, solver, names)
+        others = _other_frictions(log, values, damper, solver, rows)
         for passage in (passage for passage in passages if passage.opening in pressed):
             here = pressures[passage.start - 1, part] - pressures[passage.end - 1, part]
             pressed[passage.opening] = max(float(here.max()), pressed[passage.opening])
@@ -785,12 +784,11 @@ def _beside_own_offsets(logs: Sequence[LogLinearisation]) -> list[LogLinearisati
 
 def _responses(
     log: LogFit,
-    cycles: Sequence[SettledCycle],
     values: Values,
     damper: Model,
     solver: SolverOptions,
     names: Sequence[str] = (),
-) -> tuple[FloatArray, NDArray[np.floating[Any]], list[FloatArray], list[tuple[FloatArray, ...]]]:
+) -> tuple[FloatArray, FloatArray, list[FloatArray], list[tuple[FloatArray, ...]]]:
     """Force and pressures of a log, of each segment force and sensitivities, and the `rounding`.
 
     Of the mean cycles that the fit went down on, where it did: their sensitivities, (k, n), differ
@@ -799,15 +797,16 @@ def _responses(
     trace = log.trace
     rows: list[FloatArray] = []
     rounding: list[tuple[FloatArray, ...]] = []
-    if cycles:
-        for cycle, segment in zip(cycles, trace.segments, strict=True):
+    if log.cycles:
+        seen = compare(values, trace, damper, solver=solver)
+        for cycle, segment in zip(log.cycles, trace.segments, strict=True):
             options = cycle.solver(solver)
             response = simulate(values, damper, cycle.motion, sensitivities=names, options=options)
             signals = [response.force, *response.sensitivities.values()]
             rows.append(cycle.over(segment, signals))
             taken = cycle.taken_by_filter(response.force)
             rounding.append((cycle.motion.velocity[-len(taken) :], taken))
-        return log.force, log.pressures, rows, rounding
+        return seen.force, seen.response.pressures, rows, rounding
     seen = compare(values, trace, damper, sensitivities=names, solver=solver)
     whole, taken = np.vstack([seen.force, _slopes(trace, seen)]), seen.response.force - seen.force
     for segment in trace.segments:
@@ -840,7 +839,6 @@ def _slopes(trace: Trace, seen: SimulatedLog) -> FloatArray:
 
 def _other_frictions(
     log: LogFit,
-    cycles: Sequence[SettledCycle],
     values: Values,
     damper: Model,
     solver: SolverOptions,
@@ -856,14 +854,14 @@ def _other_frictions(
         return None
     more = [np.zeros((2, rows.shape[1])) for rows in here]
     for share, law, at in turns:
-        for into, there in zip(more, _responses(log, cycles, at, law, solver)[2], strict=True):
+        for into, there in zip(more, _responses(log, at, law, solver)[2], strict=True):
             into[0] += share * there[0]
     for into, now in zip(more, here, strict=True):
         into[0] -= now[0] if turns else 0.0
     if pressed is not None:
         own = next(place for place, q in enumerate(values.quantities) if q.is_friction)
         at_rest = pressed[1].seal_area * values.gas_pressure
-        seen = _responses(log, cycles, pressed[1], pressed[0], solver)[2]
+        seen = _responses(log, pressed[1], pressed[0], solver)[2]
         for into, there, now in zip(more, seen, here, strict=True):
             into[1] = there[0] - now[0] - at_rest * now[1 + own]
     return more

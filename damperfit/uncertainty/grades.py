@@ -422,7 +422,7 @@ def air_objections(
     noise = {diagnosis.setting: diagnosis.noise_percent for diagnosis in assessment.diagnoses}
 
     def squares(fit: Fit, log: LogFit, law: Model) -> FloatArray:
-        modelled = log.compared(fit.parameters, law, options.solver).force
+        modelled = compare(fit.parameters, log.trace, law, solver=options.solver).force
         return np.asarray((log.trace.force - modelled) ** 2)
 
     gains: list[float] = []  # by how much the squares are less with the air, N^2, cycle by cycle
