@@ -27,7 +27,6 @@ from damperfit.statistics import mean_of, median, variance_of
 
 _FEWEST_PHASES = 8
 _TAPS = 4  # samples that a place between them is read from
-_BY_CYCLES = "scatter between cycles"
 
 
 def noise_floor(trace: Trace) -> float:
@@ -38,15 +37,10 @@ def noise_floor(trace: Trace) -> float:
     variance = variance_of(trace.force[trace.compared])
     if not variance > 0.0:
         return math.nan
-    noise = 0.0
-    for segment in trace.segments:
-        # `with_noise` has folded the cycles already; three times a log was a tenth of conditioning.
-        is_known = segment.noise_source == _BY_CYCLES and segment.n_cycles > 1
-        scatter = segment.noise**2 if is_known else _scatter_between_cycles(trace, segment)
-        # A log of a single cycle and no more is not called known by its spectrum alone.
-        is_single = segment.n_cycles == 1 and len(trace.segments) == 1
-        scatter = scatter if is_single or math.isfinite(scatter) else segment.noise**2
-        noise += segment.n_samples * scatter
+    # A log of a single cycle and no more is not called known by its spectrum alone.
+    if len(trace.segments) == 1 and trace.n_cycles == 1:
+        return math.nan
+    noise = sum(segment.n_samples * segment.noise**2 for segment in trace.segments)
     return 100.0 * noise / trace.n_samples / variance
 
 
@@ -54,7 +48,7 @@ def with_noise(trace: Trace, left_out: FloatArray) -> Trace:
     """Return a trace with the noise of each segment, of some by what the filter has left out."""
     segments, design = [], trace.model_filter
     for segment in trace.segments:
-        noise, source = math.sqrt(_scatter_between_cycles(trace, segment)), _BY_CYCLES
+        noise, source = math.sqrt(_scatter_between_cycles(trace, segment)), "scatter between cycles"
         if not math.isfinite(noise) and len(left_out):
             passed = float(np.sum(impulse_of(design, settling_samples(design) + 1) ** 2))
             noise = noise_of(left_out[segment.window]) * math.sqrt(passed)

@@ -162,13 +162,11 @@ def minimised(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
     """The minimum that a start leads to, with the evaluations made before it."""
     result = _fit(block, start)
     at, n = result.minimum, result.n_independent
-    cost, jacobian, lengths = at.cost, at.jacobian, np.maximum(at.system.lengths, 1e-300)
-    errors = np.sqrt(np.diag(inverse_information(jacobian)) * (cost / n))
+    errors = np.sqrt(np.diag(inverse_information(at.jacobian)) * (at.cost / n))
     by_name = dict(zip(block.free, errors.tolist(), strict=True))
     status = _statuses(block, result, by_name)
     # How many standard errors the full step is long that is left.
-    along = np.linalg.lstsq((jacobian / lengths).T, at.system.gradient / lengths, rcond=None)[0]
-    promised = math.sqrt(float(along @ along) * n / max(cost, 1e-300))
+    promised = math.sqrt(at.promised() * n / max(at.cost, 1e-300))
     right_angle = max(_RIGHT_ANGLE, _AMONG_KINKS * math.sqrt(block.model.kinks))
     is_minimum = at.gradient_cosine < right_angle or result.mse_percent < 1e-8
     applies = {

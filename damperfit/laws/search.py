@@ -28,7 +28,7 @@ numbers where these are fewer.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -145,11 +145,7 @@ class _Fit:
     @cached_property
     def promised(self) -> float:
         """The cost at the minimum of the linearised problem: what a minimisation may come to."""
-        system = self.minimum.system
-        lengths = np.maximum(system.lengths, 1e-300)
-        columns = self.minimum.jacobian / lengths
-        pull = np.linalg.lstsq(columns.T, system.gradient / lengths, rcond=_NO_LENGTH)[0]
-        return max(system.cost - float(pull @ pull), 0.0)
+        return max(self.minimum.cost - self.minimum.promised(_NO_LENGTH), 0.0)
 
     @cached_property
     def percent(self) -> dict[Setting, float]:
@@ -183,7 +179,7 @@ class _Search:
         self.also, self.doubt, self.may_tie = "", "", False
         self.evidence = {x.setting: x for x in sorted(evidence, key=lambda logs: logs.setting)}
         self.follows, self.solver, self.on_law, self.jobs = follows, solver, on_law, jobs
-        self.compared = _most_unlike(list(self.evidence.values()))
+        self.compared = self.most_unlike(self.evidence, _MOST_COMPARED)
         self.n_eff: dict[Setting, float] = {}
         self.laws: list[JudgedLaw] = []
         self._starts: dict[tuple[Structure, Setting], Values] = {}
@@ -193,6 +189,17 @@ class _Search:
         self._judged: dict[int, tuple[_Fit, Candidate]] = {}
         self.ends: list[_Fit] = []
         self.spread: dict[Setting, dict[str, float]] = {}
+
+    def most_unlike(self, settings: Iterable[Setting], most: int = 2) -> list[Setting]:
+        """Settings to compare at: the weakest and the strongest force, and some between them."""
+
+        def strength(setting: Setting) -> float:
+            logs = self.evidence[setting].fitted
+            return float(np.std(np.concatenate([trace.force[trace.compared] for trace in logs])))
+
+        ranked = sorted(settings, key=strength)
+        places = np.linspace(0, len(ranked) - 1, min(most, len(ranked))).round().astype(int)
+        return sorted(ranked[place] for place in places)
 
     # fits
 
@@ -439,7 +446,7 @@ class _Search:
         """
         began: Mapping[str, str] = {}
         candidates = {words: structure for words, structure in known.items() if words in which}
-        pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
+        pair = self.most_unlike(fit.values)
         if len(fit.values) > len(pair) and candidates:
             few = self.screened(candidates, self.at(fit, pair, _ONE), fit, {})
             rises |= {words: rise for rise, words, _ in few}
@@ -562,7 +569,7 @@ class _Search:
     def best_layout(self, layouts: Sequence[ValveDamper]) -> _Fit | None:
         """Bleed and blow-off in each stroke and everything that a mounting may have."""
         fits: list[_Fit] = []
-        pair = _most_unlike([self.evidence[s] for s in self.compared], 2)
+        pair = self.most_unlike(self.compared)
         for layout in layouts:
             whole = replace(
                 layout, rebound=BOTH, compression=BOTH, mounting=everything(layout.mounting)
@@ -647,7 +654,7 @@ class _Search:
         Its offset is free where the model leaves something without.
         """
         offsets = tuple(q.name for q in plain.quantities if q.is_offset and q.default is not None)
-        ends = _most_unlike(list(self.evidence.values()), 2)
+        ends = self.most_unlike(self.evidence)
         tried = self.separately(plain, ends)
         if offsets and (tried is None or tried.leaves_something):
             tried = self.separately(plain, ends, freed=offsets)
@@ -710,7 +717,7 @@ class _Search:
 
     def beside_yielding(self, law: Candidate) -> tuple[Candidate, list[Candidate]]:
         """A law at the weakest and the strongest force, and there the models that yield."""
-        ends = _most_unlike(list(self.evidence.values()), 2)
+        ends = self.most_unlike(self.evidence)
         if self._yielding is None:
             tried = (self.separately(kind(), ends) for kind in YIELDING)
             self._yielding = [candidate for candidate in tried if candidate is not None]
@@ -991,19 +998,6 @@ class _Linear:
             }
             values[setting] = self.fit.values[setting].replace(own)
         return values
-
-
-def _most_unlike(evidence: Sequence[SettingLogs], most: int = _MOST_COMPARED) -> list[Setting]:
-    """Settings to compare at: the weakest and the strongest force, and some between them."""
-
-    def strength(logs: SettingLogs) -> float:
-        return float(np.std(np.concatenate([t.force[t.compared] for t in logs.fitted])))
-
-    ranked = sorted(evidence, key=strength)
-    if len(ranked) > most:
-        places = np.linspace(0, len(ranked) - 1, most).round().astype(int)
-        ranked = [ranked[k] for k in places]
-    return sorted(logs.setting for logs in ranked)
 
 
 def _of_layout(best: Candidate, candidate: Candidate, *, is_alone: bool, is_near: bool) -> str:

@@ -47,7 +47,6 @@ ln y: no interval can be negative.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -176,11 +175,11 @@ def uncertainties(
     for row, linear in both:
         for name, pull in linear.flawed.items():
             flawed[name] = flawed.get(name, 0.0) + row @ pull
-    others = zip(_sums_of_others(noise, nothing), _sums_of_others(misfit, nothing), strict=True)
-    errors = []
-    for (row, linear), of_others in zip(both, others, strict=True):
+    whole, errors = (sum(noise, nothing), sum(misfit, nothing)), []
+    for (row, linear), *own in zip(both, noise, misfit, strict=True):
+        others = (whole[0] - own[0], whole[1] - own[1])
         with sparing(linear.fit.setting, on_error):
-            errors.append(_of_setting(linear, row, sharing, of_others, pulls, flawed))
+            errors.append(_of_setting(linear, row, sharing, others, pulls, flawed))
     return tuple(errors)
 
 
@@ -243,13 +242,6 @@ def _of_setting(
         for name, error, bend in zip(names, errors, bends, strict=True)
     }
     return Uncertainty(fit.setting, intervals, names, noise, common, misfit=misfit)
-
-
-def _sums_of_others(parts: Sequence[FloatArray], nothing: FloatArray) -> list[FloatArray]:
-    """Return for each part the sum of all others; a difference could turn negative by rounding."""
-    before = itertools.accumulate(parts, initial=nothing)
-    after = [*itertools.accumulate(reversed(parts), initial=nothing)][-2::-1]
-    return [np.asarray(a + b) for a, b in zip(before, after, strict=False)]
 
 
 def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, noise_floor
-from damperfit.conditioning.noise import noise_beside_motion
+from damperfit.conditioning.noise import noise_beside_motion, with_noise
 from tests import fakes
 from tests.conditioning.logs import sine_log
 
@@ -22,15 +22,15 @@ def cycles(n):
     one = fakes.trace(1)
     starts = PERIOD * np.arange(n + 1.0)
     segment = replace(one.fastest, first=0, stop=n * PERIOD, cycle_starts=starts)
-    return replace(
+    trace = replace(
         one,
         interval=1.0 / 300.0,
         displacement=0.032 * wave,
         velocity=0.3 * slope,
         force=1000.0 * slope,
         segments=(segment,),
-        n_cycles_found=n,
     )
+    return with_noise(trace, np.empty(0))
 
 
 def smooth_log(cycles, rate):
