@@ -75,6 +75,9 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "hopeless valves": ("laws.search", "_Search.is_hopeless", lambda *_: False),
     "more starts of a move": ("laws.search", "_Search.starts", _one_start),
     "determined values": ("laws.search", "_Linear.is_shown", lambda *_: True),
+    # Errors.
+    "refilling": ("uncertainty.covariance", "_slopes", lambda _, seen: seen.sensitivities),
+    "linearised on cycles": ("identification.logs", "LogFit.cycles", ()),
     # Fits.
     "corners": ("identification.logs", "_counted", lambda _: None),
     "mean friction": ("identification.procedures", "_with_mean_friction", lambda _, fit, *__: fit),
