@@ -16,7 +16,6 @@ import scipy.linalg  # noqa: F401 - it brings a BLAS of its own
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from damperfit.cli import main
-from damperfit.identification import blas_threads
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.workers import Died, Processes, executor
@@ -189,9 +188,8 @@ def threads() -> set[int]:
 
 
 @pytest.fixture
-def three_threads(monkeypatch):
-    """A number that is neither one nor, by chance, the machine's; libraries are looked for anew."""
-    monkeypatch.setattr(blas_threads, "_found", {})
+def three_threads():
+    """A number that is neither one nor, by chance, the machine's."""
     with threadpool_limits(3, user_api="blas"):
         assert threads() == {3}
         yield

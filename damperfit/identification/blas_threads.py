@@ -5,7 +5,6 @@ number belongs to the process: where two runs overlap in it, the first lowers it
 back. Each by itself would put back what it found, and leave one thread for good.
 """
 
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,15 +13,16 @@ from typing import Any
 _lock = threading.Lock()
 _usual: dict[str, tuple[Any, int]] = {}  # libraries by their files, and threads they had
 _holders: list[object] = []
-_found: dict[int, Any] = {}  # the libraries, while there are so many modules
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Keep BLAS at one thread; the last of those who overlap gives it its threads back."""
+    from threadpoolctl import ThreadpoolController
+
     holder, changed = object(), list[tuple[Any, int]]()
     with _lock:
-        libraries = _libraries()
+        libraries = ThreadpoolController().select(user_api="blas").lib_controllers
         _holders.append(holder)
         for library in libraries:
             usual = library, library.get_num_threads()
@@ -41,18 +41,6 @@ def one_blas_thread() -> Iterator[None]:
                 _usual.clear()
             for library, threads in changed:
                 _set(library, threads)
-
-
-def _libraries() -> Any:
-    """Look for libraries once, and again where a module may have brought another: 5 ms."""
-    from threadpoolctl import ThreadpoolController
-
-    n_modules = len(sys.modules)
-    if n_modules not in _found:
-        controllers = ThreadpoolController().select(user_api="blas").lib_controllers
-        _found.clear()
-        _found[n_modules] = controllers
-    return _found[n_modules]
 
 
 def _set(library: Any, threads: int) -> None:
