@@ -44,6 +44,7 @@ from damperfit.damper.stepping import without_rig
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Option, Problem, note
+from damperfit.queries.settings import refuse_unfitted
 from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
 from damperfit.results import Run
@@ -94,13 +95,7 @@ def exported_run(
     oil's, where the damper follows it: the reference temperature by default.
     """
     run = Run.load(results, parts=("parameters",), config=config, temperature=temperature)
-    damper, settings, notes = run.damper, run.settings, []
-    if not settings:
-        raise ConfigurationError(
-            "no setting has all parameters; run damperfit identify LOGS first",
-            subject=run.shown_as,
-            code="no-parameters",
-        )
+    damper, settings, notes = run.damper, refuse_unfitted(run).settings, []
     if isinstance(damper, WithTemperature):
         at = damper.oil_temperature
         text = f"resistances as they are at {at:g} degC (fitted at {damper.reference:g} degC)"

@@ -55,6 +55,7 @@ _OF_CLICKS = {
     *("adjuster", "adj", "click", "clicks", "clicker", "klick", "klicks", "einstellung"),
     *("clic", "clics", "reglage", "réglage"),
 }
+FROM_NAME = "setting: from the file name"  # the note that says so
 _MAY_BE_DEGREES = "c"  # 25c is as well 25 clicks of compression
 # What several numbers are called that have no word before them, or the same.
 _PLACES = ("a", "b", "c", "d")
@@ -400,7 +401,7 @@ def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)
     if len(adjusters) > 1 and not label.places and is_default:
         with suppress(ValueError):
             places = dict(parse_setting(name.rpartition(".")[0] or name, adjusters).places)
-            return LogLabel(places, notes=("setting: from the file name",)).over(label)
+            return LogLabel(places, notes=(FROM_NAME,)).over(label)
     return label
 
 
@@ -422,4 +423,4 @@ def _label_in(matches: list[re.Match[str]], name: str, adjusters: Sequence[str])
                 parse_setting(plain[-1], adjusters)
             places = dict(setting_in_words(plain[-1], where, adjusters).places)
     others = {key: text for key, text in named.items() if key in IDENTITY_KEYS}
-    return LogLabel(places, others, ("setting: from the file name",) if places else ())
+    return LogLabel(places, others, (FROM_NAME,) if places else ())

@@ -40,6 +40,7 @@ from damperfit.io import read_curves, read_logs
 from damperfit.io.files import sha256_of
 from damperfit.io.formats import FORMATS
 from damperfit.io.labels import (
+    FROM_NAME,
     Guess,
     LogLabel,
     file_setting,
@@ -64,7 +65,6 @@ _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
 _MANY = 20  # files that are no logs and are named one by one
 _READ_IN_CHILD = {suffix for form in FORMATS if form.in_child for suffix in form.suffixes}
-_FROM_NAME = "setting: from the file name"
 _GUESSED = "setting: guessed from the file name"
 # What is wrong with the whole command, not with one log.
 _USAGE = (ConfigurationError, InstallationError)
@@ -220,8 +220,8 @@ class Labels:
     def labelled(self, recording: Recording, path: Path) -> tuple[Recording, Identity]:
         """Return the recording with its setting, None where it is unknown, and whose it is."""
         row = self.row(path)
-        if path.name in self.unclear and _FROM_NAME in recording.notes:
-            rest = tuple(note for note in recording.notes if note != _FROM_NAME)
+        if path.name in self.unclear and FROM_NAME in recording.notes:
+            rest = tuple(note for note in recording.notes if note != FROM_NAME)
             recording = replace(recording, setting=None, notes=rest)
         own, listed = self._places(recording), dict(row.places) if row else {}
         notes = [
@@ -344,7 +344,7 @@ class Labels:
             )
         for log in () if self.has_pattern else logs:
             name = Path(log.path).name
-            if _FROM_NAME in notes[id(log)] and (number := one_of_several(name)):
+            if FROM_NAME in notes[id(log)] and (number := one_of_several(name)):
                 yield warning(
                     "one-of-several",
                     f"of the numbers in its name the one after 's', {number}, is taken for the "
