@@ -109,6 +109,7 @@ def test_values_have_its_order_and_its_force_is_differentiated_by_every_number(n
     assert np.all((slope[told] > 0.0) | [one.model.quantity(wanted[k]).is_offset for k in told])
 
 
+@pytest.mark.one_in(2)
 @EVERY
 def test_it_is_told_of_no_flaw_that_it_cannot_have(name: str) -> None:
     one = case(name)

@@ -140,6 +140,7 @@ def test_a_file_of_another_run_is_named(copy):
     assert str(problem) == "mse.parquet is not the file that the run wrote (see run.json)"
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     "record",
     [

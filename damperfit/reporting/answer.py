@@ -51,5 +51,6 @@ class Answer:
         )
 
     def _repr_html_(self) -> str:
-        texts = [f"<p>{escape(text)}</p>" for text in (self.sentence, *self._to_know) if text]
-        return "".join([*texts, *(html_table(sheet) for sheet in self.sheets() if sheet.rows)])
+        texts = [escape(text) for text in (self.sentence, *self._to_know) if text]
+        paragraphs = (f"<p>{text}</p>".replace("\n", "<br>") for text in texts)
+        return "".join([*paragraphs, *(html_table(sheet) for sheet in self.sheets() if sheet.rows)])

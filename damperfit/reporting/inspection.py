@@ -34,7 +34,7 @@ _VERDICTS = {
     "refused": "refused",
 }
 _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
-_WIDTH = 80
+_WIDTH, _WHOLE = 80, 100_000
 _SHOWN_UNITS = {"m": (1e3, "mm"), "s": (1e3, "ms"), "Pa": (1e-5, "bar")}
 MANY_ROWS = 60  # of a table; two screens
 _ROWS_OF_REFUSED = 5  # where none of many logs can be used
@@ -69,8 +69,12 @@ class Inspection(Answer):
 
     @property
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The same as lines, the worst first."""
-        return tuple(finding_lines(self.facts))
+        """The same as sentences under headings, the worst first."""
+        return tuple(line.strip() for line in finding_lines(self.facts, columns=_WHOLE) if line)
+
+    @property
+    def _to_know(self) -> list[str]:  # its lines say themselves how much they matter
+        return [*self.remarks]
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""

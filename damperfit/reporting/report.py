@@ -199,7 +199,7 @@ def tested_range(tested: Tested, units: ShownUnits) -> str:
     """Return the range of the tests in words, as far as it is known."""
     parts = [counted(tested.n_logs, "log")] if tested.n_logs else []
     if tested.stroke is not None:
-        parts.append(f"stroke to +-{units.write_length(tested.stroke, '.4g')}")
+        parts.append(f"amplitude to {units.write_length(tested.stroke, '.4g')}")
     if tested.speed is not None:
         parts.append(f"speed to {tested.speed:.4g} m/s")
     for limits, unit in ((tested.frequencies, "Hz"), (tested.temperatures, "degC")):

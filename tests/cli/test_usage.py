@@ -206,6 +206,7 @@ WORDS = {"--out", "--log-file", "--plot", "--save", "--junit", "--config", "--te
 WORDS |= {"--parameters", "--displacement", "--repeats", "--hold-out"}
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     "typed",
     [

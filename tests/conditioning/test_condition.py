@@ -75,7 +75,7 @@ def test_the_true_damper_fits_behind_every_filter(case):
     phase=st.floats(0.0, 2 * np.pi),
     cycles=st.floats(12.0, 20.0),
 )
-@settings(deadline=None)
+@settings(deadline=None, max_examples=10)
 def test_sines_of_any_phase_frequency_and_rate(frequency, rate, phase, cycles):
     log = sine_log(frequency=frequency, rate=rate, phase=phase, cycles=cycles)
     log = replace(log, force=np.gradient(log.displacement, log.time) * 1500.0)

@@ -84,9 +84,9 @@ def test_noise_of_few_cycles_is_no_hidden_friction() -> None:
             )
         return hidden_friction(each)[1]
 
-    assert sum(amount(0.0) != 0.0 for _ in range(1000)) <= 1
+    assert sum(amount(0.0) != 0.0 for _ in range(300)) <= 1
     assert amount(5.0) == 0.0  # more than twice the friction is none
-    assert np.median([amount(3.5) for _ in range(100)]) == pytest.approx(3.5, rel=0.1)
+    assert np.median([amount(3.5) for _ in range(30)]) == pytest.approx(3.5, rel=0.1)
 
 
 # No flaw beyond reason, none of valves where nothing flows, none that contradicts another
