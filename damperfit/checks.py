@@ -253,9 +253,7 @@ def _every_click_counts(subject: Subject) -> _Verdict:
 
 def _residuals_white(subject: Subject) -> _Verdict:
     """No misfit above 1 % of the force repeats from cycle to cycle."""
-    diagnoses, unknown = _diagnoses(subject)
-    structured = [diagnosis for diagnosis in diagnoses if diagnosis.is_structured]
-    large = [diagnosis for diagnosis in structured if _repeats_by(diagnosis) > _MATTERS]
+    structured, large, unknown = _repeating(subject)
     if not structured or (unknown and not large):
         return (None, unknown) if unknown else (True, "no misfit repeats from cycle to cycle")
     worst = max(structured, key=_repeats_by)
@@ -273,14 +271,8 @@ def _repeats_by(diagnosis: Diagnosis) -> float:
 
 def _noise_floor_explained(subject: Subject) -> _Verdict:
     """Noise explains half of the MSE, or the repeating misfit is below 1 % of the force."""
-    diagnoses, unknown = _diagnoses(subject)
-    short = [
-        diagnosis
-        for diagnosis in diagnoses
-        if diagnosis.is_structured
-        and diagnosis.noise_percent < _EXPLAINED * diagnosis.mse_percent
-        and _repeats_by(diagnosis) > _MATTERS
-    ]
+    _, large, unknown = _repeating(subject)
+    short = [d for d in large if d.noise_percent < _EXPLAINED * d.mse_percent]
     if short:
         worst = min(short, key=lambda diagnosis: diagnosis.noise_percent / diagnosis.mse_percent)
         where = of_settings(diagnosis.setting for diagnosis in short)
@@ -291,8 +283,8 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
     return (None, unknown) if unknown else (True, f"{few}, at every setting")
 
 
-def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
-    """Return the diagnoses of noise and lack of fit, and why the other settings have none."""
+def _repeating(subject: Subject) -> tuple[list[Diagnosis], list[Diagnosis], str]:
+    """Return the diagnoses with lack of fit, those above 1 %, and why settings have none."""
     diagnoses = subject.assessment.diagnoses
     single = [diagnosis.setting for diagnosis in diagnoses if math.isnan(diagnosis.noise_percent)]
     lacking = {fit.setting for fit in subject.fits} - {diagnosis.setting for diagnosis in diagnoses}
@@ -302,7 +294,8 @@ def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
         reasons.append(f"a single cycle cannot separate noise from lack of fit, at {where}")
     if lacking:
         reasons.append(f"the residuals were not evaluated, at {of_settings(lacking)}")
-    return [d for d in diagnoses if d.setting not in single], "; ".join(reasons)
+    structured = [d for d in diagnoses if d.is_structured and d.setting not in single]
+    return structured, [d for d in structured if _repeats_by(d) > _MATTERS], "; ".join(reasons)
 
 
 def _temperature_in_window(subject: Subject) -> _Verdict:

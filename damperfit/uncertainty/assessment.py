@@ -187,14 +187,13 @@ def motions_apart(campaign: Campaign) -> Iterator[Problem]:
     """Yield the one log whose clock or stroke is off those of all others, which agree."""
     logs = [log.trace for fit in campaign.fits for log in fit.logs]
     for n_segments in sorted({len(trace.segments) for trace in logs}):
-        alike = [trace for trace in logs if len(trace.segments) == n_segments]
-        if len(traces := [trace for trace in alike if trace.fastest.n_cycles]) >= _ENOUGH_LOGS:
-            yield from _motions_apart(traces)
+        alike = [log for log in logs if len(log.segments) == n_segments and log.fastest.n_cycles]
+        if len(alike) >= _ENOUGH_LOGS:
+            yield from _motions_apart(alike)
 
 
 def _motions_apart(traces: Sequence[Trace]) -> Iterator[Problem]:
     """Yield the one log that is off all others, which have as many segments."""
-    names = [trace.name for trace in traces]
     is_few = len(traces[0].segments) > 1 or len(traces) == _ENOUGH_LOGS
     least = _APART_OF_FEW if is_few else _APART
     kinds = (
@@ -215,7 +214,7 @@ def _motions_apart(traces: Sequence[Trace]) -> Iterator[Problem]:
                 "{log} has {found} {unit}, all other logs have {expected} {unit}: its {what} is "
                 "{percent} % off, or it is another test; a wrong {what} puts its parameters off by "
                 "about as much",
-                log=names[place],
+                log=traces[place].name,
                 found=f"{scale * values[place]:.4g}",
                 expected=f"{scale * middle:.4g}",
                 unit=unit,
