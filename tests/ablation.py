@@ -87,11 +87,6 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "clip": ("identification.fit_problem", "Block.stays_beyond", property(lambda _: False)),
     "idle parts": ("identification.procedures", "_without_idle_parts", _first),
     "last step": ("identification.fit_setting", "_last_step", lambda *_: None),
-    "start again at a bound": (
-        "identification.joint",
-        "from_neighbours",
-        lambda _, fits, **__: ({one: fit.parameters for one, fit in fits.items()}, 0),
-    ),
     "further_starts": ("damper.purdy.parameters", "Damper.further_starts", lambda *_: ()),
     "starts in turn": ("identification.fit_setting", "_in_turn", lambda _, ranked: ranked),
     "lost valve": ("identification.fit_setting", "_lost_a_valve", lambda *_: False),

@@ -1,8 +1,8 @@
 """One setting's fit: from several starts, on mean cycles and on the logs, and how it ended.
 
-Fits start where somebody has said, at the model's own starts, at those of neighbours, or on a Latin
-cube over the logarithms of the free parameters, a factor of ten to both sides of the first result
-(an offset: 300 N), the same in every run of one setting.
+Fits start where somebody has said, at the model's own starts, or on a Latin cube over the
+logarithms of the free parameters, a factor of ten to both sides of the first result (an offset:
+300 N), the same in every run of one setting.
 
 Where the logs repeat, the minimum of their mean cycles is found first. Noise of the displacement
 drives the model in the logs and is averaged out of the mean cycle, so that the minima lie up to
@@ -44,12 +44,11 @@ from damperfit.identification.logs import (
     normalised_mse,
     speed_warnings,
 )
-from damperfit.identification.outcome import Outcome, Status, attempted
+from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.sharing import of_settings
-from damperfit.problem import Failure, Problem, warning
+from damperfit.problem import Problem, warning
 from damperfit.statistics import CHI_SQUARED_95, largest_of
 from damperfit.tested.setting import Setting
-from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from damperfit.damper.cavitation import Cavitation
@@ -339,8 +338,6 @@ _AS_EXPECTED = 2.0
 _OF_VALVES = ("bleed", "opening", "slope")
 # A sound minimum is preferred to a cavitating one unless that one is better by this factor.
 _CLEARLY_BETTER = 1.5
-# Neighbours from which a setting at a bound starts again: one along each of two adjusters.
-_NEIGHBOURS = 2
 # Factor to both sides that the cube spreads over; of a linear quantity, in units of its size.
 SPREAD = 10.0
 _LINEAR_SPREAD = 3.0
@@ -450,38 +447,6 @@ def lacks_stiffness_alone(result: FitResult) -> bool:
     is_alone = {*rest.values()} <= {Status.FITTED, Status.FIXED}
     is_lost = is_alone and Status.NOT_IDENTIFIABLE in of_oil
     return is_lost and not result.minimum.extra.is_cavitating and result.mse_percent < EXCELLENT
-
-
-# Neighbours: from what other settings have ended at.
-
-
-def from_neighbours(
-    blocks: Mapping[Setting, Block], fits: Mapping[Setting, Fit], *, jobs: int
-) -> tuple[dict[Setting, Values], int]:
-    """Each setting's values; one that ended at a bound starts again from its sound neighbours'."""
-    sound = [setting for setting, fit in fits.items() if fit.outcome is Outcome.CONVERGED]
-    nfev = dict.fromkeys(fits, 0)
-
-    def steps(setting: Setting, other: Setting) -> int:
-        return sum(setting.place(a) != other.place(a) for a in setting.adjusters)
-
-    def helped(setting: Setting) -> Values:
-        best, least = fits[setting].parameters, fits[setting].mse_percent
-        nearest = sorted(sound, key=lambda other: (steps(setting, other), other))
-        is_lost = fits[setting].outcome is Outcome.AT_BOUND
-        for other in nearest[:_NEIGHBOURS] if is_lost else ():
-            near = {n: getattr(fits[other].parameters, n) for n in blocks[other].free}
-            result = attempted(setting, partial(minimised, blocks[setting], best.replace(near)))
-            if isinstance(result, Failure):
-                continue
-            nfev[setting] += result.evaluations
-            if result.mse_percent < least:
-                best, least = result.values, result.mse_percent
-        return best
-
-    with executor(jobs) as pool:
-        values = dict(zip(fits, pool.map(helped, fits), strict=True))
-    return values, max(nfev.values())
 
 
 # A Latin cube around a result.

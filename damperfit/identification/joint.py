@@ -37,7 +37,7 @@ from damperfit.identification.fit_problem import (
     values_of,
     with_values,
 )
-from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, Fit, from_neighbours, is_loose
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, Fit, is_loose
 from damperfit.identification.least_squares import (
     NO_LENGTH,
     Minimum,
@@ -394,7 +394,7 @@ def _fit_sound(
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
     blocks = {setting: given.block(setting, free) for setting in sound}
     if sharing is None or options.is_detecting or options.follows:
-        single, nfev = from_neighbours(blocks, sound, jobs=given.jobs)
+        single = {setting: fit.parameters for setting, fit in sound.items()}
         sharing, starts, more = detected_sharing(
             blocks, single, sharing, untied=options.untied, jobs=given.jobs
         )
