@@ -75,6 +75,9 @@ _FOLLOWED, _TRIED = 3, 5  # candidates that are tried, and settings
 _SEEDS = (1, 2)  # of the noise with which they are
 _UNFITTED = (SimulationError, ConditioningError, LogError)
 _FINER = 8  # times the rate of the logs
+# Behind a filter of the rig, which is not quite that of the fit, the lack of fit of a cycle of a
+# whole number of samples hangs on where they fall: at 10 Hz and 500 Hz by up to 16 times.
+_OFF_SAMPLES = 0.382  # of a sample more, so that no two of many cycles are sampled alike
 _OF_SINE = ("log", "amplitude_m", "frequency_Hz", "cycles", "noise_N")  # of a segment
 _SLOWEST, _FASTEST = 0.1, 10.0  # Hz; the latter where the rig's is not declared
 _FASTER, _OF_TRAVEL = 2.0, 0.9  # times the tested speed, likewise; of the damper's travel
@@ -480,10 +483,13 @@ class _Rig:
             limits.max_stroke / _SMALLEST, limits.max_stroke, _AMPLITUDES
         ):
             for frequency in np.geomspace(slowest, limits.max_frequency, _FREQUENCIES):
+                if self.options.rig_filter != "none":
+                    whole = math.ceil(self.rate / frequency - 1e-6)
+                    frequency = self.rate / (whole + _OFF_SAMPLES)  # noqa: PLW2901
                 seconds = 60.0 * limits.minutes - _BETWEEN
                 cycles = min(_MOST_CYCLES, int(seconds * frequency) - _RUN_IN)
-                whole = len(self.planned) * ((cycles + _RUN_IN) / float(frequency) + _BETWEEN)
-                test = NextTest(float(amplitude), float(frequency), cycles, whole / 60.0)
+                lasts = len(self.planned) * ((cycles + _RUN_IN) / float(frequency) + _BETWEEN)
+                test = NextTest(float(amplitude), float(frequency), cycles, lasts / 60.0)
                 if test.speed <= limits.max_speed * (1.0 + 1e-9) and cycles >= _FEWEST_CYCLES:
                     yield test
 
