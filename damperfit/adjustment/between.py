@@ -36,6 +36,9 @@ _LEFT_OPEN = 2.0
 _MOVES = 1e-3  # of a force: less is invisible
 SMOOTH, STRAIGHT, AREAS, LEAST, MOST = "smooth", "straight", "areas", "least", "most"
 BENDS = (STRAIGHT, AREAS)
+# How far truth may lie from the curve, by how far the other curves do: of the paper's settings left
+# out 90 of 100 intervals hold with 1.4 of it (ten known), 94 to 98 with this.
+BEND = 2.5
 _CURVE = 3  # settings; two alone show no curve
 
 
@@ -47,10 +50,10 @@ class Interpolated(NamedTuple):
     others: tuple[Values, ...]  # by the other curves: what may hide between settings
 
     def spread(self, damper: Model, speed: float) -> float:
-        """Return how far the other curves lead from its force at a speed, m/s, N."""
+        """Return how far the force at a speed, m/s, may be off for what hides between, N."""
         values = (self.values, *self.others)
         own, *others = (quasi_static(damper, each, [speed]).forces[0] for each in values)
-        return float(max(abs(own - force) for force in others))
+        return BEND * float(max(abs(own - force) for force in others))
 
 
 def values_between(damper: Model, stages: Sequence[Stage], setting: Setting) -> Interpolated | None:

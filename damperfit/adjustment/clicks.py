@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.adjustment.between import BENDS, LEAST, MOST, SMOOTH, Between
+from damperfit.adjustment.between import BEND, BENDS, LEAST, MOST, SMOOTH, Between
 from damperfit.adjustment.force_at import (
     MEASURED,
     MODEL,
@@ -148,9 +148,6 @@ def compare_settings(
 
 # No answer is shown closer, however narrow its interval.
 _FINEST = 0.01
-# How far truth may lie from the curve, by how far the other curves do: of the paper's settings left
-# out 90 of 100 intervals hold with 1.4 of it (ten known), 94 to 98 with this.
-_BEND = 2.5
 # An adjuster that changes a force by less does not move it.
 _STILL = 1e-3
 # In a gap the curve is looked at in so many steps a click, at least and at most.
@@ -450,4 +447,4 @@ class _Curve:
         left_open = [step for kind in (LEAST, MOST) for step in away.get(kind, ())]
         less, more = -min(0.0, 0.0, *left_open), max(0.0, 0.0, *left_open)
         undetermined = self.between.undetermined(gap, position) if max(less, more) > _FINEST else ()
-        return max(_BEND * bend, less), max(_BEND * bend, more), undetermined
+        return max(BEND * bend, less), max(BEND * bend, more), undetermined
