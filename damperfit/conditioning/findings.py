@@ -33,7 +33,6 @@ from damperfit.conditioning.drive import content_beyond, dwell_lengths
 from damperfit.conditioning.filters import fitting_corner, gain_at
 from damperfit.conditioning.noise import (
     falls_off,
-    noise_beside_motion,
     noise_floor,
     noise_ratio,
     tone,
@@ -441,7 +440,6 @@ _STEP, _STEPS_OVER, _MOST_STEPS = 0.05, 3.0, 20  # of the peak; times what stays
 _CURVED = 8  # cycles, from which on a trend may bend
 _TREND = 12.0  # F, from which on peaks go with the cycle's number; scatter has it once in 300
 _WARMER = 1.0  # K
-_OF_MOTION = 0.7  # of the noise floor, below which the motion explains some of it
 
 
 def _repetition(trace: Trace, recording: Recording) -> Iterator[Finding]:
@@ -481,14 +479,7 @@ def _repetition(trace: Trace, recording: Recording) -> Iterator[Finding]:
         if is_trending := 100.0 * fall / size > _FALL:
             yield _force_trend(up, down, warming)
         text = f"the force differs from cycle to cycle by {floor:.2g} % of its variance"
-        beside = noise_beside_motion(trace)
-        if beside < _OF_MOTION * floor:
-            text += (
-                f", but the motion differs too: beside that it is {beside:.2g} %, and a right "
-                "model, driven by the motion as it was, would reach about that MSE"
-            )
-        else:
-            text += ": a right model would reach about this MSE"
+        text += ": a right model would reach about this MSE, or less where the motion differs too"
         yield Finding("noise_floor", "note", text, floor, "%")
     yield from _zero_drift(trace, is_warming=bool(is_trending and warming))
     if not has_enough:

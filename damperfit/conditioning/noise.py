@@ -19,7 +19,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import impulse_of, settling_samples
 from damperfit.conditioning.signals import FloatArray, IntArray, noise_of
 from damperfit.recording import Segment, Trace
@@ -70,7 +69,7 @@ def _scatter_between_cycles(trace: Trace, segment: Segment) -> float:
     phases = phases[(phases * n_phases >= ahead) & ((1.0 - phases) * n_phases > behind)]
     if len(phases) < _FEWEST_PHASES:
         return math.nan
-    (values,), weights = _folded(trace.force[None], starts, phases)
+    values, weights = _folded(trace.force, starts, phases)
     scatter = float(np.mean(np.var(values, axis=0, ddof=1)))
     answer = impulse_of(trace.model_filter, settling_samples(trace.model_filter) + _TAPS)
     sums = np.array([answer[: len(answer) - k] @ answer[k:] for k in range(_TAPS)])
@@ -80,43 +79,22 @@ def _scatter_between_cycles(trace: Trace, segment: Segment) -> float:
     return float(scatter * weights.shape[1] / (lags @ (sums / sums[0])))
 
 
-def noise_beside_motion(trace: Trace) -> float:
-    """Return what is left of the fastest segment's noise floor beside what motion explains, %."""
-    # The force of each cycle, less the mean cycle, is laid upon what displacement, velocity and its
-    # square differ by from theirs: a motion that drifts makes a force that does.
-    starts = clean_cycles(trace.fastest)
-    floor = noise_floor(trace)
-    if len(starts) < 3 or math.isnan(floor):
-        return math.nan
-    n_phases = max(8, round(mean_of(np.diff(starts))))
-    v = trace.velocity
-    channels = np.stack([trace.displacement, v, v * np.abs(v), trace.force])
-    read, _ = _folded(channels, starts, np.arange(n_phases) / n_phases)
-    off = (read - read.mean(axis=1, keepdims=True)).reshape(len(channels), -1)
-    products = off @ off.T
-    size = np.maximum(np.sqrt(np.diag(products)), 1e-300)
-    alike = products / size / size[:, np.newaxis]
-    explained = alike[:3, 3] @ np.linalg.lstsq(alike[:3, :3], alike[:3, 3], rcond=None)[0]
-    return floor * max(1.0 - float(explained), 0.0)
-
-
 def _folded(
-    channels: FloatArray, starts: FloatArray, phases: FloatArray
+    signal: FloatArray, starts: FloatArray, phases: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Channels at each phase of each cycle, (k, cycles, phases), and weights of samples."""
+    """Return a signal at each phase of each cycle, (cycles, phases), and weights of samples."""
     at = (starts[:-1, None] + np.diff(starts)[:, None] * phases).ravel()
-    first = np.clip(at, 1.0, channels.shape[1] - 3.0).astype(np.int64) - 1
+    first = np.clip(at, 1.0, len(signal) - 3.0).astype(np.int64) - 1
     u = at - first - 1.0
     less, more, most = u - 1.0, u + 1.0, u - 2.0
     weights = np.array(
         [-u * less * most / 6.0, more * less * most / 2.0, -more * u * most / 2.0,
          more * u * less / 6.0]
     )  # fmt: skip
-    rows = np.ascontiguousarray(channels.T)  # side by side, for all are read at each place
-    read = weights[0, :, None] * rows[first]
+    read = weights[0] * signal[first]
     for tap in range(1, _TAPS):
-        read += weights[tap, :, None] * rows[first + tap]
-    return read.T.reshape(len(channels), len(starts) - 1, len(phases)), weights
+        read += weights[tap] * signal[first + tap]
+    return read.reshape(len(starts) - 1, len(phases)), weights
 
 
 # Whether a log looks as if the rig had filtered it.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, noise_floor
-from damperfit.conditioning.noise import noise_beside_motion, with_noise
+from damperfit.conditioning.noise import with_noise
 from tests import fakes
 from tests.conditioning.logs import sine_log
 
@@ -65,10 +65,3 @@ def test_a_single_cycle_cannot_say():
     (run,) = trace.segments
     one = replace(run, stop=round(float(run.cycle_starts[1])), cycle_starts=run.cycle_starts[:2])
     assert math.isnan(noise_floor(replace(trace, segments=(one,))))
-
-
-def test_beside_what_repeats_too_little_or_does_nothing_no_noise_is_told() -> None:
-    assert math.isnan(noise_beside_motion(cycles(1)))
-    assert not math.isnan(noise_beside_motion(cycles(2)))
-    six = cycles(6)
-    assert math.isnan(noise_beside_motion(replace(six, force=np.full(len(six.force), 7.0))))

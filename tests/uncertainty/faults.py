@@ -60,48 +60,33 @@ class Log:
         return self.oil + FRICTION * self.sign
 
 
-def passage(start: int, end: int, *, orifice: str = "", resistance: str = "") -> SimpleNamespace:
-    terms = dict.fromkeys(("opening", "width", "power"), "")
-    ends = {"start": start, "end": end, "is_two_way": bool(orifice)}
-    return SimpleNamespace(**terms, **ends, orifice=orifice, resistance=resistance)
-
-
-# The paper's damper, for oil with free gas.
-NETWORK = SimpleNamespace(
+passage = partial(SimpleNamespace, opening="", width="", power="", orifice="", resistance="")
+NETWORK = SimpleNamespace(  # the paper's damper, for oil with free gas
     has_floating_piston=False,
     ambient_pressure=0.0,
     passages=(
-        passage(1, 3, orifice="r_m1"), passage(2, 1, resistance="r_m2"),
-        passage(3, 2, resistance="r_m3"),
+        passage(start=1, end=3, is_two_way=True, orifice="r_m1"),
+        passage(start=2, end=1, is_two_way=False, resistance="r_m2"),
+        passage(start=3, end=2, is_two_way=False, resistance="r_m3"),
     ),
-)  # fmt: skip
-
-
-@cache
-def with_free_gas(setting: int, share: float):
-    """As `steady_cycle`, of oil with a share of free gas at the pressure at rest."""
-    values = asdict(replace(reference_parameters(setting), f_f=0.0, f_0=0.0))
-    values |= {"free_gas": share, "k_s": 0.0, "drag": 0.0}
-    values |= {f"gas_{name}": getattr(PURDY_DAMPER, f"gas_{name}")
-               for name in ("pressure", "volume", "exponent")}  # fmt: skip
-    time = np.linspace(0.0, 2.0 / FREQUENCY, 8001)
-    force, pressures = solve_network(
-        NETWORK, values, PURDY_DAMPER, sine(AMPLITUDE, FREQUENCY), time, rtol=1e-8
-    )
-    return force[4000:], pressures[:, 4000:]
+)
 
 
 @cache
 def steady_cycle(setting: int, changes: tuple[tuple[str, float], ...]):
     """Oil force and pressures over one steady cycle, 4000 places."""
-    if changes and changes[0][0] == "free_gas":
-        return with_free_gas(setting, changes[0][1])
+    values = replace(reference_parameters(setting), f_f=0.0, f_0=0.0)
+    time, motion = np.linspace(0.0, 2.0 / FREQUENCY, 8001), sine(AMPLITUDE, FREQUENCY)
+    if "free_gas" in dict(changes):
+        gas = ("gas_pressure", "gas_volume", "gas_exponent")
+        known = asdict(values) | {name: getattr(PURDY_DAMPER, name) for name in gas}
+        known |= {"k_s": 0.0, "drag": 0.0, **dict(changes)}
+        force, pressures = solve_network(NETWORK, known, PURDY_DAMPER, motion, time, rtol=1e-8)
+        return force[4000:], pressures[:, 4000:]
     damper = replace(
         PURDY_DAMPER, **{name: times * getattr(PURDY_DAMPER, name) for name, times in changes}
     )
-    values = replace(reference_parameters(setting), f_f=0.0, f_0=0.0)
-    time = np.linspace(0.0, 2.0 / FREQUENCY, 8001)
-    solved = solve(values, damper, sine(AMPLITUDE, FREQUENCY), time, rtol=1e-8)
+    solved = solve(values, damper, motion, time, rtol=1e-8)
     return solved.force[4000:], solved.pressures[:, 4000:]
 
 
