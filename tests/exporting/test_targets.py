@@ -60,7 +60,7 @@ def test_every_file_says_whose_it_is_and_what_is_in_it(name, handed) -> None:
         text = mat_variables(content)["about"] if is_data else content.decode("utf-8")
         text = " ".join(text.split())
         facts = (
-            "front left", "A <7>", "stroke to +-32 mm", "speed to 0.3016 m/s", "0.5 to 1.5 Hz",
+            "front left", "A <7>", "amplitude to 32 mm", "speed to 0.3016 m/s", "0.5 to 1.5 Hz",
             "25.1 to 27 degC", "MSE of the fit", "gas:", "rebound", run.run.digest, "taken out:",
             "force determined by the logs (95 % interval within 5 %) to",
             f"damperfit {__version__}",
