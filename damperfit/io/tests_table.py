@@ -45,6 +45,7 @@ _IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _FILE = ("file", "log", "filename", "datei")
 _MAX_BYTES = 10_000_000
 _MAX_SKEW = 0.1  # s; more is no skew between channels but two clocks
+_GAS_LIMITS = (1e4, 1e8)  # Pa, those of damper.gas_pressure
 _SHORT = 4  # letters; shorter names lie near too many words
 
 
@@ -53,6 +54,8 @@ def fact_of(key: str, text: str) -> float:
     value = parse_quantity(text, FACTS[key])
     if key == "gas_pressure" and not says_absolute_or_gauge(text):
         raise ValueError("expected a unit that says what it counts from, as in 5.6bara or 80psig")
+    if key == "gas_pressure" and not _GAS_LIMITS[0] <= value <= _GAS_LIMITS[1]:
+        raise ValueError("expected 0.1 to 1000 bar absolute")
     if key == "skew" and abs(value) > _MAX_SKEW:
         raise ValueError(f"expected at most {_MAX_SKEW:g} s either way")
     return value
@@ -81,6 +84,8 @@ def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, 
                 stated += " degC" if is_cold else f" {unit.upper().replace('DEG', 'deg') or '?'}"
         elif words & _GASES and words <= _GASES | _OF_GAS:
             key = "gas_pressure"
+            if stated[-1:].isdigit():
+                stated += unit.replace("kp", "kP").replace("mp", "MP")
         else:
             continue
         if key == "gas_pressure" and says_absolute_or_gauge(f"{stated}g"):

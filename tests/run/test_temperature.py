@@ -262,10 +262,10 @@ def test_of_a_preamble_the_first_temperature_is_taken_and_a_cold_one_is_celsius(
 
 def test_of_a_preamble_gas_is_by_gauge_unless_it_says_otherwise() -> None:
     for lines, taken, is_said in (
-        ({"gas": "305 psi"}, 305 * 6894.757 + 101325, True),
+        ({"gas pressure [kpa]": "305"}, 305e3 + 101325, True),
         ({"gas pressure": "5,6 bara"}, 5.6e5, False),
         ({"pression d'azote": "20 bar"}, 2.0e6 + 101325, True),
-        ({"gas": "nitrogen"}, None, True),
+        ({"gas": "nitrogen", "n2": "-2 bar"}, None, True),
         ({"gas temperature": "5 bara"}, None, False),
     ):
         facts, notes = facts_in(lines)
