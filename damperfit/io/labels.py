@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -358,10 +358,13 @@ def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER
         ) from error
 
 
-def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence[str]) -> LogLabel:
+def preamble_setting(
+    metadata: Mapping[str, str], name: str, adjusters: Sequence[str], columns: Container[str] = ()
+) -> LogLabel:
     """Return the label of a preamble: under ``setting``, or each adjuster by its name.
 
-    Beside that name may stand words for clicks, where a number follows: ``Adjuster: 3 clicks``.
+    Beside that name may stand words for clicks, where a number follows: ``Adjuster: 3 clicks``; of
+    an adjuster that has a column these are not read.
     """
     if ADJUSTER in metadata:
         stated = setting_in_words(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
@@ -379,7 +382,7 @@ def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence
         adjuster = names.get("_".join(word for word in words if word not in _OF_CLICKS) or ADJUSTER)
         with suppress(ValueError):
             place = parse_setting(text).places[0][1]
-            if adjuster and not isinstance(place, str):
+            if adjuster and adjuster not in columns and not isinstance(place, str):
                 counted[adjuster] = place
                 notes.append(f"{adjuster}: {place}, from the preamble: {key}: {text}")
     return LogLabel(counted | named, notes=tuple(notes))

@@ -431,7 +431,7 @@ def _label(
             number = f"{samples.channels[adjuster][first]:.15g}"
             stated = setting_in_words(number, f"{source.name}: column '{adjuster}'")
             of_columns[adjuster] = stated.places[0][1]
-    preamble = preamble_setting(metadata, source.name, options.adjusters)
+    preamble = preamble_setting(metadata, source.name, options.adjusters, of_columns)
     label = preamble.over(LogLabel(of_columns)).over(named)
     doubts = (
         f"{adjuster}: {preamble.places[adjuster]} of the preamble; the file name says {place}: "

@@ -105,7 +105,7 @@ def test_clicks_in_the_words_of_a_logger_are_a_setting_and_said(put, line, cell)
 
 
 def test_adjusters_in_columns_cut_a_log(put) -> None:
-    head = "time_s,displacement_mm,force_N,rebound,compression\n"
+    head = "Rebound clicks: 5\ntime_s,displacement_mm,force_N,rebound,compression\n"
     path = put(head + "0,1,2,12,8\n1,2,3,12,8\n2,1,2,12,10\n3,2,3,12,10\n")
     logs = read_logs(path, ReadOptions(adjusters=TWO))
     assert [log.setting.label for log in logs] == ["R12 C8", "R12 C10"]
