@@ -90,7 +90,8 @@ _SPOILING = {
     "force_clipping": f"the force of {{log}} {_CLIPPED}",
     "displacement_clipping": f"the displacement of {{log}} {_CLIPPED}",
     "another_force": "{log} holds two forces of one motion: split it, or repair what changed",
-    "force_trend": "the peak force of {log} changes by {size:.2g} %: its numbers are a mean",
+    "force_trend": "the peak force of {log} changes by {size:.2g} %, and its numbers are a mean: "
+    "let the damper settle, or fit shorter parts of the log",
     CONTRADICTED: "the gas force in {log} contradicts the signs of its channels: check and declare "
     "which way they are counted",
 }
@@ -221,7 +222,7 @@ def _of_rig(
         own[fit.setting] = [*_spoiling(fit.logs, _SPOILING_ZERO if is_held else {})]
         for name in (log.trace.name for log in fit.logs if log.trace.name in otherwise):
             text = "the {what} of {log} is {percent} % off that of all others, and its numbers by "
-            text += "about as much, or it is another test"
+            text += "about as much: check it, or identify another test by itself"
             own[fit.setting].append(text.format_map(otherwise[name].values))
         missed[fit.setting] = [*_spoiling(fit.logs, _SPOILING_MISSED if is_missed else {})]
     # These are one log's and spoil what its setting gives to all; a filter is that of all logs.
@@ -231,9 +232,10 @@ def _of_rig(
     # A load cell is the rig's: where one setting shows it, it bends the others too.
     hints = (hint for diagnosis in diagnoses.values() for hint in diagnosis.hints[:1])
     cells = (h for h in hints if h.name == "load_cell" and abs(h.amount) > LIMITS.cell_percent)
-    common = [f"a misfit looks like {hint.words}" for hint in cells]
+    common = [f"a misfit looks like {cell.words}: check it" for cell in cells]
     if campaign.sharing.friction_varies:
-        common.append("friction differs over the settings, and one value for all bends the others")
+        text = "friction differs over the settings, and one value for all bends the others: free it"
+        common.append(text)
     for setting in (s for s in own if s in diagnoses and diagnoses[s].is_structured):
         own[setting] += common
     return {setting: [*own[setting], *missed[setting], *given] for setting in own}
