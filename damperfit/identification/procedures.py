@@ -268,10 +268,10 @@ class _Stages:
         given, lowest = self.given, self.given.softest_first[0]
 
         def fit(setting: Setting) -> tuple[FitResult, Search | None] | Failure:
-            block = given.block(setting, self.names)
             starts = given.options.starts if setting == lowest else 1
 
             def begun() -> tuple[FitResult, Search | None]:
+                block = given.block(setting, self.names)
                 start = own_start(given, setting, block, self.fixed)
                 return fit_from(setting, block, start, starts=starts)
 
