@@ -395,7 +395,7 @@ class _Search:
         rises: dict[str, float] = {}  # by move, when it was last screened
         refused = set[str]()
         for _ in range(_ROUNDS):
-            known = moves(fit.structure)
+            known = {w: c for w, c in moves(fit.structure).items() if self.may_gain(c, fit)}
             size = len(fit.structure.free)
             removals = {w: known.pop(w) for w, c in [*known.items()] if len(c.free) < size}
             margin = self.margin(fit)
@@ -482,6 +482,21 @@ class _Search:
         self.record(ended, beside, words, gain, is_taken=gain > 1e-6)
         self.ends.append(ended)
         return ended
+
+    def may_gain(self, structure: Structure, fit: _Fit) -> bool:
+        """Whether a structure has less, or what it has more may be worth its price."""
+        if len(structure.free) < len(fit.structure.free):
+            return True
+        gain = 0.0  # without a price, where nothing but noise is left
+        for setting, percent in fit.percent.items():
+            noise = 100.0 * fit.model.blocks[setting].scatter
+            gain += self.n_eff[setting] * math.log(
+                (percent + FLOOR_PERCENT) / (min(noise, percent) + FLOOR_PERCENT)
+            )
+        n_held = sum(bool(self.evidence[s].held_out) for s in self.compared)
+        nothing = n_held * _HELD_SAMPLES * math.log(_HELD_FLOOR_PERCENT)
+        gain += max(self.of_held_out(fit) - nothing, 0.0)
+        return gain > math.log(sum(self.n_eff[s] for s in fit.values))
 
     def screened(
         self,
