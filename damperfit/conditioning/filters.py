@@ -200,9 +200,15 @@ def gain_at(design: FilterDesign, frequency: float, sample_rate: float) -> float
 
 def impulse_of(design: FilterDesign, reach: int) -> FloatArray:
     """Return what a filter makes of an impulse in the middle of 2 reach + 1 samples."""
+    return _impulse(design.sections.tobytes(), design.is_zero_phase, reach)
+
+
+@lru_cache(maxsize=64)
+def _impulse(sections: bytes, is_zero_phase: bool, reach: int) -> FloatArray:  # noqa: FBT001
     impulse = np.zeros(2 * reach + 1)
     impulse[reach] = 1.0
-    return apply_filter(design._replace(bridged=()), impulse)
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
+    return apply_filter(design, impulse)
 
 
 def corner_of(design: FilterDesign, *, sample_rate: float) -> float:

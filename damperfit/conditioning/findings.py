@@ -22,6 +22,7 @@ curve of second degree through them is taken off before they are said to scatter
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
@@ -530,6 +531,7 @@ def _peaks(peaks: FloatArray) -> _Peaks:
     return _Peaks(mean, deviation)
 
 
+@lru_cache(maxsize=64)
 def _polynomials(n: int, degree: int) -> FloatArray:
     """Return polynomials over so many places, square to each other, (n, degree + 1)."""
     return np.asarray(np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), degree + 1))[0])

@@ -16,6 +16,7 @@ the filter takes off, in which the jumps of friction are few; behind it is what 
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -188,7 +189,7 @@ def _ratio_of_bands(
     lines = [_lines(*band, length, n) for band in (below, above)]
     if min(map(len, lines)) < fewest:
         return math.nan
-    spectrum = np.fft.rfft((signal - mean_of(signal)) * np.blackman(n))
+    spectrum = np.fft.rfft((signal - mean_of(signal)) * _window(n))
     lower, upper = (median(np.abs(spectrum[some]) ** 2) for some in lines)
     return lower / upper if upper > 0.0 else math.nan
 
@@ -197,6 +198,12 @@ def _lines(above: float, below: float, length: float, n: int) -> IntArray:
     """Return the lines of the spectrum of a log between two frequencies."""
     some = np.arange(int(above * length), min(math.ceil(below * length), n // 2) + 1)
     return some[(some / length > above) & (some / length < below)]
+
+
+@lru_cache(maxsize=2)
+def _window(n: int) -> FloatArray:
+    """Blackman's: logs of one rig are of one length, and its cosines cost more than a spectrum."""
+    return np.blackman(n)
 
 
 # A line of the spectrum that is no harmonic of the motion: hum of the mains, a pump, a loose
@@ -214,7 +221,7 @@ def tone(
     """Return frequency, Hz, and amplitude of a line off the harmonics; zeros for none."""
     unlike, _, period = _unlike_cycles(signal, starts)
     n = len(unlike)
-    window = np.blackman(n)
+    window = _window(n)
     spectrum = np.abs(np.fft.rfft((unlike - mean_of(unlike)) * window))
     lines = _lines(_BEYOND_MOTION / (period * interval), corner, n * interval, n)
     if len(lines) < _FEWEST_OF_TONES:

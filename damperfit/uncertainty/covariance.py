@@ -51,7 +51,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -459,7 +459,7 @@ def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
     def windowed(window: FloatArray) -> FloatArray:
         length = fast_length(n + len(window))
         rows = np.fft.rfft(np.ascontiguousarray(scores.T), length, axis=1).view(np.float64)
-        total = (rows * _frequency_weights(window, length)) @ rows.T / length
+        total = (rows * _frequency_weights(window.tobytes(), length)) @ rows.T / length
         # The fit takes this share of the variance by making the sum of the scores zero.
         lost = min((2.0 * float(np.sum(window)) - 1.0) / n, 0.5)
         return np.asarray(0.5 * (total + total.T) / (1.0 - lost))
@@ -503,9 +503,10 @@ def _gain(kernel: FloatArray, length: int) -> FloatArray:
     return np.asarray(np.fft.rfft(whole).real)
 
 
-def _frequency_weights(taps: FloatArray, length: int) -> FloatArray:
+@lru_cache(maxsize=16)  # logs alike have a few lengths of correlation
+def _frequency_weights(taps: bytes, length: int) -> FloatArray:
     """Weights of real and imaginary parts in sums over frequencies."""
-    weight = 2.0 * _gain(taps, length)
+    weight = 2.0 * _gain(np.frombuffer(taps), length)
     weight[0] *= 0.5
     if length % 2 == 0:
         weight[-1] *= 0.5
