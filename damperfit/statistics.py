@@ -15,6 +15,7 @@ NORMAL_95 = 1.959964
 # Below lies a chi-square of one freedom in 95 of 100 cases: NORMAL_95 squared.
 CHI_SQUARED_95 = 3.84
 
+_FEW = 64  # values
 # Exponents and weights of the double-exponential rule of Takahasi and Mori (1974) for integrals
 # from a place on to where all is nothing: 1e-12 of them.
 _STEP = 0.05
@@ -55,8 +56,10 @@ def median(values: ArrayLike) -> float:
     flat = np.asarray(values, dtype=np.float64).ravel()
     if not len(flat):
         return math.nan
-    middle = [(len(flat) - 1) // 2, len(flat) // 2]
-    return 0.5 * float(np.add.reduce(np.partition(flat, middle)[middle]))
+    low, high = (len(flat) - 1) // 2, len(flat) // 2
+    # So few are in order sooner than an array is parted.
+    order = sorted(flat.tolist()) if len(flat) <= _FEW else np.partition(flat, (low, high))
+    return 0.5 * float(order[low] + order[high])
 
 
 def percentiles(values: ArrayLike, *shares: float) -> tuple[float, ...]:
