@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -240,7 +241,11 @@ def _read(name: str, given: Any) -> Any:
     with blamed_on(Key(("car", name))):
         dimension = entries[name].dimension
         value = parse_quantity(str(given), dimension) if dimension else given
-        value = str(given).upper() if name == "road" else value
+        if name == "road":
+            value = str(given).upper()
+        elif not dimension:
+            with suppress(ValueError, TypeError):
+                value = float(given)
         if wanted := entries[name].in_place_of(value):
             raise ConfigurationError(f"expected {wanted}, found {given!r}", code="car")
     return value

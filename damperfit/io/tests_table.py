@@ -84,6 +84,9 @@ def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, 
                 stated += " degC" if is_cold else f" {unit.upper().replace('DEG', 'deg') or '?'}"
         elif words & _GASES and words <= _GASES | _OF_GAS:
             key = "gas_pressure"
+            if re.search(r"\d,\d{3}(?!\d)", text):  # thousands, or decimals
+                notes.append(f"{name}: {text}: not used; write the number without a comma")
+                continue
             if stated[-1:].isdigit():
                 stated += unit.replace("kp", "kP").replace("mp", "MP")
         else:

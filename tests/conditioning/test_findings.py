@@ -290,3 +290,10 @@ def test_blows_where_play_closes_are_no_spikes_and_a_spike_among_them_is(size, w
     assert "force_spikes" not in warned(log)
     log.force[4000] += 2.5 * size + 300.0
     assert "1 spike in the force, in row 4001" in warned(log)["force_spikes"].sentence
+
+
+def test_a_force_that_steps_while_the_motion_goes_on_is_placed_in_time() -> None:
+    at = 0.6 * LOG.time[-1]
+    stepped = replace(LOG, force=np.where(LOG.time < at, 1.0, 1.5) * LOG.force)
+    (step,) = [x for x in condition(stepped, OPTIONS).findings if x.name == "another_force"]
+    assert step.value == pytest.approx(at, abs=1.0 / TEST.frequency)

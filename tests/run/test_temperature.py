@@ -266,6 +266,7 @@ def test_of_a_preamble_gas_is_by_gauge_unless_it_says_otherwise() -> None:
         ({"gas pressure": "5,6 bara"}, 5.6e5, False),
         ({"pression d'azote": "20 bar"}, 2.0e6 + 101325, True),
         ({"gas": "nitrogen", "n2": "-2 bar"}, None, True),
+        ({"gas": "1,200 kPa"}, None, True),
         ({"gas temperature": "5 bara"}, None, False),
     ):
         facts, notes = facts_in(lines)
