@@ -15,7 +15,7 @@ that determines them, as far as its own logs allow it, and may have half or twic
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -47,13 +47,13 @@ class Interpolated(NamedTuple):
 
     values: Values
     beside: tuple[Stage, Stage]
-    others: tuple[Values, ...]  # by the other curves: what may hide between settings
+    others: Mapping[str, Values]  # by the other curves: what may hide between settings
 
     def spread(self, damper: Model, speed: float) -> float:
         """Return how far the force at a speed, m/s, may be off for what hides between, N."""
-        values = (self.values, *self.others)
-        own, *others = (quasi_static(damper, each, [speed]).forces[0] for each in values)
-        return BEND * float(max(abs(own - force) for force in others))
+        own = quasi_static(damper, self.values, [speed]).forces[0]
+        away = {k: quasi_static(damper, v, [speed]).forces[0] - own for k, v in self.others.items()}
+        return max((BEND if k in BENDS else 1.0) * abs(float(off)) for k, off in away.items())
 
 
 def values_between(damper: Model, stages: Sequence[Stage], setting: Setting) -> Interpolated | None:
@@ -84,7 +84,8 @@ def values_between(damper: Model, stages: Sequence[Stage], setting: Setting) -> 
                 for kind in curve.kinds
             )  # fmt: skip
             above = int(np.searchsorted(places, at))
-            return Interpolated(values, (own[above - 1], own[above]), tuple(others))
+            by_kind = dict(zip(curve.kinds[1:], others, strict=True))
+            return Interpolated(values, (own[above - 1], own[above]), by_kind)
     return None
 
 
