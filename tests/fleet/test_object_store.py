@@ -174,7 +174,7 @@ def test_what_cannot_be_fetched_is_left_for_the_next_run(runs, tmp_path, monkeyp
         patch.setattr(sources, "_fetched", down)
         done = fleet([runs], tmp_path)
     assert {one.state for one in done} == {State.LATER}
-    assert "host unreachable" in done[0].failures[0]
+    assert "host unreachable" in str(done[0].failures[0])
     assert not list(Path(tmp_path).rglob("*.parquet"))
     assert {one.state for one in fleet([runs], tmp_path)} == {State.FITTED}
 
