@@ -14,6 +14,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quantity import Quantity
 from damperfit.identification import Status, identify
+from damperfit.problem import warning
 from damperfit.recording import Finding
 from damperfit.simulation import simulate, sine_motion
 from damperfit.uncertainty import Assessment, Diagnosis, Uncertainty, assess, grades, objections
@@ -135,6 +136,14 @@ def test_a_drifting_zero_spoils_what_its_setting_gives_to_others(source, withhel
     shared = replace(fakes.campaign().sharing, taken={"r_m3": fits[source - 1].setting})
     found = objections(campaign(*fits, sharing=shared), Assessment(), None)
     assert {int(str(setting)) for setting in found} == withheld
+
+
+@pytest.mark.parametrize(("percent", "withheld"), [("3.4", {1}), ("3.6", set())])
+def test_a_log_further_off_all_others_may_be_another_test(percent, withheld) -> None:
+    values = {"log": "of_1.csv", "what": "clock", "percent": percent}
+    fits = logged(fakes.fit(1), name="of_1.csv"), fakes.fit(2)
+    off = Assessment(apart=(warning("clock-apart", "{log}", **values),))
+    assert {int(str(setting)) for setting in objections(campaign(*fits), off, None)} == withheld
 
 
 @pytest.mark.parametrize(
