@@ -19,6 +19,7 @@ from damperfit.identification import (
     identify,
     joint,
     normalised_mse,
+    procedures,
 )
 from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import describe_fit, fit_setting
@@ -164,6 +165,19 @@ def test_one_that_cannot_be_simulated_is_a_failure_of_its_own(
     assert campaign.failures[0].message == "simulation failed: no reason."
     is_said = "taken-from-another" in {one.code for one in campaign.warnings}
     assert is_said is (bad == 2 and procedure != "plain")
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_a_bug_in_the_mean_cycles_of_one_setting_leaves_the_others(
+    logs, monkeypatch, procedure: str
+) -> None:
+    def broken(traces, **how):
+        if traces[0].setting == 2:
+            raise ValueError
+        return settled(traces, **how)
+
+    monkeypatch.setattr(procedures, "settled", broken)
+    _kept(identify(logs, PURDY_DAMPER, FitOptions(procedure)), 2, logs)
 
 
 # In the first pass of the lowest setting, in the middle, in the last simulation of the highest.
