@@ -38,11 +38,12 @@ from damperfit.cli import main as damperfit_command
 from damperfit.conditioning import condition, transients
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.load_cell import before_load_cell
-from damperfit.damper.model import MODELS
+from damperfit.damper.model import MODELS, model_named
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import BLEEDS, BLOW_OFFS, Valve
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.quantity import Quantity
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import DamperfitError
@@ -478,6 +479,21 @@ def case(make: Callable[[], Any]) -> Callable[[], Any]:
     return make
 
 
+def limits_of(model: Any) -> dict[str, Any]:
+    """What a fit of a model stays within, what is held and what is believed of its quantities."""
+    usual = {f.name: f.default for f in fields(Quantity) if "str" not in str(f.type)}
+    return {
+        q.name: {name: getattr(q, name) for name in usual if getattr(q, name) != usual[name]}
+        for q in model.quantities
+    }
+
+
+@case
+def limits() -> Any:
+    """The quantities of every model."""
+    return {name: limits_of(model_named(name)()) for name in MODELS}
+
+
 # Runs.
 
 TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "profiles")
@@ -849,6 +865,7 @@ def valve_kinds() -> Any:
         seen = simulate(values, model, motion, sensitivities=model.names, options=ROUGH)
         trace = condition(log(motion, values, model, noise=1.0))
         found[f"{layout.name}_{blow_off}"] = {
+            "limits": limits_of(model),
             "values": asdict(values),
             "seen": (seen.force, seen.pressures, seen.sensitivities),
             "static": quasi_static(model, values, (-0.2, -0.05, 0.0, 0.1), sensitivities=("f_f",)),
