@@ -360,6 +360,7 @@ def main() -> int:
         for package in options.packages.split(",")
         for place in [ROOT / "damperfit" / package]
         for file in ([place] if place.is_file() else sorted(place.rglob("*.py")))
+        if file.name != "build_backend.py"
     ]
     mutants = [mutant for file in files for mutant in mutants_of(ROOT, file)]
     chooser = random.Random(options.seed)  # noqa: S311
