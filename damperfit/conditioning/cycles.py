@@ -24,7 +24,7 @@ _MIN_SHARE = 0.1  # of all cycles; noise has many, but hardly two alike in a row
 
 
 def crossings(
-    x: FloatArray, velocity: FloatArray, hysteresis: float, *, level: float = 0.0, sign: float = 1.0
+    x: FloatArray, velocity: FloatArray, hysteresis: float, *, level: float, sign: float = 1.0
 ) -> FloatArray:
     """Return fractional positions where x rises (sign -1: falls) through a level, from -h to +h."""
     y = sign * (x - level)

@@ -185,10 +185,9 @@ def _continued(
     """Return what is compared when the log is continued by its cycles; None where no more is."""
     log, options = motion.log, motion.options
     begin, end = ends_in_motion(log.displacement, options.steadiness)
-    at_begin = parts[0].segment.n_cycles if parts and math.isinf(parts[0].begin) else 0
-    at_end = parts[-1].segment.n_cycles if parts and math.isinf(parts[-1].end) else 0
-    begin = begin if at_begin < MIN_CYCLES else None
-    end = end if at_end < MIN_CYCLES else None
+    enough = [part for part in parts if part.segment.n_cycles >= MIN_CYCLES]
+    begin = None if any(math.isinf(part.begin) for part in enough) else begin
+    end = None if any(math.isinf(part.end) for part in enough) else end
     if begin is None and end is None:
         return None
     longer, first, stop = continue_log(log, begin, end, reach=motion.seen.edge)

@@ -389,7 +389,7 @@ def friction_by_speed(linearised: Linearisation) -> BySpeed | None:
         edges.append(first + np.maximum(np.rint(ends), 0.0).astype(np.int64))
         first += segment.n_samples
     scores = np.add.reduceat(left * residuals, np.concatenate(edges), axis=1)
-    noise = max(float(residuals @ residuals) / float(counts.sum()), 1e-300)
+    noise = float(residuals @ residuals) / float(counts.sum())
     n = scores.shape[1]
     return BySpeed(
         sums=scores.sum(axis=1) / noise,

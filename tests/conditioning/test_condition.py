@@ -119,8 +119,8 @@ BAD = {
     "force beyond": (LOG, {"max_force": 700.0}, "was N read as kN"),
     "beyond chamber 1": (
         sine_log(amplitude=0.14),
-        {"chamber_lengths": (0.133, 0.2)},
-        r"x reaches 0\.14 m, expected below l_1 \(l_1 = 0\.133 m, l_2 = 0\.2 m",
+        {"chamber_lengths": (0.013, 0.2)},
+        r"x reaches 0\.14 m, expected below l_1 \(l_1 = 0\.013 m, l_2 = 0\.2 m.*right unit",
     ),
     "beyond chamber 2": (
         sine_log(),

@@ -150,6 +150,16 @@ def test_a_filtered_log_is_suspected_until_it_is_declared(corner, does_repeat) -
     assert "rig_filter" not in found(log, declared)
 
 
+@pytest.mark.parametrize(("share", "is_lost"), [(1.9, False), (2.1, True)])
+def test_a_motion_of_which_the_rigs_filter_takes_two_per_cent_is_told(share, is_lost) -> None:
+    beside = 0.01 * share * 1.5 / 21.0 * np.max(LOG.displacement)
+    more = beside * np.sin(2.0 * np.pi * 21.0 * LOG.time)
+    log = replace(LOG, displacement=LOG.displacement + more)
+    drive = found(log, ConditionOptions(rig_filter="causal", rig_filter_corner=30.0)).get("drive")
+    assert (drive is not None) is is_lost
+    assert drive is None or drive.value == pytest.approx(share, rel=0.05)
+
+
 @pytest.mark.parametrize("force_noise", [0.3, 4.0])
 def test_a_raw_motion_that_does_not_repeat_is_not_suspected(force_noise) -> None:
     assert "rig_filter" not in found(wandering(force_noise=force_noise))

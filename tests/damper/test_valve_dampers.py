@@ -11,6 +11,7 @@ import pytest
 from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve, law_flow, simulate_network
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import (
     DeclaredNetwork,
     DeclaredPassage,
@@ -205,6 +206,8 @@ def test_a_damper_that_is_no_preset_is_fitted():
     assert model.valve_characteristics(truth, [made]) == ()
     words = "rod 12 mm, piston 30 mm, chambers 90 and 90 mm, gas 30 cm3 at 5 bar absolute"
     assert words in Monotube(gas_pressure=5e5).sentence
+    words = "rod 19 mm, piston 28.5 mm, gas piston 40 mm, chambers 133 and 99 mm, gas 50 mm at 4.6"
+    assert words in replace(PURDY_DAMPER, chamber_2_length=0.099).sentence
 
 
 PASSAGES = [
