@@ -685,6 +685,10 @@ def flaws() -> Any:
     model = ThroughFlow(mounting=Mounting(FIT))
     late_valve = FORCE(late(3e-3))(valve_log(model, 3))
     found = {name: told(fit([one], fix={"r_m3": 2.597e6})) for name, one in logs.items()}
+    # Two logs of a setting, of unlike strokes.
+    loaded = FORCE(lambda y, one: y + 900.0 * np.abs(one.displacement) * np.sign(passed(one)))
+    both = [loaded(log(sine(7.3, amplitude=a), name=f"{a}.csv")) for a in (0.016, 0.032)]
+    found["side_load_of_two"] = told(fit(both, fix={"r_m3": 2.597e6}))
     return {**found, "late_valve": told(fit([late_valve], damper=model))}
 
 
@@ -792,7 +796,13 @@ def adjusters() -> Any:
         for low, soft in moves[0].items()
         for high, stiff in moves[1].items()
     ]
-    return told(fit(logs, damper=model, procedure="joint"), whole=True)
+    run = fit(logs, damper=model, procedure="joint")
+    return {**told(run, whole=True), "asked": [wanted(run, f) for f in ("350N", "400N", "-100N")]}
+
+
+def wanted(run: damperfit.Run, force: str) -> Any:
+    answer = damperfit.settings(run, force=force, velocity="0.2m/s").document()
+    return answer["sentence"], answer["answers"]
 
 
 def unlike(change: Callable[[Any, int], Any]) -> list[Recording]:
@@ -839,9 +849,7 @@ def forces_wanted() -> Any:
     """Which setting gives a force, in both strokes, between clicks and beyond them."""
     asked = ("900N", "-700N", "60kN", "1N", "1500N", "2kN")
     uneven = fit([log(sine(), setting=one) for one in (2, 3, 9, 11, 19)])
-    pairs = itertools.product((of_five(), uneven), asked)
-    answers = [damperfit.settings(a, force=f, velocity="0.2m/s").document() for a, f in pairs]
-    return [(one["sentence"], one["answers"]) for one in answers]
+    return [wanted(run, force) for run in (of_five(), uneven) for force in asked]
 
 
 @case

@@ -409,8 +409,7 @@ def _moving(motion: _Motion) -> tuple[FoundSegment, ...]:
     parts = []
     for start, end in zip(starts.tolist(), stops.tolist(), strict=True):
         # The log's own ends: a turn there is no rest.
-        low = 0 if start == starts[0] <= pause else start
-        high = n if end == stops[-1] and n - end <= pause else end
+        low, high = 0 if start <= pause else start, n if n - end <= pause else end
         inside = turns[(turns >= low) & (turns < high)]
         if len(inside) < 2:
             continue
