@@ -1097,6 +1097,8 @@ def trends() -> Any:
             for e in (1e-3, 1e-2)
             for s in swings
         ],
+        "falls": [trend_of(1e8 / np.roll(rising, k), ten, error=3e-4) for k in (0, 1)],
+        "turns": [trend_of(1e4 * np.exp(s * (clicks - 8) ** 2), ten) for s in (3e-3, -3e-3)],
         "unknown": [trend_of(how["constant"][:8], ten[:8], error=s, name="k_e") for s in swings],
         "gaps": [
             trend_of(rising[[0, 1, 2, 8, 9]], (1, 2, 3, last - 1, last)) for last in (10, 80, 10**6)

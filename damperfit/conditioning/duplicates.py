@@ -150,7 +150,7 @@ def _differences(first: Trace, second: Trace, a: Segment, b: Segment) -> Iterato
     figures = [figure for figure in (a.figures, b.figures) if figure is not None]
     # A quarter of both ranges is half of their mean.
     scale = 0.25 * sum(figure.peak_force_rebound - figure.peak_force_bump for figure in figures)
-    noise = math.hypot(*(0.0 if math.isnan(s.noise) else s.noise for s in (a, b)))
+    noise = math.hypot(*(s.noise for s in (a, b) if not math.isnan(s.noise)))
     for stroke in ("rebound", "bump"):
         forces = [getattr(figure, f"peak_force_{stroke}") for figure in figures]
         speeds = [getattr(figure, f"peak_speed_{stroke}") for figure in figures]

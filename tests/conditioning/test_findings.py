@@ -307,3 +307,13 @@ def test_a_force_that_steps_while_the_motion_goes_on_is_placed_in_time() -> None
     stepped = replace(LOG, force=np.where(LOG.time < at, 1.0, 1.5) * LOG.force)
     (step,) = [x for x in condition(stepped, OPTIONS).findings if x.name == "another_force"]
     assert step.value == pytest.approx(at, abs=1.0 / TEST.frequency)
+    # One cycle that is off beside it: what comes after that one is no third setting.
+    once = (LOG.time > at + 1.0) & (LOG.time < at + 1.5)
+    mixed = replace(stepped, force=np.where(once, 0.7, 1.0) * stepped.force)
+    assert "another_force" not in found(mixed)
+
+
+@pytest.mark.parametrize(("times", "words"), [(1.02, "2 % above"), (0.98, "2 % below")])
+def test_a_motion_beside_the_declared_one_lies_above_or_below_it(times, words) -> None:
+    log = replace(LOG, time=LOG.time / times)
+    assert f"{words} the 1.5 Hz" in found(log, OPTIONS)["frequency"].sentence
