@@ -8,6 +8,7 @@ back. Each by itself would put back what it found, and leave one thread for good
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 _lock = threading.Lock()
@@ -18,13 +19,10 @@ _holders: list[object] = []
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Keep BLAS at one thread; the last of those who overlap gives it its threads back."""
-    from threadpoolctl import ThreadpoolController
-
     holder, changed = object(), list[tuple[Any, int]]()
     with _lock:
-        libraries = ThreadpoolController().select(user_api="blas").lib_controllers
         _holders.append(holder)
-        for library in libraries:
+        for library in _libraries():
             usual = library, library.get_num_threads()
             if getattr(library, "threading_layer", "") == "openmp":  # each thread has its own
                 changed.append(usual)
@@ -41,6 +39,14 @@ def one_blas_thread() -> Iterator[None]:
                 _usual.clear()
             for library, threads in changed:
                 _set(library, threads)
+
+
+@cache
+def _libraries() -> tuple[Any, ...]:
+    """Return what does the products of NumPy, and of SciPy where it is loaded by then."""
+    from threadpoolctl import ThreadpoolController
+
+    return tuple(ThreadpoolController().select(user_api="blas").lib_controllers)
 
 
 def _set(library: Any, threads: int) -> None:
