@@ -307,7 +307,7 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
     outside, unknown = [], []
     for trace in subject.traces:
         # The window of the paper's test asks nothing of another motion.
-        if any((f.name, f.severity) == ("temperature", "note") for f in trace.findings):
+        if any((f.code, f.severity) == ("temperature", "note") for f in trace.findings):
             continue
         if trace.temperature is None:
             unknown.append(trace.name)
@@ -364,7 +364,7 @@ def _no_log_warnings(subject: Subject) -> _Verdict:
     for trace in subject.traces:
         for finding in trace.findings:
             if finding.severity == "warning":
-                warned[finding.name] |= {trace.setting} - {None}  # type: ignore[arg-type]
+                warned[finding.code] |= {trace.setting} - {None}  # type: ignore[arg-type]
     if warned:
         parts = (f"{name} at {of_settings(sorted(where))}" for name, where in warned.items())
         return False, f"the logs carry warnings: {', '.join(parts)}"

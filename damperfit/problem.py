@@ -23,7 +23,7 @@ _MANY = 5  # tests of one file with the same failure that are listed one by one
 SEVERITIES = ("error", "refusal", "warning", "note")
 # Codes that only name the class of an error: their problems are grouped by their text too.
 _GENERAL = frozenset({
-    *("failed", "usage", "installation", "log", "contradiction", "no-time", "unusable", "strict"),
+    *("failed", "usage", "installation", "log", "contradiction", "no-time", "unusable"),
     *("simulation", "cancelled", "output", "said"),
 })  # fmt: skip
 
@@ -188,6 +188,8 @@ class Problem:
         values = {
             name: [value.name, str(value.value), value.key, value.is_aside]
             if isinstance(value, Option)
+            else value
+            if isinstance(value, int | float)
             else _worded(value, _COMMAND)
             for name, value in self.values.items()
         }

@@ -1,4 +1,4 @@
-"""What a rig wrote (`Recording`), what is remarkable in it (`Finding`), what is fitted (`Trace`).
+"""What a rig wrote (`Recording`), what is fitted (`Trace`), and what of both is remarkable.
 
 A trace is the whole motion that the model runs through; its `Segment`es are what is compared.
 Both hold SI floats and the project's signs: displacement, velocity and force are positive in
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,41 +26,22 @@ _FIGURES |= {"energy": "energy_J", "energy_se": "energy_se_J"}
 _FIGURES |= {name: f"figures_{name}_s" for name in ("start", "stop")}  # all others are forces
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing that the data of a log show, good to know or bad.
+# What the data of a log show is a `Problem` whose text does not name the log. A "note" is good to
+# know, or put right with certainty; a "warning" makes the parameters doubtful; a "refusal" says why
+# the log cannot be used (only in what `inspect` reports). Among its values, for scripts: the number
+# behind it, its unit (empty for counts and shares), and whether the data were changed for it.
+_OF_FINDING = {"value": None, "unit": "", "is_correction": False}
 
-    The text is one plain sentence with what was found, where, and what to do; without the log's
-    name, and with ``{name}`` in place of its values. Its severity is "note": good to know, or put
-    right with certainty; "warning": the parameters are doubtful; "refusal": the log cannot be used
-    (only in what `inspect` reports; a trace has none).
-    """
 
-    name: str  # what was looked at, a fixed word for scripts, such as "clipping"
-    severity: str
-    text: str
-    value: float | None = None  # the number behind it, for scripts
-    unit: str = ""  # its unit; empty for counts and shares
-    is_correction: bool = False  # the data were changed for it
-    # Those of the text: an `Option` among them is worded by the outlet.
-    values: Mapping[str, Any] = field(default_factory=dict, compare=False)
-
-    @property
-    def problem(self) -> Problem:
-        """The same as a problem, worded by whoever shows it."""
-        return Problem(self.name, self.text, self.severity, values=self.values)
-
-    @property
-    def sentence(self) -> str:
-        """The text in the words of the command line."""
-        return self.problem.message()
-
-    def describe(self) -> dict[str, Any]:
-        """Return the finding for run.json."""
-        names = ("name", "severity", "sentence", "value", "unit", "is_correction")
-        record = {name: getattr(self, name) for name in names}
-        problem = self.problem.record() if self.values else {}
-        return record | {name: problem[name] for name in ("text", "values") if problem}
+def finding_record(finding: Problem) -> dict[str, Any]:
+    """Return what a log shows for run.json; `findings_in` reads it back."""
+    record = {"name": finding.code, "severity": finding.severity, "sentence": finding.message()}
+    record |= {key: finding.values.get(key, unknown) for key, unknown in _OF_FINDING.items()}
+    worded = {key: value for key, value in finding.values.items() if key not in _OF_FINDING}
+    if worded:  # by whoever shows it
+        known = replace(finding, values=worded).record()
+        record |= {key: known[key] for key in ("text", "values")}
+    return record
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +58,7 @@ class Recording:
     temperature: FloatArray | None = None  # degrees Celsius
     notes: tuple[str, ...] = ()  # what the reader assumed or noticed, a sentence each
     metadata: Mapping[str, str] = field(default_factory=dict)  # free text of the log's preamble
-    findings: tuple[Finding, ...] = ()  # what the reader had to leave out or to take on trust
+    findings: tuple[Problem, ...] = ()  # what the reader had to leave out or to take on trust
     velocity: FloatArray | None = None  # m/s, with the log's own sign; only checked, never used
     # Whether the log was declared to count the channel positive in bump, and the channel is
     # reversed here. None: not declared, and it is as logged.
@@ -216,7 +197,7 @@ class Trace:
     model_filter: FilterDesign  # what a simulated force must pass before it is compared
     temperature: float | None = None  # mean over the segments, degrees Celsius
     notes: tuple[str, ...] = ()  # what conditioning assumed
-    findings: tuple[Finding, ...] = ()  # on the log's quality, and what was corrected
+    findings: tuple[Problem, ...] = ()  # on the log's quality, and what was corrected
     # What the damper was filled to for this test, Pa absolute; None: as it is declared.
     gas_pressure: float | None = None
     whole: Trace | None = None  # with all that was logged, where a run-up or coast-down is cut off
@@ -227,7 +208,9 @@ class Trace:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What makes the log's parameters doubtful, one plain sentence each."""
-        return tuple(finding.sentence for finding in self.findings if finding.severity == "warning")
+        return tuple(
+            finding.message() for finding in self.findings if finding.severity == "warning"
+        )
 
     @property
     def fastest(self) -> Segment:
@@ -282,5 +265,5 @@ class Trace:
             "temperature_degC": self.temperature,
             "notes": list(self.notes),
             "warnings": list(self.warnings),
-            "findings": [finding.describe() for finding in self.findings],
+            "findings": [finding_record(finding) for finding in self.findings],
         }

@@ -22,7 +22,7 @@ from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.identification import LogFit, Outcome, Status
-from damperfit.recording import Finding
+from damperfit.problem import note, warning
 from damperfit.uncertainty import Assessment, Diagnosis, Interval, Objection, Uncertainty
 from tests.fakes import campaign, fit, trace
 
@@ -81,8 +81,8 @@ def with_trace(setting, **changes):
     return replace(one, logs=(LogFit(replace(trace(setting), **changes), 0.01, 0.01),))
 
 
-FINDING = Finding("clipping", "warning", "the force is clipped")
-NOTE = Finding("tare", "note", "the force is not tared")
+FINDING = warning("clipping", "the force is clipped")
+NOTE = note("tare", "the force is not tared")
 OFF = trend(outliers=(Outlier(20, 4.9e4, 4.355e4, 0.125),))
 
 FAILING = {

@@ -51,7 +51,7 @@ from damperfit.fleets.parts import part_path, write_part
 from damperfit.laws.description import LawAt, physics_in
 from damperfit.laws.structures import LAYOUTS, Structure, exchanges, moves
 from damperfit.problem import Problem
-from damperfit.recording import Finding, Recording
+from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.synthetic import made_up_values
 from damperfit.tested.setting import Setting
@@ -85,9 +85,9 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
 
 def leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:  # noqa: PLR0912
     """Yield places and numbers; what a list holds has one place, or that of its names."""
-    if isinstance(value, Finding | Problem):
-        yield from leaves([value.severity, getattr(value, "value", None)], place)
-        value = str(value.sentence if isinstance(value, Finding) else value)
+    if isinstance(value, Problem):
+        yield from leaves([value.severity, value.values.get("value")], place)
+        value = str(value)
     if isinstance(value, Enum):
         value = value.value
     if isinstance(value, Setting):
@@ -1045,9 +1045,9 @@ def laddered(*rungs: int) -> Any:
                 text[error.problem.code].append(str(error.problem))
                 continue
             for finding in trace.findings:
-                said[finding.name][k] = finding.severity[0]
-                ladder[finding.name][k] = finding.value or 0.0
-                text[finding.name].append(finding.sentence)
+                said[finding.code][k] = finding.severity[0]
+                ladder[finding.code][k] = finding.values.get("value") or 0.0
+                text[finding.code].append(str(finding))
             seen = {"n": trace.n_cycles, "f": trace.frequency, "a": trace.amplitude}
             beside = transients(trace.whole or trace)
             seen |= {"t": sum(one.n_samples for one in beside.segments) if beside else 0}

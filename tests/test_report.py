@@ -11,7 +11,6 @@ from markdown_it import MarkdownIt
 from damperfit.adjustment.clicks import Click
 from damperfit.adjustment.trends import Trend
 from damperfit.checks import Check
-from damperfit.recording import Finding
 from damperfit.reporting.inspection import MANY_ROWS, inspection_sheet
 from damperfit.reporting.records import (
     gaps_in,
@@ -206,7 +205,6 @@ def test_structures_that_were_tried_are_told_loosely() -> None:
     [
         Check("no_cavitation", None, "why"),
         Click(Setting.of(1), Setting.of("R6 C2"), 0.3, "rebound", 1.0, 0.5, 1.5, 2.0, 1.0, 3.0),
-        Finding("noise", "note", "noise of 1 N", 1.0, "N"),
     ],
 )
 def test_what_run_json_holds_is_read_back(one) -> None:

@@ -429,7 +429,8 @@ def _displacement_noise(run: Run, corner: float) -> float:
     motion's harmonics below the corner, of logs of one motion.
     """
     findings = (finding for log in run.logs for finding in findings_in(log.facts))
-    if noises := [1e-6 * f.value for f in findings if f.name == _NOISE and f.value]:
+    sizes = (f.values["value"] for f in findings if f.code == _NOISE)
+    if noises := [1e-6 * float(size) for size in sizes if size]:
         return median(noises)
     for log in run.logs:
         signals, frequency = log.signals, number_in(log.facts, "frequency_Hz")
@@ -527,7 +528,7 @@ class _Rig:
                     warm = known.tests[0][1]
                     traces.append(self._recorded(known, test, warm, [seed, len(traces)]))
                     findings = traces[-1].findings
-                    if any(f.name == _NOISE and f.severity == "warning" for f in findings):
+                    if any(f.code == _NOISE and f.severity == "warning" for f in findings):
                         return None
             after = self._refitted(both)
         except _UNFITTED:

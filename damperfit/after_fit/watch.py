@@ -149,7 +149,7 @@ def _answered(path: Path, config: Path | None, reference: Run | None, name: str)
     if run is None or why:
         return Arrival(path, None, f"{name}: {why}", why)
     findings = (finding for log in run.record["inputs"] for finding in findings_in(log))
-    warnings = dict.fromkeys(f.name for f in findings if f.severity == "warning")
+    warnings = dict.fromkeys(f.code for f in findings if f.severity == "warning")
     verdict = f"warning: {', '.join(warnings)}" if warnings else "good"
     setting = run.settings[0]
     rows = [row for row in run.rows("adjustment") if row["force_N"] is not None]

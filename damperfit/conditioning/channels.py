@@ -28,7 +28,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray, noise_of
-from damperfit.recording import Finding, Recording
+from damperfit.problem import Problem, note, warning
+from damperfit.recording import Recording
 from damperfit.statistics import mean_of, median, percentiles
 
 
@@ -56,7 +57,7 @@ class _Channel:
 
 def examine_channels(
     recording: Recording, driven: slice, compared: slice, *, period: float
-) -> Iterator[Finding]:
+) -> Iterator[Problem]:
     """Yield what is remarkable in the displacement that drives, and in the compared force."""
     for name, rows in (("displacement", driven), ("force", compared)):
         n = len(recording.time[rows])
@@ -176,7 +177,7 @@ def _is_clip(channel: _Channel, start: int, stop: int) -> bool:
     return not (moved > 0.45 and is_straight)
 
 
-def _standing(channel: _Channel, step: float) -> Iterator[Finding]:
+def _standing(channel: _Channel, step: float) -> Iterator[Problem]:
     """Rails: the lowest and the highest value, where it is no rounded peak; and what is stuck."""
     name, n, values, span = channel.name, len(channel.values), channel.values, channel.span
     runs = _runs(values)
@@ -199,7 +200,7 @@ def _standing(channel: _Channel, step: float) -> Iterator[Finding]:
             f"{channel.place(min(clipped))}; "
             "choose a larger range of sensor or amplifier and record again"
         )
-        yield Finding(f"{name}_clipping", "warning", text, share, "%")
+        yield warning(f"{name}_clipping", text, value=share, unit="%")
 
     least = max(5.0, _STANDS * channel.period, 0.001 * n if channel.period == 0.0 else 0.0)
     is_leap = runs.greatest_leap > max(_LEAP * step, 0.01 * span)
@@ -212,7 +213,7 @@ def _standing(channel: _Channel, step: float) -> Iterator[Finding]:
             f"the {name} changes only every {int(median(leaping.length))} rows: its sensor "
             "or converter is slower than the log; record it at its own rate"
         )
-        yield Finding(f"{name}_stuck", "warning", text, 100.0 * held, "%")
+        yield warning(f"{name}_stuck", text, value=100.0 * held, unit="%")
         return
 
     def is_stuck(start: int, stop: int) -> bool:
@@ -234,7 +235,7 @@ def _standing(channel: _Channel, step: float) -> Iterator[Finding]:
         f"moving: {len(stuck)} time{'s' * (len(stuck) > 1)}, {share:.2g} % of the samples, first "
         f"from {channel.place(first)} for {stop - first} rows; check sensor, cable, logger"
     )
-    yield Finding(f"{name}_stuck", "warning", text, share, "%")
+    yield warning(f"{name}_stuck", text, value=share, unit="%")
 
 
 _FEWEST_STEPS = {"displacement": 500.0, "force": 125.0}
@@ -243,7 +244,7 @@ _DITHER = 0.45  # of a step: its rounding alone has 0.29, noise of half a step m
 _SMOOTH = 0.1  # of a step
 
 
-def _steps(channel: _Channel, step: float) -> Finding:
+def _steps(channel: _Channel, step: float) -> Problem:
     """Say how fine the channel is; a warning when its steps are coarse and noise hides none."""
     name, noise, few = f"{channel.name}_steps", channel.noise, _FEWEST_STEPS[channel.name]
     count = channel.span / step
@@ -256,15 +257,15 @@ def _steps(channel: _Channel, step: float) -> Finding:
         low, high = percentiles(whole, 5.0, 95.0)
         is_stepped = bool(high > low and mean_of(np.abs(steps - whole) < 0.1) > 0.9)
     if count > _FINE or not is_stepped:
-        return Finding(name, "note", f"the {channel.name} has no visible steps")
+        return note(name, f"the {channel.name} has no visible steps")
     text = f"the {channel.name} has steps of {channel.shown(step)}, {count:.0f} over its range"
     if count >= few or (channel.name == "force" and noise > _DITHER * step):
-        return Finding(name, "note", text, count)
+        return note(name, text, value=count)
     text += (
         f" (expected at least {few:g}): K_e may be off by some per cent; use a smaller range or a "
         "finer converter"
     )
-    return Finding(name, "warning", text, count)
+    return warning(name, text, value=count)
 
 
 _SPIKE = 0.02  # of the range
@@ -280,7 +281,7 @@ _MOST_SPIKES = 0.02  # of the samples; more are noise
 _LONGEST_DROPOUT = 20  # samples
 
 
-def _spikes(channel: _Channel, usual: float) -> Iterator[Finding]:
+def _spikes(channel: _Channel, usual: float) -> Iterator[Problem]:
     rows, sizes = _find_spikes(channel, usual)
     if not len(rows):
         return
@@ -299,12 +300,12 @@ def _spikes(channel: _Channel, usual: float) -> Iterator[Finding]:
         severity = "warning"
         text += "nothing was removed: look for loose contacts and record again, or set "
         text += "conditioning.spikes = 'bridge'"
-    yield Finding(f"{channel.name}_spikes", severity, text, float(len(rows)))
+    yield Problem(f"{channel.name}_spikes", text, severity, values={"value": float(len(rows))})
 
 
 def bridge_spikes(recording: Recording, period: float) -> Recording:
     """Return the recording with its spikes replaced by straight lines, and a finding of that."""
-    findings: list[Finding] = []
+    findings: list[Problem] = []
     bridged: dict[str, Any] = {}
     for name in ("displacement", "force"):
         channel = _Channel(recording, name, slice(None), period)
@@ -317,7 +318,7 @@ def bridge_spikes(recording: Recording, period: float) -> Recording:
                 f"{len(rows)} spike{'s' * (len(rows) > 1)} in the {name} bridged as declared, the "
                 f"first in {channel.place(int(rows[0]))}"
             )
-            findings.append(Finding(f"{name}_spikes_bridged", "note", text, float(len(rows))))
+            findings.append(note(f"{name}_spikes_bridged", text, value=float(len(rows))))
     return replace(recording, findings=(*recording.findings, *findings), **bridged)
 
 

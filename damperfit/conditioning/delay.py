@@ -31,8 +31,8 @@ from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.polarity import reversals
 from damperfit.conditioning.signals import FloatArray
 from damperfit.conditioning.timebase import UniformLog
-from damperfit.problem import Option
-from damperfit.recording import Finding, Trace
+from damperfit.problem import Option, Problem, note, warning
+from damperfit.recording import Trace
 from damperfit.statistics import mean_of
 
 _REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
@@ -59,30 +59,29 @@ _STANDS = 0.2
 
 def find_delay(
     log: UniformLog, trace: Trace, options: ConditionOptions
-) -> tuple[float, tuple[Finding, ...]]:
+) -> tuple[float, tuple[Problem, ...]]:
     """Return by how much the force must be moved ahead, s, and what was found of the skew."""
     is_auto = options.skew == "auto"
     known = 0.0 if is_auto else float(options.skew)
-    declared: tuple[Finding, ...] = ()
+    declared: tuple[Problem, ...] = ()
     if known:
         text = f"the force is moved {1e3 * known:g} ms ahead, as declared"
-        declared = (Finding("skew_declared", "note", text, known, "s"),)
+        declared = (note("skew_declared", text, value=known, unit="s"),)
     seen: tuple[float, float] | str = "the rig's filter rounds the friction's jump"
     if options.rig_filter == "none":
         seen = estimate_delay(log, trace)
     if isinstance(seen, str):
         done = "nothing was corrected" if is_auto else "a late force looks like a low K_e"
         text = f"it cannot be determined whether the force is late: {seen}; {done}"
-        severity = "warning" if is_auto else "note"
-        return 0.0, (*declared, Finding("skew", severity, text, None, "s"))
+        return 0.0, (*declared, (warning if is_auto else note)("skew", text, unit="s"))
     delay, uncertainty = seen
     late = f"{1e3 * delay:.2f} ms late, within {1e3 * uncertainty:.2f} ms, "
     text = f"the force is {late}taking its jump at the ends of the stroke for Coulomb friction"
     if not abs(delay) > max(uncertainty, _LEAST):
         text = f"force and displacement are together: {text}"
-        return 0.0, (*declared, Finding("skew", "note", text, delay, "s"))
+        return 0.0, (*declared, note("skew", text, value=delay, unit="s"))
     if is_auto:
-        finding = Finding("skew", "note", f"{text}; corrected", delay, "s", is_correction=True)
+        finding = note("skew", f"{text}; corrected", value=delay, unit="s", is_correction=True)
         return delay, (finding,)
     # What was declared is no longer in the log looked at.
     setting = f"rig.skew = '{1e3 * (delay + known):.1f}ms'"
@@ -96,7 +95,7 @@ def find_delay(
             f"force affects K_e most: only if the rig is known for it set {setting}, or {{auto}}"
         )
     values = {"auto": Option("skew", "auto"), "model": Option("model", "auto")}
-    return 0.0, (*declared, Finding("skew", "warning", text, delay, "s", values=values))
+    return 0.0, (*declared, warning("skew", text, value=delay, unit="s", **values))
 
 
 class _Side(NamedTuple):

@@ -33,7 +33,8 @@ from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.signals import FloatArray
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.errors import ConditioningError, ConfigurationError
-from damperfit.recording import FilterDesign, Finding, Recording
+from damperfit.problem import Problem, note
+from damperfit.recording import FilterDesign, Recording
 
 # An edge left over at 1e-8 of the force moves no parameter by more than 1e-6.
 _SETTLED = 1e-8
@@ -330,7 +331,7 @@ def fitting_corner(frequency: float, sample_rate: float) -> float:
 
 def with_corner(
     recording: Recording, options: ConditionOptions
-) -> tuple[ConditionOptions, tuple[Finding, ...]]:
+) -> tuple[ConditionOptions, tuple[Problem, ...]]:
     """Return the options with the corner that fits a log, where it is to be found, and a note."""
     if not options.auto_corner or not options.is_ours:
         return options, ()
@@ -338,5 +339,5 @@ def with_corner(
     frequency = fastest_frequency(log.displacement, options.steadiness) / log.interval
     corner = fitting_corner(frequency, 1.0 / log.interval)
     text = f"filter corner {corner:g} Hz, to fit the fastest motion of {frequency:.3g} Hz"
-    finding = Finding("filter_corner", "note", text, corner, "Hz")
+    finding = note("filter_corner", text, value=corner, unit="Hz")
     return options.but(filter_corner=corner, auto_corner=False), (finding,)

@@ -42,8 +42,8 @@ from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.signals import FloatArray, noise_of, parts_where
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.passed_speeds import cycle_energies
-from damperfit.problem import Option, counted
-from damperfit.recording import Finding, Recording, Segment, Trace
+from damperfit.problem import Option, Problem, counted, note, warning
+from damperfit.recording import Recording, Segment, Trace
 from damperfit.statistics import mean_of, median, percentiles
 from damperfit.units.quantities import parse_quantity
 
@@ -80,7 +80,7 @@ def rows_of(recording: Recording, start_time: float, interval: float, *segments:
     return slice(int(begin), int(stop) + 1)
 
 
-def examine(seen: Seen) -> tuple[Finding, ...]:
+def examine(seen: Seen) -> tuple[Problem, ...]:
     """Return what is remarkable in a log, and in its cycles where it is one steady run."""
     recording, log, trace, cycles, _ = seen
     findings = [
@@ -96,9 +96,9 @@ def examine(seen: Seen) -> tuple[Finding, ...]:
         *_filtered_in_the_rig(seen),
         *_lines_off_harmonics(seen),
     ]
-    warned = {finding.name for finding in findings if finding.severity == "warning"}
+    warned = {finding.code for finding in findings if finding.severity == "warning"}
     beside = set().union(*(_MADE_BY[name] for name in warned & _MADE_BY.keys()))
-    return tuple(finding for finding in findings if finding.name not in beside)
+    return tuple(finding for finding in findings if finding.code not in beside)
 
 
 # What else a fault of the record looks like: it is reported once, by its cause.
@@ -110,7 +110,7 @@ _MADE_BY = {
 }
 
 
-def examine_raw(recording: Recording) -> tuple[Finding, ...]:
+def examine_raw(recording: Recording) -> tuple[Problem, ...]:
     """Return what can be said of a log whose cycles are not known, as it was refused."""
     whole = slice(None)
     return (*recording.findings, *examine_channels(recording, whole, whole, period=0.0))
@@ -121,15 +121,15 @@ def samples_a_cycle(trace: Trace) -> float:
     return 1.0 / (trace.frequency * trace.interval) if trace.fastest.n_cycles else 0.0
 
 
-def _judged(name: str, text: str, value: float, unit: str = "", *, fault: str = "") -> Finding:
+def _judged(name: str, text: str, value: float, unit: str = "", *, fault: str = "") -> Problem:
     """Return a note; with a fault, which the text then ends with, a warning."""
-    return Finding(name, "warning" if fault else "note", text + fault, value, unit)
+    return (warning if fault else note)(name, text + fault, value=value, unit=unit)
 
 
 _FROZEN_ROWS, _JUMP = 5, 5.0
 
 
-def _rows(seen: Seen) -> Iterator[Finding]:
+def _rows(seen: Seen) -> Iterator[Problem]:
     """Both channels; a logger that drops out repeats its last row: a rest ends in no jump."""
     recording, trace = seen.recording, seen.trace
     # The model is driven through what stands between segments, too.
@@ -152,7 +152,7 @@ def _rows(seen: Seen) -> Iterator[Finding]:
             f"{lasting:.3g} ms, and jump then, first from row {int(begins[0]) + 1} of the data; "
             "the logger drops out: record again, or cut these parts out"
         )
-        yield Finding("frozen_rows", "warning", text, float(n))
+        yield warning("frozen_rows", text, value=float(n))
 
 
 # Rate, filter and what drives the model.
@@ -164,7 +164,7 @@ _VELOCITY_NOISE = 0.35
 _BEYOND_HALF = 2.0  # % of the speed; noise of 8 um makes far less, a triangle far more
 
 
-def _rate_and_filter(seen: Seen) -> Iterator[Finding]:
+def _rate_and_filter(seen: Seen) -> Iterator[Problem]:
     trace, log, options = seen.trace, seen.log, seen.options
     rate, frequency = 1.0 / trace.interval, trace.frequency
     period = rate / frequency
@@ -174,7 +174,7 @@ def _rate_and_filter(seen: Seen) -> Iterator[Finding]:
     lost = (2.0 * math.pi / period) ** 4 / 180.0
     if lost > 1e-3:
         text += f": velocity is {100.0 * lost:.2g} % low; sample faster"
-    yield Finding("sample_rate", "warning" if lost > 1e-2 else "note", text, rate, "Hz")
+    yield (warning if lost > 1e-2 else note)("sample_rate", text, value=rate, unit="Hz")
 
     lost = 1.0 - gain_at(trace.model_filter, frequency, rate)
     if lost > 1e-3:
@@ -183,8 +183,7 @@ def _rate_and_filter(seen: Seen) -> Iterator[Finding]:
             "parameters will be off by about as much; raise its corner (conditioning.filter_corner "
             "= 'auto' follows the motion)"
         )
-        severity = "warning" if lost > 1e-2 else "note"
-        yield Finding("filter_loss", severity, text, 100.0 * lost, "%")
+        yield (warning if lost > 1e-2 else note)("filter_loss", text, value=100.0 * lost, unit="%")
 
     # A fast motion has its knees and play hidden by a corner for slow ones.
     corner, fits = options.filter_corner, fitting_corner(frequency, rate)
@@ -196,7 +195,7 @@ def _rate_and_filter(seen: Seen) -> Iterator[Finding]:
             "knees of the valves and play may be hidden; conditioning.filter_corner = 'auto' takes "
             f"{fits:g} Hz"
         )
-        yield Finding("filter_corner", "note", text, passed)
+        yield note("filter_corner", text, value=passed)
 
     # The rig's filter has taken most of the noise; at few samples a cycle motion looks alike.
     if options.rig_filter == "none" and 1.0 / (frequency * trace.interval) >= _TELLING:
@@ -215,7 +214,7 @@ def _rate_and_filter(seen: Seen) -> Iterator[Finding]:
         yield _judged("displacement_noise", text, 1e6 * noise, "um", fault=fault)
 
 
-def _drive(seen: Seen) -> Iterator[Finding]:
+def _drive(seen: Seen) -> Iterator[Problem]:
     """Findings where the model's drive is not the compared motion, or not the damper's."""
     trace, options = seen.trace, seen.options
     corner, drive = options.filter_corner, trace.drive
@@ -232,26 +231,26 @@ def _drive(seen: Seen) -> Iterator[Finding]:
                 "filter: the corners of the motion are lost, and the model is driven without them; "
                 "log without that filter"
             )
-            yield Finding("drive", "warning", text, share, "%")
+            yield warning("drive", text, value=share, unit="%")
     elif drive.displacement is trace.displacement or drive.corner <= corner:
         if n_bridged:
             text = (
                 "the motion reverses on its samples, where noise decides the sign of friction: "
                 f"{n_bridged} of them are bridged, of the measured and of the modelled force"
             )
-            yield Finding("drive", "note", text, float(n_bridged))
+            yield note("drive", text, value=float(n_bridged))
     elif n_jumps:
         text = (
             "the motion is straight between sharp corners: the model is driven by the lines and "
             f"turns where they cross, {n_jumps} times"
         )
-        yield Finding("drive", "note", text, float(n_jumps))
+        yield note("drive", text, value=float(n_jumps))
     else:
         text = (
             f"the motion has content beyond {corner:g} Hz: the model is driven by the displacement "
             f"with the noise above {drive.corner:.3g} Hz taken off"
         )
-        yield Finding("drive", "note", text, drive.corner, "Hz")
+        yield note("drive", text, value=drive.corner, unit="Hz")
 
     rests = [n for x in trace.segments for n in dwell_lengths(drive.velocity[x.window])]
     if rests:
@@ -260,7 +259,7 @@ def _drive(seen: Seen) -> Iterator[Finding]:
             f"for {max(rests) * trace.interval:.2g} s at most: what friction holds there is not "
             "known, and the model has none"
         )
-        yield Finding("rests", "note", text, float(len(rests)))
+        yield note("rests", text, value=float(len(rests)))
 
 
 # What was found of cycles and segments.
@@ -272,7 +271,7 @@ _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
 _NEAR = 0.2  # of the nominal test: further off another test was meant
 
 
-def _segments(seen: Seen) -> Iterator[Finding]:
+def _segments(seen: Seen) -> Iterator[Problem]:
     """The segments; a broken steady run; a motion that returns with another force."""
     trace, segments = seen.trace, seen.trace.segments
     parts = ", ".join(
@@ -284,7 +283,7 @@ def _segments(seen: Seen) -> Iterator[Finding]:
         for segment in segments
     )
     n = len(segments)
-    yield Finding("stretches", "note", f"{counted(n, 'segment')} evaluated: {parts}", float(n))
+    yield note("stretches", f"{counted(n, 'segment')} evaluated: {parts}", value=float(n))
 
     peaks = {
         segment.first: (segment.figures.peak_force_rebound, segment.figures.peak_force_bump)
@@ -311,7 +310,7 @@ def _segments(seen: Seen) -> Iterator[Finding]:
                 f"the steady run is broken: {behind.n_cycles} more steady cycles lie beyond a "
                 f"break at time {time:.4g} s; check there for a spike, a pause or another test"
             )
-            yield Finding("unsteady_cycles", "warning", text, float(behind.n_cycles))
+            yield warning("unsteady_cycles", text, value=float(behind.n_cycles))
 
     for first, other in combinations(segments, 2):
         if is_one_motion(first, other) and is_other_force(first, other):
@@ -322,11 +321,11 @@ def _segments(seen: Seen) -> Iterator[Finding]:
                 f"another force, {' for '.join(forces)}: two settings in one record are two tests; "
                 "split the log there and name each setting, or repair what changed"
             )
-            yield Finding("another_force", "warning", text, time, "s")
+            yield warning("another_force", text, value=time, unit="s")
             break
 
 
-def _one_run(seen: Seen, cycles: Cycles) -> Iterator[Finding]:
+def _one_run(seen: Seen, cycles: Cycles) -> Iterator[Problem]:
     """Its cycles; frequency and amplitude beside the log's preamble and the nominal test."""
     trace, nominal = seen.trace, seen.options.nominal
     n = trace.n_cycles
@@ -344,14 +343,14 @@ def _one_run(seen: Seen, cycles: Cycles) -> Iterator[Finding]:
             f"only {steady} of {whole} cycles in a row are steady, from time {begin:.6g} s; "
             "amplitude or period wander in the others; hold the test steady, or log one test a file"
         )
-        yield Finding("unsteady_cycles", "warning", text, 100.0 * (1.0 - steady / whole), "%")
+        yield warning("unsteady_cycles", text, value=100.0 * (1.0 - steady / whole), unit="%")
     elif cycles.n_elsewhere >= _MANY_ELSEWHERE:
         time = seen.log.start_time + cycles.break_at * seen.log.interval
         text = (
             f"{cycles.n_elsewhere} more steady cycles lie beyond a break at time {time:.4g} s and "
             "are not evaluated; check there for a spike, a pause or another test"
         )
-        yield Finding("unsteady_cycles", "warning", text, float(cycles.n_elsewhere))
+        yield warning("unsteady_cycles", text, value=float(cycles.n_elsewhere))
 
     for name, value, unit, factor, meant, prefix, doubt in (
         ("frequency", trace.frequency, "Hz", 1.0, nominal.frequency, "", "clock and sample rate"),
@@ -394,7 +393,7 @@ def _declared(metadata: Mapping[str, str], name: str, unit: str) -> float | None
 _LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is as much
 
 
-def _size(seen: Seen) -> Iterator[Finding]:
+def _size(seen: Seen) -> Iterator[Problem]:
     """Length, size and shape of the evaluated motion."""
     trace, log = seen.trace, seen.log
     first, last = trace.segments[0], trace.segments[-1]
@@ -407,12 +406,12 @@ def _size(seen: Seen) -> Iterator[Finding]:
         f"{ahead:.3g} s at the beginning and {behind:.3g} s at the end are not evaluated (rest, "
         "run-up, coast-down, run-in, filter edges)"
     )
-    yield Finding("trimmed", "note", text, ahead + behind, "s")
+    yield note("trimmed", text, value=ahead + behind, unit="s")
 
     half = 0.5 * float(np.ptp(trace.force[trace.compared]))
     if half < _LITTLE:
         text = f"the force swings by ±{half:.3g} N, little for a damper; was kN read as N?"
-        yield Finding("force_range", "warning", text, half, "N")
+        yield warning("force_range", text, value=half, unit="N")
 
     if trace.fastest.n_cycles:
         powers = harmonic_powers(trace.fastest, trace.displacement, 3).tolist()
@@ -426,7 +425,7 @@ def _size(seen: Seen) -> Iterator[Finding]:
             f"2nd harmonic of the displacement {second:.2g} %, 3rd {third:.2g} %{shape}; the model "
             "is driven by the measured displacement"
         )
-        yield Finding("harmonics", "note", text, max(second, third), "%")
+        yield note("harmonics", text, value=max(second, third), unit="%")
 
 
 # How well the cycles of a test repeat.
@@ -443,7 +442,7 @@ _TREND = 12.0  # F, from which on peaks go with the cycle's number; scatter has 
 _WARMER = 1.0  # K
 
 
-def _repetition(trace: Trace, recording: Recording) -> Iterator[Finding]:
+def _repetition(trace: Trace, recording: Recording) -> Iterator[Problem]:
     starts = clean_cycles(trace.fastest)
     if len(starts) < 3:
         yield from _zero_drift(trace, is_warming=False)
@@ -481,7 +480,7 @@ def _repetition(trace: Trace, recording: Recording) -> Iterator[Finding]:
             yield _force_trend(up, down, warming)
         text = f"the force differs from cycle to cycle by {floor:.2g} % of its variance"
         text += ": a right model would reach about this MSE, or less where the motion differs too"
-        yield Finding("noise_floor", "note", text, floor, "%")
+        yield note("noise_floor", text, value=floor, unit="%")
     yield from _zero_drift(trace, is_warming=bool(is_trending and warming))
     if not has_enough:
         return
@@ -537,7 +536,7 @@ def _polynomials(n: int, degree: int) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), degree + 1))[0])
 
 
-def _stepped_force(trace: Trace, starts: FloatArray, peaks: FloatArray) -> Iterator[Finding]:
+def _stepped_force(trace: Trace, starts: FloatArray, peaks: FloatArray) -> Iterator[Problem]:
     """The force steps from one steady cycle to the next: another setting begins."""
     size = float(np.abs(peaks).max())
     jumps = np.flatnonzero(np.abs(np.diff(peaks)).max(axis=0) > _STEP * size) + 1
@@ -558,7 +557,7 @@ def _stepped_force(trace: Trace, starts: FloatArray, peaks: FloatArray) -> Itera
         f"motion goes on, peaks of {forces}: {len(steady)} settings in one record are as many "
         "tests; split the log there and name each setting, or repair what changed"
     )
-    yield Finding("another_force", "warning", text, times[1], "s")
+    yield warning("another_force", text, value=times[1], unit="s")
 
 
 def _warming(trace: Trace, recording: Recording, starts: FloatArray) -> tuple[float, float] | None:
@@ -573,7 +572,7 @@ def _warming(trace: Trace, recording: Recording, starts: FloatArray) -> tuple[fl
     return (ends[0], ends[1]) if abs(ends[1] - ends[0]) >= _WARMER else None
 
 
-def _force_trend(up: _Peaks, down: _Peaks, warming: tuple[float, float] | None) -> Finding:
+def _force_trend(up: _Peaks, down: _Peaks, warming: tuple[float, float] | None) -> Problem:
     """Say that the damper itself changed during the test."""
     trends = [
         (*peak.trend, word) for peak, word in ((up, "rebound"), (down, "compression")) if peak.trend
@@ -588,10 +587,10 @@ def _force_trend(up: _Peaks, down: _Peaks, warming: tuple[float, float] | None) 
     text += "fit shorter parts of the log"
     text += ", all of them at once with {covariate}" * bool(warming)
     values = {"covariate": Option("covariate", "temperature")}
-    return Finding("force_trend", "warning", text, share, "%", values=values)
+    return warning("force_trend", text, value=share, unit="%", **values)
 
 
-def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Finding]:
+def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Problem]:
     """Drift of the mean force: each speed has its own mean, one slope in time is common to all."""
     half = 0.5 * float(np.ptp(trace.force[trace.compared]))
     means = []
@@ -639,7 +638,7 @@ def _drift(groups: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[float, floa
 _WARMS = 5.0
 
 
-def _temperature(seen: Seen) -> Iterator[Finding]:
+def _temperature(seen: Seen) -> Iterator[Problem]:
     trace, test = seen.trace, seen.options.nominal
     tolerance, nominal = test.temperature_tolerance, test.temperature or 0.0
     pairs = ((trace.frequency, test.frequency), (trace.amplitude, test.amplitude))
@@ -651,7 +650,7 @@ def _temperature(seen: Seen) -> Iterator[Finding]:
         if is_asked:
             text = f"no temperature in the log; the test asks for {wanted}; log it, or set "
             text += "rig.temperature_tolerance = inf"
-            yield Finding("temperature_missing", "warning", text)
+            yield warning("temperature_missing", text)
         return
     values = seen.recording.temperature[seen.rows(trace.fastest)]
     mean, fault = mean_of(values), ""
@@ -677,7 +676,7 @@ _SMOOTHED = 30.0
 _HARMFUL_BAND, _HARMFUL = (50.0, 80.0), 3.0
 
 
-def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
+def _filtered_in_the_rig(seen: Seen) -> Iterator[Problem]:
     log = seen.log
     if seen.options.rig_filter != "none":
         return
@@ -689,7 +688,7 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
     if not runs:
         if falls_off(log.displacement, log.force, log.interval):
             text += ", and errors are too small: noise is read where that filter takes it away"
-            yield Finding("rig_filter", "warning", text)
+            yield warning("rig_filter", text)
         return
     motion, force = (
         noise_ratio(channel, runs[0], log.interval) for channel in (log.displacement, log.force)
@@ -697,9 +696,9 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
     if math.isnan(motion) or math.isnan(force):
         text = "whether the rig has filtered a channel cannot be judged: "
         text += "too few cycles, or no noise above the motion"
-        yield Finding("rig_filter", "note", text)
+        yield note("rig_filter", text)
     elif min(motion, force) > _SMOOTHED:
-        yield Finding("rig_filter", "warning", text, force)
+        yield warning("rig_filter", text, value=force)
     elif (
         force > _SMOOTHED
         and noise_ratio(log.force, runs[0], log.interval, beyond=_HARMFUL_BAND) > _HARMFUL
@@ -709,14 +708,14 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Finding]:
             "below 25 Hz than far above, as behind a running mean or an amplifier's "
             "filter; friction, stiffness and forces at low speed are wrong: log it unfiltered"
         )
-        yield Finding("force_smoothed", "warning", text, force)
+        yield warning("force_smoothed", text, value=force)
 
 
 _TONE_SIZE = 0.01  # of half the range
 _FEWEST_FOR_TONES = 3  # cycles
 
 
-def _lines_off_harmonics(seen: Seen) -> Iterator[Finding]:
+def _lines_off_harmonics(seen: Seen) -> Iterator[Problem]:
     log, options = seen.log, seen.options
     if options.rig_filter != "none":
         return
@@ -733,7 +732,7 @@ def _lines_off_harmonics(seen: Seen) -> Iterator[Finding]:
                     "which is no harmonic of the motion: hum, a pump or a resonance of the rig; "
                     "find its source: the intervals count it as noise"
                 )
-                yield Finding(f"{name}_line", "warning", text, frequency, "Hz")
+                yield warning(f"{name}_line", text, value=frequency, unit="Hz")
                 break
 
 
@@ -747,7 +746,7 @@ _FASTEST = 1e6  # m/s; a damaged value beyond it must not overflow
 _ALIKE = 0.7  # share of its power that must be in the fundamental
 
 
-def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
+def check_velocity(trace: Trace, recording: Recording) -> tuple[Problem, ...]:
     """Return how a logged velocity compares with ours; nothing where none was logged."""
     if recording.velocity is None or not trace.fastest.n_cycles:
         return ()
@@ -762,7 +761,7 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
     share = 2.0 * abs(theirs) ** 2 / max(float(np.var(logged)), 1e-300)
     if not share >= _ALIKE:
         text = "the logged velocity does not follow the displacement; it is not used"
-        return (Finding("velocity_channel", "note", text, share),)
+        return (note("velocity_channel", text, value=share),)
     ratio = theirs / ours
     is_opposite = ratio.real < 0.0
     phase = np.angle(-ratio if is_opposite else ratio)
@@ -772,6 +771,6 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
         f"{1e3 * lag:.1f} ms late{', with the opposite sign' * is_opposite}; it is not used"
     )
     if abs(abs(ratio) - 1.0) <= _SCALE:
-        return (Finding("velocity_channel", "note", text, lag, "s"),)
+        return (note("velocity_channel", text, value=lag, unit="s"),)
     text += "; a unit or the clock of the log is wrong: check displacement, velocity and time"
-    return (Finding("velocity_channel", "warning", text, abs(ratio)),)
+    return (warning("velocity_channel", text, value=abs(ratio)),)

@@ -21,7 +21,8 @@ from damperfit.conditioning.segments import ComparedPart, choose_compared, trans
 from damperfit.conditioning.signals import FloatArray
 from damperfit.conditioning.timebase import UniformLog, make_uniform, without_delay
 from damperfit.errors import ConditioningError, ConfigurationError
-from damperfit.recording import Drive, Finding, Recording, Segment, Trace
+from damperfit.problem import Problem, note
+from damperfit.recording import Drive, Recording, Segment, Trace
 from damperfit.statistics import mean_of
 
 _MIN_SAMPLES = 20
@@ -141,7 +142,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     if recording.temperature is not None:
         rows = rows_of(recording, start, log.interval, *segments)
         temperature = mean_of(recording.temperature[rows])
-    note = (
+    declared = (
         f"filtered in the rig as declared ({options.rig_filter}, {options.rig_filter_corner:g} Hz, "
         f"order {options.rig_filter_order}); no filter of our own"
     )
@@ -161,7 +162,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         n_cycles_found=part.n_found,
         model_filter=seen.model_filter._replace(bridged=bridged),
         temperature=temperature,
-        notes=() if options.rig_filter == "none" else (note,),
+        notes=() if options.rig_filter == "none" else (declared,),
     )
     left_out = (seen.log.force - seen.force)[keep] if options.is_ours else np.empty(0)
     trace = _with_whole(with_noise(trace, left_out), part, options, centre)
@@ -258,7 +259,7 @@ def _middle_of(displacement: FloatArray, segments: Sequence[Segment]) -> float:
     return 0.0 if wanders and abs(middle) <= _NEAR_ZERO * widest.amplitude else middle
 
 
-def _describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
+def _describe_middle(trace: Trace, options: ConditionOptions) -> Problem:
     """Return where mid-stroke is in the log, or how far a declared centre is from it."""
     off, _ = _middle_and_wandering(trace.displacement[trace.compared])
     centre, severity = 1e3 * trace.centre, "note"
@@ -267,7 +268,7 @@ def _describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
     if options.centre is not None:
         text = f"x = 0 at {centre:.3f} mm of the log, as declared; "
         text += f"mid-stroke at x = {1e3 * off:.3f} mm"
-        return Finding("mid_stroke", severity, text, off, "m")
+        return note("mid_stroke", text, value=off, unit="m")
     if widest.n_cycles or not wanders:
         text = f"mid-stroke of the log ({round(centre, 3) + 0.0:.3f} mm) is x = 0 of the model"
         if 0.05 < abs(trace.centre) / trace.amplitude < 0.8:
@@ -285,7 +286,7 @@ def _describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
             f"range ({centre:.1f} mm) is taken as x = 0 of the model; each mm off the damper's "
             "middle shifts R_m3 by about 2 %: set rig.centre"
         )
-    return Finding("mid_stroke", severity, text, trace.centre, "m")
+    return Problem("mid_stroke", text, severity, values={"value": trace.centre, "unit": "m"})
 
 
 # Logs that cannot be used at all, each refused with the reason and the way out.

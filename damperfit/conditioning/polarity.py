@@ -32,8 +32,8 @@ from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.errors import ConditioningError
 from damperfit.passed_speeds import in_both_strokes
-from damperfit.problem import Option
-from damperfit.recording import Finding, Recording, Trace
+from damperfit.problem import Option, Problem, note, warning
+from damperfit.recording import Recording, Trace
 from damperfit.statistics import mean_of, median
 
 # The force level of a steady test: what the gas, or a tare, adds to the force at no speed.
@@ -280,7 +280,7 @@ class Signs(NamedTuple):
     """What must be reversed, and what is to be reported."""
 
     reversed_channels: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Problem, ...] = ()
     is_certain: bool = False  # the gas force shows them, in this log and so in others of the rig
 
 
@@ -332,12 +332,12 @@ def find_signs(  # noqa: PLR0911 - one return a case, in the order of the text a
             "signs of the channels cannot be determined, and this can hardly be a damper; check "
             "columns and skew"
         )
-        return Signs(findings=(Finding("force_polarity", "warning", text, share),))
+        return Signs(findings=(warning("force_polarity", text, value=share),))
     if share > 0.0:
         is_free = len(free) == len(_CHANNELS)
         if rest is not None and at_rest < 0 and (is_free or not _is_tared(level)):
             text = f"{rest.sentence}, {_AS_REVERSED}; {_KEPT}"
-            kept = Signs(findings=(Finding(CONTRADICTED, "warning", text, -1.0),))
+            kept = Signs(findings=(warning(CONTRADICTED, text, value=-1.0),))
             why = f"{rest.sentence}, and the loop absorbs energy"
             return _reversed(_CHANNELS, why) if is_free else kept
         if at_rest > 0 or level is None or level.ratio > _TARED:
@@ -393,12 +393,11 @@ def _is_certain(level: ForceLevel, reversed_channels: tuple[str, ...]) -> bool:
 
 def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
     findings = tuple(
-        Finding(
+        note(
             f"{channel}_polarity",
-            "note",
             f"{channel}: found positive in compression and reversed: {reason}; "
             f"rig.reverse_{channel} = true confirms this, false keeps it as logged",
-            -1.0,
+            value=-1.0,
             is_correction=True,
         )
         for channel in channels
@@ -416,7 +415,7 @@ def _doubtful(level: ForceLevel, *, is_declared: bool) -> Signs:
             name = CONTRADICTED
     advice = _KEPT if is_declared else ""
     text = f"{level.sentence}, {sees}; {advice or f'taken as logged; {_ASK}'}"
-    return Signs(findings=(Finding(name, "warning", text, level.ratio),))
+    return Signs(findings=(warning(name, text, value=level.ratio),))
 
 
 def _is_tared(level: ForceLevel | None) -> bool:
@@ -426,7 +425,7 @@ def _is_tared(level: ForceLevel | None) -> bool:
 
 def reversed_in(recording: Recording, trace: Trace) -> list[str]:
     """Return the channels of a log that count bump positive, as declared or as found."""
-    corrected = {finding.name for finding in trace.findings if finding.is_correction}
+    corrected = {x.code for x in trace.findings if x.values.get("is_correction")}
     return [
         name
         for name in _CHANNELS
@@ -446,7 +445,7 @@ def level_of(trace: Trace, options: ConditionOptions) -> ForceLevel | None:
     return force_level(trace, options.gas, corner=options.passed_corner)
 
 
-def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple[Finding, ...]:
+def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple[Problem, ...]:
     """Return whether the gas force is in the log, was tared away, or is another one."""
     if level is None:
         return ()
@@ -480,4 +479,4 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
                 f"gas force tared away: {numbers}; free the offset{{free}} or hold it{{hold}}, or "
                 "the other parameters absorb it"
             )
-    return (Finding("tare", severity, text, missing, "N", values=values),)
+    return (Problem("tare", text, severity, values={"value": missing, "unit": "N", **values}),)

@@ -41,7 +41,8 @@ from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.signals import BoolArray, FloatArray, IntArray, parts_where
 from damperfit.conditioning.timebase import UniformLog, continue_log
 from damperfit.errors import ConditioningError
-from damperfit.recording import Finding, Segment, Trace
+from damperfit.problem import Problem, note
+from damperfit.recording import Segment, Trace
 from damperfit.statistics import median, percentiles
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
@@ -66,7 +67,7 @@ class ComparedPart(NamedTuple):
     n_found: int  # whole cycles
     cycles: Cycles | None  # None where the log is no single steady run
     keep: slice  # samples that the model runs through
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Problem, ...] = ()
 
 
 class _Motion:
@@ -206,7 +207,7 @@ def _continued(
         f"there are few cycles at the {where} of the log: it is continued there by its own cycles "
         "for run-in and filter; only what was logged is compared"
     )
-    finding = Finding("continued", "note", text)
+    finding = note("continued", text)
     return _kept(continued.seen, more, n_found, single)._replace(findings=(finding,))
 
 

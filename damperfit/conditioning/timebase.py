@@ -25,7 +25,8 @@ import numpy as np
 
 from damperfit.conditioning.signals import FloatArray, noise_of
 from damperfit.errors import ConditioningError
-from damperfit.recording import Finding, Recording
+from damperfit.problem import Problem, note, warning
+from damperfit.recording import Recording
 from damperfit.statistics import mean_of, median
 
 _MAX_MISSING = 4  # consecutive samples; at 300 Hz, 17 ms, half a period of the 30 Hz corner
@@ -51,7 +52,7 @@ class UniformLog(NamedTuple):
     interval: float
     displacement: FloatArray  # shape (n,); m, N
     force: FloatArray
-    findings: tuple[Finding, ...] = ()  # what the stamps were like and what had to be done
+    findings: tuple[Problem, ...] = ()  # what the stamps were like and what had to be done
 
 
 def make_uniform(recording: Recording) -> UniformLog:
@@ -71,7 +72,7 @@ def make_uniform(recording: Recording) -> UniformLog:
     if is_even or is_rounded:
         start = float(recording.time[0]) + offset
         text = f"time stamps are rounded to {rounding:g} s; sampled at {1.0 / interval:.6g} Hz"
-        findings = () if is_even else (Finding("rounded_time", "note", text, rounding, "s"),)
+        findings = () if is_even else (note("rounded_time", text, value=rounding, unit="s"),)
         return UniformLog(start, interval, recording.displacement, recording.force, findings)
 
     from scipy.interpolate import CubicSpline
@@ -113,7 +114,7 @@ def make_uniform(recording: Recording) -> UniformLog:
             f"{1.0 / interval:.6g} Hz; the first after row {first_missing + 1} of the data (time "
             f"{recording.time[first_missing]:.6g} s)"
         )
-        finding = Finding("missing_samples", "note", text, float(missing))
+        finding = note("missing_samples", text, value=float(missing))
     else:
         finding = _jitter(recording, steps / typical, displacement, 1.0 / interval)
     start = float(recording.time[0]) + offset
@@ -122,7 +123,7 @@ def make_uniform(recording: Recording) -> UniformLog:
 
 def _jitter(
     recording: Recording, steps: FloatArray, displacement: FloatArray, rate: float
-) -> Finding:
+) -> Problem:
     """Say how the steps vary; a warning where the samples are smoother without their stamps."""
     worst = int(np.argmax(np.abs(steps - 1.0)))
     spread = 100.0 * abs(float(steps[worst]) - 1.0)
@@ -134,7 +135,7 @@ def _jitter(
         median(np.abs(np.diff(values, 3))) for values in (displacement, recording.displacement)
     )
     if by_stamp <= _ROUGHER * by_count:
-        return Finding("jitter", "note", text, spread, "%")
+        return note("jitter", text, value=spread, unit="%")
     short = float(f"{rate:.3g}")
     known = short if abs(short / rate - 1.0) < _ROUND_RATE else rate
     text += (
@@ -142,7 +143,7 @@ def _jitter(
         "the stamps: they are those of the computer, not of the samples; declare "
         f"rig.sample_rate = '{known:.6g}Hz'"
     )
-    return Finding("jitter", "warning", text, spread, "%")
+    return warning("jitter", text, value=spread, unit="%")
 
 
 def _line(index: FloatArray, elapsed: FloatArray) -> tuple[float, float, float]:

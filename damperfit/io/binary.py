@@ -35,7 +35,7 @@ from damperfit.io.files import Source
 from damperfit.io.formats import Column, FloatArray, Samples, Table
 from damperfit.io.groups import Group, GroupChannel, group_tables
 from damperfit.io.options import ReadOptions
-from damperfit.recording import Finding
+from damperfit.problem import warning
 
 _NEXT_NUMBER = b"\x15"
 _NO_PAGE_CHECKSUMS = "Parquet without page checksums: a damaged value could not be seen"
@@ -202,7 +202,7 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         )
     tables = group_tables(groups, options, notes=(_NO_CHECKSUMS,))
     words = f"the end of the file is missing: {lost}"
-    findings = (Finding("truncated", "warning", words),) if lost else ()
+    findings = (warning("truncated", words),) if lost else ()
     return tuple(replace(table, findings=findings) for table in tables)
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from damperfit.errors import LogError
 from damperfit.io.formats import FloatArray, Samples
 from damperfit.io.options import EXTRAS
-from damperfit.recording import Finding
+from damperfit.problem import Problem, note, warning
 from damperfit.statistics import median, percentiles
 
 _FEWEST = 50  # rows; of fewer nothing is said
@@ -69,7 +69,7 @@ def on_one_clock(samples: Samples, *, wall_clock: float = 0.0) -> Samples:
         return _together(_unheld(samples))
 
 
-def _with(samples: Samples, finding: Finding, **channels: FloatArray) -> Samples:
+def _with(samples: Samples, finding: Problem, **channels: FloatArray) -> Samples:
     """Return samples with channels replaced, and why."""
     channels = {**samples.channels, **channels}
     return replace(samples, channels=channels, findings=(*samples.findings, finding))
@@ -103,15 +103,15 @@ def _unrolled(samples: Samples) -> Samples:
                 f"{channel}: each value stands in {n_rows:g} rows, so its converter is slower than "
                 f"the rows and friction and openings are doubtful; log at the converter's rate"
             )
-            finding = Finding("values_repeated", "warning", words, n_rows)
+            finding = warning("values_repeated", words, value=n_rows)
             samples = _with(samples, finding)
     return samples
 
 
-def _rolled(what: str, bits: int, n_jumps: int) -> Finding:
+def _rolled(what: str, bits: int, n_jumps: int) -> Problem:
     times = "once" if n_jumps == 1 else f"{n_jumps} times"
     sentence = f"{what} of {bits} bits rolls over {times}; put right"
-    return Finding("rolled_over", "note", sentence, float(n_jumps), is_correction=True)
+    return note("rolled_over", sentence, value=float(n_jumps), is_correction=True)
 
 
 def _clock_period(time: FloatArray) -> tuple[int, float]:
@@ -198,7 +198,7 @@ def _unset(samples: Samples, unit: float) -> Samples:
         f"{unit * usual:.4g} s; put right; if that is wrong, split the log there, else declare "
         f"rig.sample_rate = '{1.0 / (unit * usual):.4g}Hz' to say so"
     )
-    finding = Finding("clock_set", "warning", words, float(len(jumps)), is_correction=True)
+    finding = warning("clock_set", words, value=float(len(jumps)), is_correction=True)
     return _with(samples, finding, time=time)
 
 
@@ -239,7 +239,7 @@ def _unheld(samples: Samples) -> Samples:
         f"{quanta[1, 0]:.3g} or {quanta[0, 0]:.3g} as logged: {n_ticks + 1 - len(time)} of "
         f"{n_ticks + 1} rows bridged"
     )
-    finding = Finding("values_held", "note", words, share, is_correction=True)
+    finding = note("values_held", words, value=share, is_correction=True)
     held = {name: values[rows] for name, values in samples.channels.items()}
     held["time"] = time[0] + tick * np.arange(n_ticks + 1)
     place = samples.place
@@ -341,7 +341,7 @@ def _together(samples: Samples) -> Samples:
         if len(t) == n:
             words = f"a clock of its own, every {median(np.diff(t)):.6g} s from {t[0]:.6g} s"
         words = f"{name}: {words}; each value is used once, at the times of the force"
-        findings.append(Finding("own_rows", "note", words, len(t) / n, is_correction=True))
+        findings.append(note("own_rows", words, value=len(t) / n, is_correction=True))
     return Samples(
         together,
         lambda i: samples.place(int(at[i])),

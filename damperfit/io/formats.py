@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from damperfit.errors import LogError
 from damperfit.io.files import Source, is_binary, is_json
 from damperfit.io.options import ReadOptions
-from damperfit.recording import Finding
+from damperfit.problem import Problem
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Samples:
     channels: Mapping[str, FloatArray]
     place: Callable[[int], str] = lambda index: f"row {index + 1}"  # of a sample
     times: Mapping[str, FloatArray] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()  # what was left out and makes the log doubtful
+    findings: tuple[Problem, ...] = ()  # what was left out and makes the log doubtful
     notes: tuple[str, ...] = ()
 
 
@@ -53,7 +53,7 @@ class Table:
     metadata: Mapping[str, str] = field(default_factory=dict)  # keys in lower case
     notes: tuple[str, ...] = ()
     part: str = ""  # title of the test in the file (block, sheet, group)
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Problem, ...] = ()
     may_run_on: bool = False  # it may be the next piece of one record
     hint: str = ""  # why names may be missing, said where a channel is not found
 

@@ -34,7 +34,8 @@ from damperfit.io.labels import (
     setting_in_words,
 )
 from damperfit.io.options import EXTRAS, ReadOptions
-from damperfit.recording import Finding, Recording
+from damperfit.problem import Problem, distinct, note, warning
+from damperfit.recording import Recording
 from damperfit.statistics import median
 from damperfit.tested.identity import identity_in
 from damperfit.tested.setting import Setting
@@ -150,7 +151,7 @@ def _joined(record: Sequence[Recording], note: str) -> Recording:
         values = [getattr(part, name) for part in record]
         is_whole = all(part is not None for part in values)
         channels[name] = np.concatenate(values) if is_whole else None
-    findings = tuple(dict.fromkeys(finding for part in record for finding in part.findings))
+    findings = distinct(finding for part in record for finding in part.findings)
     every_note = tuple(dict.fromkeys([*notes, note]))
     return replace(record[0], **channels, notes=every_note, findings=findings)
 
@@ -229,7 +230,7 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
         cuts, steps = _cut_at_levels(*cuts[0], samples, current, options)
         findings = (*findings, *steps)
     title = (f"{_TITLE}{table.part}",) if table.part else ()
-    sentences = (finding.sentence for finding in findings)
+    sentences = (finding.message() for finding in findings)
     notes = (*title, *table.notes, *samples.notes, *sentences, *notes, *more_notes)
     parts = []
     for start, stop in cuts:
@@ -371,7 +372,7 @@ def _check_pieces(ends: Sequence[int], channels: Mapping[str, FloatArray]) -> No
 
 def _cut_at_levels(
     first: int, stop: int, samples: Samples, name: str, options: ReadOptions
-) -> tuple[list[tuple[int, int]], tuple[Finding, ...]]:
+) -> tuple[list[tuple[int, int]], tuple[Problem, ...]]:
     """Return a test cut where the current of a valve steps, which is another setting; and why."""
     starts, levels = steps_of_level(samples.channels.get(_CURRENT, np.empty(0)))
     if not starts:
@@ -384,7 +385,7 @@ def _cut_at_levels(
         f"record, read as {len(levels)} tests"
     )
     words += "" if is_named else f"; name them by rig.part_settings = [{listed}]"
-    finding = Finding("level_steps", "note" if is_named else "warning", words, float(len(starts)))
+    finding = (note if is_named else warning)("level_steps", words, value=float(len(starts)))
     return list(pairwise([first, *starts, stop])), (finding,)
 
 

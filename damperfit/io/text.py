@@ -30,8 +30,7 @@ from damperfit.io.columns import has_channel, mentions_channel, visible
 from damperfit.io.files import Source, to_utf8
 from damperfit.io.formats import Column, FloatArray, Samples, Table
 from damperfit.io.options import EXTRAS, ReadOptions
-from damperfit.problem import counted
-from damperfit.recording import Finding
+from damperfit.problem import Problem, counted, distinct, warning
 from damperfit.sections import SEPARATORS
 from damperfit.statistics import median
 from damperfit.tested.identity import names_identity
@@ -226,7 +225,7 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
         load=lambda wanted: _joined([table.load(wanted) for table in tables]),
         metadata={**first.metadata, "sample rate": repr(rate)},
         notes=(*first.notes, note),
-        findings=tuple(dict.fromkeys(finding for table in tables for finding in table.findings)),
+        findings=distinct(finding for table in tables for finding in table.findings),
         may_run_on=False,
     )
     return (whole,)
@@ -470,7 +469,7 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
                 text = "no data rows; the only one has no line end and may be cut"
                 raise LogError(text, code="bad-row")
             words = "no final newline; the last row may be cut and was dropped; is the log whole?"
-            findings.append(Finding("cut_row", "warning", words, 1.0))
+            findings.append(warning("cut_row", words, value=1.0))
         rows = rows[:end]
     if separator == " ":
         rows, start, separator = re.sub(rb"[ \t]+", b"\t", rows[start:]), 0, "\t"
@@ -498,13 +497,13 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
             f"line {names_line} has {len(names)} names and most rows {n_fields} fields: the last, "
             f"{visible(names.pop())}, was taken to have no values"
         )
-        findings.insert(0, Finding("short_rows", "warning", hint))
+        findings.insert(0, warning("short_rows", hint))
         counts = [row.count(separator.encode()) for row in rows[start:].splitlines() if row]
         takes_full = 5 * counts.count(n_fields) <= len(counts)  # the majority decides
     elif len(fields) == len(names) + 1 and not fields[-1]:
         n_fields += 1
         note = "every row ends in a separator; the empty last column was left out"
-        findings.insert(0, Finding("extra_separator", "warning", note))
+        findings.insert(0, warning("extra_separator", note))
     clocks = frozenset(i for i, field in enumerate(fields[: len(names)]) if is_stamp(field))
     line = head[data_at].number
     like = names_line if names_line and not is_short else line
@@ -573,12 +572,12 @@ def _column_floats(column: Any) -> FloatArray:
     return np.array(np.from_dlpack(filled.combine_chunks()))
 
 
-def rows_dropped(n_bad: int, first_bad: str) -> tuple[Finding, ...]:
+def rows_dropped(n_bad: int, first_bad: str) -> tuple[Problem, ...]:
     """Return the finding that rows were dropped; none where there were none."""
     if not n_bad:
         return ()
     sentence = f"{counted(n_bad, 'row')} that cannot be read dropped; {first_bad}"
-    return (Finding("rows_dropped", "warning", sentence, float(n_bad)),)
+    return (warning("rows_dropped", sentence, value=float(n_bad)),)
 
 
 class _Rows(NamedTuple):
@@ -766,6 +765,6 @@ def _joined(parts: Sequence[Samples]) -> Samples:
         k = min(int(np.searchsorted(ends, index, side="right")), len(parts) - 1)
         return parts[k].place(index - (int(ends[k - 1]) if k else 0))
 
-    findings = dict.fromkeys(finding for part in parts for finding in part.findings)
+    findings = distinct(finding for part in parts for finding in part.findings)
     channels = {name: np.concatenate([part.channels[name] for part in parts]) for name in names}
-    return Samples(channels, place, findings=tuple(findings))
+    return Samples(channels, place, findings=findings)

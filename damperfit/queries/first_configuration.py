@@ -163,8 +163,8 @@ def _signs(recording: Recording, options: ConditionOptions) -> tuple[list[str], 
     except ConditioningError as error:
         return [], str(error) if error.problem.code == UNKNOWN else ""
     # A note is certain; where it is a warning the direction is not known.
-    certain = {finding.name for finding in trace.findings if finding.severity == "note"}
-    doubts = (finding.sentence for finding in trace.findings if finding.name in _DOUBTED)
+    certain = {finding.code for finding in trace.findings if finding.severity == "note"}
+    doubts = (finding.message() for finding in trace.findings if finding.code in _DOUBTED)
     turned = [name for name in ("displacement", "force") if f"{name}_polarity" in certain]
     return turned, next(doubts, "")
 

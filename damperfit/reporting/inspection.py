@@ -5,9 +5,9 @@ The facts are those of `damperfit.run.logs.LogFacts`: JSON values, also of logs 
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.io.force_curves import ForceCurve
 from damperfit.problem import FEW, Problem, counted, listing
 from damperfit.reporting.answer import Answer
+from damperfit.reporting.records import findings_in
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, first_of, laid_out, number
 
 if TYPE_CHECKING:
@@ -38,7 +39,6 @@ _WIDTH, _WHOLE = 80, 100_000
 _SHOWN_UNITS = {"m": (1e3, "mm"), "s": (1e3, "ms"), "Pa": (1e-5, "bar")}
 MANY_ROWS = 60  # of a table; two screens
 _ROWS_OF_REFUSED = 5  # where none of many logs can be used
-_NUMBER = re.compile(r"[-+]?\d[\d.e+-]*")
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 _CURVE_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.52)  # m/s, of the speeds that damper tests name
 _LISTED = "have no row here; --json lists them all"
@@ -213,14 +213,14 @@ def finding_lines(
     yield f"{counted(len(logs), 'log')}: {', '.join(counts)}"
     parts = {heading: _grouped(logs, severity) for severity, heading in _HEADINGS.items()}
     if has_notes:
-        notes: dict[str, list[Facts]] = {}
-        for finding in chain.from_iterable(log.get("findings", ()) for log in logs):
-            if finding["severity"] == "note":
-                notes.setdefault(finding["name"], []).append(finding)
+        notes: dict[str, list[Problem]] = {}
+        for finding in chain.from_iterable(map(findings_in, logs)):
+            if finding.severity == "note":
+                notes.setdefault(finding.code, []).append(finding)
         parts["Notes"] = [_note(group, len(logs)) for group in notes.values()]
         read_as: Counter[str] = Counter()  # what was assumed in reading, each assumption once
         for log in logs:
-            sentences = {finding["sentence"] for finding in log.get("findings", ())}
+            sentences = {finding.message() for finding in findings_in(log)}
             read_as.update(note for note in log.get("notes", ()) if note not in sentences)
         parts["Read as"] = [
             f"{note} ({n} of {len(logs)} logs)" if len(logs) > 1 else note
@@ -239,31 +239,31 @@ def finding_lines(
 
 
 def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
-    """Return a line for each sentence; where these are many that differ in numbers, the first."""
-    names: dict[tuple[str, str, str], dict[str, None]] = {}
+    """Return a line for each sentence; of many of one code the first, and whose else it is."""
+    findings: dict[str, tuple[Problem, dict[str, None]]] = {}
     for log in logs:
-        for finding in log.get("findings", ()):
-            if finding["severity"] == severity:
+        for finding in findings_in(log):
+            if finding.severity == severity:
                 # Refusals share a few names: the problem's code separates their causes.
-                code = str((severity == "refusal" and log.get("code")) or finding["name"])
-                key = code, finding["name"], finding["sentence"]
-                names.setdefault(key, {})[str(log["name"])] = None
+                code = str((severity == "refusal" and log.get("code")) or finding.code)
+                shown = replace(finding, code=code, text=f"{finding.code}: {finding.text}")
+                names = findings.setdefault(shown.message(), (shown, {}))[1]
+                names[str(log["name"])] = None
     problems = []
-    for (code, name, sentence), (first, *others) in names.items():
-        kind = f"{code} {_NUMBER.sub('', sentence.replace(first, ''))}"
+    for finding, (first, *others) in findings.values():
         subject = first + f" and {counted(len(others), 'other log')}" * bool(others)
-        problems.append(Problem(kind, f"{name}: {sentence}", severity, subject))
+        problems.append(replace(finding, subject=subject))
     return listing(problems, where="--json lists", few=FEW)
 
 
-def _note(findings: Sequence[Facts], n_logs: int) -> str:
+def _note(findings: Sequence[Problem], n_logs: int) -> str:
     """Return a note of several logs once, with the range of its number."""
-    first, values = findings[0], [finding.get("value") for finding in findings]
-    note = f"{first['name']}: {first['sentence']}"
+    first, values = findings[0], [finding.values["value"] for finding in findings]
+    note = f"{first.code}: {first.message()}"
     if n_logs == 1:
         return note
-    numbers = sorted(float(value) for value in values if value is not None) or [np.nan]
-    factor, unit = _SHOWN_UNITS.get(first.get("unit") or "", (1.0, first.get("unit") or ""))
+    numbers = sorted(value for value in values if value is not None) or [np.nan]
+    factor, unit = _SHOWN_UNITS.get(first.values["unit"], (1.0, first.values["unit"]))
     low, high = (number(factor * numbers[end], digits=3) for end in (0, -1))
     spread = f"; {low} to {high} {unit}".rstrip() if low != high else ""
     return f"{note} ({len(findings)} of {n_logs} logs{spread})"

@@ -234,9 +234,9 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
         notes, findings = [], []
         for finding in findings_in(log.facts):
             if finding.severity == "note":
-                notes.append(finding.sentence)
+                notes.append(finding.message())
             else:
-                findings.append(f"{finding.severity}: {finding.sentence}")
+                findings.append(f"{finding.severity}: {finding.message()}")
         how_read = [note for note in map(str, listed_in(log.facts, "notes")) if note not in notes]
         yield {
             "setting": log.setting,

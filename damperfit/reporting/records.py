@@ -1,4 +1,4 @@
-"""Checks, trends, clicks and findings on their way into run.json and back: one class for both.
+"""Checks, trends and clicks on their way into run.json and back: one class for both.
 
 Folders of other versions and damaged ones come here too, so nothing is taken on trust: an entry
 that is another thing is left out.
@@ -18,7 +18,6 @@ from damperfit.adjustment.clicks import Click
 from damperfit.adjustment.trends import Trend
 from damperfit.checks import Check
 from damperfit.problem import SEVERITIES, Failure, Problem
-from damperfit.recording import Finding
 from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.quantities import QuantityError
 from damperfit.units.shown_units import SI, ShownUnits, parse_units
@@ -37,13 +36,12 @@ _KEYS: dict[type, dict[str, str]] = {
         "low": "low_N",
         "high": "high_N",
     },
-    Finding: {"text": "sentence"},
 }
 _PLAIN = frozenset({float, int, str, bool, type(None)})
 
 
 def to_record(value: Any) -> Any:
-    """Return a check, trend, click, finding or failure as what run.json holds."""
+    """Return a check, trend or click as what run.json holds."""
     if type(value) in _PLAIN:  # nearly all there is: asked for first
         return value
     if isinstance(value, Setting):
@@ -98,11 +96,7 @@ def _read(hint: Any, value: Any) -> Any:
     if is_dataclass(hint) and hint is not Setting:
         entry, kind = dict(value), cast("Any", hint)
         keyed = [(name, key, _hints(kind)[name]) for name, key in _keys_of(kind)]
-        values = {
-            name: _read(inner, entry.get(key))
-            for name, key, inner in keyed
-            if get_origin(inner) is not dict
-        }
+        values = {name: _read(inner, entry.get(key)) for name, key, inner in keyed}
         if next(iter(values.values())) == "":  # what the entry is about
             raise ValueError
         return kind(**values)
@@ -185,18 +179,16 @@ def trends_in(record: Record) -> list[Trend]:
     ]
 
 
-def findings_in(log: Record) -> list[Finding]:
-    """Return the findings of one entry of ``inputs``, the gravest first."""
+def findings_in(log: Record) -> list[Problem]:
+    """Return what a log shows by its entry in ``inputs``, the gravest first."""
     findings = []
     for entry in listed_in(log, "findings"):
-        if (finding := read_back(Finding, entry)) is None:
-            continue
-        if "values" in entry:  # to be worded by whoever shows it
-            problem = Problem.of_record(entry)
-            finding = replace(finding, text=problem.text, values=problem.values)
-        findings.append(finding)
-    order = {"refusal": 0, "warning": 1}
-    return sorted(findings, key=lambda finding: order.get(finding.severity, 2))
+        if isinstance(entry, dict) and entry.get("name") and entry.get("severity") in SEVERITIES:
+            own = {"code": entry["name"], "text": _text(entry.get("sentence")), **entry}
+            finding, value = Problem.of_record(own), number_in(entry, "value")
+            known = {"value": value, "unit": _text(entry.get("unit"))}
+            findings.append(replace(finding, values={**finding.values, **known}))
+    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
 
 
 def units_in(record: Record) -> ShownUnits:

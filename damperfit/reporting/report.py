@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +16,7 @@ from damperfit.adjustment.trends import in_few_words
 from damperfit.errors import ConfigurationError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.sharing import of_runs
-from damperfit.problem import Problem, counted, failure_lines, listing, short_listing
+from damperfit.problem import counted, failure_lines, listing, short_listing
 from damperfit.reporting import records, tables
 from damperfit.reporting.sheet import (
     Sheet,
@@ -129,7 +130,7 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield words("Many starts", "many_starts")
     yield words("Cavitation", "cavitation")
     findings = (  # mere notes stand with their log
-        Problem(finding.name, finding.sentence, finding.severity, str(log.get("log", "log")))
+        replace(finding, subject=str(log.get("log", "log")))
         for log in records.entries_in(record, "inputs")
         for finding in records.findings_in(log)
         if finding.severity != "note"

@@ -535,11 +535,11 @@ def without_contradictions(
 
     for setting, traces in by_setting().items():
         pairs = ((trace, finding) for trace in traces for finding in trace.findings)
-        trace, parted = next((pair for pair in pairs if pair[1].name in _TWO), (None, None))
+        trace, parted = next((pair for pair in pairs if pair[1].code in _TWO), (None, None))
         worst = contradiction(traces, has_temperature_law=isinstance(damper, WithTemperature))
         is_worse = worst is not None and worst.excess > 1.0
-        if trace and parted and (parted.name != _LEVELS or is_worse):
-            sentences[setting] = f"{trace.name}: {parted.sentence}"
+        if trace and parted and (parted.code != _LEVELS or is_worse):
+            sentences[setting] = f"{trace.name}: {parted.message()}"
         elif worst and is_worse:
             sentences[setting] = _MORE.format(worst.sentence)
         elif worst:

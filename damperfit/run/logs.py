@@ -50,7 +50,7 @@ from damperfit.io.labels import (
 )
 from damperfit.io.tests_table import TestRow, TestsTable, facts_in, is_tests_table, read_tests
 from damperfit.problem import Failure, Option, Problem, counted, listed_names, warning
-from damperfit.recording import Finding, Recording, Trace, natural_order
+from damperfit.recording import Recording, Trace, finding_record, natural_order
 from damperfit.run.log_files import is_own_table, real_path
 from damperfit.sections import SETTING_PATTERN
 from damperfit.tables.files import json_values
@@ -592,7 +592,7 @@ def _conditioned(
     except _USAGE:
         raise
     except Exception as error:  # noqa: BLE001
-        findings: tuple[Finding, ...] = ()
+        findings: tuple[Problem, ...] = ()
         with suppress(Exception):  # why it cannot be evaluated is reported already
             findings = examine_raw(recording)
         return _failed(log, error, findings, task="conditioning the log")
@@ -616,7 +616,7 @@ def _conditioned(
 def _facts_of_trace(
     trace: Trace, n_read: int, notes: Sequence[str] = (), **more: Any
 ) -> dict[str, Any]:
-    sentences = (finding.sentence for finding in trace.findings)
+    sentences = (finding.message() for finding in trace.findings)
     return {
         **trace.describe(),
         **more,
@@ -627,15 +627,15 @@ def _facts_of_trace(
 
 
 def _failed(
-    log: Log, error: Exception, findings: tuple[Finding, ...] = (), *, task: str = "reading the log"
+    log: Log, error: Exception, findings: tuple[Problem, ...] = (), *, task: str = "reading the log"
 ) -> Log:
     """Return a log as one that cannot be used, with why."""
     failure = failure_of(error, task)
     log.failure = replace(failure, log=log.log, path=log.path, setting=log.facts["setting"])
     sentence = failure.message.removeprefix(log.log).lstrip(",: ")  # the log is named beside it
-    refusal = Finding(_REFUSALS.get(failure.kind, "unreadable"), "refusal", sentence)
+    refusal = Problem(_REFUSALS.get(failure.kind, "unreadable"), sentence, "refusal")
     log.facts |= {
-        "findings": [finding.describe() for finding in (refusal, *findings)],
+        "findings": [finding_record(finding) for finding in (refusal, *findings)],
         "verdict": "refused",
         "code": log.failure.code,
     }

@@ -374,9 +374,9 @@ def log_warnings(traces: Iterable[Trace], *, is_put_right: bool = False) -> Iter
     logs: dict[str, list[tuple[str, Problem]]] = {}
     for trace in traces:
         for finding in trace.findings:
-            is_note = finding.severity == "note" and finding.is_correction
+            is_note = finding.severity == "note" and finding.values.get("is_correction")
             if is_note if is_put_right else finding.severity == "warning":
-                logs.setdefault(finding.name, []).append((trace.name, finding.problem))
+                logs.setdefault(finding.code, []).append((trace.name, finding))
     for (name, problem), *others in logs.values():
         also = f" and {counted(len(others), 'other log')}" if others else ""
         yield replace(problem, subject=f"{name}{also}")
@@ -398,7 +398,7 @@ def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[Pr
         fit = next((fit for fit in campaign.fits if fit.setting == diagnosis.setting), None)
         if fit is None or diagnosis.is_structured or math.isnan(diagnosis.noise_percent):
             continue
-        findings = [(f.name, f.severity) for log in fit.logs for f in log.trace.findings]
+        findings = [(f.code, f.severity) for log in fit.logs for f in log.trace.findings]
         offsets = (quantity.name for quantity in fit.parameters.quantities if quantity.is_offset)
         if ("tare", "warning") in findings and all(fit.status[k] == Status.FIXED for k in offsets):
             doubted.append(fit.setting)

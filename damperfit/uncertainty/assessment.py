@@ -592,7 +592,7 @@ def _with_hidden_friction(
         for linear, friction in zip(linearised, known, strict=True)
     ]
     logs = (log for linear in linearised for log in linear.fit.logs)
-    warned = {x.name for log in logs for x in log.trace.findings if x.severity == "warning"}
+    warned = {x.code for log in logs for x in log.trace.findings if x.severity == "warning"}
     if warned & _CHANGES or any(name in linear.flawed for linear in linearised):
         return with_friction, ()
     text = "{settings}: a small misfit looks like {words}; the intervals allow for it."

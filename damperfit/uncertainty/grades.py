@@ -251,10 +251,10 @@ def _spoiling(logs: Iterable[LogFit], texts: Mapping[str, str]) -> Iterator[str]
     """Yield what warnings of logs mean for the numbers, of those that have a text."""
     for trace in (log.trace for log in logs):
         for finding in trace.findings:
-            size = abs(finding.value or 0.0)
-            is_warning = finding.name in texts and finding.severity == "warning"
-            if is_warning and size >= _LEAST.get(finding.name, 0.0):
-                yield texts[finding.name].format(log=trace.name, size=size)
+            size = abs(finding.values.get("value") or 0.0)
+            is_warning = finding.code in texts and finding.severity == "warning"
+            if is_warning and size >= _LEAST.get(finding.code, 0.0):
+                yield texts[finding.code].format(log=trace.name, size=size)
 
 
 def _turned_gas(
@@ -787,7 +787,11 @@ def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
 
 def _tested(trace: Trace) -> NDArray[np.bool_]:
     """Return the compared samples whose speed is beyond its noise, which turns friction there."""
-    noises = (finding.value for finding in trace.findings if finding.name == "displacement_noise")
+    noises = (
+        finding.values["value"]
+        for finding in trace.findings
+        if finding.code == "displacement_noise"
+    )
     displacement = 1e-6 * (next(noises, None) or 0.0)
     corner = min(trace.drive.corner, 0.5 / trace.interval)
     passed = math.sqrt(2.0 * corner * trace.interval) * 2.0 * math.pi * corner / math.sqrt(3.0)

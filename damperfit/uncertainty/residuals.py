@@ -513,9 +513,9 @@ def diagnose(
         hints, pulls = seek_flaws(linearised, repeats, doubted=doubted, has_yielded=is_missed)
     findings = [finding for log in fit.logs for finding in log.trace.findings]
     skews = [
-        0.0 if finding.is_correction else 1e3 * finding.value
+        0.0 if finding.values.get("is_correction") else 1e3 * finding.values["value"]
         for finding in findings
-        if finding.name == "skew" and finding.value is not None
+        if finding.code == "skew" and finding.values.get("value") is not None
     ]
 
     def is_contradicted(hint: Hint) -> bool:
@@ -654,7 +654,7 @@ def _warned(linearised: Linearisation, diagnosis: Diagnosis) -> str:
         "direction": not is_known or any(h.family == "position" for h in diagnosis.hints),
     }
     warnings = [
-        (finding.name, log.trace.name)
+        (finding.code, log.trace.name)
         for log in linearised.fit.logs
         for finding in log.trace.findings
         if finding.severity == "warning"

@@ -51,9 +51,11 @@ def show_level(name, damper, parameters, amplitude, duration) -> None:
         except ConditioningError:
             taken.append("asked")
             continue
-        changed = [one.name.split("_")[0] for one in trace.findings if one.is_correction]
+        changed = [
+            one.code.split("_")[0] for one in trace.findings if one.values.get("is_correction")
+        ]
         expected = [c for c, s in zip(("displacement", "force"), signs, strict=True) if s < 0.0]
-        is_doubted = any(one.name == "direction" for one in trace.findings)
+        is_doubted = any(one.code == "direction" for one in trace.findings)
         is_right = changed == expected
         taken.append("right" if is_right else "doubted" if is_doubted else f"WRONG ({mirror})")
     print(

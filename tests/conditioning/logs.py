@@ -121,7 +121,7 @@ def found(log_or_trace, options=None):
     """The last finding of each name."""
     is_trace = hasattr(log_or_trace, "findings") and hasattr(log_or_trace, "segments")
     trace = log_or_trace if is_trace else condition(log_or_trace, options or ConditionOptions())
-    return {one.name: one for one in trace.findings}
+    return {one.code: one for one in trace.findings}
 
 
 def warned(log, options=None):

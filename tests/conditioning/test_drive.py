@@ -67,7 +67,7 @@ def test_samples_at_which_a_sine_turns_are_bridged(rate, phase, is_bridged):
     at = np.array(trace.model_filter.bridged)
     speeds = np.abs(trace.velocity)
     assert np.max(speeds[at]) < 6e-4 < np.min(np.delete(speeds, at))
-    assert found(trace)["drive"].value == len(at)
+    assert found(trace)["drive"].values["value"] == len(at)
 
 
 # A dwell drives the model at no speed; the crest of a slow sine is none.

@@ -184,7 +184,7 @@ def test_a_cycle_at_the_end_ends_where_another_speed_begins():
 
 def test_steady_cycles_beyond_a_break_are_told():
     few = warned(speeds((1.5, 0.03, 6), (0, 0.0, 0.6), (1.5, 0.03, 2.2)))["unsteady_cycles"]
-    assert few.value == 2.0
+    assert few.values["value"] == 2.0
 
 
 # Run-up, coast-down and changes of speed as what is predicted.

@@ -65,7 +65,7 @@ def mirrored(log, signs, *, centre=0.0417):
 
 def put_right(trace):
     """Channels that were reversed."""
-    names = (one.name for one in trace.findings if one.is_correction)
+    names = (one.code for one in trace.findings if one.values.get("is_correction"))
     return [name.removesuffix("_polarity") for name in names]
 
 
@@ -96,7 +96,7 @@ def test_a_certain_sign_is_not_overruled_by_what_was_declared() -> None:
     assert not put_right(trace)
     doubt = found(trace)["direction_contradicted"]  # which withholds the grade
     assert doubt.severity == "warning"
-    assert "declared signs are kept" in doubt.sentence
+    assert "declared signs are kept" in str(doubt)
 
 
 def test_one_declared_sign_and_the_energy_tell_the_other_even_without_gas() -> None:
@@ -118,10 +118,10 @@ def test_a_tare_is_told_with_what_to_do(setting) -> None:
     log = log_of(setting, tare=130.4232)
     told = found(log, PURDY)
     tare = told["tare"]
-    assert (tare.severity, tare.unit) == ("warning", "N")
-    assert tare.value == pytest.approx(GAS, abs=12.0)
-    assert "--free r_m1,r_m2,k_e,f_0" in tare.sentence
-    assert "--fix f_0=130N" in tare.sentence
+    assert (tare.severity, tare.values["unit"]) == ("warning", "N")
+    assert tare.values["value"] == pytest.approx(GAS, abs=12.0)
+    assert "--free r_m1,r_m2,k_e,f_0" in str(tare)
+    assert "--fix f_0=130N" in str(tare)
     assert told["direction"].severity == "warning"  # no gas to tell by, and it says so
     known = PURDY.but(offset=replace(OFFSET, is_known=True))
     assert found(log, known)["tare"].severity == "note"
@@ -129,7 +129,7 @@ def test_a_tare_is_told_with_what_to_do(setting) -> None:
     trace = condition(log_of(setting, tare=2.0 * GAS), PURDY)
     assert not put_right(trace)
     assert found(trace)["direction"].severity == "warning"
-    assert found(trace)["tare"].value == pytest.approx(2.0 * GAS, abs=15.0)
+    assert found(trace)["tare"].values["value"] == pytest.approx(2.0 * GAS, abs=15.0)
 
 
 @pytest.mark.parametrize("level", [GAS, 100.0, -GAS])
@@ -171,7 +171,7 @@ def test_strange_forces_are_told_or_refused_and_nothing_else(force, scale) -> No
         values = [0.0]
         with suppress(ConditioningError):  # one line of ours; any other exception fails
             trace = condition(log, PURDY.but(skew=skew))
-            values = [one.value or 0.0 for one in trace.findings]
+            values = [one.values.get("value") or 0.0 for one in trace.findings]
         assert np.isfinite(values).all()
 
 

@@ -35,6 +35,6 @@ def test_exact_stamps_are_taken_as_they_are():
 def test_rows_lost_at_the_resolution_of_the_stamps_are_noticed(lost):
     t = np.delete(np.arange(3000), lost) / 1000.0
     log = make_uniform(logged(t, np.round(t, 3)))
-    assert f"{len(lost)} missing" in log.findings[0].sentence
+    assert f"{len(lost)} missing" in str(log.findings[0])
     assert log.interval == pytest.approx(1e-3, rel=1e-9)
     assert error(log) < 1e-8  # the spline over two lost samples

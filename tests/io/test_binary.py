@@ -274,7 +274,7 @@ def test_the_end_of_tdms(put) -> None:
     few = refusal(put(data[:-16], "a_s1.tdms"), max_bytes=len(data) - 1)  # and not put back
     assert "16 bytes are missing" in few
     cut = read_log(put(data[:-16], "b.tdms"), ReadOptions(allow_truncated=True))
-    assert [(one.name, one.severity) for one in cut.findings] == [("truncated", "warning")]
+    assert [(one.code, one.severity) for one in cut.findings] == [("truncated", "warning")]
     assert 0 < len(cut.force) < len(whole.force)
 
 
@@ -459,7 +459,7 @@ def test_a_flipped_bit_changes_its_own_value_at_most(tmp_path, name, stride) -> 
         if len(found) != 1:  # more: a time that jumps begins another test, and is told
             n_refused += not found
             continue
-        if any(one.name == "own_rows" for one in found[0].findings):
+        if any(one.code == "own_rows" for one in found[0].findings):
             continue  # a start or a rate of one channel, which is told
         places = changed(whole, found[0])
         assert len(places) <= (name != "Parquet"), (bit, places)

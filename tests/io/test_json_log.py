@@ -112,8 +112,8 @@ def test_a_bad_value_is_refused_with_its_row_or_dropped(put) -> None:
     found = read_log(path, ReadOptions(bad_rows="drop"))
     np.testing.assert_array_equal(found.time, [0.0, 0.1, 0.2, 0.4])
     (finding,) = found.findings
-    assert finding.name == "rows_dropped"
-    assert finding.sentence.startswith("1 row that cannot be read dropped; setting_3.json, row 4")
+    assert finding.code == "rows_dropped"
+    assert str(finding).startswith("1 row that cannot be read dropped; setting_3.json, row 4")
 
 
 REFUSED = {

@@ -155,11 +155,11 @@ def test_a_block_that_is_damaged(put) -> None:
         read_logs(path)
     parts = read_logs(path, ReadOptions(bad_rows="drop"))
     assert [len(part.time) for part in parts] == [31, 224]
-    assert [one.name for part in parts for one in part.findings] == ["rows_dropped"]
+    assert [one.code for part in parts for one in part.findings] == ["rows_dropped"]
     last = text.rindex("Data Acquisition")
     in_rows = read_log(put(text[: last + 300]))
     assert 224 < len(in_rows.time) < 256
-    assert [one.name for one in in_rows.findings] == ["cut_row"]
+    assert [one.code for one in in_rows.findings] == ["cut_row"]
     in_names = read_log(put(text[: last + 100]))
     assert len(in_names.time) == 224
     assert any(note.startswith("left out: the block in line ") for note in in_names.notes)
@@ -442,7 +442,7 @@ def test_what_is_read(tmp_path, log, rows, finding) -> None:
     path = tmp_path / ("log.lvm" if log.startswith("LabVIEW") else "log.csv")
     path.write_text(log, encoding="utf-8")
     recording = read_log(path)
-    assert [one.name for one in recording.findings] == ([finding] if finding else [])
+    assert [one.code for one in recording.findings] == ([finding] if finding else [])
     if rows is None:
         assert finding != "values_held" or np.allclose(np.diff(recording.time), 1e-3)
         return
@@ -491,7 +491,7 @@ def test_a_jump_over_a_gap_is_no_counter(put) -> None:
     force = np.where(np.arange(N) < 300, np.arange(N), np.arange(N) - 4_095.0)
     late = TIME + 0.3 * (np.arange(N) >= 300)
     assert read_log(put(rows_of(late, X, force), "log.csv")).findings == ()
-    assert read_log(put(rows_of(TIME, X, force), "log.csv")).findings[0].name == "rolled_over"
+    assert read_log(put(rows_of(TIME, X, force), "log.csv")).findings[0].code == "rolled_over"
 
 
 def test_channels_of_mdf_groups_with_rasters_of_their_own_are_read_together(tmp_path) -> None:
@@ -500,7 +500,7 @@ def test_channels_of_mdf_groups_with_rasters_of_their_own_are_read_together(tmp_
     path = tmp_path / "log.mf4"
     path.write_bytes(mdf_writer.written(*rasters))
     recording = read_log(path)
-    assert [one.name for one in recording.findings] == ["own_rows"]
+    assert [one.code for one in recording.findings] == ["own_rows"]
     np.testing.assert_allclose(recording.time, TIME[: N - 1])
     np.testing.assert_allclose(recording.force, F[: N - 1])
     np.testing.assert_allclose(1e3 * recording.displacement, X[: N - 1], atol=0.01)

@@ -14,7 +14,6 @@ from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome, Status
 from damperfit.problem import Failure, Problem, warning
-from damperfit.recording import Finding
 from damperfit.reporting.records import gaps_in
 from damperfit.run.identify import identified
 from damperfit.run.logs import Ending, Log, LogBatch
@@ -38,7 +37,7 @@ from tests.fakes import campaign, fit
 
 PLAIN = load_configuration()
 EMPTY = LogBatch()
-TARE = Finding("tare", "warning", "the force has an offset of 120 N")
+TARE = warning("tare", "the force has an offset of 120 N")
 FAILED = Failure(Problem("log", "broken", subject="a.csv"), "LogError", "a.csv", "a.csv", 1)
 LEFT_OUT = Failure(Problem("strict", "clipped"), "QualityError", "b.csv", "b.csv", 2)
 SETTING = Failure(Problem("simulation", "rigid"), "SimulationError", setting=3)

@@ -14,8 +14,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quantity import Quantity
 from damperfit.identification import Status, identify
-from damperfit.problem import warning
-from damperfit.recording import Finding
+from damperfit.problem import Problem, warning
 from damperfit.simulation import simulate, sine_motion
 from damperfit.uncertainty import Assessment, Diagnosis, Uncertainty, assess, grades, objections
 from damperfit.uncertainty.covariance import Interval
@@ -123,7 +122,7 @@ def test_what_repeats_many_times_the_noise(bar, hints, size, times, *, is_withhe
 @pytest.mark.parametrize("channel", ["force", "displacement"])
 @pytest.mark.parametrize(("share", "is_withheld"), [(4.1, True), (3.9, False)])
 def test_a_log_of_which_much_is_clipped(channel, share, *, is_withheld) -> None:
-    cut = Finding(f"{channel}_clipping", "warning", "is clipped", share, "%")
+    cut = warning(f"{channel}_clipping", "is clipped", value=share, unit="%")
     found = reasons(logged(having(), name="cut.csv", findings=(cut,)), told(misses=False))
     assert [one.kind for one in found] == ["log"] * is_withheld
     assert all(f"the {channel} of cut.csv is clipped at 4.1 %" in one.sentence for one in found)
@@ -131,7 +130,7 @@ def test_a_log_of_which_much_is_clipped(channel, share, *, is_withheld) -> None:
 
 @pytest.mark.parametrize(("source", "withheld"), [(1, {1, 2}), (2, {1})])
 def test_a_drifting_zero_spoils_what_its_setting_gives_to_others(source, withheld) -> None:
-    drift = Finding("force_drift", "warning", "drifts", 1.5, "%")
+    drift = warning("force_drift", "drifts", value=1.5, unit="%")
     fits = logged(fakes.fit(1), findings=(drift,)), fakes.fit(2)
     shared = replace(fakes.campaign().sharing, taken={"r_m3": fits[source - 1].setting})
     found = objections(campaign(*fits, sharing=shared), Assessment(), None)
@@ -169,12 +168,12 @@ def test_no_number_that_a_fault_puts_off_has_a_grade(name) -> None:
 @pytest.mark.parametrize("severity", ["warning", "note"])
 def test_a_log_whose_warning_is_of_spoilt_numbers(severity) -> None:
     is_warned = severity == "warning"
-    drifting = Finding("force_drift", severity, "the mean force drifts", 2.0, "%")
+    drifting = Problem("force_drift", "it drifts", severity, values={"value": 2.0})
     held = logged(having(status={"f_0": Status.FIXED}), findings=(drifting,))
     assert kinds(held, told(misses=False)) == ["log"] * is_warned
     free = replace(held, status={**held.status, "f_0": Status.FITTED})
     assert kinds(free, told(misses=False)) == []
-    filtered = logged(having(), findings=(Finding("rig_filter", severity, "both are filtered"),))
+    filtered = logged(having(), findings=(Problem("rig_filter", "both are filtered", severity),))
     for noise, is_missed in ((0.05 / 31.1, True), (0.05 / 30.9, False)):
         found = kinds(filtered, told(0.05, noise))
         assert ("log" in found) == (is_warned and is_missed)

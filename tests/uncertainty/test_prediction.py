@@ -10,7 +10,7 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import identify
-from damperfit.recording import Finding
+from damperfit.problem import note
 from damperfit.uncertainty import (
     Assessment,
     Prediction,
@@ -175,7 +175,7 @@ def test_friction_is_of_chance_within_three_deviations_of_the_velocity(times, is
     trace = SimpleNamespace(
         compared=slice(None), interval=1.0 / 300.0,
         drive=SimpleNamespace(velocity=velocity, corner=30.0),
-        findings=(Finding("displacement_noise", "note", "", 10.0, "um"),),
+        findings=(note("displacement_noise", "", value=10.0, unit="um"),),
     )  # fmt: skip
     assert _tested(trace).tolist() == [is_tested, True, True, is_tested]
     assert _tested(SimpleNamespace(**vars(trace) | {"findings": ()})).all()
