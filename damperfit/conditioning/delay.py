@@ -21,6 +21,7 @@ two: a stiff mounting goes through the friction within a millisecond or two. An 
 is never that.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -53,8 +54,9 @@ _COLUMNS = (4, 6)  # of the smooth part: without a kink, and with one
 _MADE_UP = 1e-9  # of a step's power, left over where rounding is all that is left
 _FEWEST = 40  # samples beside the ends of rebound, and of bump
 # Way left within half of the reach, of that within the reach: of a sine 0.25, of a crank that takes
-# 10 ms to pass its play 0.2, of a dwell 0.
-_STANDS = 0.2
+# 10 ms to pass its play 0.2, of a dwell 0. That within the reach, of a sine's: of triangles with
+# corners of 12 ms 1.8 at 5 Hz, and more at less.
+_STANDS, _TURNS = 0.2, 1.5
 
 
 def find_delay(
@@ -123,11 +125,12 @@ def estimate_delay(  # noqa: PLR0911 - one return a reason
     From the log as it was recorded, not filtered by us; how samples and cycles fall is in the
     error.
     """
-    ends = _ends(trace)
+    ends, error = _ends(trace)
     beside = [_beside(log, end) for end in ends]
     if min(len(lag) for lag, _ in beside) < _FEWEST:
         return "too few samples beside the ends of the stroke"
-    if _rests_at(log, np.concatenate(ends)):
+    way, half = _ways_left(log, ends)
+    if half < _STANDS * way:
         return "the displacement rests at the ends of the stroke"
     delays = np.arange(-_FARTHEST, _FARTHEST + 0.5 * _STEP, _STEP)
     smooth = [_without_smooth(*side, kink=None) for side in beside]
@@ -168,14 +171,17 @@ def estimate_delay(  # noqa: PLR0911 - one return a reason
     below, above = lags[lags <= low], lags[lags >= high]
     low = float(below[-1]) if len(below) else low
     high = float(above[0]) if len(above) else high
-    # What the smooth part may lean where few samples hold it.
-    lean = max(_SYSTEMATIC, 0.1 * log.interval)
-    return middle, max(high - middle, middle - low) + lean + 0.5 * width
+    # What the smooth part may lean where few samples hold it, or where the oil's force reverses
+    # as sharply as the friction.
+    of_sine = trace.amplitude * (1.0 - math.cos(2.0 * math.pi * trace.frequency * _REACH))
+    lean = _SHARP if way > _TURNS * of_sine else max(_SYSTEMATIC, 0.1 * log.interval)
+    wide = math.hypot(max(high - middle, middle - low), 3.0 * error)
+    return middle, wide + lean + 0.5 * width
 
 
-def _ends(trace: Trace) -> list[FloatArray]:
-    """Return when rebound ends and when bump ends, s; on a straight line over the cycles."""
-    segment, ends = trace.fastest, []
+def _ends(trace: Trace) -> tuple[list[FloatArray], float]:
+    """Return when rebound ends and when bump ends, s, on a line over the cycles; and its error."""
+    segment, ends, variance = trace.fastest, [], 0.0
     before, part, is_out = reversals(trace.velocity)
     inside = (before >= segment.first) & (before < segment.stop - 1)
     times = trace.start_time + (before + part)[inside] * trace.interval
@@ -184,23 +190,23 @@ def _ends(trace: Trace) -> list[FloatArray]:
         if len(at) >= 3 and segment.n_cycles:
             cycle = np.rint((at - at[0]) * trace.frequency)
             off = cycle - mean_of(cycle)
-            if np.ptp(cycle) > 0.0:  # a dwell crosses the end of one cycle several times
-                slope = float(off @ (at - at[0])) / float(off @ off)
-                at = np.asarray(mean_of(at) + slope * off)
+            slope = float(off @ (at - at[0])) / max(float(off @ off), 0.5)  # 0: ends of one cycle
+            line = np.asarray(mean_of(at) + slope * off)
+            variance += 0.25 * float(np.var(at - line)) / len(at)
+            at = line
         ends.append(at)
-    return ends
+    return ends, math.sqrt(variance)
 
 
-def _rests_at(log: UniformLog, ends: FloatArray) -> bool:
-    """Whether a motion rests at its ends: a dwell, or a crank that goes through its play."""
-    # Friction turns anywhere in such a rest. As logged: a filter rounds a short rest off.
-    far = int(_REACH / log.interval)
-    at = np.rint((ends - log.start_time) / log.interval).astype(np.int64)
-    at = at[(at >= far) & (at + far < len(log.displacement))]
-    x = log.displacement
-    half, whole = (mean_of(np.abs(x[at] - 0.5 * (x[at - n] + x[at + n]))) for n in (far // 2, far))
-    # Of five samples half are two: a sine has 0.16 of it there, where it has 0.25 of four.
-    return half < _STANDS * (2 * (far // 2) / far) ** 2 * whole
+def _ways_left(log: UniformLog, ends: Sequence[FloatArray]) -> FloatArray:
+    """Return the ways left within the reach of an end, and within half of it, m."""
+    # Friction turns anywhere in a rest. As logged: a filter rounds a short rest off.
+    far, x, ways = 2 * int(0.5 * _REACH / log.interval), log.displacement, np.zeros(2)
+    for side in ends:
+        at = np.rint((side - log.start_time) / log.interval).astype(np.int64)
+        at = at[(at >= far) & (at + far < len(x))]
+        ways += [0.5 * abs(mean_of(x[at] - 0.5 * (x[at - n] + x[at + n]))) for n in (far, far // 2)]
+    return ways
 
 
 def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,7 +11,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate, sine_motion
-from tests.conditioning.logs import found
+from tests.conditioning.logs import changed, found, moving, sine
 from tests.identification.rig import recorded
 
 FIT = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
@@ -70,6 +70,27 @@ def test_a_sample_right_on_the_jump_is_no_rounding(setting, delay) -> None:
     finding = skew_of(log)
     assert finding.values["value"] == pytest.approx(delay, abs=1e-4)
     assert finding.severity == ("warning" if delay else "note")
+
+
+@pytest.mark.parametrize(("noise", "frequency", "seed"), [(2e-5, 0.5, 1), (1e-5, 0.2, 9)])
+def test_noise_of_the_ends_of_the_stroke_is_in_the_uncertainty(noise, frequency, seed) -> None:
+    random = np.random.default_rng(seed)
+    log = moving(sine(frequency, 0.02, 8))
+    for channel, size in (("displacement", noise), ("force", 2.0)):
+        log = changed(log, channel, lambda y, s=size: y + s * random.standard_normal(len(y)))
+    assert skew_of(log).severity == "note"
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.003])
+def test_oil_that_reverses_with_a_triangle_is_not_late(delay) -> None:
+    n, rate, random = 2133, 1000.0, np.random.default_rng(0)
+    x = 0.04 / np.pi * np.arcsin(np.sin(2.0 * np.pi * 3.75 * np.arange(n) / rate))
+    motion = Motion(1.0 / rate, x, np.gradient(x, 1.0 / rate))
+    force = np.roll(
+        simulate(reference_parameters(10), PURDY_DAMPER, motion).force, round(1e3 * delay)
+    )
+    log = recorded(x, force, rate, setting=10, noises=(3e-6, 2.0), seed=random)
+    assert skew_of(log).severity == ("warning" if delay else "note")
 
 
 def _soft_seals(log, sliding):
