@@ -1097,6 +1097,12 @@ def trends() -> Any:
             for e in (1e-3, 1e-2)
             for s in swings
         ],
+        "pair": [
+            trend_of(
+                1e4 * np.exp(s * (CLICKS + (CLICKS == 9) - (CLICKS == 10))), CLICKS, error=3e-4
+            )
+            for s in swings[:4]
+        ],
         "falls": [trend_of(1e8 / np.roll(rising, k), ten, error=3e-4) for k in (0, 1)],
         "turns": [trend_of(1e4 * np.exp(s * (clicks - 8) ** 2), ten) for s in (3e-3, -3e-3)],
         "unknown": [trend_of(how["constant"][:8], ten[:8], error=s, name="k_e") for s in swings],
