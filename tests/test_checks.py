@@ -209,6 +209,9 @@ JUMPS = {1: (Objection("friction", "f_f", "f_f jumps"),)}
 LATE = lagging(fit(1), 0.005), lagging(fit(2), 0.03)
 HOT_AND_UNKNOWN = subject(with_trace(1, temperature=None), with_trace(2, temperature=30.0))
 WHOLE = subject(fit(1), fit(2))
+ERRATIC = trend(
+    parameter="r_m2", is_erratic=True, outliers_judged=False, sentence="R_m2 is erratic"
+)
 ANY_TEMPERATURE = replace(subject(with_trace(1, temperature=None)), temperature_tolerance=math.inf)
 
 
@@ -222,6 +225,9 @@ ANY_TEMPERATURE = replace(subject(with_trace(1, temperature=None)), temperature_
         ("every_click_counts", subject(clicks=[click(0.5), click(-50.0, stroke="bump")]), True, ""),
         ("every_click_counts", subject(clicks=[click(), click(low=math.nan)]), None, "not known"),
         ("every_click_counts", subject(clicks=[click(second=4)]), True, "every step from"),
+        ("no_cavitation", subject(fit(1)), True, "R_m3 may rise by 18 % at setting 1"),
+        ("no_outlier_setting", subject(trends=[trend(is_erratic=True)]), True, ""),
+        ("no_outlier_setting", subject(trends=[trend(), ERRATIC]), None, "R_m2 is erratic"),
         ("mse_below_1_percent", subject(fit(1), fit(2, mse=0.99)), True, "0.99 % at setting 2"),
         ("mse_below_1_percent", subject(fit(1), fit(2, mse=1.0)), False, "1 % at setting 2"),
         ("noise_floor_explained", structured(0.49), False, ""),

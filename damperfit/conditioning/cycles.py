@@ -442,7 +442,7 @@ def _like_halves(seen: Turns, first: int, stop: int, *, near: float) -> slice:
             usual[k::2] = median(values[k::2])
         return usual
 
-    while stop - first > 1:
+    while first < stop:
         halves = np.diff(seen.passages[first : stop + 2])
         tops = seen.at_turns[first + 1 : stop + 2]
         usual = by_direction(halves)

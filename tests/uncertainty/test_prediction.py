@@ -101,6 +101,8 @@ def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> Non
     ):
         assert one.is_same_motion is is_same
         assert one.verdict.endswith(ends)
+    hidden = replace(told(1.0, 1.0), tested_share=0.25)
+    assert "no test: 75 % of the force's variance" in hidden.verdict
     drifts = replace(told(1.0, 1.0), mse_percent=100.0)
     assert prediction_warnings([drifts])[0].code == "drifted"
     assert prediction_warnings([replace(drifts, is_same_motion=False)])[0].code == "not-predicted"
