@@ -63,10 +63,10 @@ def _tell(
     notes: Iterable[object] = (),
     warnings: Iterable[object] = (),
 ) -> None:
-    """Report what was done, with notes and warnings, unless quiet was asked for."""
+    """Report what was done, notes and warnings, but if quiet; a problem says which it is."""
     for before, lines in (("damperfit", done), ("note", notes), ("warning", warnings)):
         for line in () if how.quiet else lines:
-            say(f"{before}: {line}")
+            say(f"{getattr(line, 'severity', before)}: {line}")
 
 
 def _show(

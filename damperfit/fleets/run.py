@@ -143,7 +143,7 @@ def tasks_by_damper(
         for log, (own, setting) in zip(logs, pool.map(whose, logs), strict=True):
             owner = own.owner or configuration.test.identity.owner or _in_unicode(log.folder)
             owners[owner][day := own.date[:10]].append(log)
-            tests_on[owner, day].add((_undated(log.file, day), setting))
+            tests_on[owner, day].add((_undated(log.file, day, has_setting=bool(setting)), setting))
     tasks = []
     for owner in sorted(owners, key=natural_order):
         names = [tests_on[owner, day] for day in owners[owner]]
@@ -163,8 +163,11 @@ def _in_unicode(name: str) -> str:
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
-def _undated(name: str, day: str) -> str:
-    """Return a file's name without the date of its test, YYYY-MM-DD, and the time behind that."""
+def _undated(name: str, day: str, *, has_setting: bool) -> str:
+    """Return a file's name without the date of its test, YYYY-MM-DD, and the time behind that.
+
+    Two numbers apart, as in 12-08, are a time only where the log says its setting elsewhere.
+    """
     if not (parts := re.fullmatch(r"(\d\d(\d\d))-(\d\d)-(\d\d)", day)):
         return name
     year, short, month, number = parts.groups()
@@ -172,7 +175,9 @@ def _undated(name: str, day: str) -> str:
     dates = (
         f"{year}{gap}{month}{gap}{number}|{number}{gap}{month}{gap}{year}|{short}{month}{number}"
     )
-    return re.sub(rf"({dates})([-_T ]?\d\d[-_]?\d\d([-_]?\d\d)?(?!\d))?", "", name)
+    apart = "[-_]?" if has_setting else ""
+    time = rf"[-_T ]?\d\d({apart}\d\d|[-_]?\d\d[-_]?\d\d)(?!\d)"
+    return re.sub(rf"({dates})({time})?", "", name)
 
 
 def _in_preamble(head: bytes) -> tuple[Identity, str]:

@@ -42,6 +42,21 @@ def test_of_a_damper_tested_on_two_dates_the_last_is_shown(tmp_path, texts, out,
     for words in ("report", "settings"):
         assert main([words, str(out / "serial-SN7")]) == 0
         assert "the last is taken, of 2026-03-08" in capsys.readouterr().err
+    assert main(["simulate", "--parameters", str(out / "serial-SN7"), "--setting", "1"]) == 0
+    (told,) = [line for line in capsys.readouterr().err.splitlines() if "2026-03-08" in line]
+    assert told.startswith("note: ")
+
+
+def test_clicks_behind_the_date_in_a_name_are_no_time(tmp_path, texts, out):
+    days, clicks = ("2026-03-01", "2026-03-08"), ("12-08", "10-06")
+    for day, place, (head, rows) in zip(days, clicks, texts.values(), strict=True):
+        kept = [line for line in head.splitlines(keepends=True) if "setting" not in line]
+        log = tmp_path / "SN7" / f"{day}_{place}.csv"
+        log.parent.mkdir(exist_ok=True)
+        log.write_text(f"# date: {day}\n{''.join(kept)}{rows}")
+    pattern = r"setting_pattern=_(?P<setting>\d+)-"
+    assert run(tmp_path, "--rig", pattern, "--out", out) == 0
+    assert len(parts_in(out)) == 1  # each setting was tested once
 
 
 def test_every_damper_gets_a_part_and_all_one_table_and_what_is_new_is_done(three, out, capsys):
