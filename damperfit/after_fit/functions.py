@@ -57,18 +57,12 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     given = dict(locals())
     from damperfit.after_fit import advise as module
 
-    if for_ is None:
-        text = (
-            "expected {--for}, what is to be known better: a quantity such as k_e, force@0.05m/s "
-            "or law"
-        )
-        raise usage(text, "question")
     run = run_of(results, "damperfit.advise", config, takes_parts=False)
     asked = configured("advise", given)
     rig = run.own_configuration.rig if config is None else asked.rig
     given = {key: value for key, value in vars(asked.rig).items() if f"rig.{key}" in asked.declared}
     limits = module.with_limits(rig.but(**given), run)
-    return module.advise(run, module.Question.of(for_, run), limits, _settings(run, setting))
+    return module.advise(run, module.Question.of(for_ or "", run), limits, _settings(run, setting))
 
 
 @public

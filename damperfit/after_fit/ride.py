@@ -36,7 +36,7 @@ from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.stepping import without_rig
 from damperfit.errors import ConfigurationError, SimulationError, blamed_on
 from damperfit.io import ReadOptions, read_log
-from damperfit.io.files import read_text
+from damperfit.io.files import read_text, why_unread
 from damperfit.problem import Key
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.figures import Line, Panel, Plot, setting_colours
@@ -216,18 +216,17 @@ def read_car(given: Path | Mapping[str, Any]) -> Car:
     subject = given if isinstance(given, Path) else ""
     try:
         table = tomllib.loads(read_text(given)) if isinstance(given, Path) else given
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or f"not a TOML file: {error}"
-        if isinstance(error, FileNotFoundError):
-            why = "no such file; give a TOML file with [car]"
-        raise ConfigurationError(why, subject=subject, code="car") from None
-    try:
         section = table.get("car", table)
         if not isinstance(section, Mapping):
             raise not_a_section("car")
         car = Car(**{name: _read(name, value) for name, value in section.items()})
     except ConfigurationError as error:
         raise error.at(subject=subject) from None
+    except OSError as error:
+        raise ConfigurationError(why_unread(error), subject=subject, code="car") from None
+    except ValueError as error:
+        text = f"not a TOML file: {error}"
+        raise ConfigurationError(text, subject=subject, code="car") from None
     if missing := [name for name, value in vars(car).items() if value == ""]:
         text = f"[car] needs {', '.join(missing)}"
         raise ConfigurationError(text, subject=subject, code="car")
@@ -423,7 +422,7 @@ class _Road:
     def _force(self, values: Values, path: FloatArray, names: Sequence[str] = ()) -> FloatArray:
         """The damper's force at the wheel along a period, and its sensitivities: (1 + k, n).
 
-        Gas force and tare at rest are out.
+        Their means are out: gas, tare, and what would move the body off the middle of the stroke.
         """
         lead, reach, travel = round(_LEAD * _RATE), np.abs(path[0]).max(), self.run.damper.travel
         if reach >= travel:

@@ -207,35 +207,32 @@ def _read(setting: SettingResult, quantity: Quantity) -> tuple[float, float, flo
 
 def _jumps(run: Run, quantity: Quantity, mine: Sequence[Row]) -> Iterator[str]:
     """Say where a click changes a valve far more than the others, or the other way."""
-    by_setting = {row["setting"]: row for row in mine}
-    for line in _lines(run, quantity):
-        yield from _jumps_along(run, quantity, [by_setting[s] for s in line if s in by_setting])
-
-
-def _jumps_along(run: Run, quantity: Quantity, rows: Sequence[Row]) -> Iterator[str]:
     what, si, factor, unit = _kind(quantity)
-    reach = {}  # half of the interval over the value; what C_d may be off is common to all
+    name, change = f"{what}_{si}", f"{what}_change_{si}"
+    rows = {row["setting"]: row for row in mine}
+    errors = {}  # half of the interval; what C_d may be off is common to all
     for setting in run.settings:
         size, low, high = _read(setting, quantity)
-        reach[setting.setting] = 0.5 * (high - low) / size if size > 0.0 and high > low else 0.0
-    name, change = f"{what}_{si}", f"{what}_change_{si}"
-    steps = [(a, b, factor * b[change]) for a, b in pairwise(rows) if b[change] is not None]
-    way = math.copysign(1.0, sum(step for *_, step in steps))
-    for k, (before, after, step) in enumerate(steps if len(steps) >= _FEWEST else ()):
-        error = math.hypot(*(row[name] * reach[row["setting"]] for row in (before, after)))
-        if not abs(after[name] - before[name]) > error:
-            continue
-        usual = median(abs(near) for *_, near in (*steps[max(k - 2, 0) : k], *steps[k + 1 : k + 3]))
-        place = (
-            f"{quantity.symbol}: {step:+.3g} {unit} a click from setting {before['setting']} to "
-        )
-        place += str(after["setting"])
-        if abs(step) > _JUMP * usual:
-            times = f"{abs(step) / usual:.2g} times" if usual else "unlike"
-            why = "a port opens or closes, or a jet is blocked"
-            yield f"{place}, {times} the clicks beside it: {why}"
-        elif step * way < -0.5 * usual:
-            yield f"{place}, against the other clicks: play in the adjuster, or a damaged needle"
+        if setting.setting in rows and size > 0.0 and low < high:
+            errors[setting.setting] = rows[setting.setting][name] * 0.5 * (high - low) / size
+    for line in _lines(run, quantity):
+        along = pairwise(setting for setting in line if setting in rows)
+        steps = [(a, b, factor * rows[b][change]) for a, b in along if rows[b][change] is not None]
+        way = math.copysign(1.0, sum(step for *_, step in steps))
+        for k, (a, b, step) in enumerate(steps if len(steps) >= _FEWEST else ()):
+            error = math.hypot(errors.get(a, 0.0), errors.get(b, 0.0))
+            if not abs(rows[b][name] - rows[a][name]) > error:
+                continue
+            near = *steps[max(k - 2, 0) : k], *steps[k + 1 : k + 3]
+            usual = median(abs(beside) for *_, beside in near)
+            place = f"{quantity.symbol}: {step:+.3g} {unit} a click from setting {a} to {b}"
+            if abs(step) > _JUMP * usual:
+                times = f"{abs(step) / usual:.2g} times" if usual else "unlike"
+                why = "a port opens or closes, or a jet is blocked"
+                yield f"{place}, {times} the clicks beside it: {why}"
+            elif step * way < -0.5 * usual:
+                why = "play in the adjuster, or a damaged needle"
+                yield f"{place}, against the other clicks: {why}"
 
 
 def _worn(quantity: Quantity, run: Run, reference: Run) -> Iterator[str]:
