@@ -122,10 +122,10 @@ def compared(
     elif is_same_motion and any(misfits):
         noise = (r.misses_error for r in (first, second) if math.isfinite(r.misses_error))
         misfit = math.sqrt(max(miss_change**2 - sum(error**2 for error in noise), 0.0))
-    others = [*second.errors(1.0 / units[1]), (misfit, math.inf)]
-    of_both = [*first.errors(1.0 / units[0]), *others]
+    second_errors = [*second.errors(1.0 / units[1]), (misfit, math.inf)]
+    errors = [*first.errors(1.0 / units[0]), *second_errors]
     step = math.log(b / a) if is_log else b - a
-    reach, chance = reach_of(of_both, step)
+    reach, chance = reach_of(errors, step)
     if is_log:
         percent = 100.0 * (b / a - 1.0)
         low, high = (math.exp(min(log, _MOST_LOG)) - 1.0 for log in (step - reach, step + reach))
@@ -137,7 +137,7 @@ def compared(
         if scale:
             # The first number is the denominator too: its error counts 1 + share times.
             percent = 100.0 * step / scale
-            share = reach_of([*first.errors(1.0 + step / scale), *others])[0] / abs(scale)
+            share = reach_of([*first.errors(1.0 + step / scale), *second_errors])[0] / abs(scale)
         if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
             percent = math.nan
         limits = (percent - 100.0 * share, percent + 100.0 * share)
@@ -180,21 +180,21 @@ def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) 
     """Say how many differ, which most, and what chance would do."""
     n_measured = sum(line.is_measured for line in lines) if lines[0].subject.kind == "force" else 0
     if n_measured:
-        part = f" ({n_measured} of {len(lines)} as measured)"
-        words += " as measured" if n_measured == len(lines) else part
+        share = f" ({n_measured} of {len(lines)} as measured)"
+        words += " as measured" if n_measured == len(lines) else share
     clear, n = [line for line in lines if line.verdict != UNDETERMINED], len(lines)
     if not clear:
         return f"{words}: cannot be determined ({lines[0].reason})"
     different = [line for line in clear if line.verdict == DIFFERENT]
     sure = [line for line in different if line.is_sure]
-    beside = f"; {n - len(clear)} cannot be determined" if n > len(clear) else ""
+    unclear = f"; {n - len(clear)} cannot be determined" if n > len(clear) else ""
     if not different:
-        which = f"{len(clear)} of {n}" if beside else f"all {n}"
-        return f"{words}: {which} the same within errors{beside}"
+        which = f"{len(clear)} of {n}" if unclear else f"all {n}"
+        return f"{words}: {which} the same within errors{unclear}"
     if not sure:
         return (
             f"{words}: no significant difference: {len(different)} of {n} lie outside "
-            f"their 95 % interval, where chance alone puts {0.05 * len(clear):.2g}{beside}"
+            f"their 95 % interval, where chance alone puts {0.05 * len(clear):.2g}{unclear}"
         )
     worst = max(
         sure, key=lambda line: abs(line.difference if math.isnan(line.percent) else line.percent)
@@ -202,7 +202,7 @@ def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) 
     how_many = "all" if len(sure) == len(different) else str(len(sure))
     return (
         f"{words}: {len(different)} of {n} differ, {how_many} of them significantly; most "
-        f"{worst.subject.place(units)}: {difference_of(worst, units)}{beside}"
+        f"{worst.subject.place(units)}: {difference_of(worst, units)}{unclear}"
     )
 
 
@@ -232,15 +232,15 @@ def verdict_of(line: Difference, units: ShownUnits = SI, *, says_measured: bool 
         if subject.name.startswith("hysteresis") and a * b > 0.0:
             # Its sign is the way round the loop: -54 N after -57 N is a narrower loop.
             size = units.write(abs(abs(b) - abs(a)), subject.unit, ".2g")
-            how = f"the loop is {size} {'wider' if abs(b) > abs(a) else 'narrower'}"
+            change = f"the loop is {size} {'wider' if abs(b) > abs(a) else 'narrower'}"
         elif math.isnan(line.percent):
             size = units.write(abs(line.difference), subject.unit, ".3g")
-            how = f"{size} {'more' if line.difference > 0.0 else 'less'}"
+            change = f"{size} {'more' if line.difference > 0.0 else 'less'}"
         else:
             words = ("softer", "harder") if subject.kind == "force" else ("less", "more")
             two_digits = f"{float(f'{abs(line.percent):.2g}'):.15g}"  # without a power of ten
-            how = f"{two_digits} % {words[line.percent > 0.0]}"
-        text = f"different{'' if line.is_sure else ', perhaps by chance'}: {how}"
+            change = f"{two_digits} % {words[line.percent > 0.0]}"
+        text = f"different{'' if line.is_sure else ', perhaps by chance'}: {change}"
     is_marked = says_measured and subject.kind == "force" and line.is_measured
     return f"{text} (measured)" if is_marked else text
 
@@ -346,14 +346,14 @@ def compare_runs(
     runs = (first, *repeats, second)
     is_bare = options.is_measured or not all(run.settings for run in runs)
     tested = [settings_of(run, is_bare=is_bare) for run in runs]
-    settings = tuple(setting for setting in tested[0] if all(setting in own for own in tested))
+    settings = tuple(s for s in tested[0] if all(s in of_run for of_run in tested))
     if not settings:
         pairs = list(zip(runs, tested, strict=True))[:3]
         listed = "; ".join(f"{r.shown_as} has {of_settings(s) if s else 'none'}" for r, s in pairs)
         raise ConfigurationError(f"no setting is common to all: {listed}", code="nothing-in-common")
     failures: list[Failure] = []
 
-    def take(setting: Setting, error: Exception) -> None:
+    def add_failure(setting: Setting, error: Exception) -> None:
         failures.append(failure_of(error, f"simulating setting {setting}"))
 
     is_same_motion = True
@@ -361,7 +361,7 @@ def compare_runs(
         tables = measured_readings(runs, settings, speeds=options.speeds)
     else:
         forces = force_readings(
-            runs, settings, speeds=_speeds_reached(runs, options), on_error=take
+            runs, settings, speeds=_speeds_reached(runs, options), on_error=add_failure
         )
         measured = measured_readings(runs, settings, kind="measured")
         parameters = parameter_readings(runs, settings)
@@ -390,11 +390,11 @@ def compare_runs(
     for kind in _KINDS:  # what is asked of the forces and of the parameters are two questions
         group = []
         for topic, reading in other.items():
-            mine = [table[topic] for table in references if topic in table]
-            if topic.kind != kind or len(mine) < len(references):
+            readings = [table[topic] for table in references if topic in table]
+            if topic.kind != kind or len(readings) < len(references):
                 continue
-            line = compared(topic, mine[0], reading, is_same_motion=is_same_motion)
-            group.append(compared(topic, _mean(topic, mine), reading.bare) if repeats else line)
+            line = compared(topic, readings[0], reading, is_same_motion=is_same_motion)
+            group.append(compared(topic, _mean(topic, readings), reading.bare) if repeats else line)
         lines += surely_different(group)
     lines = [
         # What was measured of the same logs is the same, whatever a filter has made of it.
@@ -438,7 +438,7 @@ def _speeds_reached(runs: Sequence[Run], options: ComparisonOptions) -> tuple[fl
 
 def _unshifted(table: Readings, bare: set[Setting], shift: float, error: float) -> Readings:
     """Readings with the zero shift taken off the forces, but off those without their tare."""
-    # A model without an offset took up between none of a zero shift and all.
+    # A model without an offset absorbs between none and all of a zero shift.
     of_model = math.hypot(0.5 * error, shift / math.sqrt(12.0))
     shifted = dict(table)
     for topic, reading in table.items() if shift else ():
@@ -451,10 +451,10 @@ def _unshifted(table: Readings, bare: set[Setting], shift: float, error: float) 
 
 def _has_one_set_of_logs(runs: Sequence[Run], setting: Setting) -> bool:
     """Whether all have the same logs of a setting, byte for byte."""
-    first, *others = (
+    digests, *others = (
         {digest for digest, log in _inputs(run) if log["setting"] == setting.cell} for run in runs
     )
-    return bool(first) and all(own == first for own in others)
+    return bool(digests) and all(other == digests for other in others)
 
 
 def _mean(topic: Topic, readings: Sequence[Reading]) -> Reading:
@@ -506,14 +506,14 @@ def force_readings(
     common = [key for key in order if all(key in table for table in tables)]
     doubted = {key[0] for key in common if any(table[key].disagrees for table in tables)}
     readings: tuple[Readings, ...] = tuple({} for _ in runs)
-    for run, table, mine in zip(runs, tables, readings, strict=True):
+    for run, table, row in zip(runs, tables, readings, strict=True):
         share, repeat_freedom = repeat_scatter(run)
         for key in common:
             force = table[key]
             if key[0] in doubted and all(other[key].measured is not None for other in tables):
                 force = force.as_read
             n_logs = run.row(force.setting).get("n_logs") or 1
-            mine[Topic("force", "force", "force", "N", *key)] = Reading(
+            row[Topic("force", "force", "force", "N", *key)] = Reading(
                 force.force,
                 force.error,
                 freedom_of(run, force.setting),
@@ -561,7 +561,7 @@ def comparable_quantities(runs: Sequence[Run]) -> tuple[Quantity, ...]:
         return ()
     units = [{q.name: q.unit for q in run.quantities} for run in runs[1:]]
     return tuple(
-        q for q in runs[0].quantities if all(known.get(q.name) == q.unit for known in units)
+        q for q in runs[0].quantities if all(by_name.get(q.name) == q.unit for by_name in units)
     )
 
 
@@ -592,11 +592,11 @@ def parameter_readings(runs: Sequence[Run], settings: Sequence[Setting]) -> tupl
                     table[topic] = Reading(math.nan, objection="it has no value")
                     continue
                 is_fixed = row.get(status) == Status.FIXED.value
-                whose = settings if is_shared else (setting,)
+                pooled = settings if is_shared else (setting,)
                 table[topic] = Reading(
                     float(row[name]),
                     0.0 if is_fixed else _number(row.get(f"{name}_se")),
-                    sum(freedom_of(run, s) for s in whose),
+                    sum(freedom_of(run, s) for s in pooled),
                     misfit=float(row.get(f"{name}_misfit_se") or 0.0),
                     scale=math.nan if quantity.is_logarithmic else quantity.size,
                     objection=_OBJECTIONS.get(str(row.get(status)), ""),
@@ -645,8 +645,8 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
         yield note("few-repeats", text)
     with_forces = {line.subject.setting for line in forces}
     at = [setting for setting in comparison.settings if setting in with_forces]
-    if lost := [setting for setting in comparison.settings if forces and setting not in at]:
-        yield note("no-motion", "no motion is common to both: not compared", of_settings(lost))
+    if missing := [setting for setting in comparison.settings if forces and setting not in at]:
+        yield note("no-motion", "no motion is common to both: not compared", of_settings(missing))
     top = min((stage.top_speed for run in runs for stage in run.settings), default=math.inf)
     speeds = {line.subject.speed or 0.0 for line in forces if not line.is_measured}
     if beyond := sorted(speed for speed in speeds if speed > (1.0 + REPEATS) * top):
@@ -670,7 +670,7 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
             )
             yield note("zero-shift", text, run.name)
     for run in runs:
-        yield from (own.of(run.name) for own in _own_notes(run, is_bare=is_bare))
+        yield from (problem.of(run.name) for problem in _own_notes(run, is_bare=is_bare))
     if is_bare or not forces:
         return
     # Why forces of fitted runs are compared as measured.
@@ -678,33 +678,33 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
         for run, table in zip(runs, tables, strict=True):
             if missed := {topic: reading for topic, reading in table.items() if reading.disagrees}:
                 topic, worst = max(missed.items(), key=lambda item: abs(item[1].misses))
-                miss, where = abs(worst.misses), dict.fromkeys(topic.setting for topic in missed)
+                miss, settings = abs(worst.misses), dict.fromkeys(topic.setting for topic in missed)
                 of_it = f" ({miss / abs(worst.scale):.1%} of the damping)" if worst.scale else ""
                 text = (
                     f"its model ({run.damper.name}) misses the measured force at "
-                    f"{of_settings(filter(None, where))}, most {topic.place(units)}: "
+                    f"{of_settings(filter(None, settings))}, most {topic.place(units)}: "
                     f"by {units.write(miss, 'N', '.3g')}{of_it}"
                 )
                 yield note("model-misses", text, run.name)
-        why = "they show how the tests differ and say nothing about the models"
+        reason = "they show how the tests differ and say nothing about the models"
         if not dict(_inputs(runs[0])).keys().isdisjoint(dict(_inputs(runs[-1]))):
-            why = "both are based on the same logs, so this says nothing about the models"
+            reason = "both are based on the same logs, so this says nothing about the models"
         where_measured = of_settings(filter(None, measured))
         text = "at {settings} the measured forces of both are compared: {why}"
-        yield note("as-measured", text, settings=where_measured, why=why)
+        yield note("as-measured", text, settings=where_measured, why=reason)
     # What became of the rigs' force offsets.
     bare = known_tares(runs, at)
     offsets = [[stage.offset for stage in run.settings if stage.setting in bare] for run in runs]
     if any(map(any, offsets)):
         pairs = zip(runs, offsets, strict=True)
-        each = "; ".join(f"{run.name}: {offsets_in_words(mine)}" for run, mine in pairs)
+        listed_offsets = "; ".join(f"{run.name}: {offsets_in_words(tares)}" for run, tares in pairs)
         text = "the rigs' force offsets, their tares, are left out of the forces ({offsets})"
-        yield note("offset", text, offsets=each)
+        yield note("offset", text, offsets=listed_offsets)
     for run in () if any(shift for shift, _ in shifts) else runs:
-        left = [stage for stage in run.settings if stage.setting in {*at} - bare]
-        if (rest := [stage.offset for stage in left if stage.offset]) and _knows_gas(run):
+        stages = [stage for stage in run.settings if stage.setting in {*at} - bare]
+        if (tares := [stage.offset for stage in stages if stage.offset]) and _knows_gas(run):
             text = (
-                f"its force offset ({offsets_in_words(rest)}), the rig's tare, is in its forces, "
+                f"its force offset ({offsets_in_words(tares)}), the rig's tare, is in its forces, "
                 "for not every run has a known one: so much of a difference may be the tare"
             )
             yield note("offset", text, run.name)
@@ -713,8 +713,8 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
 
 
 def _own_notes(run: Run, *, is_bare: bool) -> Iterator[Problem]:
-    as_read = (note("as-read", text) for text in run.record.get("notes", ()))
-    yield from as_read if is_bare else run.notes
+    of_record = (note("as-read", text) for text in run.record.get("notes", ()))
+    yield from of_record if is_bare else run.notes
     share, freedom = repeat_scatter(run)
     if share:
         text = (
@@ -765,25 +765,25 @@ def circumstances(
     runs = (first, second)
     listed = [*_of_logs(first, second)]
 
-    def differs(kind: str, what: str, a: str, b: str, more: str = "") -> None:
-        listed.append(Circumstance(kind, a, b, f"{what}: {a}, then {b}{more}"))
+    def differs(kind: str, name: str, a: str, b: str, consequence: str = "") -> None:
+        listed.append(Circumstance(kind, a, b, f"{name}: {a}, then {b}{consequence}"))
 
     of_one_model = not is_bare and first.damper.name == second.damper.name
-    facts, others = (
+    facts, other_facts = (
         {
-            what: rest
-            for what, *rest in _facts(run, units, is_bare=is_bare, of_one_model=of_one_model)
+            name: fact
+            for name, *fact in _facts(run, units, is_bare=is_bare, of_one_model=of_one_model)
         }
         for run in runs
     )
-    for what, (kind, text, more) in facts.items():
-        if what in others and others[what][1] != text:
-            differs(kind, what, text, others[what][1], more)
+    for name, (kind, text, consequence) in facts.items():
+        if name in other_facts and other_facts[name][1] != text:
+            differs(kind, name, text, other_facts[name][1], consequence)
     tested = [settings_of(run, is_bare=is_bare) for run in runs]
     alone = [[setting for setting in tested[k] if setting not in tested[1 - k]] for k in (0, 1)]
-    for run, own in zip(runs, alone, strict=True):
-        if own:
-            sentence = f"{of_settings(own)} only in {run.name}: not compared"
+    for run, settings in zip(runs, alone, strict=True):
+        if settings:
+            sentence = f"{of_settings(settings)} only in {run.name}: not compared"
             a, b = map(listed_settings, alone)
             listed.append(Circumstance("settings", a, b, sentence))
     common = [setting for setting in tested[0] if setting in tested[1]]
@@ -794,16 +794,17 @@ def circumstances(
     if not all(motions) and not is_bare:
         motions = [[(run.motion.amplitude, run.motion.frequency)] for run in runs]
     if all(motions):
-        middle = [[median(sizes) for sizes in zip(*own, strict=True)] for own in motions]
-        if any(abs(b / a - 1.0) > SAME_MOTION for a, b in zip(*middle, strict=True)):
-            here, there = (
+        medians = [list(map(median, zip(*of_run, strict=True))) for of_run in motions]
+        if any(abs(b / a - 1.0) > SAME_MOTION for a, b in zip(*medians, strict=True)):
+            a, b = (
                 f"{units.write_length(amplitude, '.4g')} at {frequency:.4g} Hz"
-                for amplitude, frequency in middle
+                for amplitude, frequency in medians
             )
-            differs("motion", "motion", here, there, ": what a model misses does not cancel")
-    heat = [[t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs]
-    if all(heat) and abs(fmean(heat[0]) - fmean(heat[1])) > _TEMPERATURES_DIFFER:
-        differs("temperature", "temperature", *(f"{fmean(degrees):.1f} degC" for degrees in heat))
+            differs("motion", "motion", a, b, ": what a model misses does not cancel")
+    logged = [[t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs]
+    means = [fmean(temperatures) for temperatures in logged if temperatures]
+    if len(means) == len(runs) and abs(means[0] - means[1]) > _TEMPERATURES_DIFFER:
+        differs("temperature", "temperature", *(f"{mean:.1f} degC" for mean in means))
     return tuple(sorted(listed, key=lambda fact: _ORDER.index(fact.kind)))
 
 
@@ -818,8 +819,8 @@ def _facts(  # noqa: C901, PLR0912 - one kind after the other
         yield "model", "model", run.damper.name, ": only forces are compared, not parameters"
     if of_one_model:
         damper = run.damper
-        more = ": those with the same name are compared"
-        yield f"quantities of {damper.name}", "model", ", ".join(damper.names), more
+        consequence = ": those with the same name are compared"
+        yield f"quantities of {damper.name}", "model", ", ".join(damper.names), consequence
         for quantity in run.quantities:
             yield f"unit of {quantity.name}", "model", quantity.unit, ": it is not compared"
         for name, (_, _, unit) in damper.ranges.items():
@@ -828,24 +829,24 @@ def _facts(  # noqa: C901, PLR0912 - one kind after the other
                 yield f"damper.{name}", kind, f"{size:.6g} {unit}".strip(), ""
         if math.isfinite(gas := _gas_force(run)):
             force = units.write(gas, "N", ".1f" if units.of("N") == "N" else ".3g")
-            more = ": this difference is part of every difference of force"
-            yield "gas force at mid-stroke", "gas", force, more
+            consequence = ": this difference is part of every difference of force"
+            yield "gas force at mid-stroke", "gas", force, consequence
     document = run.record.get("configuration")
     for (section, key), (kind, words) in _HOW.items():
         keys = document.get(section) if isinstance(document, dict) else None
         value: Any = keys.get(key) if isinstance(keys, dict) else None
         if isinstance(value, dict):
-            value = [f"{name} = {_plain(part)}" for name, part in value.items()]
+            value = [f"{name} = {_plain(entry)}" for name, entry in value.items()]
         if isinstance(value, list):
             value = ", ".join(map(_plain, value)) or "none"
         if value is not None:
             yield words, kind, _plain(value), ""
-    more = "; what the older run lacks is not compared"
-    for name, words, follows in (
-        ("version", "damperfit", ""), ("schema_version", "schema of the results", more),
+    consequence = "; what the older run lacks is not compared"
+    for name, words, suffix in (
+        ("version", "damperfit", ""), ("schema_version", "schema of the results", consequence),
     ):  # fmt: skip
         if (number := run.record.get(name)) is not None:
-            yield words, "version", str(number), follows
+            yield words, "version", str(number), suffix
 
 
 def _plain(value: object) -> str:

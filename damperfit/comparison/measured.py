@@ -60,10 +60,10 @@ class Topic(NamedTuple):
 
     def place(self, units: ShownUnits = SI) -> str:
         """Say of what a line is, as in "setting 3, 0.26 m/s rebound"."""
-        where = "" if self.setting is None else f"setting {self.setting}, "
+        setting = "" if self.setting is None else f"setting {self.setting}, "
         if self.speed is None:
-            return f"{where}{self.label}"
-        return f"{where}{units.write_speed(self.speed)} {STROKE_WORDS[self.stroke]}"
+            return f"{setting}{self.label}"
+        return f"{setting}{units.write_speed(self.speed)} {STROKE_WORDS[self.stroke]}"
 
 
 class Reading(NamedTuple):
@@ -75,14 +75,14 @@ class Reading(NamedTuple):
     value: float
     error: float = math.nan  # standard error of noise; NaN: not known
     freedom: float = math.inf  # degrees of freedom that the error has
-    repeat: float = 0.0  # standard error of what tests of one setting differ by beyond their noise
+    repeat: float = 0.0  # standard error between tests of one setting, beyond their noise
     repeat_freedom: float = math.inf
     misfit: float = 0.0  # error from the model's misfit
     misses: float = math.nan  # measured less modelled, with its sign, at the motion of the test
     misses_error: float = math.nan
     disagrees: bool = False  # the model misses the measured force by more than it may
-    # What per cents are of: the damping of a force, with its sign; half the force's range for a
-    # hysteresis; the usual size of an offset. NaN: of the value.
+    # 100 %: the damping of a force, with its sign; half the force's range for a hysteresis; the
+    # usual size of an offset. NaN: the value.
     scale: float = math.nan
     is_measured: bool = False
     objection: str = ""  # why nothing can be said of it
@@ -239,20 +239,20 @@ _Groups = tuple[tuple[MeasuredTest, ...], ...]  # of each run its tests at one m
 
 def tests_at(run: Run, setting: Setting) -> tuple[MeasuredTest, ...]:
     """Return the tests of a setting, the fastest first."""
-    mine = (test for test in run.tests if test.setting == setting)
-    return tuple(sorted(mine, key=lambda test: -test.peak_speed))
+    tests = (test for test in run.tests if test.setting == setting)
+    return tuple(sorted(tests, key=lambda test: -test.peak_speed))
 
 
 def common_tests(runs: Sequence[Run], setting: Setting) -> list[_Groups]:
     """Return each motion that all runs have, the fastest first: of each run its tests at it."""
-    motions, left = [], tests_at(runs[0], setting)
-    while left:
+    motions, tests = [], tests_at(runs[0], setting)
+    while tests:
         groups = tuple(
-            tuple(test for test in tests_at(run, setting) if test.repeats(left[0])) for run in runs
+            tuple(test for test in tests_at(run, setting) if test.repeats(tests[0])) for run in runs
         )
         if all(groups):
             motions.append(groups)
-        left = tuple(test for test in left if not test.repeats(left[0]))
+        tests = tuple(test for test in tests if not test.repeats(tests[0]))
     return motions
 
 
@@ -282,15 +282,15 @@ def measured_readings(
         by_speed = {speed: _slowest_at(motions, speed) for speed in speeds or named_speeds(top)}
         for k, (group, (scatter, freedom)) in enumerate(zip(fastest, scatters, strict=True)):
             for speed, groups in by_speed.items():
-                mine = groups[k]
-                repeat = scatter / math.sqrt(len(mine)) * _damping(mine, speed)
+                tests = groups[k]
+                repeat = scatter / math.sqrt(len(tests)) * _damping(tests, speed)
                 for stroke in STROKES:
                     topic = Topic(kind, name, "force", "N", setting, speed, stroke)
-                    force = _force(mine, speed, stroke)
+                    force = _force(tests, speed, stroke)
                     forces[k][topic] = force._replace(repeat=repeat, repeat_freedom=freedom)
             half_range = fmean(0.5 * float(np.ptp(test.force)) for test in group)
             for figure, (label, unit) in _FIGURES.items():
-                if all(figure in test.figures for mine in fastest for test in mine):
+                if all(figure in test.figures for tests in fastest for test in tests):
                     pooled = _pooled(group, [test.figures[figure] for test in group])
                     figures[k][Topic("figure", figure, label, unit, setting)] = pooled._replace(
                         repeat=scatter / math.sqrt(len(group)) * abs(pooled.value),
@@ -305,8 +305,8 @@ def _slowest_at(motions: Sequence[_Groups], speed: float) -> _Groups:
     reaching = [
         groups for groups in reversed(motions) if all(t.reaches(speed) for g in groups for t in g)
     ]
-    several = (groups for groups in reaching if all(t.n_cycles != 1 for g in groups for t in g))
-    return next(several, [*reaching, motions[0]][0])
+    repeated = (groups for groups in reaching if all(t.n_cycles != 1 for g in groups for t in g))
+    return next(repeated, [*reaching, motions[0]][0])
 
 
 def _force(group: Sequence[MeasuredTest], speed: float, stroke: str) -> Reading:
@@ -342,8 +342,8 @@ def repeat_scatter(run: Run) -> tuple[float, float]:
     for setting in dict.fromkeys(test.setting for test in run.tests):
         tests = tests_at(run, setting)
         group = [test for test in tests if test.repeats(tests[0])]
-        top, more = min(test.peak_speed for test in group), len(group) - 1
-        if not more:
+        top, extra = min(test.peak_speed for test in group), len(group) - 1
+        if not extra:
             continue
         places = [(share * top, stroke) for share in _AT for stroke in STROKES]
         forces = np.array([[test.force_at(*place) for place in places] for test in group])
@@ -354,10 +354,10 @@ def repeat_scatter(run: Run) -> tuple[float, float]:
             continue
         noise = np.maximum(noise, (_ROUNDING * sizes) ** 2)  # synthetic cycles may be all alike
         variances = np.var(forces[..., 0], axis=0, ddof=1)
-        excess += more * float(np.mean((variances - noise)[usable] / sizes[usable] ** 2))
+        excess += extra * float(np.mean((variances - noise)[usable] / sizes[usable] ** 2))
         # Each point counts alike, whatever its force.
-        scatters += more * float(np.mean((variances / noise)[usable]))
-        freedom += more
+        scatters += extra * float(np.mean((variances / noise)[usable]))
+        freedom += extra
     if not freedom or scatters <= float(chdtri(freedom, _SURE)):
         return 0.0, math.inf
     return math.sqrt(max(excess / freedom, 0.0)), float(freedom)
@@ -388,7 +388,7 @@ def _offset_of(
     first: Run, second: Run, settings: Sequence[Setting], stroke: str
 ) -> tuple[float, float, int]:
     """Return the offset of one stroke with its standard error and degrees of freedom."""
-    rows, steps, errors, used = [], [], [], set()
+    rows, steps, errors, fitted = [], [], [], set()
     for k, setting in enumerate(settings):
         groups = next(iter(common_tests((first, second), setting)), ())
         top = min([_SLOW, *(0.9 * test.peak_speed for group in groups for test in group)])
@@ -401,14 +401,14 @@ def _offset_of(
                 rows.append(row)
                 steps.append(b.value - a.value)
                 errors.append(max(noise, _ROUNDING * abs(a.value), 1e-9))
-                used.add(k)
-    freedom = len(rows) - len(used) - 1
+                fitted.add(k)
+    freedom = len(rows) - len(fitted) - 1
     if freedom < 1:
         return 0.0, math.inf, 0
     weights = 1.0 / np.array(errors)
     weighted, targets = np.array(rows) * weights[:, None], np.array(steps) * weights
     inverse = np.linalg.pinv(weighted)
     values = inverse @ targets
-    left = float(np.sum((targets - weighted @ values) ** 2)) / freedom
-    error = math.sqrt(float(np.sum(inverse[-1] ** 2)) * max(left, 1.0))
+    mean_square = float(np.sum((targets - weighted @ values) ** 2)) / freedom
+    error = math.sqrt(float(np.sum(inverse[-1] ** 2)) * max(mean_square, 1.0))
     return float(values[-1]), error, freedom

@@ -1,4 +1,4 @@
-"""Forces held against bands: around those of the reference, or nominal ones."""
+"""Forces checked against tolerance bands: around those of the reference, or nominal ones."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Tolerance(NamedTuple):
 
 
 class Point(NamedTuple):
-    """A force held against its band, N, positive in rebound."""
+    """A force checked against its band, N, positive in rebound."""
 
     run: str  # whose
     setting: Setting | str
@@ -65,7 +65,7 @@ class Point(NamedTuple):
     low: float = math.nan
     high: float = math.nan
     reach: float = math.nan  # half of the 95 % interval of the force; NaN: not known
-    reason: str = ""  # why it could not be looked at
+    reason: str = ""  # why it was not evaluated
     is_measured: bool = False
     units: ShownUnits = SI  # of its sentences
 
@@ -76,7 +76,7 @@ class Point(NamedTuple):
 
     @property
     def is_met(self) -> bool:
-        """Whether the force is inside; one that could not be looked at is not."""
+        """Whether the force is inside; one that was not evaluated is not."""
         return self.margin >= 0.0
 
     @property
@@ -86,12 +86,12 @@ class Point(NamedTuple):
             return f"not evaluated: {self.reason}"
         near = ", by less than its error" if abs(self.margin) <= self.reach else ""
         mark = " (measured)" if self.is_measured else ""
-        side, where = ("passes", "inside") if self.is_met else ("FAILS", "outside")
-        return f"{side}, {self.units.write(abs(self.margin), 'N', '.3g')} {where}{near}{mark}"
+        result, side = ("passes", "inside") if self.is_met else ("FAILS", "outside")
+        return f"{result}, {self.units.write(abs(self.margin), 'N', '.3g')} {side}{near}{mark}"
 
 
-def _refused(given: str | Path, why: str) -> ConfigurationError:
-    return ConfigurationError(why, where=Option("tolerance", given), code="bad-tolerance")
+def _refused(source: str | Path, message: str) -> ConfigurationError:
+    return ConfigurationError(message, where=Option("tolerance", source), code="bad-tolerance")
 
 
 def parse_tolerance(text: str) -> Tolerance:
@@ -103,18 +103,18 @@ def parse_tolerance(text: str) -> Tolerance:
     Tolerance(source='5%, 10N', share=0.05, newtons=10.0, bands=())
     """
     share = newtons = 0.0
-    for part in text.split(","):
+    for entry in text.split(","):
         try:
-            if per_cent := _PER_CENT.fullmatch(part):
+            if per_cent := _PER_CENT.fullmatch(entry):
                 share = float(per_cent[1]) / 100.0
             else:
-                newtons = parse_quantity(part.strip(), "force")
+                newtons = parse_quantity(entry.strip(), "force")
         except (ConfigurationError, ValueError) as error:
-            why = (
+            message = (
                 "expected per cent, newtons, both as in 5%,10N, or the name of a file with "
                 "nominal forces"
             )
-            raise _refused(text, why) from error
+            raise _refused(text, message) from error
     if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
         raise _refused(text, "expected a tolerance above zero")
     return Tolerance(text, share, newtons)
@@ -141,8 +141,9 @@ def parse_bands(text: str | None) -> Tolerance | None:
     names = {_UNIT.sub("", (name or "").strip().lower()): name for name in reader.fieldnames or ()}
     has_band = {"force", "tolerance"} <= names.keys() or {"low", "high"} <= names.keys()
     if not {"speed", "stroke"} <= names.keys() or not has_band:
-        why = "expected the columns speed, stroke, and force with tolerance, or low and high; found"
-        raise _refused(path, f"{why} {', '.join(reader.fieldnames or ()) or 'nothing'}")
+        columns = "speed, stroke, and force with tolerance, or low and high"
+        headings = ", ".join(reader.fieldnames or ()) or "nothing"
+        raise _refused(path, f"expected the columns {columns}; found {headings}")
     bands = []
     for number, row in enumerate(reader, start=2):
         try:
@@ -175,9 +176,9 @@ def _band(cells: Mapping[str, str]) -> Band:
 
 
 def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, ...]:
-    """Return the forces of a run held against those of the reference.
+    """Return the forces of a run checked against bands around those of the reference.
 
-    A setting of the reference that the run does not have could not be looked at.
+    A setting of the reference that the run does not have is a point without a force.
     """
     name, units = comparison.second.name, comparison.units
     points = []
@@ -187,8 +188,8 @@ def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, .
         reach = tolerance.reach(size)
         place = (name, topic.setting or "", topic.speed or math.nan, topic.stroke)
         band = (line.second.value, first.value - reach, first.value + reach)
-        how = (line.high - line.difference, line.reason, line.is_measured, units)
-        points.append(Point(*(place + band + how)))
+        evidence = (line.high - line.difference, line.reason, line.is_measured, units)
+        points.append(Point(*(place + band + evidence)))
     points += [
         Point(name, setting, reason="not tested", units=units)
         for setting in settings_of(comparison.first, is_bare=comparison.is_without_model)
@@ -198,7 +199,7 @@ def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, .
 
 
 def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tuple[Point, ...]:
-    """Return the forces of a run held against nominal bands."""
+    """Return the forces of a run checked against nominal bands."""
     is_bare = options.is_measured or not run.settings
     settings = settings_of(run, is_bare=is_bare)
     speeds = sorted({band.speed for band in tolerance.bands})
@@ -211,14 +212,13 @@ def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tup
     readings: dict[Any, Reading] = {(t.setting, t.speed, t.stroke): table[t] for t in table}
     points = []
     for band in tolerance.bands:
-        mine: list[Any] = [setting for setting in settings if band.setting in {"", str(setting)}]
-        why = "the test does not reach the speed" if mine else "the setting was not tested"
-        for setting in mine or [band.setting]:
+        tested: list[Any] = [s for s in settings if band.setting in {"", str(s)}]
+        reason = "the test does not reach the speed" if tested else "the setting was not tested"
+        for setting in tested or [band.setting]:
             reading = readings.get((setting, band.speed, band.stroke))
             if reading is None or math.isnan(reading.value):
-                reading = Reading(math.nan, objection=why)
-            place = (run.name, setting, band.speed, band.stroke)
-            held = (reading.value, band.low, band.high)
-            how = (reading.half_interval, reading.objection, reading.is_measured, options.units)
-            points.append(Point(*(place + held + how)))
+                reading = Reading(math.nan, objection=reason)
+            force = (band.speed, band.stroke, reading.value, band.low, band.high)
+            evidence = (reading.half_interval, reading.objection, reading.is_measured)
+            points.append(Point(run.name, setting, *force, *evidence, options.units))
     return tuple(points)
