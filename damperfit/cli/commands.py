@@ -541,7 +541,8 @@ def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
         print_lines([f"$ damperfit inspect {_as_typed(logs)} --config {config}"])
         code = inspect(logs, config=out, quiet=how.quiet)
     if code == 0 and not how.quiet:
-        say(f"next: damperfit identify {_as_typed(logs or ['LOGS'])} --config {config}")
+        step = "settle what is open, then damperfit inspect" if made.open else "damperfit identify"
+        say(f"next: {step} {_as_typed(logs or ['LOGS'])} --config {config}")
     return code
 
 

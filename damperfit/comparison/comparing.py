@@ -350,7 +350,8 @@ def compare_runs(
     if not settings:
         pairs = list(zip(runs, tested, strict=True))[:3]
         listed = "; ".join(f"{r.shown_as} has {of_settings(s) if s else 'none'}" for r, s in pairs)
-        raise ConfigurationError(f"no setting is common to all: {listed}", code="nothing-in-common")
+        text = f"no setting is common to all: {listed}; damperfit settings shows the forces of each"
+        raise ConfigurationError(text, code="nothing-in-common")
     failures: list[Failure] = []
 
     def add_failure(setting: Setting, error: Exception) -> None:
@@ -704,8 +705,8 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
         stages = [stage for stage in run.settings if stage.setting in {*at} - bare]
         if (tares := [stage.offset for stage in stages if stage.offset]) and _knows_gas(run):
             text = (
-                f"its force offset ({offsets_in_words(tares)}), the rig's tare, is in its forces, "
-                "for not every run has a known one: so much of a difference may be the tare"
+                f"its forces include its rig's tare ({offsets_in_words(tares)}), because that "
+                "of another run is not known: so much of a difference may be tare"
             )
             yield note("offset", text, run.name)
     if not comparable_quantities(runs):
@@ -827,10 +828,10 @@ def _facts(  # noqa: C901, PLR0912 - one kind after the other
             if isinstance(size := getattr(damper, name, None), float):
                 kind = "gas" if name.startswith("gas_") else "damper"
                 yield f"damper.{name}", kind, f"{size:.6g} {unit}".strip(), ""
-        if math.isfinite(gas := _gas_force(run)):
-            force = units.write(gas, "N", ".1f" if units.of("N") == "N" else ".3g")
-            consequence = ": this difference is part of every difference of force"
-            yield "gas force at mid-stroke", "gas", force, consequence
+    if not is_bare and math.isfinite(gas := _gas_force(run)):
+        force = units.write(gas, "N", ".1f" if units.of("N") == "N" else ".3g")
+        consequence = ": this difference is part of every difference of force"
+        yield "gas force at mid-stroke", "gas", force, consequence
     document = run.record.get("configuration")
     for (section, key), (kind, words) in _HOW.items():
         keys = document.get(section) if isinstance(document, dict) else None

@@ -77,7 +77,8 @@ def find_delay(
         text = f"it cannot be determined whether the force is late: {seen}; {done}"
         return 0.0, (*declared, (warning if is_auto else note)("skew", text, unit="s"))
     delay, uncertainty = seen
-    late = f"{1e3 * delay:.2f} ms late, within {1e3 * uncertainty:.2f} ms, "
+    side = "early" if delay < 0.0 else "late"
+    late = f"{1e3 * abs(delay):.2f} ms {side}, within {1e3 * uncertainty:.2f} ms, "
     text = f"the force is {late}taking its jump at the ends of the stroke for Coulomb friction"
     if not abs(delay) > max(uncertainty, _LEAST):
         text = f"force and displacement are together: {text}"

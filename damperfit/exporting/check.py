@@ -56,8 +56,8 @@ class SettingCheck:
     def __str__(self) -> str:
         beyond = f"; {self.beyond_percent:.2g} % of the samples are beyond the table"
         return (
-            f"setting {self.setting}: MSE {self.mse_percent:.3g} % against the logs, the model's "
-            f"on the same samples, without the ends, {self.fit_mse_percent:.3g} %"
+            f"setting {self.setting}: MSE {self.mse_percent:.3g} % against the logs; the model's "
+            f"is {self.fit_mse_percent:.3g} % on the same samples (the ends are left out)"
             f"{beyond * bool(self.beyond_percent)}"
         )
 

@@ -110,7 +110,7 @@ def _unrolled(samples: Samples) -> Samples:
 
 def _rolled(what: str, bits: int, n_jumps: int) -> Problem:
     times = "once" if n_jumps == 1 else f"{n_jumps} times"
-    sentence = f"{what} of {bits} bits rolls over {times}; put right"
+    sentence = f"{what} of {bits} bits rolls over {times}: corrected"
     return note("rolled_over", sentence, value=float(n_jumps), is_correction=True)
 
 
@@ -194,9 +194,9 @@ def _unset(samples: Samples, unit: float) -> Samples:
         listed.append(f"by {unit * abs(steps[i]):.4g} s {direction} after {samples.place(i)}")
         time[i + 1 :] -= steps[i] - usual
     words = (
-        f"the clock was set {', '.join(listed)}, where rows and motion run on every "
-        f"{unit * usual:.4g} s; put right; if that is wrong, split the log there, else declare "
-        f"rig.sample_rate = '{1.0 / (unit * usual):.4g}Hz' to say so"
+        f"the clock was set {', '.join(listed)}, while rows and motion run on every "
+        f"{unit * usual:.4g} s: corrected; declare rig.sample_rate = "
+        f"'{1.0 / (unit * usual):.4g}Hz' to confirm it, or split the log there if it paused"
     )
     finding = warning("clock_set", words, value=float(len(jumps)), is_correction=True)
     return _with(samples, finding, time=time)

@@ -284,18 +284,17 @@ def _of_other_structures(search: LawSearch, tests: _Tests) -> Iterator[str]:
     if search.alike:
         model, test = search.chosen.fits[0].model, tests.faster
         names = [model.name, *search.alike]
-        listed = " or ".join(name.replace("_", " ") for name in names)
+        listed = " and ".join(name.replace("_", " ") for name in names)
         if "monotube" in names and isinstance(model, ValveDamper):
             force = float(f"{model.gas_pressure * model.annulus_area:.2g}")
             test = (
-                f"a test with more than {force:.0f} N of damping in compression, by a higher speed "
-                "or less gas pressure: at the gas pressure times the annulus the rod side of a "
-                "monotube is empty"
+                f"a test with more than {force:.0f} N of damping in compression (faster, or with "
+                "less gas), where the rod side of a monotube cavitates"
             )
         yield (
-            f"The layout, {listed}: they fit and predict alike. Pressures and orifices of the "
-            "valves differ with it (intervals of identify hold both), forces hardly. The maker's "
-            f"drawing decides it (damper.model, or a layout for models), or {test}."
+            f"The layout ({listed} fit and predict alike). Pressures and orifices of the valves "
+            "depend on it (their intervals cover both), forces hardly. What decides it: the "
+            f"maker's drawing (declare damper.model), or {test}."
         )
     others: dict[str, list[Exchange]] = defaultdict(list)
     for exchange in search.exchanges:

@@ -99,7 +99,7 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
         )
     configuration = _load(model, given)
     signs = [_signs(recording, configuration.conditioning) for recording in recordings]
-    assumed = f", by the gas of {configuration.whose}: fill in [damper], then inspect"
+    assumed = f" (judged by the gas of {configuration.whose}: fill in [damper], then inspect)"
     assumed *= configuration.is_assumed
     for channel in ("displacement", "force"):
         if signs and all(channel in reversed_ for reversed_, _ in signs):
@@ -108,7 +108,7 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
     if doubt := next((doubt for _, doubt in signs if doubt), ""):
         doubted = doubt.partition("; taken as logged")[0].partition("; declare")[0]
         unknown.append(
-            f"signs: {doubted}{assumed}; decide reverse_displacement and reverse_force in [rig]"
+            f"signs{assumed}: {doubted}; decide reverse_displacement and reverse_force in [rig]"
         )
     identity = common_identity(identity_in(recording.metadata) for recording in recordings)
     facts = {key: getattr(identity, key) for key in IDENTITY_KEYS}

@@ -321,7 +321,7 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
         if status != Status.NOT_IDENTIFIABLE:
             return "no interval: the fit did not converge to a minimum"
         closed = closed or f"these logs cannot distinguish it from none{limit}"
-        return f"{closed}: the law may as well lack this part"
+        return f"{closed}: the model may as well lack this part"
     whose = sharing.whose(name, fit.setting) if name in sharing.estimated_at(fit.setting) else ""
     where = _span(interval.low, interval.high, quantity)
     if profile is not None and profile.is_complete and (profile.is_flat or not interval.misfit):

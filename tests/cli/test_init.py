@@ -96,7 +96,7 @@ def test_units_and_signs_that_the_loops_show_are_written(
     said = capsys.readouterr().err
     for channel, sign in (("displacement", x_sign), ("force", f_sign)):
         assert written.get(f"reverse_{channel}", False) is (sign < 0.0)
-        shown = f"{channel} is positive in compression: the loops show it, by the gas of the paper"
+        shown = f"{channel} is positive in compression: the loops show it (judged by the gas"
         assert (shown in said) is (sign < 0.0)
 
 

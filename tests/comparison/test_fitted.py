@@ -116,7 +116,7 @@ def test_a_tare_is_no_difference_of_forces_and_a_changed_valve_is() -> None:
 def test_a_tare_that_one_run_cannot_tell_stays_in_the_other() -> None:
     done = compared(run("a", 0.0, is_free=False), run("b", 25.0))
     assert [line.difference for line in done.of("force")] == pytest.approx([25.0] * 8)
-    begin = "b: its force offset (25 N), the rig's tare, is in its forces"
+    begin = "b: its forces include its rig's tare (25 N)"
     assert any(str(note).startswith(begin) for note in done.notes)
     held, free = readings(run("a", 130.0, is_free=False), run("b", 25.0))  # a held one is known
     assert held == pytest.approx(free)

@@ -120,6 +120,6 @@ def test_no_friction_has_an_upper_limit() -> None:
     assert again.fits[0].outcome is Outcome.NOT_IDENTIFIABLE
     assert judged.verdicts(again)[4]["f_f"] == (
         "these logs cannot distinguish it from none (only an upper limit: 95 % "
-        f"below {high:.4g} N): the law may as well lack this part"
+        f"below {high:.4g} N): the model may as well lack this part"
     )
     assert "bound" not in {one.kind for one in objections(again, judged).get(Setting.of(4), ())}

@@ -230,7 +230,7 @@ def test_an_opening_that_no_log_reaches_is_above_the_pressure_on_it(opening, spe
     least = re.search(r"it opens above (\S+) Pa, the highest pressure on it in them", said[NAME])
     assert float(least[1]) == pytest.approx(most, rel=0.02)
     if start:
-        assert said[NAME].endswith("1e+08 Pa is used: the law may as well lack this part")
+        assert said[NAME].endswith("1e+08 Pa is used: the model may as well lack this part")
     assert "they do not open the blow-off" in said["rebound_slope"]
     assert said["compression_opening"].startswith("fitted, 95 % from")
 
