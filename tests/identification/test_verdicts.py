@@ -29,7 +29,7 @@ from damperfit.identification.unlike_motions import _differing
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions, simulate
 from tests.conditioning.logs import sine_log, static_force
-from tests.identification.rig import short_trace, short_traces, traces
+from tests.identification.rig import short_trace, short_traces, trace, traces
 
 FREE = ("r_m1", "r_m2", "k_e")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
@@ -225,6 +225,14 @@ def test_where_none_can_be_fitted_each_says_why(logs, monkeypatch, procedure: st
     if procedure == "paper":
         said = "these are used: r_m3 2.597e+06 (identification.fallback_r_m3), f_f 50 (identif"
         assert said in str(campaign.warnings[0])
+
+
+def test_what_no_log_tells_is_the_usual_value_where_that_fits_as_well() -> None:
+    little = trace(10, noise=50.0, amplitude=0.004, rate=150.0, duration=4.0)
+    known = FitOptions("paper", fixed={"f_f": 50.0, "k_e": 8e8})
+    (fit,) = identify([little], PURDY_DAMPER, known).fits
+    assert fit.status["r_m3"] == "not_identifiable"
+    assert fit.parameters.r_m3 == 2.597e6
 
 
 @pytest.fixture
