@@ -157,12 +157,11 @@ def _trend_monotone(subject: Subject) -> _Verdict:
     for trend in evaluated:
         by = "the setting" if trend.adjuster == ADJUSTER else trend.adjuster
         by += f" ({trend.held})" if trend.held else ""
-        symbol = _symbol(subject, trend.parameter)
-        lines[by].append(f"{symbol} {directions[trend.direction or '']}")
+        lines[by].append(f"{trend.symbol} {directions[trend.direction or '']}")
     text = "; with ".join(f"{by} {', '.join(trends)}" for by, trends in lines.items())
     unknown = [trend for trend in trends if trend.monotone is None]
-    notes = [f"; {_symbol(subject, trend.parameter)} is not determined" for trend in unknown]
-    notes += [f"; {_symbol(subject, trend.parameter)} turns by less than 1 %" for trend in turning]
+    notes = [f"; {trend.symbol} is not determined" for trend in unknown]
+    notes += [f"; {trend.symbol} turns by less than 1 %" for trend in turning]
     return True, f"with {text}, within errors and scatter{''.join(notes)}"
 
 
@@ -207,8 +206,7 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     for trend in evaluated:
         for outlier in trend.outliers:
             if abs(outlier.deviation) > _MATTERS:
-                symbol = _symbol(subject, trend.parameter)
-                deviation = f"{symbol} {100.0 * outlier.deviation:+.1f} %"
+                deviation = f"{trend.symbol} {100.0 * outlier.deviation:+.1f} %"
                 off[trend.adjuster, trend.held, outlier.setting].append(deviation)
     if off:
         places = (
@@ -221,12 +219,12 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
         return None, "; ".join(trend.sentence for trend in mixed_up)
     small = [outlier for trend in evaluated for outlier in trend.outliers]
     more = " by more than 1 %" if small else ""
-    symbols = ", ".join(_symbol(subject, trend.parameter) for trend in evaluated)
+    symbols = ", ".join(trend.symbol for trend in evaluated)
     return True, f"no setting is off the trend of {symbols}{more}"
 
 
 def _no_trend(subject: Subject) -> str:
-    why = in_few_words(trend.sentence for trend in subject.adjustment.trends)
+    why = in_few_words(subject.adjustment.trends)
     return "; ".join(why) or "no parameter was fitted setting by setting"
 
 

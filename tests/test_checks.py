@@ -32,7 +32,21 @@ def diagnosis(setting=1, *, mse=0.01, noise=0.0098, is_structured=False):
 
 
 def trend(**more):
-    plain = Trend("r_m1", "log", 1, 0.003, False, "rising", True, (), (), True, (), "R_m1 rises")
+    plain = Trend(
+        "r_m1",
+        "log",
+        1,
+        0.003,
+        False,
+        "rising",
+        True,
+        (),
+        (),
+        True,
+        (),
+        "R_m1 rises",
+        symbol="R_m1",
+    )
     return replace(plain, **more)
 
 

@@ -354,6 +354,8 @@ class Trend:
     sentence: str = ""
     adjuster: str = ADJUSTER  # along which the settings stand
     held: str = ""  # where the other adjusters stand, for people; empty where there are none
+    symbol: str = ""  # of the parameter
+    why: str = ""  # there is no trend; empty where there is one
 
 
 def find_trends(
@@ -389,9 +391,9 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         why = f"{count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
         if not line.numbers:
             why = "the settings are words, along which there is no trend"
-        along = f", along {line.adjuster} with {line.held}" if line.held else ""
-        sentence = f"{quantity.symbol}: {why}{along}"
-        return Trend(quantity.name, sentence=sentence, adjuster=line.adjuster, held=line.held)
+        why += f", along {line.adjuster} with {line.held}" if line.held else ""
+        trend = Trend(quantity.name, adjuster=line.adjuster, held=line.held, why=why)
+        return replace(trend, symbol=quantity.symbol, sentence=f"{quantity.symbol}: {why}")
     families = None
     if quantity.trend_degree is not None:
         degree = quantity.trend_degree if n >= _QUADRATIC_FROM else 1
@@ -449,6 +451,7 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         points=_curve_points(points, curve),
         adjuster=line.adjuster,
         held=line.held,
+        symbol=quantity.symbol,
     )
     return replace(trend, sentence=_sentence(trend, quantity, own, n))
 
@@ -531,17 +534,17 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
     return text
 
 
-def in_few_words(sentences: Iterable[str]) -> tuple[str, ...]:
-    """Return sentences on trends, those that differ in their parameter alone as one.
+def in_few_words(trends: Iterable[Trend]) -> tuple[str, ...]:
+    """Return a sentence a trend, and one for all that are missing for the same reason.
 
-    >>> in_few_words(["R_m1: no trend", "R_m2: no trend", "K_e rises"])
-    ('R_m1, R_m2: no trend', 'K_e rises')
+    >>> lost = [Trend(name, symbol=name, why="no trend") for name in ("a", "b")]
+    >>> in_few_words([*lost, Trend("c", sentence="c rises")])
+    ('a, b: no trend', 'c rises')
     """
-    symbols: dict[str, list[str]] = {}
-    for sentence in sentences:
-        symbol, colon, rest = sentence.partition(": ")
-        is_alike = colon and " " not in symbol
-        symbols.setdefault(rest if is_alike else sentence, []).append(symbol if is_alike else "")
+    alike: dict[str, list[str]] = {}
+    for trend in trends:
+        alike.setdefault(trend.why or trend.sentence, []).append(trend.symbol if trend.why else "")
     return tuple(
-        f"{', '.join(names)}: {rest}" if names[0] else rest for rest, names in symbols.items()
+        f"{', '.join(symbols)}: {words}" if symbols[0] else words
+        for words, symbols in alike.items()
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import re
 import shlex
 import sys
 import time
@@ -54,7 +53,6 @@ if TYPE_CHECKING:
 _ALL_FAILED = 3
 _VERDICTS = {"good": 32, "warnings": 33, "curves": 36, "refused": 31}  # ANSI, of `inspect`
 _EVERY = 10  # structures that are tried between two lines that say so
-_NUMBERS = re.compile(r"settings? [\d, -]+|[-+]?\d[\d.e+-]*")
 
 
 def _tell(
@@ -157,7 +155,7 @@ def _worst(codes: set[int]) -> int:
 
 def _tell_of_run(damper: Identified, how: Shown) -> None:
     from damperfit.problem import listing, short_listing
-    from damperfit.reporting.records import sentences_in
+    from damperfit.reporting.records import problems_in, sentences_in
     from damperfit.reporting.report import withheld
 
     record, configuration = damper.run.record, damper.configuration
@@ -169,10 +167,9 @@ def _tell_of_run(damper: Identified, how: Shown) -> None:
     grades = (f"grade withheld: {sentence}" for sentence in short_listing(withheld(damper.run)))
     warned = (*listing(damper.run.warned), *grades)
     _tell(how, notes=chain(configuration.notes, *corrected), warnings=warned)
-    groups: dict[tuple[str, str], list[str]] = {}  # but for their numbers
-    for sentence in sentences_in(record, "undetermined"):
-        quantity, _, rest = sentence.partition(" at ")  # r_m1 and r_m2 are two
-        groups.setdefault((quantity, _NUMBERS.sub("", rest)), []).append(sentence)
+    groups: dict[tuple[str, str], list[Problem]] = {}
+    for problem in problems_in(record, "undetermined"):
+        groups.setdefault((problem.code, problem.values["quantity"]), []).append(problem)
     for first, *others in groups.values():
         more = f" (and {len(others)} alike at other settings: report.md)" if others else ""
         say(f"note: {first}{more}")

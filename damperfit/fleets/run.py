@@ -48,6 +48,7 @@ from damperfit.io.tests_table import is_tests_table, read_tests
 from damperfit.problem import Failure, Option, Problem
 from damperfit.queries.compared import compared_record
 from damperfit.recording import natural_order
+from damperfit.reporting.records import problems_in
 from damperfit.results import Run
 from damperfit.run.identify import identified
 from damperfit.run.logs import Labels
@@ -332,7 +333,7 @@ def _fitted(
         for result in identified(configuration, living, jobs=1) if living else ():
             owner = result.owner or task.owner
             rows += _part_rows(result.run, owner)
-            gates += [Problem("gate", text) for text in result.run.record["gates_missed"]]
+            gates += problems_in(result.run.record, "gates")
             records.append(compared_record(result.run.record))
             failures += [(owner, failure) for failure in result.failures]
     except (MemoryError, OSError):

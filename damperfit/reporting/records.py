@@ -215,13 +215,14 @@ def failures_in(record: Record) -> tuple[Failure, ...]:
     return tuple(failures)
 
 
-def problems_in(record: Record) -> list[Problem]:
+def problems_in(record: Record, key: str = "problems") -> list[Problem]:
     """Return what to know before believing the numbers; older runs stored plain sentences."""
     problems = []
-    for entry in listed_in(record, "problems"):
+    for entry in listed_in(record, key):
         with suppress(TypeError, KeyError, AttributeError):
             problems.append(Problem.of_record(entry))
-    sentences = [Problem(str(text), str(text), "warning") for text in listed_in(record, "warnings")]
+    texts = listed_in(record, "warnings" if key == "problems" else "")
+    sentences = [Problem(str(text), str(text), "warning") for text in texts]
     return [problem for problem in problems if problem.severity in SEVERITIES] or sentences
 
 

@@ -122,7 +122,7 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield Section("Verdicts", "words", verdicts(run))
     held_out = tables.held_out_sheet(records.entries_in(record, "held_out"))
     yield table("Held out: predicted, not fitted", "words", held_out)
-    trends = in_few_words(trend.sentence for trend in records.trends_in(record) if trend.sentence)
+    trends = in_few_words(trend for trend in records.trends_in(record) if trend.sentence)
     offset = records.sentences_in(record, "force_offset")
     yield Section("Across the settings", "words", [*trends, *offset])
     yield words("Noise and lack of fit", "noise_and_lack_of_fit")

@@ -550,6 +550,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         doubted=doubted_cavitation(assessment.objections),
     )
     by_setting = {fit.setting: fit for fit in fits}
+    undetermined = assessment.undetermined(campaign)
     verdicts = assessment.verdicts(campaign)
     units = {quantity.name: quantity.unit for quantity in campaign.quantities}
     adjusters = Setting.of(campaign.fits[0].setting).adjusters if campaign.fits else (ADJUSTER,)
@@ -571,7 +572,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
             "corrections": list(map(str, corrections(campaign))),
             "noise_and_lack_of_fit": list(assessment.sentences),
             "identifiability": list(map(str, assessment.doubts(campaign))),
-            "undetermined": list(map(str, assessment.undetermined(campaign))),
+            "undetermined": list(map(str, undetermined)),
             "many_starts": list(describe_searches(campaign.searches)),
             "cavitation": list(cavitation),
             "force_offset": list(adjustment.of_offset),
@@ -584,6 +585,8 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
             *method,
         ],
         "gates_missed": list(map(str, gates)),
+        "gates": [problem.record() for problem in gates],
+        "undetermined": [problem.record() for problem in undetermined],
         "checks": to_record(judgement.checks),
         "uncertainty": [
             {
