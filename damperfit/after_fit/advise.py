@@ -50,6 +50,7 @@ from damperfit.recording import Recording, Trace
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.records import entries_in, findings_in, listed_in, number_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out
+from damperfit.settings_and_logs import numbers_in, segments_in
 from damperfit.simulation import sine_motion
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.assessment import assess, reconsider
@@ -78,7 +79,7 @@ _FINER = 8  # times the rate of the logs
 # Behind a filter of the rig, which is not quite that of the fit, the lack of fit of a cycle of a
 # whole number of samples hangs on where they fall: at 10 Hz and 500 Hz by up to 16 times.
 _OFF_SAMPLES = 0.382  # of a sample more, so that no two of many cycles are sampled alike
-_OF_SINE = ("log", "amplitude_m", "frequency_Hz", "cycles", "noise_N")  # of a segment
+_OF_SINE = ("amplitude_m", "frequency_Hz", "cycles", "noise_N")  # of a segment
 _SLOWEST, _FASTEST = 0.1, 10.0  # Hz; the latter where the rig's is not declared
 _FASTER, _OF_TRAVEL = 2.0, 0.9  # times the tested speed, likewise; of the damper's travel
 _SMALLEST = 16.0  # times below the largest stroke
@@ -122,10 +123,8 @@ class Question(NamedTuple):
         if name == "force" and at:
             return cls(speed=parse_quantity(speed, "velocity", option=Option("for_")))
         if at or name not in {LAW, *known}:
-            expected = f"expected law, force@SPEED or one of {', '.join(known)}"
-            if name == "force":
-                expected = "expected a speed with it, as in force@0.05m/s"
-            text = f"found {text!r}; {expected}.{did_you_mean(name, known)}"
+            text = f"found {text!r}; expected law, force@SPEED or one of {', '.join(known)}"
+            text += f".{did_you_mean(name, known)}"
             raise ConfigurationError(text, where=Option("for_"), code="question")
         return cls(name)
 
@@ -360,13 +359,8 @@ def remaining(run: Run) -> tuple[Rival, ...]:
     """Return the structures that the logs of a run have not decided against."""
     choice = run.record.get("law_choice")
     if not isinstance(choice, dict) or "remaining" not in choice:
-        why = "its model was not chosen by the logs, so no structures remain to compare"
-        again = "identify the logs with {model}"
-        if isinstance(choice, dict) and "chosen" in choice:
-            why = "an earlier damperfit chose its model and did not keep which structures remain"
-            again = "identify the logs again with {model}"
-        text, model = f"{run.name}: {why}; {again}", Option("model", "auto")
-        raise ConfigurationError(text, model=model, code="no-structures")
+        text = f"{run.name} does not say which structures remain; identify the logs with {{model}}"
+        raise ConfigurationError(text, model=Option("model", "auto"), code="no-structures")
     rivals = []
     for entry in entries_in(choice, "remaining"):
         with suppress(
@@ -391,18 +385,19 @@ class _Known:
         self.covariance = np.asarray(setting.covariance)  # of noise alone
         self.now, self.floor = question.errors(run.damper, setting, run.speed_forces)
         segments = [
-            segment
-            for segment in entries_in(run.record, "stretches")
-            if segment.get("setting") == setting.setting.cell and all(map(segment.get, _OF_SINE))
+            (segment, log.temperature)
+            for log in run.logs
+            if log.setting == setting.setting and log.role == "fitted"
+            for segment in segments_in(log.facts)
+            if all(map(segment.get, _OF_SINE))
         ]
-        warm = {log.name: log.temperature for log in run.logs}
         # As if they were planned, with their temperatures, degC.
         self.tests = [
-            (NextTest(x["amplitude_m"], x["frequency_Hz"], x["cycles"]), warm.get(x["log"]))
-            for x in segments
+            (NextTest(x["amplitude_m"], x["frequency_Hz"], x["cycles"]), temperature)
+            for x, temperature in segments
         ]
         # Of the filtered force between cycles, N.
-        self.noise = median_high(x["noise_N"] for x in segments) if segments else math.nan
+        self.noise = median_high(x["noise_N"] for x, _ in segments) if segments else math.nan
 
     def variance(self, gradient: FloatArray, information: FloatArray) -> float:
         """What a new test leaves of the variance along a gradient, g' (C^-1 + G)^-1 g."""
@@ -434,7 +429,7 @@ def _displacement_noise(run: Run, corner: float) -> float:
         return median(noises)
     for log in run.logs:
         signals, frequency = log.signals, number_in(log.facts, "frequency_Hz")
-        if signals is None or frequency is None or len(entries_in(log.facts, "stretches")) > 1:
+        if signals is None or frequency is None or len(segments_in(log.facts)) > 1:
             continue
         x, rate = signals.displacement, 1.0 / float(np.median(np.diff(signals.time)))
         window, frequencies = np.blackman(len(x)), np.fft.rfftfreq(len(x), 1.0 / rate)
@@ -470,8 +465,7 @@ class _Rig:
         self.is_whole = len(self.fitted) == len(known)
         # What is simulated is in time, and about the middle of the stroke.
         self.options = run.own_configuration.conditioning.but(skew=0.0, centre=None)
-        rates = [rate for log in run.inputs if (rate := number_in(log, "sample_rate_Hz"))]
-        self.rate = median(rates) if rates else 1000.0  # of the logs, Hz
+        self.rate = median(numbers_in(run.inputs, "sample_rate_Hz") or [1000.0])  # of the logs, Hz
         # Samples to one that counts, of white noise behind the filter.
         effective = [log.effective_rate for log in run.logs if log.effective_rate]
         self.worth = self.rate / median(effective) if effective else 1.0

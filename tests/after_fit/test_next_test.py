@@ -89,7 +89,7 @@ def test_which_test_tells_the_structures_that_remain(results, fitted, tmp_path, 
     [
         ({"remaining": [], "undecided": ["The layout."]}, 0, "note: The layout."),
         ({"remaining": []}, 0, "these logs have decided"),
-        ({}, 2, "an earlier damperfit"),
+        ({}, 2, "--model auto"),
     ],
 )
 def test_no_structure_remains(results, fitted, tmp_path, capsys, choice, code, told) -> None:
@@ -205,7 +205,10 @@ def test_a_model_without_valves_has_none(short) -> None:
 @pytest.mark.parametrize("value", [None, [1], [{"setting": []}]])
 def test_an_edited_record_is_no_bug(edited, words, code, value) -> None:
     record = json.loads((edited / "run.json").read_text(encoding="utf-8"))
-    record["stretches" if code else "inputs"] = value
+    if code:
+        record["inputs"][0]["stretches"] = value
+    else:
+        record["inputs"] = value
     (edited / "run.json").write_text(json.dumps(record), encoding="utf-8")
     assert main(words.format(edited).split()) == code
 
