@@ -40,6 +40,8 @@ _OF_OIL = {
 # The same of its gas; a gauge has shown it, where the unit does not say.
 _GASES = {"gas", "nitrogen", "n2", "gasdruck", "stickstoff", "gaz", "azote"}
 _OF_GAS = {*("pressure", "charge", "fill", "reservoir", "druck", "pression", "de", "d")}
+# What a pressure counts from, in words behind its unit: bar (abs), psi gauge, bar Überdruck.
+_COUNTS_FROM = re.compile(r"(bar|psi|pa)[ (]*(?:(a|abs\w*)|g|gauge|ü|über\w*)\)?$", re.IGNORECASE)
 _TOO_COLD = 45.0  # degF, 7 degC: a bare number below it is degrees Celsius
 _IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _FILE = ("file", "log", "filename", "datei")
@@ -89,6 +91,7 @@ def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, 
                 continue
             if stated[-1:].isdigit():
                 stated += unit.replace("kp", "kP").replace("mp", "MP")
+            stated = _COUNTS_FROM.sub(lambda match: match[1] + ("a" if match[2] else "g"), stated)
         else:
             continue
         if key == "gas_pressure" and says_absolute_or_gauge(f"{stated}g"):

@@ -265,6 +265,8 @@ def test_of_a_preamble_gas_is_by_gauge_unless_it_says_otherwise() -> None:
         ({"gas pressure [kpa]": "305"}, 305e3 + 101325, True),
         ({"gas pressure": "5,6 bara"}, 5.6e5, False),
         ({"pression d'azote": "20 bar"}, 2.0e6 + 101325, True),
+        ({"gasdruck": "20,7 bar (Überdruck)"}, 2.07e6 + 101325, False),
+        ({"gas": "2 MPa abs"}, 2.0e6, False),
         ({"gas": "nitrogen", "n2": "-2 bar"}, None, True),
         ({"gas": "1,200 kPa"}, None, True),
         ({"gas temperature": "5 bara"}, None, False),
