@@ -237,7 +237,7 @@ DIFFERING: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "other logs reversed": (_LEFT, {"inputs": [_X | {"sha256": "cd", "reversed": []}]}),
     "an older run": (_LEFT, {"inputs": [_X]}),
     "gas": ({}, {"damper": replace(PURDY_DAMPER, gas_pressure=5.6e5)}),
-    "models": ({}, {"damper": model_named("twin_tube")}),
+    "models": ({}, {"damper": model_named("twin_tube")()}),
     "units": ({}, {"quantities": (replace(_OWN, unit="furlong"), *_REST)}),
 }
 NONE = [SimpleNamespace(sentence="nothing")]
