@@ -289,6 +289,7 @@ class _Rest(NamedTuple):
 
     sign: int
     sentence: str  # the force beside the gas force, for people
+    agrees: bool  # with the gas of [damper], and is more than what seals may hold
 
 
 def rest_of(
@@ -314,7 +315,8 @@ def rest_of(
         f"at rest the force is {force - friction:.0f} to {force + friction:.0f} N; the gas of "
         f"[damper] alone gives {expected:.0f} N"
     )
-    return _Rest(int(math.copysign(1.0, ratio)) if is_clear else 0, text)
+    agrees = 0.5 < ratio < _REST_LIMIT and abs(force) > friction
+    return _Rest(int(math.copysign(1.0, ratio)) if is_clear else 0, text, agrees)
 
 
 def find_signs(  # noqa: PLR0911 - one return a case, in the order of the text above
@@ -340,7 +342,8 @@ def find_signs(  # noqa: PLR0911 - one return a case, in the order of the text a
             kept = Signs(findings=(warning(CONTRADICTED, text, value=-1.0),))
             why = f"{rest.sentence}, and the loop absorbs energy"
             return _reversed(_CHANNELS, why) if is_free else kept
-        if at_rest > 0 or level is None or level.ratio > _TARED:
+        # A rest beside the gas force counts more than the ends of strokes, where valves hold force.
+        if at_rest > 0 or level is None or level.ratio > _TARED or (rest and rest.agrees):
             # Unlike preloads rather hide a gas force that is there with its sign.
             is_there = level is not None and (
                 _CERTAIN[0] < level.ratio < _CERTAIN[1] and abs(level.force) > level.doubt

@@ -195,12 +195,12 @@ def test_the_level_is_known_where_samples_fall_right_on_the_reversals() -> None:
 # The force at rest, and the other logs of a rig, tell how channels are counted.
 
 
-def resting(*, mirror=1.0, rest=0.6, tare=0.0, seed=1):
+def resting(*, mirror=1.0, rest=0.6, tare=0.0, seed=1, preload=1.0):
     """A damper whose valves open at once, so that its loop hides the gas force."""
     t = np.arange(4000) / 500.0
     x = 0.02 * np.sin(2.0 * np.pi * 1.5 * np.clip(t - rest, 0.0, None))
     v = np.gradient(x, 1.0 / 500.0)
-    opening = np.where(v > 0.0, 400.0, 160.0) * np.tanh(v / 0.005)
+    opening = preload * np.where(v > 0.0, 400.0, 160.0) * np.tanh(v / 0.005)
     random = np.random.default_rng(seed)
     force = opening + 900.0 * v + 12.0 * np.tanh(v / 1e-3) - GAS + tare
     x = x + 3e-6 * random.standard_normal(len(x))
@@ -213,6 +213,11 @@ def test_a_rest_shows_the_signs_of_both_channels(with_gas, mirror):
     trace = condition(mirrored(resting(), (x, f), centre=0.0), with_gas)
     assert put_right(trace) == ["displacement"] * (x < 0) + ["force"] * (f < 0)
     assert trace.shows_signs
+
+
+def test_preloads_do_not_contradict_a_rest_beside_the_gas_force(with_gas):
+    names = {finding.code for finding in condition(resting(preload=2.5), with_gas).findings}
+    assert not names & {"direction", "direction_contradicted"}
 
 
 # A force that one stroke holds down to low speed is no level of the force, nor a direction.
