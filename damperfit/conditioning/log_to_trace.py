@@ -212,10 +212,13 @@ def _with_whole(
     first, stop, _ = keep.indices(len(x))
     if beside is None or all(first <= x.first and x.stop <= stop for x in beside.segments):
         return trace
-    # Each part has the corner that errs least there, so far out as the filter reaches.
-    reach = fading_samples(trace.model_filter)
-    parts = (*(part_of.segment for part_of in part.parts), *beside.segments)
-    parts_of = [FoundSegment(x, x.first - reach - 1.0, x.stop + reach + 1.0) for x in parts]
+    # Each part has the corner that errs least there, so far out as the filter reaches: of what
+    # moves beside the segments, with the breaks at its ends.
+    reach, last = fading_samples(trace.model_filter), len(x)
+    moving = ((max(y.first - reach, 0), min(y.stop + reach, last), y) for y in beside.segments)
+    parts = [replace(segment, first=begin, stop=end) for begin, end, segment in moving]
+    parts += [part_of.segment for part_of in part.parts]
+    parts_of = [FoundSegment(y, y.first - reach - 1.0, y.stop + reach + 1.0) for y in parts]
     seen, own = _driven(seen, parts_of, slice(None), options)
     whole = replace(
         whole, force=seen.force, model_filter=seen.model_filter, drive=own.part(slice(None), centre)

@@ -7,12 +7,14 @@ import pytest
 
 from damperfit.conditioning import apply_filter, condition
 from damperfit.conditioning.drive import drive_of_lines, dwells_of
+from damperfit.conditioning.segments import transients
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import compare, normalised_mse
 from damperfit.recording import Drive
-from damperfit.simulation import SolverOptions
+from damperfit.simulation import Motion, SolverOptions, simulate
 from tests.conditioning.logs import RATE, found, sine_log
+from tests.identification.rig import recorded
 from tests.oracles.motions import logged
 
 
@@ -44,6 +46,18 @@ def test_a_triangle_keeps_its_corners():
     assert at_the_truth(replace(trace, drive=compared)) > 0.1
     without_noise = condition(logged("triangle", force_noise=0.0, displacement_noise=0.0))
     assert at_the_truth(without_noise) < 0.0004
+
+
+def test_a_run_up_from_rest_is_driven_with_its_break():
+    """Triangles of 0.05 and 0.2 m/s between rests; behind 30 Hz their start missed 2.6 %."""
+    turns = [np.arange(round(0.4 / v * RATE)) * v / 0.08 / RATE for v in (0.05, 0.2)]
+    parts = [0.04 / np.pi * np.arcsin(np.sin(2.0 * np.pi * turn)) for turn in turns]
+    x, rounding = np.concatenate([np.zeros(400), *parts, np.zeros(400)]), np.hanning(14)[1:-1]
+    x = np.convolve(np.pad(x, 6, "edge"), rounding / rounding.sum(), "valid")
+    motion = Motion(1.0 / RATE, x, np.gradient(x, 1.0 / RATE))
+    force = simulate(reference_parameters(20), PURDY_DAMPER, motion).force
+    beside = transients(condition(recorded(x, force, RATE, setting=20, noises=(3e-6, 2.0), seed=1)))
+    assert at_the_truth(beside, 20) < 1.0
 
 
 def noisy_sine(rate, phase, *, noise=3e-6):
