@@ -88,15 +88,13 @@ def find_delay(
         return delay, (finding,)
     # What was declared is no longer in the log looked at.
     setting = f"rig.skew = '{1e3 * (delay + known):.1f}ms'"
-    if delay < 0.0:
-        text += f"; that affects K_e most: set {setting} if the rig is known to do so, or {{auto}}"
-    else:
+    if delay > 0.0:
         text = (
-            f"the friction reverses {late}at the ends of the stroke: the force is late, or "
-            "the mounting is elastic and the force is right ({model} tries both; two frequencies "
-            "or more can distinguish them). A late "
-            f"force affects K_e most: only if the rig is known for it set {setting}, or {{auto}}"
+            f"the friction reverses {late}at the ends of the stroke: the force is late, or the "
+            "mounting is elastic and the force is right ({model} tries both; two frequencies or "
+            "more can distinguish them)"
         )
+    text += f"; a delay affects K_e most: only if the rig has it set {setting}, or {{auto}}"
     values = {"auto": Option("skew", "auto"), "model": Option("model", "auto")}
     return 0.0, (*declared, warning("skew", text, value=delay, unit="s", **values))
 

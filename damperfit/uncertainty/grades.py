@@ -287,10 +287,8 @@ def _stiff_gas(fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None) -> I
     for hint in diagnosis.hints:
         times = 1.0 + hint.amount / max(spring * stroke, 1e-300)
         if hint.name == "gas_volume" and times > STIFFEST:
-            text = (
-                f"the gas spring looks {times:.2g} times as stiff as that of the declared damper: "
-            )
-            yield Objection("dimensions", "", f"{text}check the unit of the force, and [damper]")
+            text = f"the gas spring looks {times:.2g} times as stiff as that of the declared damper"
+            yield Objection("dimensions", "", f"{text}: check the unit of the force, and [damper]")
 
 
 def _repeats(diagnosis: Diagnosis) -> bool:
@@ -628,10 +626,7 @@ class Prediction:
         """The ratio in words, and whether it tests the model at all."""
         if not self.is_test:
             share = 100.0 * (1.0 - self.tested_share)
-            words = (
-                f"no test: {share:.0f} % of the force's variance lies where the speed is within "
-            )
-            words += "its noise"
+            words = f"no test: {share:.0f} % of the force's variance is within the speed's noise"
         elif self.is_failed and self.ratio >= _NOT_PREDICTED:
             words = f"not predicted: {float(f'{self.ratio:.2g}'):.0f} times the expected MSE"
         elif self.is_failed:
