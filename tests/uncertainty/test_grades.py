@@ -119,13 +119,24 @@ def test_what_repeats_many_times_the_noise(bar, hints, size, times, *, is_withhe
     assert kinds(having(), told(repeats + noise, noise, hints=hints)) == ["misfit"] * is_withheld
 
 
-@pytest.mark.parametrize("channel", ["force", "displacement"])
-@pytest.mark.parametrize(("share", "is_withheld"), [(4.1, True), (3.9, False)])
-def test_a_log_of_which_much_is_clipped(channel, share, *, is_withheld) -> None:
-    cut = warning(f"{channel}_clipping", "is clipped", value=share, unit="%")
-    found = reasons(logged(having(), name="cut.csv", findings=(cut,)), told(misses=False))
+@pytest.mark.parametrize(("times", "is_withheld"), [(1.02, True), (0.98, False)])
+@pytest.mark.parametrize(
+    ("code", "limit"),
+    [("force_clipping", 4.0), ("displacement_clipping", 4.0), ("force_trend", 5.0),
+     ("force_trend", -5.0)],
+)  # fmt: skip
+def test_a_log_that_is_clipped_or_whose_force_fades(code, limit, times, *, is_withheld) -> None:
+    warned = warning(code, "it is", value=times * limit, unit="%")
+    found = reasons(logged(having(), name="cut.csv", findings=(warned,)), told(misses=False))
     assert [one.kind for one in found] == ["log"] * is_withheld
-    assert all(f"the {channel} of cut.csv is clipped at 4.1 %" in one.sentence for one in found)
+    assert all("cut.csv" in one.sentence for one in found)
+
+
+@pytest.mark.parametrize(("amount", "is_withheld"), [(3.1, True), (-3.1, True), (2.9, False)])
+def test_a_load_cell_that_is_bent(amount, *, is_withheld) -> None:
+    bent = told(hints=(Hint("load_cell", "peak", 0.9, amount, "a bent load cell"),))
+    assert ("log" in kinds(having(), bent)) is is_withheld
+    assert kinds(having(), replace(bent, is_structured=False)) == []
 
 
 @pytest.mark.parametrize(("source", "withheld"), [(1, {1, 2}), (2, {1})])
