@@ -294,7 +294,7 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
         raise usage(text, "no-effect")
     if given.get("rivals") and not is_open:
         text = (
-            "models are ranked where the logs choose the law; add {--model auto}, or ask damperfit "
+            "models are ranked where the logs choose one; add {--model auto}, or ask damperfit "
             "models LOGS {--rivals}"
         )
         raise usage(text, "not-together", Option("rivals"))

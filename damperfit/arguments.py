@@ -658,8 +658,8 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
         raise usage("expected temperature, the only one there is", "unknown-covariate", where)
     if given.get("model") == "auto":
         text = (
-            "choose the law first, from logs of one temperature (damperfit models), then name it: "
-            "{--model NAME}"
+            "choose the model first, from logs of one temperature (damperfit models), then name "
+            "it: {--model NAME}"
         )
         raise usage(text, "not-together", where)
     configuration = configured(command, {n: given.get(n) for n in ("config", "damper", "model")})

@@ -121,7 +121,7 @@ def identify(how: Shown, **given: Any) -> int:
         named, taken = asked.identification.procedure, made.identification.procedure
         if "identification.procedure" in asked.declared and named != taken:
             only = f"procedure {named} fits the paper's model alone"
-            notes.append(f"{only}; the law that the logs support is fitted by {taken}")
+            notes.append(f"{only}; the model that the logs support is fitted by {taken}")
         _tell(how, f"the logs support {choice.supported}.", notes=notes)
 
     is_quiet = how.quiet or how.no_progress
@@ -246,7 +246,7 @@ def models(how: Shown, **given: Any) -> int:
     _tell(how, notes=(*choice.assumed, *choice.remarks))
     say_failures(choice.failures, is_debug=how.debug)
     tried, chosen, rivals = choice.sheets()
-    lost = f"The chosen law cannot be simulated at {of_settings(choice.lost)}."
+    lost = f"The chosen model cannot be simulated at {of_settings(choice.lost)}."
     undecided = wrapped(*choice.undecided)
     _show(how, choice.document, [
         tried,

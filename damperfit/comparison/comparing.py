@@ -63,7 +63,7 @@ _FEW_REPEATS = 3  # fewer show little of a scatter
 _OBJECTIONS = {
     Status.AT_BOUND.value: "it is at a bound of its range",
     Status.NOT_IDENTIFIABLE.value: "the logs do not determine it",
-    Status.ABSENT.value: "the law is fitted without it there",
+    Status.ABSENT.value: "the model is fitted without it there",
 }
 _ONCE = {Status.SHARED.value, Status.FIXED.value, Status.NOT_IDENTIFIABLE.value}
 

@@ -730,7 +730,7 @@ def _sentence(values: Values, name: str) -> str:
     what = f"{quantity.label} ({quantity.symbol})"
     if quantity.has_own_edges:
         return (
-            f"{what} fits best at {value:g}, the edge of its range, where the law is a simpler "
+            f"{what} fits best at {value:g}, a bound of its range, where the model is a simpler "
             "one; it is held there."
         )
     if quantity.role in _AS_IF:
@@ -741,6 +741,6 @@ def _sentence(values: Values, name: str) -> str:
             "here."
         )
     return (
-        f"{what} does nothing here: it is at a bound of its range, and the law is fitted without "
-        "it."
+        f"{what} does nothing here: it is at a bound of its range, and the model is fitted "
+        "without it."
     )

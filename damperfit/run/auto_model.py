@@ -403,8 +403,8 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         lines = "; ".join(failure_lines(batch.failures)[:3])
         why = f": {lines}" if lines else ""
         raise ConfigurationError(
-            f"no log can be used to compare laws{why}; damperfit inspect shows what is wrong with "
-            "them",
+            f"no log can be used to compare models{why}; damperfit inspect shows what is wrong "
+            "with them",
             code="no-log",
         )
     options, declaring = configuration.identification, configuration

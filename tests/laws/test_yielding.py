@@ -128,7 +128,7 @@ def test_valves_that_no_damper_has_are_not_told_beside_what_fits_as_well(k_e, is
     if is_taken:
         shown = f"{1e-6 * k_e:.3g} MPa"
         assert why.endswith(
-            f"as a law of valves whose K_e is beyond any damper's, {shown} at setting 4"
+            f"as a model with valves whose K_e is beyond any damper's, {shown} at setting 4"
         )
     # What the logs do not tell is no reason, nor are valves that are clearly better.
     assert not held_against(bent(k_e, undetermined=("k_e",)), other, 0.6)[0]
