@@ -1,8 +1,8 @@
-"""Written files compared with the logs of the run: tables are read back, models and FMUs are run.
+"""Exported files compared with the logs of the run: tables are read back, models and FMUs are run.
 
-Their force passes the filter that the measured one passed, and is compared with it away from the
-beginning and the filter's edges. Tables are read in the file's units and signs; equations are those
-of the file, solved as they stand there.
+Their force passes the filter of the measured one and is compared with it away from the beginning
+and the filter's edges. Tables are read in the file's units and signs; equations are solved as they
+are written in the file.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from damperfit.tested.setting import Setting
 if TYPE_CHECKING:
     Force = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
-_RUN_IN, _EDGE = 0.25, 0.1  # s: a pressure settles, a filter's end is felt
+_RUN_IN, _EDGE = 0.25, 0.1  # s: until pressures settle; length of a filter's end effect
 _NEAR = 1.02  # of a table's end
 # Value references of an FMU: `c/exported.h`.
 _INPUTS, _FORCE, _SETTING, _BAND, _EXTRAPOLATION, _WITH_RIG = (1, 2), 3, 8, 9, 10, 24
@@ -45,13 +45,13 @@ _NUMBER = r"(-?\d[\d.]*(?:e[-+]?\d+)?)"
 
 @dataclass(frozen=True, slots=True)
 class SettingCheck:
-    """Misfit of what was written to the logs of a setting."""
+    """Misfit of an exported file to the logs of a setting."""
 
     setting: Setting
-    mse_percent: float  # of what was written
+    mse_percent: float  # of the file
     fit_mse_percent: float  # of the run's own simulation of the same samples
     n_samples: int  # compared
-    beyond_percent: float = 0.0  # samples that are left out, for they are faster than the table
+    beyond_percent: float = 0.0  # samples left out: they are faster than the table
 
     def __str__(self) -> str:
         beyond = f"; {self.beyond_percent:.2g} % of the samples are beyond the table"
@@ -63,7 +63,7 @@ class SettingCheck:
 
 
 def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
-    """Return the error of what was written, by setting."""
+    """Return the error of the exported files, by setting."""
     if not run.run.signals:
         raise ConfigurationError(
             f"{run.run.name} has no responses.parquet to check against; run damperfit "
@@ -74,29 +74,29 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
     conditioning = run.run.own_configuration.conditioning
     checks = []
     with TemporaryDirectory(prefix="damperfit-", ignore_cleanup_errors=True) as folder:
-        forces, ends = _forces(run, export, Path(folder))
-        for table, force_of, top in zip(export.tables, forces, ends, strict=True):
+        forces, tops = _forces(run, export, Path(folder))
+        for table, force_of, top in zip(export.tables, forces, tops, strict=True):
             rows, n_beyond = [], 0
             for log in run.run.signals:
-                for part in _segments(log.time) if log.setting == table.setting else ():
-                    time, x, v = log.time[part], log.displacement[part], log.velocity[part]
+                for segment in _segments(log.time) if log.setting == table.setting else ():
+                    time, x, v = log.time[segment], log.displacement[segment], log.velocity[segment]
                     interval = float(np.median(np.diff(time)))
                     design = passed_filter(conditioning, 1.0 / interval)
                     force = apply_filter(design, force_of(time, x, v))
                     inner = slice(round(_RUN_IN / interval), len(force) - round(_EDGE / interval))
-                    both = log.force_measured[part][inner], log.force[part][inner]
-                    is_compared = np.isfinite(both[0]) & (np.abs(v[inner]) <= _NEAR * top)
+                    responses = log.force_measured[segment][inner], log.force[segment][inner]
+                    is_compared = np.isfinite(responses[0]) & (np.abs(v[inner]) <= _NEAR * top)
                     n_beyond += int((~is_compared).sum())
-                    rows.append(np.array([force[inner], *both])[:, is_compared])
+                    rows.append(np.array([force[inner], *responses])[:, is_compared])
             if rows:
                 written, measured, fitted = np.concatenate(rows, axis=1)
                 square = float(np.sum((measured - np.mean(measured)) ** 2))
-                error, own = (
+                error, fit_error = (
                     100.0 * float(np.sum((simulated - measured) ** 2)) / square
                     for simulated in (written, fitted)
                 )
                 share = 100.0 * n_beyond / (n_beyond + len(measured))
-                checks.append(SettingCheck(table.setting, error, own, len(measured), share))
+                checks.append(SettingCheck(table.setting, error, fit_error, len(measured), share))
     return tuple(checks)
 
 
@@ -110,16 +110,16 @@ def _segments(time: FloatArray) -> Iterator[slice]:
 
 
 def _forces(run: ExportedRun, export: Export, folder: Path) -> tuple[list[Force], list[float]]:
-    """Return for each setting the function of its force, with the rig's tare, and its top speed."""
+    """Return the force function of each setting, with the rig's tare, and its top speed."""
     tables, band = export.tables, run.run.solver.dead_band
-    ends = [table.end if export.lost else np.inf for table in tables]
-    first, content = next(iter(export.files.items()))
-    if first.endswith(".fmu"):  # with the rig, hence with its tare
+    tops = [table.end if export.lost else np.inf for table in tables]
+    name, content = next(iter(export.files.items()))
+    if name.endswith(".fmu"):  # with the rig, hence with its tare
         unit = _Unit(content, folder)
-        return [unit.at(place, band) for place in exported_damper(run).settings], ends
-    if first.endswith(".mo"):
+        return [unit.at(place, band) for place in exported_damper(run).settings], tops
+    if name.endswith(".mo"):
         model = _Model(content.decode("utf-8"))
-        return [model.at(k, band, table.tare) for k, table in enumerate(tables, 1)], ends
+        return [model.at(k, band, table.tare) for k, table in enumerate(tables, 1)], tops
     curves = read_back(export)
 
     def looked_up(k: int) -> Force:
@@ -133,9 +133,9 @@ def _forces(run: ExportedRun, export: Export, folder: Path) -> tuple[list[Force]
 
 def read_back(export: Export) -> list[tuple[FloatArray, FloatArray]]:
     """Return speeds and forces as they stand in the files, for each table: m/s and N, rebound +."""
-    read = {"csv": _from_csv, "xlsx": _from_workbook, "matlab": _from_matlab}
+    readers = {"csv": _from_csv, "xlsx": _from_workbook, "matlab": _from_matlab}
     curves, units = [], export.options.units
-    rows_of = read.get(export.target.name, _from_texts)(export)
+    rows_of = readers.get(export.target.name, _from_texts)(export)
     for table, rows in zip(export.tables, rows_of, strict=True):
         v, force = np.array(rows, dtype=np.float64).reshape(-1, 2).T + 0.0
         if len(v) < 2 or not (np.diff(v) > 0.0).all():
@@ -151,20 +151,22 @@ def read_back(export: Export) -> list[tuple[FloatArray, FloatArray]]:
 
 def _from_texts(export: Export) -> Iterator[Any]:
     """Find the rows of each setting by the pattern of the target, ``read`` in targets.toml."""
-    target, read = export.target, export.target.read
-    row = read["row"].replace("@", _NUMBER)
+    target, rules = export.target, export.target.read
+    row = rules["row"].replace("@", _NUMBER)
     for table in export.tables:
         file = target.file.format(stem=export.options.stem, setting=table.slug)
         text = export.files[file].decode(target.encoding)
-        text = "\n".join(line for line in text.splitlines() if not line.startswith(read["comment"]))
-        if "begins" in read:
+        text = "\n".join(
+            line for line in text.splitlines() if not line.startswith(rules["comment"])
+        )
+        if "begins" in rules:
             name = re.sub(r"[^A-Za-z0-9]", "_", table.slug)
-            text = text.partition(read["begins"].format(setting=name))[2].partition("double")[0]
+            text = text.partition(rules["begins"].format(setting=name))[2].partition("double")[0]
         rows = set()
-        for heading, side in read.get("sides", {"": 1.0}).items():
-            part = re.search(rf"{heading}[^\n]*\n(?:\t[^\n]*\n?)*", text) if heading else None
-            for v, force in re.findall(row, part[0] if part else text, re.MULTILINE):
-                rows.add((side * read["speed"] * float(v), side * read["force"] * float(force)))
+        for heading, side in rules.get("sides", {"": 1.0}).items():
+            block = re.search(rf"{heading}[^\n]*\n(?:\t[^\n]*\n?)*", text) if heading else None
+            for v, force in re.findall(row, block[0] if block else text, re.MULTILINE):
+                rows.add((side * rules["speed"] * float(v), side * rules["force"] * float(force)))
         yield sorted(rows)
 
 
@@ -214,12 +216,12 @@ def _from_matlab(export: Export) -> Iterator[Any]:
 
 
 class _Model:
-    """A model of Modelica: its parameters, and its equations, each solved for what it assigns."""
+    """A Modelica model: its parameters, and its equations as assignments."""
 
     def __init__(self, text: str) -> None:
-        flat = " ".join(re.sub(r'//[^\n]*|"[^"]*"', "", text).split())
-        head, word, body = flat.rpartition(" equation ")
-        if not word or not re.fullmatch(r"[\w\s()\[\]{}.,;=+*/^-]*", flat):
+        source = " ".join(re.sub(r'//[^\n]*|"[^"]*"', "", text).split())
+        head, separator, body = source.rpartition(" equation ")
+        if not separator or not re.fullmatch(r"[\w\s()\[\]{}.,;=+*/^-]*", source):
             raise SimulationError(
                 "the Modelica file holds no equations that could be solved", code="not-as-written"
             )
@@ -269,19 +271,19 @@ class _Model:
 
             def rates(t: float, masses: FloatArray) -> list[float]:
                 states = dict(zip(self.starts, masses, strict=True))
-                now = solved(float(motion(t)), float(speed(t)), **states)
-                return [now[f"rate_of_{name}"] for name in self.starts]
+                values = solved(float(motion(t)), float(speed(t)), **states)
+                return [values[f"rate_of_{name}"] for name in self.starts]
 
-            at_first = solved(x[0], v[0], self.body, self.begin, **self.starts)
-            done = solve_ivp(
-                rates, (time[0], time[-1]), [float(at_first[name]) for name in self.starts],
+            initial = solved(x[0], v[0], self.body, self.begin, **self.starts)
+            solution = solve_ivp(
+                rates, (time[0], time[-1]), [float(initial[name]) for name in self.starts],
                 method="LSODA", t_eval=time, rtol=1e-7, atol=1e-11, max_step=5e-3,
             )  # fmt: skip
-            if not done.success:
+            if not solution.success:
                 raise SimulationError(
-                    f"the equations cannot be solved: {done.message}", code="not-integrated"
+                    f"the equations cannot be solved: {solution.message}", code="not-integrated"
                 )
-            states = dict(zip(self.starts, done.y, strict=True))
+            states = dict(zip(self.starts, solution.y, strict=True))
             return np.asarray(solved(x, v, **states)["f"]) + tare
 
         return force
@@ -291,21 +293,21 @@ class _Model:
 
 
 class _Unit:
-    """An FMU unpacked on the disk, run through FMI 3, which every library has."""
+    """An FMU unpacked on the disk, run through FMI 3, which every library exports."""
 
     def __init__(self, content: bytes, folder: Path) -> None:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             archive.extractall(folder)
-        here, binaries = this_platform(), folder / "binaries"
+        host, binaries = this_platform(), folder / "binaries"
         paths = [
             binaries / name / platform.library
             for platform in PLATFORMS
             for name in (platform.name, platform.fmi2)
-            if platform.name == here and (binaries / name / platform.library).is_file()
+            if platform.name == host and (binaries / name / platform.library).is_file()
         ]
         if not paths:
             raise ConfigurationError(
-                f"the FMU holds no library for {here}; python -m "
+                f"the FMU holds no library for {host}; python -m "
                 "damperfit.exporting.fmu_build builds it",
                 where=Option("check"),
                 code="no-library",

@@ -1,9 +1,9 @@
-"""FMUs: the compiled core behind the doors of the Functional Mock-up Interface 2.0 and 3.0.
+"""FMUs: the compiled core with the Functional Mock-up Interface 2.0 and 3.0.
 
 The library in an FMU holds no damper: it is built once, with the wheel for the host and on request
 for others (`fmu_build`), and reads ``resources/damper.txt``. So exporting is writing a zip.
-`c/reading.c` reads that text, `c/exported.h` numbers the variables; both are held together by
-tests. A variable is an entry of ``fmu_variables.toml``, as the templates write it.
+`c/reading.c` reads that text, `c/exported.h` numbers the variables; tests compare both with this
+file. A variable is an entry of ``fmu_variables.toml``, as the templates write it.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ _HERE = Path(__file__).parent
 _CORE = _HERE.parent / "damper" / "core"
 BINARIES, DIGEST = _HERE / "binaries", "sources.sha256"
 _MAX_STEPS = 10_000
-# N a step, of valves: inputs that go on by their slope make the force jump at communication points
-# of 1 ms, and to resolve these jumps takes far longer.
+# N a step, of valves: extrapolated inputs make the force jump at communication points of 1 ms, and
+# resolving these jumps takes far longer.
 _TOLERANCE_OF_VALVES = 0.03
-# What is the rig's, in the order of reading.c: by the name of its quantity.
+# Quantities of the rig, in the order of reading.c.
 _RIG = ("k_s", "play", "f_0", "lag", "moving_mass")
 _RIG_NUMBERS = ("k_s", "play", "rubber", "rubber_bend")  # that the core has among its numbers
 # Geometry and oil, in the order of reading.c.
@@ -83,10 +83,10 @@ class ExportedDamper(NamedTuple):
     token: str  # hash of everything in the text
     text: str  # of resources/damper.txt
     numbers: Sequence[Variable]  # that an importer may change, in the order of the text's columns
-    settings: dict[int, str]  # what people call a setting, by the number that an importer sets
-    start: int  # the setting that is set at the beginning
+    settings: dict[int, str]  # label of a setting by the number that an importer sets
+    start: int  # the initial setting
     states: tuple[str, ...]  # of `_STATES` those that it has
-    is_of_valves: bool  # its passages are any; otherwise it is the paper's
+    is_of_valves: bool  # otherwise it is the paper's model
 
 
 def exported_damper(run: ExportedRun) -> ExportedDamper:
@@ -102,10 +102,10 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
             code="other-model",
         )
     cells = [fit.setting.cell for fit in run.settings]
-    whole = [cell for cell in cells if isinstance(cell, int)]
-    places = whole if len(whole) == len(cells) else range(1, len(cells) + 1)
-    named = dict(zip(places, (str(fit.setting) for fit in run.settings), strict=True))
-    start = sorted(named)[len(named) // 2]
+    integers = [cell for cell in cells if isinstance(cell, int)]
+    places = integers if len(integers) == len(cells) else range(1, len(cells) + 1)
+    labels = dict(zip(places, (str(fit.setting) for fit in run.settings), strict=True))
+    start = sorted(labels)[len(labels) // 2]
     air, tolerance = damper.rod_area * damper.ambient_pressure, solver.tolerance
     left_out = set()  # of the states
     columns: Sequence[str]
@@ -136,7 +136,7 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
 
     rows = {
         number: [number_of(fit.values, name) for name in columns]
-        for number, fit in zip(named, run.settings, strict=True)
+        for number, fit in zip(labels, run.settings, strict=True)
     }
     lines += [
         f"solver {tolerance!r} {_MAX_STEPS}",
@@ -161,16 +161,16 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
     for place_of, name in enumerate(columns):
         if name in meanings and name not in _RIG_NUMBERS:
             unit, meaning, low = meanings[name]
-            words = f"{meaning}; follows the setting unless it is changed from its start value"
+            meaning += "; follows the setting unless it is changed from its start value"
             numbers.append(
-                {"reference": _FIRST_NUMBER + place_of, "name": name, "description": words}
+                {"reference": _FIRST_NUMBER + place_of, "name": name, "description": meaning}
                 | {"causality": "parameter", "variability": "tunable", "unit": unit, "low": low}
                 | {"start": rows[start][place_of]}
             )
     states = tuple(name for name in _STATES if name not in left_out)
     text = f"damperfit-damper 3\ntoken {token}\n{text}\n"
     is_of_valves = isinstance(damper, ValveDamper)
-    return ExportedDamper(token, text, numbers, named, start, states, is_of_valves)
+    return ExportedDamper(token, text, numbers, labels, start, states, is_of_valves)
 
 
 def _joined(numbers: Iterable[float]) -> str:
@@ -228,7 +228,7 @@ def _documentation(run: ExportedRun, damper: ExportedDamper, tables: Sequence[Fo
     ).encode("utf-8", "xmlcharrefreplace")
 
 
-# What describes it: once for FMI 2.0 and 3.0
+# The description: once for FMI 2.0 and 3.0
 
 
 def _variables(damper: ExportedDamper) -> list[Variable]:
@@ -249,16 +249,16 @@ def _variables(damper: ExportedDamper) -> list[Variable]:
     for variable in (*_FIXED["signals"], setting, *damper.numbers, *choices, *states, *rates):
         # Without a unit it is a whole number; without a start it is calculated.
         unit, numbers = variable.get("unit", ""), {}
-        for key, own in (("min", "low"), ("max", "high"), ("nominal", "nominal"), ("start",) * 2):
-            if (value := variable.get(own)) is not None:
+        for key, entry in (("min", "low"), ("max", "high"), ("nominal", "nominal"), ("start",) * 2):
+            if (value := variable.get(entry)) is not None:
                 numbers[key] = repr(float(value)) if unit else str(int(value))
         initial = "exact" if "start" in numbers else "calculated"
-        words = {
+        facts = {
             "initial": "" if variable["causality"] == "input" else initial,
             "unit": unit,
             "numbers": ({"unit": unit} if unit else {}) | numbers,
         }
-        variables.append({"variability": "continuous", "derivative_of": None, **variable, **words})
+        variables.append({"variability": "continuous", "derivative_of": None, **variable, **facts})
     return variables
 
 
@@ -266,7 +266,7 @@ def _unknowns(damper: ExportedDamper) -> dict[str, list[dict[str, Any]]]:
     """Return outputs, derivatives, event indicators and initial unknowns with what they follow."""
     oil = tuple(_STATES[name]["reference"] for name in damper.states if name.startswith("oil"))
     grip = tuple(_STATES[name]["reference"] for name in damper.states if name == "grip")
-    words: dict[str, Sequence[int]] = {
+    groups: dict[str, Sequence[int]] = {
         "x": (1,),
         "v": (2,),
         "setting": (8,),
@@ -282,7 +282,7 @@ def _unknowns(damper: ExportedDamper) -> dict[str, list[dict[str, Any]]]:
     }
 
     def references(names: str) -> tuple[int, ...]:
-        lists = (words[name] if name in words else (int(name),) for name in names.split())
+        lists = (groups[name] if name in groups else (int(name),) for name in names.split())
         return tuple(chain.from_iterable(lists))
 
     return {
@@ -298,15 +298,15 @@ def _unknowns(damper: ExportedDamper) -> dict[str, list[dict[str, Any]]]:
 def _descriptions(
     run: ExportedRun, damper: ExportedDamper, version: int, files: Sequence[str]
 ) -> dict[str, bytes]:
-    """Return ``modelDescription.xml`` and what else describes an FMU, by its name in the zip."""
+    """Return ``modelDescription.xml`` and the other descriptions, by their names in the zip."""
     identity = run.run.identity
     owner = " ".join(identity[key] for key in ("damper", "serial") if key in identity)
-    listed, structure = _variables(damper), _unknowns(damper)
-    places = {variable["reference"]: i for i, variable in enumerate(listed, 1)}
+    variables, structure = _variables(damper), _unknowns(damper)
+    places = {variable["reference"]: i for i, variable in enumerate(variables, 1)}
     if version == 2:  # an unknown is a place in the list
         for unknowns in structure.values():
             unknowns.sort(key=lambda unknown: places.get(unknown["reference"], 0))
-    about = {
+    attributes = {
         "modelName": printable(owner) or "damper",
         "description": f"{run.damper.title}; {run.damper.sentence}",
         "version": __version__,
@@ -319,19 +319,19 @@ def _descriptions(
     if version == 3:
         templates["sources/buildDescription.xml"] = "build.xml"
         templates["terminalsAndIcons/terminalsAndIcons.xml"] = "terminals.xml"
-    parts: Any = {"about": about, "damper": damper, "files": files, "places": places}
-    parts |= {"variables": listed, "structure": structure, "unit_definitions": _FIXED["units"]}
-    return {name: rendered(template, **parts).encode() for name, template in templates.items()}
+    context: Any = {"about": attributes, "damper": damper, "files": files, "places": places}
+    context |= {"variables": variables, "structure": structure, "unit_definitions": _FIXED["units"]}
+    return {name: rendered(template, **context).encode() for name, template in templates.items()}
 
 
 # Sources and libraries
 
 
 def _bare(code: bytes) -> bytes:
-    """Return C without comments but its first: a compiler needs none."""
+    """Return C code without comments but its first."""
     head = _COMMENT.match(code)
-    kept = head.end() if head else 0
-    return re.sub(rb"\n{3,}", rb"\n\n", code[:kept] + _COMMENT.sub(b"", code[kept:]))
+    end = head.end() if head else 0
+    return re.sub(rb"\n{3,}", rb"\n\n", code[:end] + _COMMENT.sub(b"", code[end:]))
 
 
 def _data(text: str) -> bytes:
@@ -348,7 +348,7 @@ def _data(text: str) -> bytes:
 
 @cache
 def _licence() -> bytes:
-    """The licence of the sources, as installed or as it lies in a checkout."""
+    """The licence of the sources, as installed or in a checkout."""
     checkout = Path(str(resources.files("damperfit"))).parent / "LICENSE"
     if checkout.is_file():
         return checkout.read_bytes()
@@ -385,14 +385,14 @@ PLATFORMS = (
 
 @lru_cache(maxsize=1)
 def source_files() -> dict[str, bytes]:
-    """Return the C sources by name: the doors, and of the core what they need."""
-    own = sorted((_HERE / "c").glob("*.[ch]"))
-    listed = (_HERE / "c" / "core_sources.txt").read_text(encoding="ascii").split()
-    return {path.name: path.read_bytes() for path in (*own, *(_CORE / name for name in listed))}
+    """Return the C sources by name: those of the interface and the files of the core they need."""
+    interface = sorted((_HERE / "c").glob("*.[ch]"))
+    core = (_HERE / "c" / "core_sources.txt").read_text(encoding="ascii").split()
+    return {path.name: path.read_bytes() for path in (*interface, *(_CORE / name for name in core))}
 
 
 def sources_digest() -> str:
-    """Return the hash by which a library is known to be built of these sources."""
+    """Return the hash of the sources, which a built library stores."""
     total = hashlib.sha256()
     for name, content in sorted(source_files().items()):
         total.update(f"{name} {len(content)}\n".encode() + content)
@@ -400,7 +400,7 @@ def sources_digest() -> str:
 
 
 def built() -> dict[Platform, bytes]:
-    """Return the libraries that were built of these very sources."""
+    """Return the libraries that were built from these sources."""
     digest, libraries = sources_digest(), {}
     for platform in PLATFORMS:
         folder = BINARIES / platform.name
@@ -412,8 +412,8 @@ def built() -> dict[Platform, bytes]:
 
 def missing_platforms(version: int) -> tuple[Problem, ...]:
     """Return a note on platforms whose library was not built here; none where all were."""
-    here = built()
-    missing = [p.name for p in PLATFORMS if p not in here and (version == 3 or p.fmi2)]
+    libraries = built()
+    missing = [p.name for p in PLATFORMS if p not in libraries and (version == 3 or p.fmi2)]
     sentence = (
         f"no library inside for {', '.join(missing)}, only the C sources; to build them once: "
         "pip install 'damperfit[fmu]' && python -m damperfit.exporting.fmu_build"

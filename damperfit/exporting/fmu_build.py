@@ -43,21 +43,21 @@ def build(platform: Platform) -> Path:
     command = [*_compiler(platform), *_OPTIONS, *sources, "-o", platform.library]
     if "windows" not in platform.name:
         command.append("-lm")
-    with TemporaryDirectory() as place:
+    with TemporaryDirectory() as scratch:
         for name, content in source_files().items():
-            Path(place, name).write_bytes(content)
-        done = subprocess.run(  # noqa: S603 - our own command
-            command, cwd=place, capture_output=True, text=True, check=False
+            Path(scratch, name).write_bytes(content)
+        process = subprocess.run(  # noqa: S603 - our own command
+            command, cwd=scratch, capture_output=True, text=True, check=False
         )
-        if done.returncode:
-            *_, why = ["it says nothing", *done.stderr.strip().splitlines()]
+        if process.returncode:
+            *_, reason = ["it says nothing", *process.stderr.strip().splitlines()]
             raise InstallationError(
-                f"the compiler could not build {platform.name}: {why}", code="not-built"
+                f"the compiler could not build {platform.name}: {reason}", code="not-built"
             )
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / DIGEST).unlink(missing_ok=True)
-            (folder / platform.library).write_bytes(Path(place, platform.library).read_bytes())
+            (folder / platform.library).write_bytes(Path(scratch, platform.library).read_bytes())
             (folder / DIGEST).write_text(sources_digest(), encoding="ascii")
         except OSError as error:
             raise OutputError(
@@ -71,9 +71,9 @@ def build(platform: Platform) -> Path:
 def _compiler(platform: Platform) -> list[str]:
     if importlib.util.find_spec("ziglang") is not None:
         return [sys.executable, "-P", "-m", "ziglang", "cc", "-target", platform.zig, *_ORDINARY]
-    own = shutil.which("cc") or shutil.which("gcc")
-    if own is not None and platform.name == this_platform():
-        return [own]
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is not None and platform.name == this_platform():
+        return [compiler]
     raise InstallationError(
         "no Zig compiler is installed: pip install 'damperfit[fmu]' brings it",
         code="missing-library",
@@ -82,10 +82,10 @@ def _compiler(platform: Platform) -> list[str]:
 
 def this_platform() -> str:
     """Return the name of this machine's platform."""
-    here = f"{machine.machine().lower()}-{sys.platform}"
-    for word, name in (("arm64", "aarch64"), ("amd64", "x86_64"), ("win32", "windows")):
-        here = here.replace(word, name)
-    return here
+    host = f"{machine.machine().lower()}-{sys.platform}"
+    for alias, name in (("arm64", "aarch64"), ("amd64", "x86_64"), ("win32", "windows")):
+        host = host.replace(alias, name)
+    return host
 
 
 def main(names: Sequence[str] | None = None) -> int:
@@ -95,10 +95,10 @@ def main(names: Sequence[str] | None = None) -> int:
         prog="python -m damperfit.exporting.fmu_build", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument("platform", nargs="*", choices=platforms)
-    asked = [platforms[name] for name in parser.parse_args(names).platform]
-    there = built()
+    selected = [platforms[name] for name in parser.parse_args(names).platform]
+    libraries = built()
     try:
-        for platform in asked or [platform for platform in PLATFORMS if platform not in there]:
+        for platform in selected or [p for p in PLATFORMS if p not in libraries]:
             sys.stderr.write(f"damperfit: {build(platform)} built\n")
     except (InstallationError, OutputError) as error:
         sys.stderr.write(f"damperfit: {error}\n")

@@ -1,13 +1,12 @@
 """What is exported of a run, and the targets that write it. Nothing here writes to disk.
 
-The force by speed is the characteristic of the damper alone: the valves at constant speed through
-the middle of the stroke, without what the rig adds (mounting, play, moving mass, lag, tare) and
-what only moves with the stroke, the elasticity of the oil and the gas, which is exported apart.
-Friction is in; it jumps at rest, so the table goes straight through 0 0 below its first speed.
-Points lie close where cars are tuned, and where the straight line between two of them misses the
-force, as at the opening of a valve. A table ends at the tested speed unless someone asks for more;
-intervals, and the speed up to which the logs determine the force, are those of
-`damperfit.adjustment.force_at`.
+The force by speed is the characteristic of the damper alone, at constant speed through the middle
+of the stroke. It leaves out what the rig adds (mounting, play, moving mass, lag, tare), the
+elasticity of the oil, and the gas, which is exported separately. Friction is included; it jumps at
+rest, so the table is a straight line through 0 0 below its first speed. Points are dense where cars
+are tuned, and where linear interpolation misses the force, as at the opening of a valve. A table
+ends at the tested speed unless it is extended; intervals, and the speed up to which the logs
+determine the force, are those of `damperfit.adjustment.force_at`.
 """
 
 from __future__ import annotations
@@ -80,10 +79,10 @@ _PARTS = {
 class ExportedRun:
     """A run as the targets need it."""
 
-    run: Run  # whose test it was, and how it was tested
-    damper: Model  # at one temperature, where the run's follows it: other programs know of none
+    run: Run  # identity and tested range
+    damper: Model  # at one temperature, where the run's depends on it: other programs have none
     settings: tuple[SettingResult, ...]  # rising; at least one
-    notes: tuple[Problem, ...] = ()  # what else to know of the values
+    notes: tuple[Problem, ...] = ()  # on the values
 
 
 def exported_run(
@@ -115,8 +114,8 @@ def exported_run(
 def _at_one_temperature(fit: SettingResult, damper: WithTemperature) -> SettingResult:
     values = damper.at_reference(fit.values, damper.oil_temperature)
     own, shared = (tuple(n for n in names if n in values.names) for names in (fit.own, fit.shared))
-    kept = [k for k, name in enumerate((*fit.own, *fit.shared)) if name in values.names]
-    covariance = None if fit.covariance is None else fit.covariance[np.ix_(kept, kept)]
+    indices = [k for k, name in enumerate((*fit.own, *fit.shared)) if name in values.names]
+    covariance = None if fit.covariance is None else fit.covariance[np.ix_(indices, indices)]
     limits = tuple(pair for pair in fit.open_limits if pair[0] in values.names)
     return replace(
         fit, parameters=values, own=own, shared=shared, covariance=covariance, open_limits=limits
@@ -140,11 +139,11 @@ class ForceTable:
     tested: float  # highest speed of the setting's own logs
     determined: float  # speed up to which the logs determine the force; NaN: not known
     stroke: float  # amplitude of the tested motion, m
-    level: float  # what presses at rest at x = 0
+    level: float  # force at rest at x = 0
     tare: float  # the rig's offset
     gas_displacements: FloatArray  # over the tested stroke, m
-    gas_forces: FloatArray  # what presses at rest there; one point where the model has no gas
-    has_gas: bool  # the model knows its gas; otherwise the level is of gas and tare together
+    gas_forces: FloatArray  # at rest, N; one point where the model has no gas
+    has_gas: bool  # the model has a gas; otherwise the level is of gas and tare together
     has_interval: bool  # the errors of its forces are known
 
     @property
@@ -188,7 +187,7 @@ def force_tables(
     speed = run.run.tested.speed
     fastest = run.run.motion.peak_speed if speed is None else speed
     tested = []
-    for fit in run.settings:  # to three digits: what a log reached, not what its noise did
+    for fit in run.settings:  # to three digits: without the noise of the log
         top = min(fit.top_speed, fastest)
         size = 10.0 ** (2 - math.floor(math.log10(top)))
         tested.append(math.floor(top * size * (1.0 + 1e-9)) / size)
@@ -205,9 +204,9 @@ def force_tables(
     slugs: Counter[str] = Counter()
     pairs = list(zip(run.settings, tested, strict=True))
     for group in [pairs] if common else [[pair] for pair in pairs]:
-        fits, own = zip(*group, strict=True)
-        end = max(min(own), extend or 0.0)
-        tops = {end, *(speed for speed in own if speed < end)}
+        fits, speeds = zip(*group, strict=True)
+        end = max(min(speeds), extend or 0.0)
+        tops = {end, *(speed for speed in speeds if speed < end)}
         grid, forces = _characteristics(run.damper, fits, tops)
         for (fit, speed), row in zip(group, forces, strict=True):
             # Labels that differ in signs alone, or in capitals, must not share a file.
@@ -239,16 +238,16 @@ def _characteristics(
     forces = at(grid)
     forces[:, grid == 0.0] = 0.0
     is_new = (grid[1:] != 0.0) & (grid[:-1] != 0.0)  # friction jumps at rest
-    for _ in range(_HALVED):  # where the straight line between two points misses
+    for _ in range(_HALVED):  # where linear interpolation misses
         place = np.flatnonzero(is_new)
         middle = 0.5 * (grid[place] + grid[place + 1])
-        line, there = 0.5 * (forces[:, place] + forces[:, place + 1]), at(middle)
-        missed = (np.abs(line - there) > _MISS * np.abs(there) + _LEAST_MISS).any(axis=0)
+        line, exact = 0.5 * (forces[:, place] + forces[:, place + 1]), at(middle)
+        missed = (np.abs(line - exact) > _MISS * np.abs(exact) + _LEAST_MISS).any(axis=0)
         if not missed.any():
             break
         place = place[missed]
         grid = np.insert(grid, place + 1, middle[missed])
-        forces = np.insert(forces, place + 1, there[:, missed], axis=1)
+        forces = np.insert(forces, place + 1, exact[:, missed], axis=1)
         is_new = np.isin(np.arange(len(is_new)), place)
         is_new = np.repeat(is_new, 1 + is_new)  # both halves
     return grid, forces
@@ -270,8 +269,8 @@ def _table(
             at = grid == (point.speed if point.stroke == "rebound" else -point.speed)
             low[at] -= point.force - point.low
             high[at] += point.high - point.force
-    rest = quasi_static(run.damper, fit.values, np.zeros(1))
-    level, stroke = float(rest.forces[0]) - rest.tare, run.run.motion.amplitude
+    still = quasi_static(run.damper, fit.values, np.zeros(1))
+    level, stroke = float(still.forces[0]) - still.tare, run.run.motion.amplitude
     x = np.linspace(-stroke, stroke, _GAS_POINTS)
     gas = run.damper.rest_force(x)
     return ForceTable(
@@ -344,14 +343,14 @@ def road_misses(run: ExportedRun, table: ForceTable) -> tuple[RoadMiss, ...]:
     if damper.rest_force(0.0) is None:  # the offset holds the gas force, and stays
         offsets = (quantity.name for quantity in fitted.quantities if quantity.is_offset)
         values = values.replace({name: fitted[name] for name in offsets})
-    road, first = standard_road(), int(_RUN_IN * _RATE)
+    road, start = standard_road(), int(_RUN_IN * _RATE)
     top, widest = float(np.abs(road.velocity).max()), float(np.abs(road.displacement).max())
     is_reached = table.end >= _ROAD_SPEEDS[-1]
     misses = []
     for speed in _ROAD_SPEEDS if is_reached else [share * table.end for share in _SLOWER]:
         scale = min(speed / top, table.stroke / widest)
-        force = _on_road(damper, values, scale, run.run.solver)[first:]
-        x, v = scale * road.displacement[first:], scale * road.velocity[first:]
+        force = _on_road(damper, values, scale, run.run.solver)[start:]
+        x, v = scale * road.displacement[start:], scale * road.velocity[start:]
         miss = np.interp(v, table.speeds, table.forces) + table.at_rest(x) - force
         square = float(np.mean(miss * miss))
         percent = 100.0 * square / float(np.var(force))
@@ -366,7 +365,7 @@ def _on_road(damper: Model, values: Values, scale: float, solver: SolverOptions)
     return simulate(values, damper, motion, options=solver).force
 
 
-# What stands at the head of every file: plain lines; each target makes them comments of its own.
+# The head of every file: plain lines, which each target writes as its comments.
 
 
 def one_line(text: str) -> str:
@@ -377,12 +376,12 @@ def one_line(text: str) -> str:
 def header_lines(
     run: ExportedRun, tables: Sequence[ForceTable], *, sign: str, gas: str, has_table: bool = True
 ) -> list[str]:
-    """Return the identity, the tested range and the MSE; what is in the file and what is not.
+    """Return the head of a file: identity, tested range, MSE, and what the file leaves out.
 
     ``sign`` says what is positive, ``gas`` where the gas force is. Without a table the file holds
     the equations.
     """
-    about = run.run
+    results = run.run
     with_mse = [table for table in tables if math.isfinite(table.mse_percent)]
     ranked = sorted(with_mse, key=lambda table: table.mse_percent)
     errors = [
@@ -390,11 +389,11 @@ def header_lines(
         for table in ranked[:: max(1, len(ranked) - 1)]  # the best and the worst
     ]
     lines = [
-        f"damperfit {__version__}: {about.name}, setting "
+        f"damperfit {__version__}: {results.name}, setting "
         + ", ".join(str(table.setting) for table in tables),
-        f"identity: {'; '.join(f'{k} {v}' for k, v in about.identity.items()) or 'not named'}",
+        f"identity: {'; '.join(f'{k} {v}' for k, v in results.identity.items()) or 'not named'}",
         f"model: {run.damper.sentence}",
-        f"tested: {tested_range(about.tested, SI)}",
+        f"tested: {tested_range(results.tested, SI)}",
         f"MSE of the fit: {' to '.join(errors) or 'not known'}",
     ]
     if has_table:
@@ -414,13 +413,13 @@ def header_lines(
             "value, the damper's force goes on rising; an extended table has rows of the model"
         )
     lines += [road_line(run, tables)] if has_table else []
-    lines += [f"gas: {gas}", f"sign: {sign}", f"results: sha256 {about.digest or 'not known'}"]
+    lines += [f"gas: {gas}", f"sign: {sign}", f"results: sha256 {results.digest or 'not known'}"]
     return list(map(one_line, lines))
 
 
 def taken_out(run: ExportedRun) -> str:
     """Return the fitted values that are not in the file: mounting, play, mass, lag, tare."""
-    parts = []
+    items = []
     for quantity in run.damper.quantities:
         name = quantity.name
         numbers = [fit.values[name] for fit in run.settings if name in fit.values.names]
@@ -430,10 +429,10 @@ def taken_out(run: ExportedRun) -> str:
             limits = min(numbers), max(numbers)
             texts = dict.fromkeys(f"{factor * limit:.4g}" for limit in limits)
             label = "tare of the rig" if is_tare else quantity.label
-            parts.append(f"{label} {' to '.join(texts)} {unit}")
+            items.append(f"{label} {' to '.join(texts)} {unit}")
     if getattr(getattr(run.damper, "mounting", None), "series_stiffness", NONE) == NONE:
-        parts.insert(0, "no mounting (rigid)")
-    return ", ".join(parts)
+        items.insert(0, "no mounting (rigid)")
+    return ", ".join(items)
 
 
 def gas_line(table: ForceTable, place: str, *, is_bump_positive: bool = False) -> str:
@@ -443,8 +442,8 @@ def gas_line(table: ForceTable, place: str, *, is_bump_positive: bool = False) -
     positive the gas has the sign of its spring.
     """
     sign, outward = (-1.0, "plus") if is_bump_positive else (1.0, "minus")
-    what = "gas force" if table.has_gas else "force at rest, gas and tare of the rig together,"
-    level = f"{what} {sign * table.level:.4g} N at x = 0 ({outward} pushes the rod out)"
+    name = "gas force" if table.has_gas else "force at rest, gas and tare of the rig together,"
+    level = f"{name} {sign * table.level:.4g} N at x = 0 ({outward} pushes the rod out)"
     if table.has_gas:
         stroke, forces = 1e3 * table.stroke, sign * table.gas_forces
         level += f", {forces[0]:.4g} N at -{stroke:.3g} mm, "
@@ -458,16 +457,16 @@ def determined_line(tables: Sequence[ForceTable]) -> str:
     def speed_of(table: ForceTable) -> str:
         return "not known" if math.isnan(table.determined) else f"{table.determined:.2g} m/s"
 
-    parts = []
+    items = []
     for speed, group in groupby(tables, key=speed_of):
         names = [str(table.setting) for table in group]
         which = f"s {names[0]} to {names[-1]}" if len(names) > 1 else f" {names[0]}"
-        parts.append(f"{speed} at setting{which}")
+        items.append(f"{speed} at setting{which}")
     tested = {f"{table.tested:.3g}" for table in tables}
     beyond = "; beyond it only if the valves go on as fitted, which no log shows"
     beyond *= any(table.determined > table.tested for table in tables)
     return (
-        f"force determined by the logs (95 % interval within 5 %) to {', '.join(parts)}; tested to "
+        f"force determined by the logs (95 % interval within 5 %) to {', '.join(items)}; tested to "
         f"{' to '.join(sorted({min(tested), max(tested)}))} m/s{beyond}"
     )
 
@@ -476,8 +475,8 @@ def road_line(run: ExportedRun, tables: Sequence[ForceTable]) -> str:
     """Return the errors of tables against the damper's dynamics on a road, as a sentence."""
 
     def shares(misses: Sequence[RoadMiss]) -> str:
-        words = (f"{m.percent:.2g} % MSE ({m.rms:.3g} N rms) at {m.speed:.2g} m/s" for m in misses)
-        return ", ".join(words)
+        texts = (f"{m.percent:.2g} % MSE ({m.rms:.3g} N rms) at {m.speed:.2g} m/s" for m in misses)
+        return ", ".join(texts)
 
     ranked = [(road_misses(run, table), table) for table in tables]
     ranked.sort(key=lambda pair: max(miss.percent for miss in pair[0]))
@@ -502,29 +501,29 @@ def interval_lines(table: ForceTable, speed: float) -> list[str]:
     return rows
 
 
-# What there is to write, entries of ``targets.toml``, and what writes it
+# Targets: the entries of ``targets.toml``
 
 
 @dataclass(frozen=True, slots=True)
 class ExportOptions:
     """What the user may choose."""
 
-    stem: str = "damper"  # what the names of the files begin with
+    stem: str = "damper"  # the names of the files begin with it
     extend: float | None = None  # speed up to which tables go, m/s; None: to the tested speed
-    units: ShownUnits = SI  # of spreadsheets; a simulator has units of its own
+    units: ShownUnits = SI  # of spreadsheets; simulators fix their units
     decimal: str = "."  # mark of the decimals in CSV: a point or a comma
 
 
 class Export(NamedTuple):
-    """What was made for a target."""
+    """The files of one target."""
 
     target: Target
     options: ExportOptions
     files: Mapping[str, bytes]  # by name
     tables: tuple[ForceTable, ...]  # of each setting, as they stand in the files, or would
-    lost: str  # how far the tables are from the damper's dynamics; empty without a table
+    lost: str  # error of the tables against the damper's dynamics; empty without a table
     determined: str  # up to which speed the logs determine the force
-    notes: tuple[Problem, ...]  # what else to know
+    notes: tuple[Problem, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -545,7 +544,7 @@ class Target:
     takes: Sequence[str] = ()  # options that only some targets heed: "units", "decimal"
 
     def place_of(self, out: Path) -> tuple[Path, str]:
-        """Return the folder to write to, and what the files' names begin with.
+        """Return the folder to write to and the stem of the files' names.
 
         ``out`` is a file if it has a suffix, else a folder.
         """
@@ -585,13 +584,13 @@ class Target:
             for group in [(table,) for table in tables] if is_one_each else [tables]:
                 text = rendered(self.template, **_context(run, group, options)).rstrip("\n") + "\n"
                 name = self.file.format(stem=options.stem, setting=group[0].slug)
-                lost = "xmlcharrefreplace" if text.startswith("<?xml") else "replace"
-                files[name] = text.encode(self.encoding, lost)
+                errors = "xmlcharrefreplace" if text.startswith("<?xml") else "replace"
+                files[name] = text.encode(self.encoding, errors)
         lost = road_line(run, tables) if has_table else ""
         return Export(self, options, files, tables, lost, determined_line(tables), notes)
 
 
-# Texts: a template gets the run, its tables (`table` is the first), options and a few functions
+# Texts: a template gets the run, its tables (`table` is the first), the options and functions
 
 
 def rendered(template: str, **context: Any) -> str:
@@ -602,13 +601,13 @@ def rendered(template: str, **context: Any) -> str:
 
 @cache
 def _environment(*, is_marked: bool) -> Environment:
-    def shown(text: object) -> Markup:
+    def escaped(text: object) -> Markup:
         return text if isinstance(text, Markup) else escape(printable(str(text)))
 
     environment = Environment(
         loader=PackageLoader("damperfit.exporting"),
         autoescape=is_marked,  # noqa: S701 - other texts are no markup
-        finalize=shown if is_marked else None,
+        finalize=escaped if is_marked else None,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -621,7 +620,7 @@ def _environment(*, is_marked: bool) -> Environment:
 def _context(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
 ) -> dict[str, Any]:
-    """What templates use."""
+    """The variables of every template."""
     first, numbers = tables[0], _setting_numbers(tables)
 
     def header(
@@ -675,13 +674,13 @@ def _modelica(
     first, stem = tables[0], options.stem
     slopes = [np.diff(table.forces) / np.diff(first.speeds) for table in tables]
     x, gas = first.gas_displacements, first.gas_forces
-    word = re.sub(r"\W", "_", stem, flags=re.ASCII).strip("_") or "damper"
-    word = word if word[0].isalpha() else f"D_{word}"
+    name = re.sub(r"\W", "_", stem, flags=re.ASCII).strip("_") or "damper"
+    name = name if name[0].isalpha() else f"D_{name}"
     quantities = [quantity for quantity in run.damper.quantities if quantity.name in _OF_PAPER]
     text = rendered(
         "modelica.mo",
         **_context(run, tables, options),
-        name=word[0].upper() + word[1:],
+        name=name[0].upper() + name[1:],
         sign="s_rel in m, v_rel in m/s and f in N are positive in rebound (tension)",
         physics=isinstance(run.damper, Damper),
         damper=run.damper,
@@ -706,7 +705,7 @@ def _matlab(
 
     first, context, stem = tables[0], _context(run, tables, options), options.stem
     labels = [str(table.setting) for table in tables]
-    about = [
+    lines = [
         *context["header"](_REBOUND, "gas_force at gas_displacement; add it to the table's force"),
         "set the table's extrapolation: linear or error, never the last value",
         *(f"column {k} of force: setting {label}" for k, label in enumerate(labels, 1)),
@@ -726,9 +725,9 @@ def _matlab(
         "gas_displacement": first.gas_displacements[:, None],
         "gas_force": first.gas_forces[:, None],
     }
-    script = rendered("matlab.m", **context, about=map(one_line, about), variables=variables)
+    script = rendered("matlab.m", **context, about=map(one_line, lines), variables=variables)
     cells = np.array(labels, dtype=object)[None, :]
-    document = {"setting_label": cells, **variables, "about": "\n".join(about)}
+    document = {"setting_label": cells, **variables, "about": "\n".join(lines)}
     file = io.BytesIO()
     savemat(cast("Any", file), document, format="5")
     content = b"MATLAB 5.0 MAT-file, damperfit".ljust(116) + file.getvalue()[116:]  # no date
@@ -748,7 +747,7 @@ class _Table(NamedTuple):
 
 
 def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
-    """Yield the tables of the run, as far as they are there."""
+    """Yield the stored tables that the run has."""
     for name in filter(run.run.rows, _STORED):
         table, columns = run.run.table(name), []
         for column in table.schema:
@@ -757,8 +756,8 @@ def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
             if units.of(unit) != unit:
                 cells = [None if cell is None else units.show(cell, unit) for cell in cells]
             columns.append((units.column(column.name, unit), units.of(unit), cells))
-        headings, shown, cells_of = zip(*columns, strict=True)
-        yield _Table(name, headings, shown, list(zip(*cells_of, strict=True)))
+        headings, units_of, cells_of = zip(*columns, strict=True)
+        yield _Table(name, headings, units_of, list(zip(*cells_of, strict=True)))
 
 
 def _about(run: ExportedRun, tables: Sequence[ForceTable]) -> list[str]:
@@ -770,27 +769,27 @@ def _workbook(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
 ) -> dict[str, bytes]:
     """Return one workbook: what it is about, forces with half intervals, tables of the results."""
-    shown = options.units
+    units = options.units
     with_interval = [table for table in tables if table.has_interval]
     halves = (0.5 * (table.high - table.low) for table in with_interval)
-    forces = [shown.show(force, "N") for force in (*(table.forces for table in tables), *halves)]
+    forces = [units.show(force, "N") for force in (*(table.forces for table in tables), *halves)]
     headings = [
-        shown.column("speed_m_per_s", "m/s"),
+        units.column("speed_m_per_s", "m/s"),
         *(f"setting {table.setting}" for table in tables),
         *(f"± 95 % of setting {table.setting}" for table in with_interval),
     ]
-    units = [shown.of("m/s"), *(shown.of("N") for _ in forces)]
-    rows = np.column_stack([shown.show(tables[0].speeds, "m/s"), *forces]).tolist()
+    unit_row = [units.of("m/s"), *(units.of("N") for _ in forces)]
+    rows = np.column_stack([units.show(tables[0].speeds, "m/s"), *forces]).tolist()
     sheets = (
         _Table("about", ["about"], [""], [[line] for line in _about(run, tables)]),
-        _Table("forces", headings, units, rows),
-        *_stored(run, shown),
+        _Table("forces", headings, unit_row, rows),
+        *_stored(run, units),
     )
 
     def letters(place: int) -> str:
         """Of a column counted from 0: A, Z, AA."""
-        more, last = divmod(place, 26)
-        return (letters(more - 1) if more else "") + chr(ord("A") + last)
+        rounds, letter = divmod(place, 26)
+        return (letters(rounds - 1) if rounds else "") + chr(ord("A") + letter)
 
     parts = {name: rendered(template, sheets=sheets) for name, template in _PARTS.items()}
     for k, sheet in enumerate(sheets, 1):
@@ -811,7 +810,7 @@ def _csv_files(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
 ) -> dict[str, bytes]:
     """Return a row a setting and speed, all tables of the results, and their header as text."""
-    shown, mark, stem = options.units, options.decimal, options.stem
+    units, mark, stem = options.units, options.decimal, options.stem
 
     def text_of(cell: Any) -> str:
         """A text that no spreadsheet takes for a formula; numbers stay numbers."""
@@ -831,33 +830,33 @@ def _csv_files(
 
     rows = []
     for table in tables:
-        columns = [shown.show(column, "N") for column in (table.forces, table.low, table.high)]
-        columns.insert(0, shown.show(table.speeds, "m/s"))
+        columns = [units.show(column, "N") for column in (table.forces, table.low, table.high)]
+        columns.insert(0, units.show(table.speeds, "m/s"))
         for v, speed, *numbers in zip(table.speeds, *columns, strict=True):
             force, *interval = (f"{value:.3f}".replace(".", mark) for value in numbers)
             interval = interval if table.has_interval else ["", ""]
             speed_cell = f"{speed:.6g}".replace(".", mark)
             rows.append((str(table.setting), speed_cell, force, table.range_of(v), *interval))
     names = ("force_N", "force_ci_low_N", "force_ci_high_N")
-    force, *interval = (shown.column(name, "N") for name in names)
-    head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", *interval)
+    force, *interval = (units.column(name, "N") for name in names)
+    head = ("setting", units.column("speed_m_per_s", "m/s"), force, "range", *interval)
     about = "\n".join(_about(run, tables)) + "\n"
     files = {
         f"{stem}.csv": content(head, rows),
         f"{stem}_about.txt": about.encode("utf-8", "backslashreplace"),
     }
-    for stored in _stored(run, shown):
+    for stored in _stored(run, units):
         # The unit stands with the name, where that does not end with it already.
-        named = [
+        headings = [
             f"{name} [{unit}]" if unit and not name.endswith("_" + unit.replace("/", "_per_"))
             else name
             for name, unit in zip(stored.headings, stored.units, strict=True)
         ]  # fmt: skip
-        files[f"{stem}_{stored.name}.csv"] = content(named, stored.rows)
+        files[f"{stem}_{stored.name}.csv"] = content(headings, stored.rows)
     return files
 
 
-# What no template makes alone.
+# Targets that one template cannot write.
 _WRITERS: Mapping[
     str, Callable[[ExportedRun, Sequence[ForceTable], ExportOptions], dict[str, bytes]]
 ] = {"csv": _csv_files, "xlsx": _workbook, "matlab": _matlab, "modelica": _modelica}

@@ -1,4 +1,4 @@
-"""What became of a fleet, in words, as JSON, and the table and page of all its parts."""
+"""The result of a fleet run: sentence, JSON, and the table and page of all its parts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from damperfit.fleets.survey import HeldFleet, Survey
 
 _MANY = 20  # failures, or dampers, that are listed one by one; the parts hold them all
-_WORDS = {
+_LABELS = {
     State.FITTED: "fitted now",
     State.KNOWN: "done before",
     State.FAILED: "without any fit",
@@ -26,11 +26,10 @@ _WORDS = {
 
 
 class FleetDone(Answer):
-    """What became of the dampers of a fleet.
+    """The result of a fleet run.
 
-    `folder` is that of the parts, `done` the dampers that were looked at of `n_tasks`. Where they
-    were asked for, `n_rows` are the rows of the table of all parts, `survey` its evaluation, `page`
-    the page.
+    `folder` holds the parts, `done` are the finished tasks of `n_tasks`. Where they were asked for,
+    `n_rows` counts the rows of the table of all parts, `survey` is its evaluation, `page` the page.
     """
 
     def __init__(self, folder: Path, *, has_logs: bool) -> None:
@@ -43,17 +42,17 @@ class FleetDone(Answer):
 
     @property
     def held(self) -> HeldFleet | None:
-        """The fleet held against a tolerance, where one was given."""
+        """The fleet compared with a tolerance, where one was given."""
         return None if self.survey is None else self.survey.held
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many dampers ended in which way."""
+        """Number of tasks by state."""
         return {state.value: sum(task.state is state for task in self.done) for state in State}
 
     @property
     def exit_code(self) -> int:
-        """How the command ends; failures of parts that were there count like those of new ones."""
+        """Exit code of the command; failures of earlier parts count like those of new ones."""
         if self.is_stopped:
             return 130
         if any(task.n_failures for task in self.done):
@@ -62,7 +61,7 @@ class FleetDone(Answer):
         return 4 if is_missed or any(task.n_gates for task in self.done) else 0
 
     def collect(self, tolerance: Tolerance | None, *, is_reported: bool) -> None:
-        """Make the one table of all parts, its page, and hold its forces against bands."""
+        """Make the table of all parts, compare its forces with a tolerance, write the page."""
         table = collect(self.folder)
         self.n_rows = table.num_rows
         if tolerance is None and not is_reported:
@@ -79,11 +78,12 @@ class FleetDone(Answer):
         """Return all of it as JSON values."""
         from damperfit.reporting.compared import tolerance_rows
 
-        held, survey = self.held, self.survey
+        check, survey = self.held, self.survey
+        worst = () if check is None else check.worst
 
         def lines(name: str) -> list[dict[str, str]]:
-            listed = [(task.owner, each) for task in self.done for each in getattr(task, name)]
-            return [{"damper": owner, "message": str(problem)} for owner, problem in listed]
+            pairs = [(task.owner, item) for task in self.done for item in getattr(task, name)]
+            return [{"damper": owner, "message": str(problem)} for owner, problem in pairs]
 
         return {
             "dampers": self.n_tasks,
@@ -93,9 +93,9 @@ class FleetDone(Answer):
             "interrupted": self.is_stopped,
             "failures": lines("failures"),
             "gates_missed": lines("gates"),
-            "tolerance": None if held is None else held.source,
-            "dampers_out_of_tolerance": [] if held is None else [point.run for point in held.worst],
-            "points": [] if held is None else tolerance_rows(held.missed),
+            "tolerance": None if check is None else check.source,
+            "dampers_out_of_tolerance": [point.run for point in worst],
+            "points": [] if check is None else tolerance_rows(check.missed),
             "capability": [] if survey is None else survey.capability,
             "shifts": [] if survey is None else list(survey.shifts),
             "run_rules": [] if survey is None else survey.rules,
@@ -107,52 +107,52 @@ class FleetDone(Answer):
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
-        """How many dampers ended in which way, and those that are out of tolerance."""
+        """Number of dampers by state, and those that are out of tolerance."""
         lines = []
         if self.has_logs:
-            counts = [(self.counts[state.value], words) for state, words in _WORDS.items()]
-            states = ", ".join(f"{n} {words}" for k, (n, words) in enumerate(counts) if n or not k)
+            counts = [(self.counts[state.value], label) for state, label in _LABELS.items()]
+            states = ", ".join(f"{n} {label}" for k, (n, label) in enumerate(counts) if n or not k)
             n_logs = sum(task.n_logs for task in self.done)
-            fits = f"{sum(task.n_settings for task in self.done)} settings with a fit"
+            settings = f"{sum(task.n_settings for task in self.done)} settings with a fit"
             dampers = counted(self.n_tasks, "damper")
             if (n := len({task.owner for task in self.done})) < len(self.done):
                 dampers = f"{self.n_tasks} tests of {counted(n, 'damper')}"
-            lines.append(f"{dampers}: {states}; {n_logs} logs, {fits}")
-        if (held := self.held) is not None:
-            lines.append(f"tolerance {held.source}: {held.sentence}")
-            for point in held.worst[:_MANY]:
+            lines.append(f"{dampers}: {states}; {n_logs} logs, {settings}")
+        if (check := self.held) is not None:
+            lines.append(f"tolerance {check.source}: {check.sentence}")
+            for point in check.worst[:_MANY]:
                 setting = f", setting {point.setting}" if str(point.setting) else ""
                 speed = (
                     f", {point.speed:g} m/s {STROKE_WORDS[point.stroke]}" if point.stroke else ""
                 )
                 lines.append(f"{point.run or 'unknown'}{setting}{speed}: {point.words}")
-            if (more := len(held.worst) - _MANY) > 0:
-                lines.append(f"and {counted(more, 'more damper')}; --report lists them")
+            if (n_more := len(check.worst) - _MANY) > 0:
+                lines.append(f"and {counted(n_more, 'more damper')}; --report lists them")
         return "\n".join(lines)
 
     @property
     def remarks(self) -> tuple[Problem, ...]:  # type: ignore[override]
-        """What failed, gates that were missed, and what an interrupt has left."""
+        """Failures, missed gates, and the tasks that an interrupt has left."""
         owners = [(task.owner or "logs", task) for task in self.done]
         failures = [problem.of(owner) for owner, task in owners for problem in task.failures]
         gates = [problem.of(owner) for owner, task in owners for problem in task.gates]
-        if (more := len(failures) - _MANY) > 0:
-            text = f"and {more} more failures; the parts in {self.folder} hold them all"
+        if (n_more := len(failures) - _MANY) > 0:
+            text = f"and {n_more} more failures; the parts in {self.folder} hold them all"
             failures[_MANY:] = [note("more", text)]
         if self.is_stopped:
-            left = f"{self.n_tasks - len(self.done)} of {self.n_tasks} dampers left"
-            text = f"interrupted; {left}, the same command goes on with them"
+            dampers = f"{self.n_tasks - len(self.done)} of {self.n_tasks} dampers left"
+            text = f"interrupted; {dampers}, the same command goes on with them"
             gates.append(note("interrupted", text))
         return (*failures, *gates)
 
     @property
     def written(self) -> tuple[str, ...]:
-        """Where the parts are, and failures of an earlier run in them."""
+        """Where parts and tables are, and failures of an earlier run in them."""
         lines = []
         if n_before := sum(task.n_failures - len(task.failures) for task in self.done):
-            verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
+            verb, pronoun = ("counts", "it") if n_before == 1 else ("count", "them")
             count = counted(n_before, "failure")
-            lines.append(f"{count} of an earlier run {verb} too; the parts hold {them}")
+            lines.append(f"{count} of an earlier run {verb} too; the parts hold {pronoun}")
         if self.n_tasks and not self.is_stopped:
             lines.append(f"parts in {self.folder}")
         if self.n_rows is not None:

@@ -63,34 +63,34 @@ def series_plots(fleet: Survey) -> tuple[Plot, ...]:
         values = values.assign(x=places[values["setting"]])
         far = fleet.outliers[fleet.outliers["series"] == series.name]
         far = far.assign(x=places[far["setting"]])
-        bands = values.drop_duplicates("setting")
-        many = bands[bands["n_dampers"] >= LEAST_DAMPERS]
-        few = values[values["n_dampers"] < LEAST_DAMPERS]
+        medians = values.drop_duplicates("setting")
+        bands = medians[medians["n_dampers"] >= LEAST_DAMPERS]
+        single = values[values["n_dampers"] < LEAST_DAMPERS]
         # The power of ten, a multiple of three, that an axis of long numbers is given in.
-        largest = float(bands["median"].abs().max())
+        largest = float(medians["median"].abs().max())
         is_long = not series.stroke and _LONG <= largest < math.inf
         power = 3 * math.floor(math.log10(largest) / 3.0) if is_long else 0
         numbers = ["value", "median", "low", "high"]
-        many_shown, few_shown, far_shown = (
+        bands_scaled, single_scaled, far_scaled = (
             rows.assign(**{name: rows[name] / 10.0**power for name in numbers})
-            for rows in (many, few, far)
+            for rows in (bands, single, far)
         )
-        lines = (*_middle(many_shown), *_single(few_shown), *_far(far_shown, ranks))
+        lines = (*_middle(bands_scaled), *_single(single_scaled), *_far(far_scaled, ranks))
         unit = f"1e{power} {series.unit}" if power else series.unit
         panels = [setting_panel(fleet.settings, _label(series), unit, lines)]
         if not series.stroke:
-            many, far = many[many["median"] != 0.0], far[far["median"] != 0.0]
-        if not many.empty:
-            style = "solid" if len(many) > 1 else "points"
+            bands, far = bands[bands["median"] != 0.0], far[far["median"] != 0.0]
+        if not bands.empty:
+            style = "solid" if len(bands) > 1 else "points"
             below = [
                 Line(
-                    *(many["x"].to_numpy(), np.zeros(len(many)), words, "ink"),
+                    *(bands["x"].to_numpy(), np.zeros(len(bands)), label, "ink"),
                     style=style,
-                    low=_from_median(series, many, many[low]).to_numpy(),
-                    high=_from_median(series, many, many[high]).to_numpy(),
+                    low=_from_median(series, bands, bands[low]).to_numpy(),
+                    high=_from_median(series, bands, bands[high]).to_numpy(),
                     in_legend=False,
                 )
-                for words, low, high in (
+                for label, low, high in (
                     ("middle 90 %", "low", "high"),
                     ("middle half", "quarter", "three_quarters"),
                 )
@@ -129,22 +129,22 @@ def _single(values: pd.DataFrame) -> Iterator[Line]:
     groups = list(values.groupby("damper", sort=False))
     if len(groups) > _NAMED:
         groups = [("settings that few have", values.iloc[:_MOST_POINTS])]
-    for (name, own), colour in zip(groups, cycle(RUN_COLOURS[1:]), strict=False):
-        x, y = own[["x", "value"]].to_numpy(dtype=float).T
+    for (name, rows), colour in zip(groups, cycle(RUN_COLOURS[1:]), strict=False):
+        x, y = rows[["x", "value"]].to_numpy(dtype=float).T
         yield Line(x, y, str(name) or "unknown", colour, style="points")
 
 
 def _far(far: pd.DataFrame, ranks: dict[str, int]) -> Iterator[Line]:
     """Yield the dampers far off, the farthest by name, each in one colour where possible."""
     names = list(far["damper"].unique())
-    rest = far[far["damper"].isin(names[_NAMED:])]
-    if not rest.empty:
-        x, y = rest[["x", "value"]].to_numpy(dtype=float)[:_MOST_POINTS].T
+    unnamed = far[far["damper"].isin(names[_NAMED:])]
+    if not unnamed.empty:
+        x, y = unnamed[["x", "value"]].to_numpy(dtype=float)[:_MOST_POINTS].T
         yield Line(x, y, f"{len(names) - _NAMED} more far off", "muted", style="points")
     free = list(RUN_COLOURS[1:])
     for name in sorted(names[:_NAMED], key=lambda name: ranks[name]):
-        wanted = RUN_COLOURS[1 + ranks[name] % _NAMED]
-        colour = wanted if wanted in free else free[0]
+        preferred = RUN_COLOURS[1 + ranks[name] % _NAMED]
+        colour = preferred if preferred in free else free[0]
         free.remove(colour)
         x, y = far.loc[far["damper"] == name, ["x", "value"]].to_numpy(dtype=float).T
         yield Line(x, y, f"{name or 'unknown'}, far off", colour, style="triangles")
@@ -159,7 +159,7 @@ def trend_plots(fleet: Survey) -> tuple[Plot, ...]:
     days = fleet.rows["day"].dropna()
     if days.nunique() < 2:
         return ()
-    first = date(1970, 1, 1) + timedelta(days=float(days.min()))
+    start = date(1970, 1, 1) + timedelta(days=float(days.min()))
     plots = []
     for series in fleet.series:
         values = fleet.values[fleet.values["series"] == series.name].dropna(subset=["day"])
@@ -171,21 +171,20 @@ def trend_plots(fleet: Survey) -> tuple[Plot, ...]:
         if span.nunique() > _MOST_GROUPS:
             edges = np.linspace(0.0, np.nextafter(span.max(), np.inf), _MOST_GROUPS + 1)
             span = np.digitize(span, edges)
-        groups = [own for _, own in tests.groupby(span)]
+        groups = [group for _, group in tests.groupby(span)]
         if len(groups) < 2:
             continue
-        many = [own for own in groups if len(own) >= LEAST_DAMPERS]
-        few = [own for own in groups if len(own) < LEAST_DAMPERS]
+        large = [group for group in groups if len(group) >= LEAST_DAMPERS]
+        small = [group for group in groups if len(group) < LEAST_DAMPERS]
         lines = []
-        if few:
-            x = np.concatenate([np.full(len(own), own["day"].mean()) for own in few])
-            y = np.concatenate([own["share"] for own in few])
+        if small:
+            x = np.concatenate([np.full(len(group), group["day"].mean()) for group in small])
+            y = np.concatenate([group["share"] for group in small])
             lines.append(Line(x, y, "a damper", "muted", style="points"))
-        bands = [
-            (own["day"].mean(), *np.percentile(own["share"], (50.0, 5.0, 95.0))) for own in many
-        ]
+        shares_of = [(group["day"].mean(), group["share"]) for group in large]
+        bands = [(day, *np.percentile(column, (50.0, 5.0, 95.0))) for day, column in shares_of]
         lines += _middle(pd.DataFrame(bands, columns=["x", "median", "low", "high"]))
-        label = f"days since {first.isoformat()}"
+        label = f"days since {start.isoformat()}"
         panel = Panel(label, "", "from the median", "%", tuple(lines), rules=((0.0, ""),))
         title = f"{_title(series)} over the date"
         plots.append(Plot(f"fleet_trend_{series.name}", title, (panel,)))
@@ -305,9 +304,9 @@ def damper_sheet(dampers: Sequence[Any], *, most: int = MOST_LINES) -> Sheet:
         error = damper.worst_mse if math.isfinite(damper.worst_mse) else math.inf
         return -damper.n_failures, -damper.n_outliers, -error
 
-    shown, notes = list(dampers), []
-    if len(shown) > most:
-        shown = sorted(shown, key=badness)[:most]
+    rows, notes = list(dampers), []
+    if len(rows) > most:
+        rows = sorted(rows, key=badness)[:most]
         notes.append(
             f"The worst {most} of {len(dampers)}: failures, values far off, largest MSE. All are "
             "in fleet_dampers.csv."
@@ -323,4 +322,4 @@ def damper_sheet(dampers: Sequence[Any], *, most: int = MOST_LINES) -> Sheet:
         Column("date", "", lambda damper: damper.date or NOTHING, is_number=False),
         Column("first failure", "", lambda damper: damper.error, is_number=False),
     ]
-    return laid_out(shown, columns, *notes)
+    return laid_out(rows, columns, *notes)

@@ -48,8 +48,8 @@ def part_path(folder: Path, owner: str, key: str) -> Path:
     name = "".join(letters) or _NAMELESS
     if len(name.encode()) > _LONGEST:  # of what a disk takes as a name
         digest = hashlib.sha256(owner.encode("utf-8", "surrogateescape")).hexdigest()
-        kept = name.encode()[: _LONGEST - 20].decode(errors="ignore")
-        name = f"{kept.rpartition('%')[0] or kept}-{digest[:16]}"
+        start = name.encode()[: _LONGEST - 20].decode(errors="ignore")
+        name = f"{start.rpartition('%')[0] or start}-{digest[:16]}"
     return folder / f"{SERIAL}-{name}" / f"part-{key}.parquet"
 
 

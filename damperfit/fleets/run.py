@@ -1,6 +1,6 @@
 """A whole run of `fleet`: logs -> tasks, one damper each -> parts on the disk.
 
-A key says whether the part of a task is there already. What ends a worker costs itself alone.
+A key says whether the part of a task exists. A log that kills its worker costs only that log.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ class DamperTask(NamedTuple):
 
 
 def share_of(text: str) -> Callable[[DamperTask], bool]:
-    """Return whether a task is of part I of N, as ``I/N`` says and a job array does it.
+    """Return a test for tasks of share I of N, by ``I/N`` as in a job array.
 
-    Every task is of one, whatever other tasks there are.
+    Which share a task is of does not depend on the other tasks.
     """
     match = re.fullmatch(r"\s*(\d+)\s*/\s*(\d+)\s*", text)
     number, of = map(int, match.groups()) if match else (0, 0)
@@ -111,28 +111,28 @@ def tasks_by_damper(
     the date in a name is no part of it. A ConfigurationError: a table of tests is wrong, or there
     is no log.
     """
-    adjusters, given = configuration.reading.adjusters, configuration.test.table
-    named = [source for source in sources if source.file.lower() == TABLE_OF_TESTS]
+    adjusters, table = configuration.reading.adjusters, configuration.test.table
+    files = [source for source in sources if source.file.lower() == TABLE_OF_TESTS]
     # Whose a log is, and at which setting, by its folder and name.
     rows: dict[tuple[str, str], tuple[Identity, str]] = {}
-    with brought_here(named) as (here, _):
-        tables = {(file.where, file.folder): file for file in named if is_tests_table(here[file])}
+    with brought_here(files) as (paths, _):
+        tables = {(file.where, file.folder): file for file in files if is_tests_table(paths[file])}
         logs = [source for source in sources if source not in set(tables.values())]
         if not logs:
             raise ConfigurationError(
                 "no logs among the files given: they are all tables of tests", code="no-log"
             )
         # A table that was given is the only one, as in `identify`.
-        own = [(table.where, here[table]) for table in tables.values()]
-        for where, path in own if given is None else [("", given)]:
+        listed = [(file.where, paths[file]) for file in tables.values()]
+        for folder, path in listed if table is None else [("", table)]:
             for name, row in read_tests(path, adjusters).rows.items():
                 if row.identity.owner:
-                    rows.setdefault((where, name), (row.identity, str(row.places)))
+                    rows.setdefault((folder, name), (row.identity, str(row.places)))
 
     def whose(log: FleetLog) -> tuple[Identity, str]:
         keys = ((log.where, log.file), ("", log.file), ("", log.name))
-        if listed := next((rows[key] for key in keys if key in rows), None):
-            return listed
+        if row := next((rows[key] for key in keys if key in rows), None):
+            return row
         if log.earlier is not None:
             return Identity(serial=log.earlier.owner, date=log.earlier.date), ""
         return _in_preamble(head_of(log))
@@ -141,9 +141,9 @@ def tasks_by_damper(
     tests_on: dict[tuple[str, str], set[tuple[str, str]]] = defaultdict(set)
     # In a store each new log costs the time of an answer.
     with executor(AT_ONCE if any(log.is_remote for log in logs) else 1) as pool:
-        for log, (own, setting) in zip(logs, pool.map(whose, logs), strict=True):
-            owner = own.owner or configuration.test.identity.owner or _in_unicode(log.folder)
-            owners[owner][day := own.date[:10]].append(log)
+        for log, (identity, setting) in zip(logs, pool.map(whose, logs), strict=True):
+            owner = identity.owner or configuration.test.identity.owner or _in_unicode(log.folder)
+            owners[owner][day := identity.date[:10]].append(log)
             tests_on[owner, day].add((_undated(log.file, day, has_setting=bool(setting)), setting))
     tasks = []
     for owner in sorted(owners, key=natural_order):
@@ -152,10 +152,10 @@ def tasks_by_damper(
         if sum(map(len, names)) == len(set().union(*names)):
             everything = set(chain.from_iterable(tests))
             tests = [tuple(log for log in logs if log in everything)]
-        for taken in tests:
-            keys = dict.fromkeys((log.where, log.folder) for log in taken)
-            mine = tuple(tables[key] for key in keys if key in tables)
-            tasks.append(DamperTask(owner, taken, mine))
+        for test in tests:
+            keys = dict.fromkeys((log.where, log.folder) for log in test)
+            of_test = tuple(tables[key] for key in keys if key in tables)
+            tasks.append(DamperTask(owner, test, of_test))
     return tuple(tasks)
 
 
@@ -169,9 +169,9 @@ def _undated(name: str, day: str, *, has_setting: bool) -> str:
 
     Two numbers apart, as in 12-08, are a time only where the log says its setting elsewhere.
     """
-    if not (parts := re.fullmatch(r"(\d\d(\d\d))-(\d\d)-(\d\d)", day)):
+    if not (numbers := re.fullmatch(r"(\d\d(\d\d))-(\d\d)-(\d\d)", day)):
         return name
-    year, short, month, number = parts.groups()
+    year, short, month, number = numbers.groups()
     gap = "[-_.]?"
     dates = (
         f"{year}{gap}{month}{gap}{number}|{number}{gap}{month}{gap}{year}|{short}{month}{number}"
@@ -255,7 +255,7 @@ def _part_of(
     folder: Path,
     hashes: Iterable[tuple[PurePath, str]],
 ) -> tuple[Path, str, Done | None]:
-    """Path and key of the part of a task, and what became of the task where the part is there."""
+    """Return path and key of the part of a task, and the task's outcome if the part exists."""
     key = content_key(hashes, configuration)
     path = part_path(folder, task.owner, key)
     if not path.exists() or not (facts := read_facts_of(path)):
@@ -266,8 +266,8 @@ def _part_of(
 
 
 def _known_already(configuration: Configuration, folder: Path, task: DamperTask) -> Done | None:
-    """What became of a task whose part is there; nothing is fetched for that."""
-    # Where there can be no part nothing is hashed here: the worker does it.
+    """Return the outcome of a task whose part exists; nothing is fetched for that."""
+    # Where there can be no part nothing is hashed: the worker does it.
     is_new = not part_path(folder, task.owner, "").parent.is_dir()
     if is_new or any(file.is_remote and file.earlier is None for file in task.files):
         return None
@@ -281,18 +281,18 @@ def _known_already(configuration: Configuration, folder: Path, task: DamperTask)
 
 
 def _try_log(configuration: Configuration, task: DamperTask) -> None:
-    """Do the work on one log alone and write nothing, to see whether it kills its worker."""
-    # What else is wrong with it is a failure of the whole task.
-    with brought_here(task.files) as (here, _), suppress(Exception):
-        logs = [str(here[log]) for log in task.logs]
+    """Work on one log alone and write nothing, to see whether it kills its worker."""
+    # Anything else that is wrong with it is a failure of the whole task.
+    with brought_here(task.files) as (paths, _), suppress(Exception):
+        logs = [str(paths[log]) for log in task.logs]
         deque(identified(configuration, logs, jobs=1), maxlen=0)
 
 
 def _do(configuration: Configuration, folder: Path, task: DamperTask) -> Done:
     """Fit one damper and write its part, unless the part is there."""
     try:
-        with brought_here(task.files) as (here, stamps):
-            return _fitted(configuration, folder, task, here, stamps)
+        with brought_here(task.files) as (paths, stamps):
+            return _fitted(configuration, folder, task, paths, stamps)
     except UnreachableError as error:
         return _later(task, error.problem)
 
@@ -301,18 +301,18 @@ def _fitted(
     configuration: Configuration,
     folder: Path,
     task: DamperTask,
-    here: Mapping[FleetLog, Path],
+    paths: Mapping[FleetLog, Path],
     stamps: Mapping[FleetLog, str],
 ) -> Done:
     """Fit one damper and write its part; whatever is wrong with the logs becomes rows of it."""
-    hashes = {file: hash_of(path) for file, path in here.items()}
-    entries = ((here[file], digest) for file, digest in hashes.items())
+    hashes = {file: hash_of(path) for file, path in paths.items()}
+    entries = ((paths[file], digest) for file, digest in hashes.items())
     path, key, before = _part_of(task, configuration, folder, entries)
     objects = {}
     for file, stamp in stamps.items():
         if stamp:
-            own, _ = _in_preamble(head_of(FleetLog(str(here[file]), "")))
-            objects[file.place] = (stamp, hashes[file], own.owner, own.date)
+            identity, _ = _in_preamble(head_of(FleetLog(str(paths[file]), "")))
+            objects[file.place] = (stamp, hashes[file], identity.owner, identity.date)
     if before:
         if objects:  # changed in date, not in bytes: with the new stamp it is not fetched again
             renew_facts(path, seen=objects)
@@ -320,16 +320,16 @@ def _fitted(
     dead = dict(task.dead)
     failures: list[tuple[str, Failure]] = []
     if dead:
-        labels = Labels([here[log] for log in task.logs], configuration)
+        labels = Labels([paths[log] for log in task.logs], configuration)
         for log in (log for log in task.logs if log.place in dead):
             problem = Problem("worker-died", dead[log.place])
-            setting = labels.unread(here[log], configuration)
+            setting = labels.unread(paths[log], configuration)
             failures.append((task.owner, Failure(problem, "WorkerDied", log.file, "", setting)))
     rows: list[dict[str, Any]] = []
     gates: list[Problem] = []
     records: list[dict[str, Any]] = []
     try:
-        living = [str(here[log]) for log in task.logs if log.place not in dead]
+        living = [str(paths[log]) for log in task.logs if log.place not in dead]
         for result in identified(configuration, living, jobs=1) if living else ():
             owner = result.owner or task.owner
             rows += _part_rows(result.run, owner)
@@ -344,7 +344,7 @@ def _fitted(
     names = {
         spelled: _in_unicode(log.name)
         for log in task.logs
-        for spelled in (str(here[log]), _in_unicode(str(here[log])))
+        for spelled in (str(paths[log]), _in_unicode(str(paths[log])))
     }
     failed = [_failed_row(owner, failure, names) for owner, failure in failures]
     facts = {
@@ -392,7 +392,7 @@ def _part_rows(run: Run, damper: str) -> Iterator[dict[str, Any]]:
     for row in run.table("adjustment").to_pylist():
         force, error = _force_columns(row["stroke"], row["speed_m_per_s"])
         forces[str(row["setting"])] |= {force: row["force_N"], error: row["force_se_N"]}
-    own = {
+    shared = {
         "damper": damper,
         "date": run.record["test"].get("date"),
         _REFERENCE: run.record["configuration"]["damper"]["reference_temperature"],
@@ -400,7 +400,7 @@ def _part_rows(run: Run, damper: str) -> Iterator[dict[str, Any]]:
     for row in run.table("parameters").to_pylist():
         places = {name: str(row[name]) for name in adjusters_in(list(row), run.quantities)}
         setting = str(row["setting"])
-        yield row | places | forces[setting] | own | {"setting": setting}
+        yield row | places | forces[setting] | shared | {"setting": setting}
 
 
 def _schema(configuration: Configuration) -> pa.Schema:
@@ -408,7 +408,7 @@ def _schema(configuration: Configuration) -> pa.Schema:
     # Only metadata of columns is collected: with it goes the symbol of a quantity.
     names, damper = configuration.reading.adjusters, configuration.damper
     symbols = {quantity.name: {SYMBOL: quantity.symbol.encode()} for quantity in damper.quantities}
-    own = [
+    parameters = [
         field.with_metadata((field.metadata or {}) | symbols.get(field.name, {}))
         for field in table_schema("parameters", {}, settings=(), quantities=damper.quantities)
         if field.name != ADJUSTER
@@ -418,7 +418,7 @@ def _schema(configuration: Configuration) -> pa.Schema:
         for stroke in ("rebound", "bump")
         for speed in configuration.output.speeds
     ]
-    numbers = [named[k] for k in (0, 1) for named in columns]
+    numbers = [pair[k] for k in (0, 1) for pair in columns]
     if isinstance(damper, WithTemperature):  # where its resistances and forces hold
         numbers.insert(0, _REFERENCE)
     # A setting is text: labels of some dampers are numbers, of others words.
@@ -426,7 +426,7 @@ def _schema(configuration: Configuration) -> pa.Schema:
     return pa.schema(
         [
             *(pa.field(name, pa.string()) for name in first),
-            *own,
+            *parameters,
             *(pa.field(name, pa.float64()) for name in numbers),
             *(pa.field(name, pa.string()) for name in ("log", "error_kind", "error")),
         ]
@@ -442,10 +442,10 @@ def planned(
     folder: Path,
     takes: Callable[[DamperTask], bool] = lambda _: True,
 ) -> tuple[DamperTask, ...]:
-    """Return the tasks of a fleet, of the share that is asked for; in its own folder is no log."""
-    own = folder.resolve()
+    """Return the tasks of a fleet that `takes` accepts; files in its own folder are no logs."""
+    results = folder.resolve()
     sources = [
-        log for log in find_sources(logs) if log.is_remote or own not in Path(log.place).parents
+        log for log in find_sources(logs) if log.is_remote or results not in Path(log.place).parents
     ]
     if not sources:
         raise ConfigurationError(
@@ -463,15 +463,15 @@ def run_fleet(
     *,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Iterator[Done]:
-    """Do the tasks of a fleet whose parts are not there, in any order, and yield each when done.
+    """Do the tasks of a fleet whose parts do not exist, in any order, and yield each when done.
 
-    A task whose worker dies is given to another one. Where that dies too, each of its logs is tried
-    alone, those that end their worker are left out with a row that says so, and the others are
-    fitted. Once `cancelled` says True nothing more is begun.
+    A task whose worker dies goes to another one. If that dies too, each of its logs is tried alone:
+    those that kill their worker are left out with a row that says so, the others are fitted. No
+    task begins once `cancelled` returns True.
     """
     do, try_log = partial(_do, configuration, folder), partial(_try_log, configuration)
 
-    def tried(tasks: Iterable[DamperTask]) -> Generator[Done, None, list[DamperTask]]:
+    def attempt(tasks: Iterable[DamperTask]) -> Generator[Done, None, list[DamperTask]]:
         """Yield the outcome of tasks, and return those that ended their worker."""
         died = []
         for task, result in engine.each(do, tasks, cancelled=cancelled):
@@ -488,7 +488,7 @@ def run_fleet(
     for task in tasks:
         if cancelled():
             return
-        # Asked here, so that no worker is started where there is nothing to do.
+        # So that no worker starts where there is nothing to do.
         try:
             before = _known_already(configuration, folder, task)
         except (OSError, ValueError) as error:
@@ -498,14 +498,14 @@ def run_fleet(
         else:
             waiting.append(task)
     for _ in range(2):
-        waiting = yield from tried(waiting)
+        waiting = yield from attempt(waiting)
     for task in waiting:
         if cancelled():
             break
         alone = [task._replace(logs=(log,)) for log in task.logs]
         for _ in range(2):
-            each = engine.each(try_log, alone, cancelled=cancelled)
-            alone = [task for task, result in each if isinstance(result, Died)]
+            outcomes = engine.each(try_log, alone, cancelled=cancelled)
+            alone = [task for task, result in outcomes if isinstance(result, Died)]
         # Where none does it alone something else ended the workers, as too little memory does.
         reason = (
             "reading or fitting this log killed its worker process twice; it is left out: check "
@@ -513,7 +513,7 @@ def run_fleet(
         )
         logs = sorted(task.logs[0] for task in alone)
         dead = tuple((log.place, f"{log.file}: {reason}") for log in logs)
-        for failed in (yield from tried([task._replace(dead=dead)])):
+        for failed in (yield from attempt([task._replace(dead=dead)])):
             text = "its workers die, though no single log is the cause; nothing was written"
             yield _later(failed, Problem("worker-died", text))
     forget_earlier(folder)

@@ -29,7 +29,7 @@ from damperfit.workers import executor
 AT_ONCE = 16  # requests; nearly all of the time is waiting
 _PATIENCE = 3  # s; the last of several tries may end much later
 _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://")
-_SHOWN = ".csv, .txt, .xlsx, .mat, .tdms"
+_EXAMPLES = ".csv, .txt, .xlsx, .mat, .tdms"
 _HEAD = 4096  # bytes of a log in which its preamble is looked for
 
 
@@ -107,8 +107,8 @@ def _file_system(root: str) -> Any:
 @contextmanager
 def _reached(address: str) -> Iterator[tuple[Any, str, str]]:
     """Yield the store, the path inside, and the form of an address there."""
-    scheme, rest = address.split("://", 1)
-    path, mark, query = rest.partition("?")
+    scheme, location = address.split("://", 1)
+    path, mark, query = location.partition("?")
     user, at, bucket = path.split("/", 1)[0].rpartition("@")
     path = path.removeprefix(user + at)
     if ":" in user:
@@ -133,18 +133,18 @@ def _listed(address: str) -> list[FleetLog]:
     from pyarrow import fs
 
     with _reached(address) as (store, path, form):
-        parts = path.split("/")
-        first = next((k for k, part in enumerate(parts) if re.search(r"[*\[]", part)), None)
-        root = "/".join(parts[:first])
+        pattern = path.split("/")
+        first = next((k for k, name in enumerate(pattern) if re.search(r"[*\[]", name)), None)
+        root = "/".join(pattern[:first])
         if store.get_file_info(root).type == fs.FileType.File:
             return [FleetLog(form.format(root), PurePosixPath(root).name)]
         below = store.get_file_info(fs.FileSelector(root, recursive=True, allow_not_found=True))
 
     def is_wanted(info: Any) -> bool:
-        own = info.path.split("/")
+        names = info.path.split("/")
         if first is None:
             return _is_log(info.base_name)
-        return len(own) == len(parts) and all(map(fnmatch.fnmatchcase, own, parts))
+        return len(names) == len(pattern) and all(map(fnmatch.fnmatchcase, names, pattern))
 
     return [
         FleetLog(form.format(info.path), info.path[len(root) :].lstrip("/"))
@@ -184,31 +184,31 @@ def _fetched(address: str, path: Path) -> str:
 # Logs that are looked for
 
 
-def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
+def find_sources(names: Iterable[str]) -> tuple[FleetLog, ...]:
     """Return the logs that folders, files, patterns and addresses name, each once, in order.
 
     A folder stands for all logs in it and below: files with the suffix of a format that is read.
     """
     logs: dict[str, FleetLog] = {}
     files: list[Path] = []
-    wanted = list(wanted)
-    local = (real_path(text) for text in wanted if not _is_address(text))
+    names = list(names)
+    local = (real_path(text) for text in names if not _is_address(text))
     common = _common([path for path in local if path.is_dir()])
-    for text in wanted:
+    for text in names:
         if not _is_address(text) and not Path(text).is_dir():
             files += (path for path in map(real_path, matches(text)) if not is_own_table(path))
             continue
-        own = real_path(text)
-        sources = _listed(text) if _is_address(text) else _below(own, common or own)
+        folder = real_path(text)
+        sources = _listed(text) if _is_address(text) else _below(folder, common or folder)
         if not sources:
             raise ConfigurationError(
-                f"no log in it; expected files such as {_SHOWN}", subject=text, code="no-log"
+                f"no log in it; expected files such as {_EXAMPLES}", subject=text, code="no-log"
             )
         for log in sources:
             logs.setdefault(log.place, log)
     if not logs and not files:
         raise ConfigurationError(
-            f"{', '.join(wanted)}: no log there, but results of damperfit; give the logs",
+            f"{', '.join(names)}: no log there, but results of damperfit; give the logs",
             code="no-log",
         )
     # A shell makes files of a pattern: the folders that they share are left out of their names.

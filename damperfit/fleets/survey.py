@@ -88,9 +88,9 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
     frame["damper"] = frame["damper"].where(frame["damper"] != "", frame[SERIAL])
     frame["mse"] = columns.reindex(columns=["mse_percent"]).astype(float)
     fitted = frame[frame["error_kind"] == ""]
-    named = {text: _setting(text) for text in fitted["setting"].unique()}
-    settings = sorted(set(named.values()))
-    places = {text: settings.index(setting) for text, setting in named.items()}
+    settings_of = {text: _setting(text) for text in fitted["setting"].unique()}
+    settings = sorted(set(settings_of.values()))
+    places = {text: settings.index(setting) for text, setting in settings_of.items()}
     rows: Any = pd.DataFrame(
         {
             "damper": fitted["damper"],
@@ -98,22 +98,22 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
             "day": fitted["date"].map(_day).astype(float),
         }
     ).sort_values("setting", kind="stable")
-    series, parts = [], []
+    series, blocks = [], []
     of_paper = {quantity.name: quantity.symbol for quantity in PAPER_QUANTITIES}
     for name in table.column_names:
         match = _FORCE.fullmatch(name)
         error = f"{name.removesuffix('_N')}_se_N" if match else f"{name}_se"
         if not match and error not in table.column_names:
             continue
-        own = columns.reindex(columns=[name, error]).loc[rows.index]
-        values, errors = own.to_numpy(dtype=float, na_value=np.nan).T
+        pair = columns.reindex(columns=[name, error]).loc[rows.index]
+        values, errors = pair.to_numpy(dtype=float, na_value=np.nan).T
         is_known = np.isfinite(values)
         # A parameter that was fitted nowhere and is the same everywhere: nothing to see.
         is_held = is_known.sum() > 1 and not np.ptp(values[is_known])
         is_held = is_held and not np.isfinite(errors).any() and not match
         if is_held or not is_known.any():
             continue
-        parts.append(rows.assign(series=name, value=values, error=errors)[is_known])
+        blocks.append(rows.assign(series=name, value=values, error=errors)[is_known])
         if match:
             speed, stroke = float(match[2]) / 1000.0, match[1]
             label = f"force in {STROKE_WORDS[stroke]} at {speed:g} m/s"
@@ -125,7 +125,7 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
             unit = metadata.get(b"unit", b"").decode()
             series.append(Series(name, symbol.decode(), "" if unit == "1" else unit))
     nothing = rows.iloc[:0].assign(series="", value=0.0, error=0.0)
-    values = _with_bands(pd.concat(parts or [nothing], ignore_index=True))
+    values = _with_bands(pd.concat(blocks or [nothing], ignore_index=True))
     is_far = (values["n_dampers"] >= LEAST_DAMPERS) & (values["distance"].abs() > FAR_OFF)
     outliers = values[is_far].sort_values("distance", key=lambda x: -x.abs(), kind="stable")
     dampers = _dampers(frame, outliers)
@@ -134,8 +134,8 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
     fleet = fleet._replace(shifts=shifts, rules=rules)
     if tolerance is None:
         return fleet
-    held = fleet_against_bands(fleet, tolerance)
-    return fleet._replace(held=held, capability=capability(fleet, held))
+    check = fleet_against_bands(fleet, tolerance)
+    return fleet._replace(held=check, capability=capability(fleet, check))
 
 
 def _with_bands(values: Any) -> Any:
@@ -173,9 +173,9 @@ def _dampers(frame: Any, outliers: Any) -> tuple[Any, ...]:
     }
     names = frame["damper"].unique()
     columns = {"damper": names}
-    columns |= {name: own.reindex(names).fillna(0).astype(int) for name, own in counts.items()}
+    columns |= {name: column.reindex(names, fill_value=0) for name, column in counts.items()}
     columns |= {"worst_mse": worst["mse"].reindex(names)}
-    columns |= {name: own.reindex(names).fillna("") for name, own in texts.items()}
+    columns |= {name: column.reindex(names).fillna("") for name, column in texts.items()}
     rows: Any = pd.DataFrame(columns, index=names)
     return tuple(rows.itertuples(index=False, name="DamperLine"))
 
@@ -234,25 +234,25 @@ class HeldFleet(NamedTuple):
 
 
 def fleet_against_bands(fleet: Survey, tolerance: Tolerance) -> HeldFleet:
-    """Return the forces of a fleet that do not keep a tolerance.
+    """Compare the forces of a fleet with a tolerance.
 
     Per cent and newtons are around the median force of the setting over the fleet, and a damper
-    without any force misses them; a table of nominal forces holds for every damper, and what a
-    damper lacks of it is missed. A ConfigurationError: a nominal force is at a speed that a fleet's
+    without any force misses them. A table of nominal forces holds for every damper: a force that a
+    damper lacks is missed. A ConfigurationError: a nominal force is at a speed that the fleet's
     table does not have.
     """
     forces = {series.name: series for series in fleet.series if series.stroke}
-    everyone = [damper.damper for damper in fleet.dampers]
+    dampers = [damper.damper for damper in fleet.dampers]
     values = fleet.values[fleet.values["series"].isin(forces)]
-    parts: list[Any] = [values.iloc[:0].assign(least=0.0, most=0.0)]  # forces with their bands
-    lost: list[Point] = []
+    blocks: list[Any] = [values.iloc[:0].assign(least=0.0, most=0.0)]  # forces with their bands
+    missing: list[Point] = []
     if not tolerance.bands:
         having = set(values["damper"])
-        why = "it has no force at any named speed"
-        lost += [Point(damper, "", reason=why) for damper in everyone if damper not in having]
+        text = "it has no force at any named speed"
+        missing += [Point(damper, "", reason=text) for damper in dampers if damper not in having]
         reach = np.maximum(tolerance.share * values["median"].abs(), tolerance.newtons)
         least, most = values["median"] - reach, values["median"] + reach
-        parts.append(values.assign(least=least, most=most))
+        blocks.append(values.assign(least=least, most=most))
     speeds = sorted({*NAMED_SPEEDS, *(force.speed for force in forces.values())})
     for band in tolerance.bands:
         if not any(abs(speed - band.speed) <= _NEAR for speed in speeds):
@@ -270,24 +270,24 @@ def fleet_against_bands(fleet: Survey, tolerance: Tolerance) -> HeldFleet:
             for name, force in forces.items()
             if force.stroke == band.stroke and abs(force.speed - band.speed) <= _NEAR
         ]
-        own = values[values["series"].isin(names) & values["setting"].isin(places)]
-        parts.append(own.assign(least=band.low, most=band.high))
+        at_speed = values[values["series"].isin(names) & values["setting"].isin(places)]
+        blocks.append(at_speed.assign(least=band.low, most=band.high))
         fitted = fleet.rows[fleet.rows["setting"].isin(places)]
         tested, reached = (
-            set(zip(rows["setting"], rows["damper"], strict=True)) for rows in (fitted, own)
+            set(zip(rows["setting"], rows["damper"], strict=True)) for rows in (fitted, at_speed)
         )
-        ends = (band.speed, band.stroke, math.nan, band.low, band.high, math.nan)
-        why = "the test does not reach the speed"
-        lost += [
-            Point(damper, fleet.settings[k], *ends, why) for k, damper in sorted(tested - reached)
+        cells = (band.speed, band.stroke, math.nan, band.low, band.high, math.nan)
+        text = "the test does not reach the speed"
+        missing += [
+            Point(damper, fleet.settings[k], *cells, text) for k, damper in sorted(tested - reached)
         ]
-        why = "the setting was not tested" if band.setting else "nothing was fitted"
+        text = "the setting was not tested" if band.setting else "nothing was fitted"
         having = {damper for _, damper in tested}
-        lost += [
-            Point(damper, band.setting, *ends, why) for damper in everyone if damper not in having
+        missing += [
+            Point(damper, band.setting, *cells, text) for damper in dampers if damper not in having
         ]
-    held = pd.concat(parts)
-    outside: Any = held[(held["value"] < held["least"]) | (held["value"] > held["most"])]
+    table = pd.concat(blocks)
+    outside: Any = table[(table["value"] < table["least"]) | (table["value"] > table["most"])]
     missed = []
     for row in outside.itertuples():
         of = (row.damper, fleet.settings[row.setting])
@@ -295,10 +295,10 @@ def fleet_against_bands(fleet: Survey, tolerance: Tolerance) -> HeldFleet:
         missed.append(Point(*of, force.speed, force.stroke, row.value, row.least, row.most))
     return HeldFleet(
         tolerance.source,
-        len(lost) + len(held),
-        len(everyone),
-        (*lost, *sorted(missed, key=lambda point: point.margin)),
-        held,
+        len(missing) + len(table),
+        len(dampers),
+        (*missing, *sorted(missed, key=lambda point: point.margin)),
+        table,
     )
 
 
@@ -320,7 +320,7 @@ _RULES = {"1": (1, 1, 3.0), "2": (2, 3, 2.0), "3": (4, 5, 1.0), "4": (8, 8, 0.0)
 _MOVING_RANGE = math.sqrt(2.0) * 0.67449  # median of |a - b| of two normal values of sigma 1
 
 
-def capability(fleet: Survey, held: HeldFleet) -> Rows:
+def capability(fleet: Survey, check: HeldFleet) -> Rows:
     """Return Cp and Cpk of each force that a tolerance covers, the smallest Cpk first.
 
     s^2 is the variance S^2 of n dampers less the mean square v of their forces' standard errors.
@@ -331,10 +331,10 @@ def capability(fleet: Survey, held: HeldFleet) -> Rows:
     """
     series = {force.name: force for force in fleet.series}
     rows = []
-    groups: Any = held.forces.groupby(["series", "setting", "least", "most"])
-    for (name, setting, low, high), own in groups:
+    groups: Any = check.forces.groupby(["series", "setting", "least", "most"])
+    for (name, setting, low, high), group in groups:
         # A damper that was tested several times is the mean of its tests.
-        tests = own.assign(square=own["error"] ** 2).groupby("damper")
+        tests = group.assign(square=group["error"] ** 2).groupby("damper")
         dampers = tests[["value", "square"]].mean()
         n, noise = len(dampers), float((dampers["square"] / tests.size()).mean())
         if n < LEAST_OF_CP or math.isnan(noise):
@@ -346,8 +346,8 @@ def capability(fleet: Survey, held: HeldFleet) -> Rows:
             for share in (0.025, 0.975):
                 left = total * (n - 1) / chi_squared_quantile(n - 1, share) - noise
                 limits.append((high - low) / (6.0 * math.sqrt(left)) if left > 0.0 else None)
-            cpk, more = min(high - mean, mean - low) / (3.0 * s), total / s**2
-            reach = NORMAL_95 * math.sqrt(more / (9 * n) + (cpk * more) ** 2 / (2 * (n - 1)))
+            cpk, ratio = min(high - mean, mean - low) / (3.0 * s), total / s**2
+            reach = NORMAL_95 * math.sqrt(ratio / (9 * n) + (cpk * ratio) ** 2 / (2 * (n - 1)))
             indices = ((high - low) / (6.0 * s), *limits, cpk, cpk - reach, cpk + reach)
             note = ""
         place = (str(fleet.settings[setting]), series[name].speed, series[name].stroke)
@@ -416,9 +416,9 @@ def run_rules(fleet: Survey) -> tuple[list[str], Rows]:
     places = {test: k for k, test in enumerate(tests)}
     events, n_forces = [], 0
     by_force: Any = values.groupby(["series", "setting"], sort=False)
-    for (name, setting), own in by_force:
-        forces = own.groupby("test")["value"].mean()
-        if len(forces) < LEAST_OF_CP or own["day"].nunique() < 2:
+    for (name, setting), group in by_force:
+        forces = group.groupby("test")["value"].mean()
+        if len(forces) < LEAST_OF_CP or group["day"].nunique() < 2:
             continue
         n_forces += 1
         middle, moves = median(forces), median(np.abs(np.diff(forces)))
@@ -429,33 +429,33 @@ def run_rules(fleet: Survey) -> tuple[list[str], Rows]:
             size = float(np.abs(z[first : last + 1]).max())
             events.append(_Event(name, setting, side, at[first], at[last], rules, size))
     events.sort(key=lambda event: (event.first - event.last, -event.size))
-    groups = []
+    shifts = []
     while events:
         low, high = events[0].first - 1, events[0].last + 1
-        groups.append([event for event in events if event.first <= high and event.last >= low])
+        shifts.append([event for event in events if event.first <= high and event.last >= low])
         events = [event for event in events if event.first > high or event.last < low]
-    groups.sort(key=lambda group: -len({event[:2] for event in group}))
+    shifts.sort(key=lambda shift: -len({event[:2] for event in shift}))
     labels = [
         (names[k] or "unknown", str(date(1970, 1, 1) + timedelta(days=day))) for day, k in tests
     ]
 
-    def words(event: _Event) -> str:
+    def text_of(event: _Event) -> str:
         until = " to {} ({})".format(*labels[event.last]) if event.last > event.first else ""
-        where = "{} ({})".format(*labels[event.first]) + until
-        return f"{event.side} its median at {where} by rule {event.rules}"
+        span = "{} ({})".format(*labels[event.first]) + until
+        return f"{event.side} its median at {span} by rule {event.rules}"
 
     sentences: list[str] = []
     rows: list[dict[str, Any]] = []
-    for number_of, group in enumerate(groups, start=1):
-        main = group[0]
-        same = [event for event in group if event[:2] == main[:2]]
-        same.sort(key=lambda event: event.first)
+    for number_of, shift in enumerate(shifts, start=1):
+        main = shift[0]
+        runs = [event for event in shift if event[:2] == main[:2]]
+        runs.sort(key=lambda event: event.first)
         sentences.append(
             f"The {forces_of[main.series].label} at setting {fleet.settings[main.setting]} is "
-            f"{', '.join(map(words, same))}; with it {len({event[:2] for event in group})} of "
+            f"{', '.join(map(text_of, runs))}; with it {len({event[:2] for event in shift})} of "
             f"{n_forces} forces are off."
         )
-        for event in group:
+        for event in shift:
             force = forces_of[event.series]
             place = (str(fleet.settings[event.setting]), force.speed, force.stroke, event.side)
             cells = (number_of, *place, *labels[event.first], *labels[event.last], event.rules)
