@@ -76,23 +76,23 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     n_declared = file.metadata.num_rows
     n_rows = max(n_declared, sum(max(n, 0) for n in counts))
     claimed = max(n_rows, 0) * 8 * 4  # four channels of float64 are all that is ever loaded
-    check_size(claimed, limit=options.max_bytes, what=f"a table of {n_rows} rows")
+    check_size(claimed, limit=options.max_bytes, subject=f"a table of {n_rows} rows")
     columns = []
     for field in fields:
         texts = _texts(field.metadata)
         unit = "s" if types.is_duration(field.type) else texts.get("unit") or texts.get("units")
         columns.append(Column(field.name.strip(), unit, _is_clock(field.type)))
 
-    def load(wanted: Mapping[str, int]) -> Samples:
-        for channel, index in wanted.items():
+    def load(indices: Mapping[str, int]) -> Samples:
+        for channel, index in indices.items():
             kind = fields[index].type
             is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind)
             if not (is_number or _is_clock(kind) or types.is_duration(kind)):
                 raise LogError(f"{channel} is of type {kind}, expected numbers", code="bad-row")
-        names = {channel: fields[index].name for channel, index in wanted.items()}
+        names = {channel: fields[index].name for channel, index in indices.items()}
         with refusing_damage("Parquet"):
             table = file.read(columns=sorted(set(names.values())), use_threads=False)
-            # The counts of the columns are left alone: asking for a damaged one ends the process.
+            # The counts of the columns are not read: asking for a damaged one ends the process.
             if not n_declared == sum(counts) == table.num_rows:
                 raise LogError(
                     f"damaged Parquet: {n_declared} rows are declared, {sum(counts)} held and "
@@ -162,7 +162,7 @@ def _numbers(column: Any) -> FloatArray:
 
 
 class _Extent(NamedTuple):
-    """How much of a file is there, in bytes."""
+    """Bytes of values in a file, and where it is cut."""
 
     n_stored: int  # of values in the file
     cut_at: int = -1  # where the segment starts that is not whole; -1: all are
@@ -177,32 +177,32 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     with refusing_damage("TDMS file"):
         lengths = _lengths(nptdms, data)
         n_values = sum(lengths.values())
-        check_size(n_values, limit=options.max_bytes, what="the file")
+        check_size(n_values, limit=options.max_bytes, subject="the file")
         if n_values > 8 * extent.n_stored:
             raise LogError(
                 f"damaged TDMS file: {n_values} values are declared, but only "
                 f"{extent.n_stored} bytes are there; copy the log again",
                 code="damaged",
             )
-        lost = _lost(nptdms, data, extent, lengths, limit=options.max_bytes)
-        if lost and not options.allow_truncated:
+        missing = _lost(nptdms, data, extent, lengths, limit=options.max_bytes)
+        if missing and not options.allow_truncated:
             raise LogError(
-                f"truncated TDMS file: {lost}; copy the log again, or keep what all "
+                f"truncated TDMS file: {missing}; copy the log again, or keep what all "
                 "channels have by {--allow-truncated}",
                 code="truncated",
             )
         file = nptdms.TdmsFile.read(io.BytesIO(data))
-        groups = [_group(group, file, is_cut=bool(lost)) for group in file.groups()]
+        groups = [_group(group, file, is_cut=bool(missing)) for group in file.groups()]
         n_read = sum(_n_bytes(channel) for group in file.groups() for channel in group.channels())
-    if n_read > extent.n_stored or (n_read < extent.n_stored and not lost):
+    if n_read > extent.n_stored or (n_read < extent.n_stored and not missing):
         raise LogError(
             f"truncated or damaged TDMS file: {extent.n_stored} bytes of values are "
             f"declared but {n_read} can be read; copy the log again",
             code="truncated",
         )
     tables = group_tables(groups, options, notes=(_NO_CHECKSUMS,))
-    words = f"the end of the file is missing: {lost}"
-    findings = (warning("truncated", words),) if lost else ()
+    sentence = f"the end of the file is missing: {missing}"
+    findings = (warning("truncated", sentence),) if missing else ()
     return tuple(replace(table, findings=findings) for table in tables)
 
 
@@ -232,9 +232,9 @@ def _extent(data: bytes) -> _Extent:
             raise LogError(text, code="damaged")
         if n_bytes == _OPEN or end > len(data):
             has_values = contents & _HAS_VALUES and values_at <= len(data)
-            held = len(data) - values_at if has_values else 0
+            n_present = len(data) - values_at if has_values else 0
             is_known = n_bytes != _OPEN and values_at <= len(data)
-            return _Extent(total + held, at, end - len(data) if is_known else -1)
+            return _Extent(total + n_present, at, end - len(data) if is_known else -1)
         total += end - values_at
         at = end
     return _Extent(total)
@@ -281,22 +281,22 @@ def _lengths(nptdms: Any, data: bytes) -> dict[tuple[str, str], int]:
 
 
 def _lost(
-    nptdms: Any, data: bytes, extent: _Extent, held: Mapping[tuple[str, str], int], *, limit: int
+    nptdms: Any, data: bytes, extent: _Extent, lengths: Mapping[tuple[str, str], int], *, limit: int
 ) -> str:
-    """Return in words the values that a cut file lacks; empty when it is whole."""
+    """Return a sentence on the values that a cut file lacks; empty when it is whole."""
     if extent.cut_at < 0:
         return ""
-    where = f"the segment at byte {extent.cut_at} is not whole"
+    place = f"the segment at byte {extent.cut_at} is not whole"
     if extent.n_missing < 0:
-        left = ", ".join(f"{visible(name)} has {n}" for (_, name), n in [*held.items()][:10])
-        return f"{where} and how much is missing is not known; values left: {left or 'none'}"
+        present = ", ".join(f"{visible(name)} has {n}" for (_, name), n in [*lengths.items()][:10])
+        return f"{place} and how much is missing is not known; values left: {present or 'none'}"
     if len(data) + extent.n_missing > limit:
-        return f"{where}; {extent.n_missing} bytes are missing"
-    # With the missing bytes put back as zeros npTDMS gives the lengths that were meant.
-    whole = _lengths(nptdms, data + bytes(extent.n_missing))
-    counts = {name: (n - held.get(name, 0), n) for name, n in whole.items()}
-    shown = [f"{visible(name)} lost {k} of {n}" for (_, name), (k, n) in counts.items() if k]
-    return f"{where}; values: {', '.join(shown[:10]) or 'none lost'}"
+        return f"{place}; {extent.n_missing} bytes are missing"
+    # With the missing bytes replaced by zeros npTDMS gives the declared lengths.
+    declared = _lengths(nptdms, data + bytes(extent.n_missing))
+    counts = {name: (n - lengths.get(name, 0), n) for name, n in declared.items()}
+    listed = [f"{visible(name)} lost {k} of {n}" for (_, name), (k, n) in counts.items() if k]
+    return f"{place}; values: {', '.join(listed[:10]) or 'none lost'}"
 
 
 def _n_bytes(channel: Any) -> int:
@@ -311,22 +311,22 @@ def _group(group: Any, file: Any, *, is_cut: bool) -> Group:
     properties = {**file.properties, **group.properties}
     metadata = {str(key).lower(): str(text)[:1000] for key, text in properties.items()}
     stamps = [channel.properties.get("wf_start_time") for channel in group.channels()]
-    first = min((stamp for stamp in stamps if isinstance(stamp, np.datetime64)), default=None)
+    start = min((stamp for stamp in stamps if isinstance(stamp, np.datetime64)), default=None)
     channels = tuple(
-        _channel(channel, first)
+        _channel(channel, start)
         for channel in group.channels()
         if channel.dtype.kind in "fiuM" and len(channel)
     )
     return Group(str(group.name), channels, metadata, is_cut=is_cut)
 
 
-def _channel(channel: Any, first: np.datetime64 | None) -> GroupChannel:
+def _channel(channel: Any, origin: np.datetime64 | None) -> GroupChannel:
     properties = channel.properties
     units = [str(properties[key]) for key in _UNITS if properties.get(key)]
     interval, stamp = properties.get("wf_increment"), properties.get("wf_start_time")
     start = float(properties.get("wf_start_offset", 0.0))
-    if isinstance(stamp, np.datetime64) and first is not None:
-        start += 1e-9 * int(np.subtract(stamp, first).astype("timedelta64[ns]").astype(np.int64))
+    if isinstance(stamp, np.datetime64) and origin is not None:
+        start += 1e-9 * int(np.subtract(stamp, origin).astype("timedelta64[ns]").astype(np.int64))
     return GroupChannel(
         name=str(channel.name),
         unit="s" if channel.dtype.kind == "M" else next(iter(units), None),
@@ -340,8 +340,8 @@ def _channel(channel: Any, first: np.datetime64 | None) -> GroupChannel:
 def _floats(values: NDArray[Any], channel: str) -> FloatArray:
     if values.dtype.kind == "M":
         return np.asarray((values - values[0]) / np.timedelta64(1, "ns") * 1e-9, dtype=np.float64)
-    is_whole = values.dtype.kind in "iu" and values.dtype.itemsize == 8
-    if is_whole and len(values) and max(-int(values.min()), int(values.max())) > _MAX_WHOLE:
+    is_integer = values.dtype.kind in "iu" and values.dtype.itemsize == 8
+    if is_integer and len(values) and max(-int(values.min()), int(values.max())) > _MAX_WHOLE:
         raise LogError(
             f"{channel} holds whole numbers beyond {_MAX_WHOLE}, which no measurement has; its "
             "data type may be damaged: copy the log again",

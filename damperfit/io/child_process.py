@@ -1,9 +1,8 @@
-"""Reading in a process of its own, for libraries that may take the whole program with them.
+"""Reading in a child process, for libraries that may crash the whole program.
 
-On damaged bytes asammdf ends by a segmentation fault, HDF5 takes all memory there is, and a small
-workbook may be written out to gigabytes. In a child that costs one log. It reads one log after the
-other, as loading a library takes longer than reading a log, within limits of memory and time for
-each.
+On damaged bytes asammdf ends by a segmentation fault, HDF5 takes all memory, and a small workbook
+may unpack to gigabytes. In a child that costs one log. A child reads several logs, as loading a
+library takes longer than reading a log, within limits of memory and time for each.
 
 Traps. Damaged bytes may corrupt memory without ending the process: a child that has refused a log
 is not used again. If a child dies or lacks memory, earlier logs may be the cause: a new one tries
@@ -61,16 +60,16 @@ def refusing_damage(reads: str) -> Iterator[None]:
     except (LogError, MemoryError):
         raise
     except Exception as error:  # npTDMS alone raises five kinds, from KeyError to struct.error
-        first = (str(error).splitlines() or [""])[0]
-        reason = visible(first or type(error).__name__, limit=120)
+        line = (str(error).splitlines() or [""])[0]
+        reason = visible(line or type(error).__name__, limit=120)
         raise LogError(f"damaged {reads}: {reason}; copy the log again", code="damaged") from error
 
 
-def check_size(n_bytes: int, *, limit: int, what: str) -> None:
+def check_size(n_bytes: int, *, limit: int, subject: str) -> None:
     """Refuse more bytes than the limit, or a negative number."""
     if not 0 <= n_bytes <= limit:
         raise LogError(
-            f"{what} claims {n_bytes} bytes, more than the limit of {limit} (rig.max_log_bytes)",
+            f"{subject} claims {n_bytes} bytes, more than the limit of {limit} (rig.max_log_bytes)",
             code="too-large",
         )
 
@@ -82,11 +81,11 @@ class ChildReader(NamedTuple):
     extra: str  # of the package, that brings the library
     library: str  # its module
     answer: str  # ``module:function`` of (data, limit in bytes), in the child
-    is_memory_safe: bool = False  # damaged bytes cannot spoil it: it goes on after a refusal
+    is_memory_safe: bool = False  # damaged bytes cannot corrupt it: it is used after a refusal
 
 
 def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> Any:
-    """Return what a function returns of a log in a child; the LogError that it raises is raised."""
+    """Return the answer of a reader in a child to a log, or raise its LogError."""
     with suppress(ImportError, ValueError):
         if importlib.util.find_spec(reader.library) is None:
             raise _missing(reader.extra, reader.reads)
@@ -105,11 +104,11 @@ def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> Any:
         if isinstance(answer, LogError):
             raise answer
         is_late = isinstance(answer, Died) and answer.is_late
-        if is_new or is_late:  # another one would not do better
-            how = answer.how if isinstance(answer, Died) else type(answer).__name__
+        if is_new or is_late:  # another child would fail too
+            reason = answer.how if isinstance(answer, Died) else type(answer).__name__
             text = (
-                f"damaged {reader.reads} file: its reader ended by {how}; copy the log again, or "
-                "raise the limit of memory (rig.max_log_bytes)"
+                f"damaged {reader.reads} file: its reader ended by {reason}; copy the log again, "
+                "or raise the limit of memory (rig.max_log_bytes)"
             )
             if is_late:
                 text = f"damaged {reader.reads} file: not read in {seconds:g} s"
@@ -134,7 +133,7 @@ def _answered(task: tuple[str, bytes, int]) -> Any:
 
 
 class _Children:
-    """Children that wait to be asked, for the threads that read logs."""
+    """Idle children, for the threads that read logs."""
 
     def __init__(self) -> None:
         self._idle: list[Worker] = []

@@ -1,18 +1,18 @@
 """Every channel is (time, value); one step brings them onto the clock of the force.
 
-What loggers do to clocks and channels is found from the record alone and put right, with a finding:
+Faults of clocks and channels are detected from the record alone and corrected, with a finding:
 
 - A counter of k bits that rolls over jumps by 2^k of its steps while the motion is smooth.
 - A wall clock that is set while rows run on jumps once, and the motion does not.
-- A logger that writes only what differs from the row before holds its values until the next row: of
-  every tick between, the values are those of the last row.
+- A logger that writes a row only when a value changes holds its values until the next row: every
+  tick between has the values of the row before.
 - A channel that is slower than the rows is blank between its values, or has stamps, a start or a
   rate of its own: each value is used once, at its own time, and what was sampled at other times
   than the force is interpolated to these.
 
-When a converter's repeated value was taken is not known: that is a warning. A logger that pauses
-while it writes its buffer leaves pieces of equal length, and a current or voltage that steps is
-another setting: both divide a record.
+The time at which a converter's repeated value was taken is not known: that is a warning. A logger
+that pauses while it writes its buffer leaves pieces of equal length, and a current or voltage that
+steps is another setting: both divide a record.
 """
 
 import math
@@ -70,7 +70,7 @@ def on_one_clock(samples: Samples, *, wall_clock: float = 0.0) -> Samples:
 
 
 def _with(samples: Samples, finding: Problem, **channels: FloatArray) -> Samples:
-    """Return samples with channels replaced, and why."""
+    """Return samples with channels replaced, and the finding."""
     channels = {**samples.channels, **channels}
     return replace(samples, channels=channels, findings=(*samples.findings, finding))
 
@@ -99,18 +99,18 @@ def _unrolled(samples: Samples) -> Samples:
                     unrolled -= period * round(median(unrolled) / period)
                 samples = _with(samples, finding, **{channel: unrolled})
         if n_rows := _repeats(samples.channels[channel]):
-            words = (
+            sentence = (
                 f"{channel}: each value stands in {n_rows:g} rows, so its converter is slower than "
                 f"the rows and friction and openings are doubtful; log at the converter's rate"
             )
-            finding = warning("values_repeated", words, value=n_rows)
+            finding = warning("values_repeated", sentence, value=n_rows)
             samples = _with(samples, finding)
     return samples
 
 
-def _rolled(what: str, bits: int, n_jumps: int) -> Problem:
+def _rolled(subject: str, bits: int, n_jumps: int) -> Problem:
     times = "once" if n_jumps == 1 else f"{n_jumps} times"
-    sentence = f"{what} of {bits} bits rolls over {times}: corrected"
+    sentence = f"{subject} of {bits} bits rolls over {times}: corrected"
     return note("rolled_over", sentence, value=float(n_jumps), is_correction=True)
 
 
@@ -119,15 +119,15 @@ def _clock_period(time: FloatArray) -> tuple[int, float]:
     steps = np.diff(time)
     if not np.min(steps) < 0.0 or not np.any(steps > 0.0):
         return 0, 0.0
-    back, usual = steps[steps < 0.0], median(steps[steps > 0.0])
+    back, step = steps[steps < 0.0], median(steps[steps > 0.0])
     for tick in _TICKS:
         if not np.all(np.abs(time / tick - np.rint(time / tick)) < 1e-2):
             continue
         for bits in _CLOCK_BITS:
             period = tick * 2.0**bits
             onward = back + period
-            is_counted = np.max(time) < period and usual < _RARE * period
-            if is_counted and 0.0 < onward.min() <= onward.max() <= _LATE * usual:
+            is_counted = np.max(time) < period and step < _RARE * period
+            if is_counted and 0.0 < onward.min() <= onward.max() <= _LATE * step:
                 return bits, period
     return 0, 0.0
 
@@ -145,10 +145,10 @@ def _period(values: FloatArray) -> tuple[int, float] | None:
     period = quantum * 2.0**bits
     if bits not in _BITS or _ROLLED * period > span:
         return None
-    rest = np.abs(np.diff(np.unwrap(values, period=period)))
+    unwrapped = np.abs(np.diff(np.unwrap(values, period=period)))
     is_jump = np.abs(steps) > 0.5 * period
-    largest = min(_SMOOTH * period, _ALIKE * float(np.max(rest[~is_jump])) + quantum)
-    return (bits, quantum) if percentiles(rest[is_jump], _MOST)[0] < largest else None
+    largest = min(_SMOOTH * period, _ALIKE * float(np.max(unwrapped[~is_jump])) + quantum)
+    return (bits, quantum) if percentiles(unwrapped[is_jump], _MOST)[0] < largest else None
 
 
 def _quantum(steps: FloatArray) -> float:
@@ -163,11 +163,11 @@ def _repeats(values: FloatArray) -> float:
     if 2 * np.count_nonzero(is_new) > len(values):
         return 0.0
     runs = np.diff(np.flatnonzero(np.concatenate(([True], is_new))))
-    usual = int(median(runs)) if len(runs) else 0
-    if not 2 <= usual <= _LONGEST:
+    length = int(median(runs)) if len(runs) else 0
+    if not 2 <= length <= _LONGEST:
         return 0.0
-    if float(np.mean(runs % usual == 0)) >= _REPEATED:
-        return float(usual)
+    if float(np.mean(runs % length == 0)) >= _REPEATED:
+        return float(length)
     # Two rows and three in turn; a coarse converter at one speed does so too, by single steps.
     steps = np.diff(values)[is_new]
     rows = float(np.mean(runs))
@@ -183,8 +183,8 @@ def _unset(samples: Samples, unit: float) -> Samples:
     """Take out the jumps of a clock that was set while rows and motion ran on."""
     time, x = samples.channels["time"], samples.channels["displacement"]
     steps = np.diff(time)
-    usual = median(steps)
-    jumps = np.flatnonzero(np.abs(steps / usual - 1.0) > _STEADY) if usual > 0.0 else np.empty(0)
+    step = median(steps)
+    jumps = np.flatnonzero(np.abs(steps / step - 1.0) > _STEADY) if step > 0.0 else np.empty(0)
     if not 0 < len(jumps) <= _MOST_SET or not all(_runs_on(x, int(i)) for i in jumps):
         return samples
     time = time.copy()
@@ -192,13 +192,13 @@ def _unset(samples: Samples, unit: float) -> Samples:
     for i in map(int, jumps):
         direction = "on" if steps[i] > 0.0 else "back"
         listed.append(f"by {unit * abs(steps[i]):.4g} s {direction} after {samples.place(i)}")
-        time[i + 1 :] -= steps[i] - usual
-    words = (
+        time[i + 1 :] -= steps[i] - step
+    sentence = (
         f"the clock was set {', '.join(listed)}, while rows and motion run on every "
-        f"{unit * usual:.4g} s: corrected; declare rig.sample_rate = "
-        f"'{1.0 / (unit * usual):.4g}Hz' to confirm it, or split the log there if it paused"
+        f"{unit * step:.4g} s: corrected; declare rig.sample_rate = "
+        f"'{1.0 / (unit * step):.4g}Hz' to confirm it, or split the log there if it paused"
     )
-    finding = warning("clock_set", words, value=float(len(jumps)), is_correction=True)
+    finding = warning("clock_set", sentence, value=float(len(jumps)), is_correction=True)
     return _with(samples, finding, time=time)
 
 
@@ -206,13 +206,13 @@ def _runs_on(x: FloatArray, i: int) -> bool:
     """Say whether the step of a motion from row i to the next is like its neighbours."""
     nearby = np.diff(x[max(i - 5, 0) : i + 7])
     at = min(i, 5)
-    others = np.delete(nearby, at)
-    speed, noise = median(others), 2.0 * float(np.std(others))
+    neighbours = np.delete(nearby, at)
+    speed, noise = median(neighbours), 2.0 * float(np.std(neighbours))
     return abs(speed) > noise and abs(nearby[at] - speed) <= _LIKE * abs(speed) + noise
 
 
 def _unheld(samples: Samples) -> Samples:
-    """Bridge what a logger left out that writes a row only where a value has changed."""
+    """Fill in the rows that a logger left out because no value had changed."""
     time = samples.channels.get("time")
     if time is None or samples.times:
         return samples
@@ -234,16 +234,16 @@ def _unheld(samples: Samples) -> Samples:
     if float(np.mean(largest[is_long] <= 2.0)) < _ONE_STEP:
         return samples
     rows = np.repeat(np.arange(len(time)), np.append(ticks, 1.0).astype(np.int64))
-    words = (
+    sentence = (
         f"values are held until the next row, which is written when one changes by "
         f"{quanta[1, 0]:.3g} or {quanta[0, 0]:.3g} as logged: {n_ticks + 1 - len(time)} of "
         f"{n_ticks + 1} rows bridged"
     )
-    finding = note("values_held", words, value=share, is_correction=True)
-    held = {name: values[rows] for name, values in samples.channels.items()}
-    held["time"] = time[0] + tick * np.arange(n_ticks + 1)
+    finding = note("values_held", sentence, value=share, is_correction=True)
+    bridged = {name: values[rows] for name, values in samples.channels.items()}
+    bridged["time"] = time[0] + tick * np.arange(n_ticks + 1)
     place = samples.place
-    return replace(_with(samples, finding, **held), place=lambda i: place(int(rows[i])))
+    return replace(_with(samples, finding, **bridged), place=lambda i: place(int(rows[i])))
 
 
 def rate_of_stamps(time: FloatArray) -> str:
@@ -308,40 +308,40 @@ def _together(samples: Samples) -> Samples:
     time = channels.get("time", np.arange(len(channels["force"]), dtype=np.float64))
     measured = [name for name in ("force", "displacement", *EXTRAS) if name in channels]
     times = {name: samples.times.get(name, time) for name in measured}
-    own = {name: _own_rows(channels[name], times[name]) for name in measured}
+    own_rows = {name: _own_rows(channels[name], times[name]) for name in measured}
     force = times["force"]
     resampled = [
         name
         for name, t in times.items()
-        if not own[name].all() or not (t is force or np.array_equal(t, force))
+        if not own_rows[name].all() or not (t is force or np.array_equal(t, force))
     ]
     if not resampled:
         return samples
-    stamps = {name: times[name][own[name]] for name in measured}
+    stamps = {name: times[name][own_rows[name]] for name in measured}
     if not all(len(t) > 1 and np.all(np.diff(t) > 0.0) for t in stamps.values()):
         return samples if not samples.times else replace(samples, times={})
     needed = [stamps[name] for name in measured if name not in EXTRAS]
     slack = 1e-6 * float(np.min(np.diff(stamps["force"])))  # starts are differences of stamps
-    first, last = max(t[0] for t in needed) - slack, min(t[-1] for t in needed) + slack
-    kept = own["force"] & (force >= first) & (force <= last)
-    if samples.times and np.count_nonzero(kept) < _COMMON * np.count_nonzero(own["force"]):
+    start, end = max(t[0] for t in needed) - slack, min(t[-1] for t in needed) + slack
+    is_kept = own_rows["force"] & (force >= start) & (force <= end)
+    if samples.times and np.count_nonzero(is_kept) < _COMMON * np.count_nonzero(own_rows["force"]):
         spans = ", ".join(f"{name} from {t[0]:g} to {t[-1]:g} s" for name, t in stamps.items())
         text = f"channels of different rate or start: {spans}; log them together"
         raise LogError(text, code="bad-clock")
-    at = np.flatnonzero(kept)
+    at = np.flatnonzero(is_kept)
     together = {name: values[at] for name, values in channels.items() if len(values) == len(time)}
     for name in resampled:
-        together[name] = np.interp(force[at], stamps[name], channels[name][own[name]])
+        together[name] = np.interp(force[at], stamps[name], channels[name][own_rows[name]])
     if "time" in channels:
         together["time"] = force[at]
     findings = []
     for name in resampled:
-        t, n = stamps[name], len(own[name])
-        words = f"a value of its own in {len(t)} of {n} rows"
+        t, n = stamps[name], len(own_rows[name])
+        sentence = f"a value of its own in {len(t)} of {n} rows"
         if len(t) == n:
-            words = f"a clock of its own, every {median(np.diff(t)):.6g} s from {t[0]:.6g} s"
-        words = f"{name}: {words}; each value is used once, at the times of the force"
-        findings.append(note("own_rows", words, value=len(t) / n, is_correction=True))
+            sentence = f"a clock of its own, every {median(np.diff(t)):.6g} s from {t[0]:.6g} s"
+        sentence = f"{name}: {sentence}; each value is used once, at the times of the force"
+        findings.append(note("own_rows", sentence, value=len(t) / n, is_correction=True))
     return Samples(
         together,
         lambda i: samples.place(int(at[i])),

@@ -117,13 +117,13 @@ def choose_channels(  # noqa: PLR0912  # every channel in turn, all problems in 
     """
     chosen: dict[str, ChannelChoice] = {}
     notes: list[str] = []
-    lost: list[str] = []
+    missing: list[str] = []
     problems: list[LogError] = []
     clocks = _clocks(columns, options)
     needed = {"displacement": True, "time": needs_time, "force": options.needs_force}
     for channel in WORDS:
         if not has_channel(channel, columns, options):
-            lost += [channel] * needed.get(channel, False)
+            missing += [channel] * needed.get(channel, False)
             continue
         try:
             index, note = clocks.get("force"), ""
@@ -141,14 +141,14 @@ def choose_channels(  # noqa: PLR0912  # every channel in turn, all problems in 
         notes += [choice.note] * (choice.note != "")
         if choice.unit is not None or channel not in EXTRAS:
             chosen[channel] = choice
-    if lost:
-        problems.insert(0, LogError(_missing(lost, columns, hint), code="no-column"))
+    if missing:
+        problems.insert(0, LogError(_missing(missing, columns, hint), code="no-column"))
     if problems:
         raise joined_problems(problems)
     for channel, clock in clocks.items():
         if channel in chosen and clock != clocks.get("force"):
-            own = channel_choice("time", clock, columns[clock], options)
-            chosen[f"{OWN_TIME}{channel}"] = own
+            choice = channel_choice("time", clock, columns[clock], options)
+            chosen[f"{OWN_TIME}{channel}"] = choice
     names = ["_".join(words_of_name(split_name(column.name)[0])) for column in columns]
     for adjuster in options.adjusters:
         if adjuster not in chosen and names.count(adjuster.casefold()) == 1:
@@ -167,9 +167,9 @@ def _clocks(columns: Sequence[Column], options: ReadOptions) -> dict[str, int]:
     ]
     clocks: dict[str, int] = {}
     for channel in ("force", "displacement", *EXTRAS):
-        own = [i for *_, i in sorted(_candidates(channel, columns)) if i not in stamps]
-        if left := [i for i in stamps if own and i < own[0]]:
-            clocks[channel] = left[-1]
+        columns_of = [i for *_, i in sorted(_candidates(channel, columns)) if i not in stamps]
+        if before := [i for i in stamps if columns_of and i < columns_of[0]]:
+            clocks[channel] = before[-1]
     has_two = {"force", "displacement"} <= clocks.keys()
     return clocks if has_two and clocks["force"] != clocks["displacement"] else {}
 
@@ -182,9 +182,9 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
         words, has_unit = words_of_name(base), _is_unit_of(column.unit or unit, channel)
         # A letter counts by itself, or beside its unit: degF is no force.
         counts_letters = has_unit or len(words) == 1
-        own = [w for w in words if _names(w, channel) and (len(w) > 1 or counts_letters)]
-        if own:
-            n_others = len(words) - len(own) + _LAST * (not _COMMANDED.isdisjoint(words))
+        matching = [w for w in words if _names(w, channel) and (len(w) > 1 or counts_letters)]
+        if matching:
+            n_others = len(words) - len(matching) + _LAST * (not _COMMANDED.isdisjoint(words))
             candidates.append((not (column.is_clock or has_unit), n_others, i))
     if channel == "time" and not candidates:  # times of day need no name
         return [(False, 0, i) for i, column in enumerate(columns) if column.is_clock]
@@ -204,8 +204,8 @@ def _label(index: int, column: Column) -> str:
 
 
 def _listed(columns: Sequence[Column]) -> str:
-    shown = [_label(i, column) for i, column in enumerate(columns[:20])]
-    return ", ".join(shown) + (", ..." if len(columns) > 20 else "")
+    labels = [_label(i, column) for i, column in enumerate(columns[:20])]
+    return ", ".join(labels) + (", ..." if len(columns) > 20 else "")
 
 
 def _column_of(
@@ -292,13 +292,13 @@ def joined_problems(problems: Sequence[LogError]) -> LogError:
     """Return one error for all that is wrong with a log."""
     if len(problems) == 1:
         return problems[0]
-    parts: dict[str, Any] = {
+    values: dict[str, Any] = {
         f"problem_{i}": problem.at(subject=problem.problem.subject.lstrip(", "))
         for i, problem in enumerate(problems, start=1)
     }
-    listed = "; ".join(f"({i}) {{{name}}}" for i, name in enumerate(parts, start=1))
+    listed = "; ".join(f"({i}) {{{name}}}" for i, name in enumerate(values, start=1))
     text = f"{len(problems)} things are wrong: {listed}"
-    return LogError(text, code=problems[0].problem.code, **parts)
+    return LogError(text, code=problems[0].problem.code, **values)
 
 
 def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> str:
@@ -308,9 +308,9 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
             f"{start} declare the numbers and units of time, displacement and force in "
             "rig.columns and rig.units"
         )
-    taken = {i for channel in WORDS for *_, i in _candidates(channel, columns)}
+    used = {i for channel in WORDS for *_, i in _candidates(channel, columns)}
     units = {
-        c.name: c.unit or split_name(c.name)[1] for i, c in enumerate(columns) if i not in taken
+        c.name: c.unit or split_name(c.name)[1] for i, c in enumerate(columns) if i not in used
     }
     bases = {split_name(name)[0].lower(): name for name in units}
     hints = ""

@@ -96,17 +96,17 @@ def sha256_of(path: Path) -> str:
 
 
 def _read_up_to(file: FileIO, n_bytes: int) -> bytes:
-    parts = []
-    while n_bytes > 0 and (part := file.read(n_bytes)):
-        parts.append(part)
-        n_bytes -= len(part)
-    return parts[0] if len(parts) == 1 else b"".join(parts)
+    chunks = []
+    while n_bytes > 0 and (chunk := file.read(n_bytes)):
+        chunks.append(chunk)
+        n_bytes -= len(chunk)
+    return chunks[0] if len(chunks) == 1 else b"".join(chunks)
 
 
 def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     """Return a regular file's bytes."""
-    given = os.fsencode(path).decode("utf-8", "backslashreplace")
-    shown, code = _one_line(given), "unreadable"
+    name = _one_line(os.fsencode(path).decode("utf-8", "backslashreplace"))
+    code = "unreadable"
     try:
         with open_regular(path) as file:
             before = os.fstat(file.fileno())
@@ -123,7 +123,7 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         elif isinstance(error, FileNotFoundError) and Path(path).is_symlink():
             target = _one_line(str(Path(path).readlink()))
             text = f"a link to {target}, which is not there; link it again, or remove it"
-        raise LogError(text, subject=shown, code=code) from error
+        raise LogError(text, subject=name, code=code) from error
     is_same = (before.st_size, before.st_mtime_ns) == (after.st_size, after.st_mtime_ns)
     text = ""
     if is_too_large:
@@ -134,8 +134,8 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     elif not data:
         text, code = "empty file (0 bytes)", "no-data"
     if text:
-        raise LogError(text, subject=shown, code=code)
-    return Source(Path(shown).name or shown, shown, data, hashlib.sha256(data).hexdigest())
+        raise LogError(text, subject=name, code=code)
+    return Source(Path(name).name or name, name, data, hashlib.sha256(data).hexdigest())
 
 
 def _one_line(text: str) -> str:

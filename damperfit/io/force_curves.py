@@ -2,7 +2,7 @@
 
 Columns say which is which: a speed, a force, or the force of a stroke (`Rebound`, `C`, `R`), each
 stroke with a speed of its own or all with one; `(25-4.3) V-C, C, V-R, R` begins the columns of a
-setting that the maker calls 25-4.3. A column `setting` or `click` parts the rows.
+setting that the maker calls 25-4.3. A column `setting` or `click` divides the rows.
 
 Traps. Makers write bump as positive numbers. Points that were not measured are blank cells. A speed
 without a sign leaves the stroke to the force's sign.
@@ -107,7 +107,7 @@ def _between(speeds: FloatArray, forces: FloatArray, speed: float) -> float:
 
 
 class _Heading(NamedTuple):
-    """What a column's name says."""
+    """Label, stroke and kind of a column, by its name."""
 
     label: str
     stroke: str  # "rebound", "bump" or empty
@@ -153,11 +153,11 @@ def make_curves(
 
 
 def _headings(columns: Sequence[Column], options: ReadOptions) -> list[_Heading]:
-    """Return label, stroke and kind of each column, by name; what is declared goes before."""
+    """Return label, stroke and kind of each column: as declared, else by name."""
     headings = []
     for i, column in enumerate(columns):
-        label, rest = _parted(column.name)
-        base, unit = _split(rest)
+        label, bare = _parted(column.name)
+        base, unit = _split(bare)
         words, unit = set(words_of_name(base)), column.unit or unit
         stroke = next((name for name, synonyms in _STROKES.items() if words & synonyms), "")
         kind = "force" if words & _FORCE or stroke or is_unit(unit, "force") else ""
@@ -176,8 +176,8 @@ def _headings(columns: Sequence[Column], options: ReadOptions) -> list[_Heading]
 def _parted(name: str) -> tuple[str, str]:
     """Return the label in front of a name, and the name."""
     match = _LABEL.fullmatch(name)
-    label, rest = (match["label"].strip(), match["rest"]) if match else ("", name)
-    return label, _NUMBERED.sub("", rest)
+    label, base = (match["label"].strip(), match["rest"]) if match else ("", name)
+    return label, _NUMBERED.sub("", base)
 
 
 def _split(name: str) -> tuple[str, str | None]:
@@ -214,8 +214,8 @@ def _pairs(columns: Sequence[Column], headings: Sequence[_Heading]) -> list[_Pai
         elif not pair.label and pair.stroke and is_doubled:
             numbers[pair.stroke] += 1
             base = _split(_parted(name)[1])[0]
-            rest = _WORD.sub(lambda word: "" if word[0].casefold() in words else word[0], base)
-            remainder = " ".join(rest.replace("_", " ").split()).strip(" -,;:/()")
+            text = _WORD.sub(lambda word: "" if word[0].casefold() in words else word[0], base)
+            remainder = " ".join(text.replace("_", " ").split()).strip(" -,;:/()")
             label = remainder or f"curve {numbers[pair.stroke]}"
         labelled.append(pair._replace(label=label))
     return labelled
@@ -231,17 +231,17 @@ def _table_curves(
     if not units:
         return []
     keys = {i: f"column {i + 1}, {visible(columns[i].name)}" for i in sorted(units)}
-    wanted = {key: i for i, key in keys.items()}
+    indices = {key: i for i, key in keys.items()}
     if setting := [i for i, heading in enumerate(headings) if heading.kind == "setting"]:
-        wanted["setting"] = setting[0]
-    samples = table.load(wanted)
+        indices["setting"] = setting[0]
+    samples = table.load(indices)
     values = {i: units[i].to_si(samples.channels[key]) for i, key in keys.items()}
     rows = {"": np.ones(len(values[pairs[0].speed]), dtype=np.bool_)}
     if setting:
         settings = samples.channels["setting"]
         rows = {f"{value:.15g}": settings == value for value in dict.fromkeys(settings.tolist())}
     points: dict[str, list[tuple[FloatArray, FloatArray, str]]] = {}
-    for part, is_in in rows.items():
+    for place, is_in in rows.items():
         for pair in pairs:
             speed, force = values[pair.speed][is_in], values[pair.force][is_in]
             alone = np.flatnonzero(np.isnan(speed) & ~np.isnan(force))
@@ -250,21 +250,21 @@ def _table_curves(
                 text = f"{keys[pair.force]}: a force without a speed"
                 raise LogError(text, subject=f", {at}", code="bad-row")
             is_there = ~np.isnan(force)
-            label = " ".join(text for text in (pair.label, part) if text)
+            label = " ".join(text for text in (pair.label, place) if text)
             signed = _signed(pair.stroke, speed[is_there], force[is_there], options)
             points.setdefault(label, []).append(signed)
     curves = []
-    for label, parts in points.items():
-        velocity, force = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    for label, pieces in points.items():
+        velocity, force = (np.concatenate([piece[k] for piece in pieces]) for k in (0, 1))
         if not np.isfinite(force).all() or not np.isfinite(velocity).all():
             raise LogError(f"a speed or force {label} is infinite", code="bad-row")
         if not len(force):
-            what = visible(label) if label else "the curve"
-            raise LogError(f"no points of {what}", code="no-data")
-        called = label or table.metadata.get("setting") or source.name
-        every = (*notes, *table.notes, *dict.fromkeys(note for *_, note in parts if note))
-        whose = (source.name, source.path, source.sha256)
-        curves.append(ForceCurve(*whose, called, velocity, force, every))
+            curve = visible(label) if label else "the curve"
+            raise LogError(f"no points of {curve}", code="no-data")
+        title = label or table.metadata.get("setting") or source.name
+        every_note = (*notes, *table.notes, *dict.fromkeys(note for *_, note in pieces if note))
+        file = (source.name, source.path, source.sha256)
+        curves.append(ForceCurve(*file, title, velocity, force, every_note))
     return curves
 
 

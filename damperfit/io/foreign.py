@@ -85,23 +85,23 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             text = "truncated MATLAB file; the end is missing, or it is damaged"
             raise LogError(text, code="damaged")
     group = ask_child(_MAT if is_old else _MAT73, source, options)
-    others = group.metadata  # name -> what it is instead
+    excluded = group.metadata  # name -> what it is instead
     lengths = [channel.length for channel in group.channels]
-    usual = max(set(lengths), key=lambda n: (lengths.count(n), n), default=0)
+    length = max(set(lengths), key=lambda n: (lengths.count(n), n), default=0)
     if is_old and not lengths:
-        held = ", ".join(f"{visible(key)} ({kind})" for key, kind in [*others.items()][:10])
-        struct_name = next((visible(key) for key, kind in others.items() if kind == "struct"), "")
+        listed = ", ".join(f"{visible(key)} ({kind})" for key, kind in [*excluded.items()][:10])
+        struct_name = next((visible(key) for key, kind in excluded.items() if kind == "struct"), "")
         advice = f"; save its fields as variables: save(file, '-struct', {struct_name})"
         raise LogError(
-            f"no vectors of numbers; the file holds {held or 'nothing'}"
+            f"no vectors of numbers; the file holds {listed or 'nothing'}"
             f"{advice if struct_name else ''}",
             code="no-data",
         )
-    used = tuple(channel for channel in group.channels if channel.length == usual)
+    used = tuple(channel for channel in group.channels if channel.length == length)
     variables = {channel.name.partition(":")[0] for channel in group.channels}
     variables -= {channel.name.partition(":")[0] for channel in used}
-    n_others = len(others) + len(variables)
-    note = f"{n_others} variables left out; they are not vectors of {usual} numbers"
+    n_others = len(excluded) + len(variables)
+    note = f"{n_others} variables left out; they are not vectors of {length} numbers"
     return group_tables([Group("", used)], options, notes=(note,) * (n_others > 0))
 
 
@@ -109,26 +109,26 @@ def matlab_vectors(data: bytes, limit: int) -> Group:
     """Return the vectors of a MATLAB file up to version 7, and what else it holds; in a child."""
     scipy_io: Any = importlib.import_module("scipy.io")
     channels: list[GroupChannel] = []
-    others: dict[str, str] = {}
+    excluded: dict[str, str] = {}
     with refusing_damage("MATLAB file"), catch_warnings():
         simplefilter("error")  # a variable that is there twice
         kinds = {name: (shape, kind) for name, shape, kind in scipy_io.whosmat(io.BytesIO(data))}
-        wanted = [
+        names = [
             name
             for name, (shape, kind) in kinds.items()
             if kind in _NUMBERS and _columns_of(shape[::-1])
         ]
-        n_values = sum(math.prod(kinds[name][0]) for name in wanted)
-        check_size(8 * n_values, limit=limit, what="the file")
-        held = scipy_io.loadmat(io.BytesIO(data), variable_names=wanted) if wanted else {}
+        n_values = sum(math.prod(kinds[name][0]) for name in names)
+        check_size(8 * n_values, limit=limit, subject="the file")
+        arrays = scipy_io.loadmat(io.BytesIO(data), variable_names=names) if names else {}
         for name, (_, kind) in kinds.items():
-            if name in wanted and held[name].dtype.kind in "fiu":
-                channels += _vectors(name, held[name].T)
-            elif name in wanted:
-                others[name] = "complex numbers"
+            if name in names and arrays[name].dtype.kind in "fiu":
+                channels += _vectors(name, arrays[name].T)
+            elif name in names:
+                excluded[name] = "complex numbers"
             else:
-                others[name] = "numbers" if kind in _NUMBERS else kind
-    return Group("", tuple(channels), others)
+                excluded[name] = "numbers" if kind in _NUMBERS else kind
+    return Group("", tuple(channels), excluded)
 
 
 def hdf5_vectors(data: bytes, limit: int) -> Group:
@@ -150,7 +150,7 @@ def hdf5_vectors(data: bytes, limit: int) -> Group:
             if data_set.is_virtual or data_set.id.get_create_plist().get_external_count():
                 continue  # the values are in another file
             n_values = sum(channel.length for channel in channels) + data_set.size
-            check_size(8 * n_values, limit=limit, what=f"the file up to {visible(str(key))}")
+            check_size(8 * n_values, limit=limit, subject=f"the file up to {visible(str(key))}")
             channels += _vectors(str(key), data_set[()])
         return Group("", tuple(channels))
 
@@ -196,12 +196,12 @@ def mdf_groups(data: bytes, limit: int) -> list[Group]:
     groups = []
     with refusing_damage(_MDF.reads):
         file = asammdf.MDF(io.BytesIO(data), remove_source_from_channel_names=True)
-        for held in file.groups:
-            n_bytes = int(held.channel_group.cycles_nr) * 8 * max(len(held.channels), 1)
-            check_size(n_bytes, limit=limit, what="a channel group")
-        for index, held in enumerate(file.groups):
+        for group in file.groups:
+            n_bytes = int(group.channel_group.cycles_nr) * 8 * max(len(group.channels), 1)
+            check_size(n_bytes, limit=limit, subject="a channel group")
+        for index, group in enumerate(file.groups):
             channels: list[GroupChannel] = []
-            for i, channel in enumerate(held.channels):
+            for i, channel in enumerate(group.channels):
                 if i == file.masters_db.get(index):
                     continue
                 signal = file.get(group=index, index=i)
@@ -211,10 +211,10 @@ def mdf_groups(data: bytes, limit: int) -> list[Group]:
                     channels.append(_channel("time", "s", signal.timestamps))
                 unit = str(signal.unit) or None
                 channels.append(_channel(str(channel.name), unit, signal.samples))
-            n_rows = int(held.channel_group.cycles_nr)
-            whole = tuple(channel._replace(length=n_rows) for channel in channels)
-            name = str(getattr(held.channel_group, "acq_name", "") or f"group {index + 1}")
-            groups.append(Group(name, whole))
+            n_rows = int(group.channel_group.cycles_nr)
+            declared = tuple(channel._replace(length=n_rows) for channel in channels)
+            name = str(getattr(group.channel_group, "acq_name", "") or f"group {index + 1}")
+            groups.append(Group(name, declared))
         return groups
 
 
@@ -244,7 +244,7 @@ def _check_blocks(data: bytes, *, limit: int) -> None:
         waiting += [link for link in links if link]
         if len(successors) > _MAX_BLOCKS:
             raise LogError(f"more than {_MAX_BLOCKS} blocks in the MDF file", code="too-large")
-    check_size(unpacked, limit=limit, what="the MDF file")
+    check_size(unpacked, limit=limit, subject="the MDF file")
     done: set[int] = {0}
     for start in successors:
         chain: set[int] = set()
@@ -294,16 +294,16 @@ def _check_archive(source: Source, options: ReadOptions) -> None:
         members = archive.infolist()
     names = [member.filename for member in members]
     if not any(member.startswith("xl/workbook") for member in names):
-        what = "this is a ZIP archive; unpack it and give the logs in it"
+        text = "this is a ZIP archive; unpack it and give the logs in it"
         if names and all(member.endswith(".npy") for member in names):
-            what = "this is a NumPy archive without units; write CSV or Parquet"
+            text = "this is a NumPy archive without units; write CSV or Parquet"
         elif "content.xml" in names:
-            what = "this is an OpenDocument file; save the sheet as .xlsx or CSV"
-        raise LogError(what, code="damaged")
+            text = "this is an OpenDocument file; save the sheet as .xlsx or CSV"
+        raise LogError(text, code="damaged")
     if len(members) > _MAX_ITEMS:
         raise LogError(f"{len(members)} members, expected a workbook of few", code="too-large")
     claimed = sum(member.file_size for member in members)
-    check_size(claimed, limit=options.max_bytes, what="the workbook")
+    check_size(claimed, limit=options.max_bytes, subject="the workbook")
 
 
 def sheets_in(data: bytes, limit: int) -> tuple[list[str], list[bytes], int]:
@@ -329,11 +329,11 @@ def sheets_in(data: bytes, limit: int) -> tuple[list[str], list[bytes], int]:
             lines = []
             for row in rows:
                 fields = [_cell(row[i]) for i in filled if i < len(row)]
-                words = [field for field in fields if field]
-                is_entry = len(words) == 2 < len(filled) and words[0][:1].isalpha()
-                lines.append(": ".join(words) if is_entry else "\t".join(fields if words else ()))
+                cells = [field for field in fields if field]
+                is_entry = len(cells) == 2 < len(filled) and cells[0][:1].isalpha()
+                lines.append(": ".join(cells) if is_entry else "\t".join(fields if cells else ()))
             texts.append("".join(f"{line}\n" for line in lines).encode("utf-8", "replace"))
-            check_size(sum(map(len, texts)), limit=limit, what="the workbook")
+            check_size(sum(map(len, texts)), limit=limit, subject="the workbook")
     return names, texts, n_formulas
 
 

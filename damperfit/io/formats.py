@@ -115,16 +115,16 @@ def find_format(source: Source) -> Format:
     for kind in FORMATS:
         if kind.magic and data.startswith(kind.magic):
             return kind
-    refused = next((why for magic, why in _REFUSED.items() if data.startswith(magic)), "")
+    refused = next((reason for magic, reason in _REFUSED.items() if data.startswith(magic)), "")
     if refused or data.startswith(b"ustar", _TAR):
         raise LogError(refused or _ARCHIVE, code="unknown-format")
     if is_json(data):
         return _JSON
     suffix = PurePath(source.name).suffix.lower()
-    named = next((kind for kind in FORMATS if suffix in kind.suffixes), _TEXT)
-    if named is not _TEXT and is_binary(data):
+    by_suffix = next((kind for kind in FORMATS if suffix in kind.suffixes), _TEXT)
+    if by_suffix is not _TEXT and is_binary(data):
         raise LogError(
-            f"is named like {named.name} and does not begin like it; it is damaged "
+            f"is named like {by_suffix.name} and does not begin like it; it is damaged "
             "or of a version that is not read",
             code="damaged",
         )

@@ -1,7 +1,7 @@
 """Formats that keep channels in groups (TDMS, MDF, MATLAB): which groups are tests.
 
-A group whose channels are named like time, displacement and force is a test of its own. Where no
-group is, the channels of all groups together are one test, each on the clock of its own group.
+A group whose channels are named like time, displacement and force is a test. Where no group is, the
+channels of all groups together are one test, each with the clock of its group.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class GroupChannel(NamedTuple):
         return None if self.interval is None else (self.start, self.interval)
 
     def values(self, channel: str) -> FloatArray:
-        """Return its values; refuses other than it says it has."""
+        """Return its values; refuses another number than declared."""
         values = np.asarray(self.load(), dtype=np.float64)
         if values.shape != (self.length,):
             raise LogError(
@@ -116,45 +116,45 @@ def _together(groups: Sequence[Group]) -> Group:
     """Return the channels of all groups; where several have stamps, each with its group's."""
     channels = [channel for group in groups for channel in group.channels]
     stamps = [next((c for c in group.channels if c.is_time), None) for group in groups]
-    if sum(own is not None for own in stamps) > 1:
+    if sum(clock is not None for clock in stamps) > 1:
         channels = [
-            channel._replace(stamps=own)
-            for group, own in zip(groups, stamps, strict=True)
+            channel._replace(stamps=clock)
+            for group, clock in zip(groups, stamps, strict=True)
             for channel in group.channels
-            if channel is not own
+            if channel is not clock
         ]
     metadata = {key: text for group in groups[::-1] for key, text in group.metadata.items()}
     return Group("", tuple(channels), metadata, is_cut=any(group.is_cut for group in groups))
 
 
 def _table(group: Group, options: ReadOptions, notes: tuple[str, ...]) -> Table:
-    def load(wanted: Mapping[str, int]) -> Samples:
+    def load(indices: Mapping[str, int]) -> Samples:
         n = len(group.channels)
-        chosen = {channel: group.channels[i] for channel, i in wanted.items() if i < n}
+        chosen = {channel: group.channels[i] for channel, i in indices.items() if i < n}
         lengths = {channel: column.length for channel, column in chosen.items()}
         claimed = 8 * sum(lengths.values())
-        check_size(claimed, limit=options.max_bytes, what="the log")
-        makes_time = "time" in wanted and "time" not in chosen
+        check_size(claimed, limit=options.max_bytes, subject="the log")
+        makes_time = "time" in indices and "time" not in chosen
         clocks = {column.clock for column in chosen.values()}
         if makes_time and len(clocks) > 1 and None not in clocks and not group.is_cut:
             values = {channel: column.values(channel) for channel, column in chosen.items()}
             times = {channel: column.times() for channel, column in chosen.items()}
             return Samples({**values, "time": times["force"]}, times=times)
         n_common = min(lengths.values(), default=0)
-        kept: tuple[str, ...] = ()
+        note: tuple[str, ...] = ()
         if len(set(lengths.values())) > 1:
-            shown = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
+            listed = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
             if not group.is_cut:
-                text = f"channels of different length: {shown} values; log them together"
+                text = f"channels of different length: {listed} values; log them together"
                 raise LogError(text, code="several-groups")
-            kept = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
+            note = (f"kept: the first {n_common} values, which all channels have, of {listed}",)
         values = {channel: column.values(channel)[:n_common] for channel, column in chosen.items()}
         if makes_time:
             if len(clocks) > 1:
                 text = "channels of different rate or start; log them together"
                 raise LogError(text, code="several-groups")
             values["time"] = next(iter(chosen.values())).times()[:n_common]
-        return Samples(values, notes=kept)
+        return Samples(values, notes=note)
 
     if group.name:
         notes = (*notes, f"group: {visible(group.name)}")

@@ -41,7 +41,7 @@ def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     data, notes = to_utf8(source.data, encoding=options.encoding)
     n_lists = data.count(b"[") + data.count(b"{")
     claimed = _VALUE_BYTES * data.count(b",") + _LIST_BYTES * n_lists
-    check_size(claimed, limit=options.max_bytes, what="the JSON")
+    check_size(claimed, limit=options.max_bytes, subject="the JSON")
     tables = list(_tables(_parsed(data.decode("utf-8", "replace")), {}))
     problem = ""
     if len(tables) > _MAX_TABLES:
@@ -92,19 +92,19 @@ def _doubled(names: Sequence[str]) -> str:
 
 
 def _tables(
-    node: Any, above: Mapping[str, str], part: str = "", depth: int = 0
+    node: Any, above: Mapping[str, str], title: str = "", depth: int = 0
 ) -> Iterator[tuple[str, _Columns, Mapping[str, str]]]:
     """Yield title, columns and facts of each table; a table may stand two names deep."""
     if isinstance(node, list):
         if columns := _from_columns(node) or _from_rows(node):
-            yield part, columns, above
+            yield title, columns, above
         return
     if not isinstance(node, dict):
         return
     facts = {**above, **_facts(node)}
     names, data = node.get("columns"), node.get("data")
     if isinstance(names, list) and _are(str, names) and isinstance(data, list) and data:
-        yield part, _from_rows([names, *data]), facts  # as pandas splits a table
+        yield title, _from_rows([names, *data]), facts  # as pandas splits a table
         return
     columns = {key.strip(): column for key, value in node.items() if (column := _column(value))}
     inner = [(key, value) for key, value in node.items() if isinstance(value, dict | list)]
@@ -116,7 +116,7 @@ def _tables(
             yield from tables
             return
     if columns:
-        yield part, columns, facts
+        yield title, columns, facts
 
 
 def _facts(node: Mapping[str, Any]) -> dict[str, str]:
@@ -192,7 +192,7 @@ def _from_rows(rows: list[Any]) -> _Columns:
 
 
 def _table(
-    part: str,
+    title: str,
     columns: _Columns,
     metadata: Mapping[str, str],
     notes: tuple[str, ...],
@@ -203,14 +203,14 @@ def _table(
     """Return a table whose values become arrays when they are asked for."""
     raw = [values for _, values in columns.values()]
 
-    def load(wanted: Mapping[str, int]) -> Samples:
-        lengths = {[*columns][i]: len(raw[i]) for i in wanted.values()}
+    def load(indices: Mapping[str, int]) -> Samples:
+        lengths = {[*columns][i]: len(raw[i]) for i in indices.values()}
         if len(set(lengths.values())) > 1:
-            shown = ", ".join(f"{visible(key)} {n}" for key, n in lengths.items())
-            raise LogError(f"columns of different length: {shown} values", code="bad-row")
+            listed = ", ".join(f"{visible(key)} {n}" for key, n in lengths.items())
+            raise LogError(f"columns of different length: {listed} values", code="bad-row")
         is_bad = np.zeros(next(iter(lengths.values())), dtype=bool)
         channels, first_bad = {}, ""
-        for channel, index in wanted.items():
+        for channel, index in indices.items():
             values, is_clock = raw[index], _is_clock(raw[index])
             bad = np.array([not _is_value(value, is_clock=is_clock) for value in values], bool)
             numbers = [None if wrong else value for value, wrong in zip(values, bad, strict=True)]
@@ -228,17 +228,17 @@ def _table(
                     raise LogError(text, subject=place, code="bad-json")
                 first_bad = first_bad or f"{name}{place}: {text}"
                 is_bad |= bad
-        kept = np.flatnonzero(~is_bad)
-        channels = {channel: values[kept] for channel, values in channels.items()}
+        rows = np.flatnonzero(~is_bad)
+        channels = {channel: values[rows] for channel, values in channels.items()}
         findings = rows_dropped(int(is_bad.sum()), first_bad)
-        return Samples(channels, lambda i: f"row {kept[i] + 1}", findings=findings)
+        return Samples(channels, lambda i: f"row {rows[i] + 1}", findings=findings)
 
-    named = tuple(
+    headings = tuple(
         Column("" if key.startswith("\0") else key, unit, _is_clock(values))
         for key, (unit, values) in columns.items()
     )
-    hint = "this is JSON" if any(column.name for column in named) else ""
-    return Table(named, load, metadata, notes, part, hint=hint)
+    hint = "this is JSON" if any(column.name for column in headings) else ""
+    return Table(headings, load, metadata, notes, title, hint=hint)
 
 
 def _is_clock(values: Sequence[Any]) -> bool:

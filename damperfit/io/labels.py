@@ -1,11 +1,11 @@
-"""Which setting a log is of: by its preamble, a column, its file's name, or what all names show.
+"""The setting of a log: from its preamble, a column, its file's name, or a guess from all names.
 
-A preamble goes before a column, this before the name. Without a declared pattern the setting is
-guessed from names that differ in numbers alone, as ``D7_C02.csv`` and ``D7_C08.csv``: it is the
-only number that differs and is no speed, serial number or count of runs. A few names of another
-kind do not matter. Several such numbers are not guessed but asked about, with what to declare if
-they are two adjusters. Nor is a word or a number with a sign in which names differ: a word may mean
-anything, and a hyphen is as often no minus. It is shown as an option to copy.
+A preamble takes precedence over a column, and a column over the name. Without a declared pattern
+the setting is guessed from names that differ in numbers alone, as ``D7_C02.csv`` and
+``D7_C08.csv``: it is the only number that differs and is no speed, serial number or count of runs.
+A few names of another kind do not matter. Several such numbers are not guessed: a note says what to
+declare if they are two adjusters. Neither are a word or a signed number in which names differ, as a
+word may mean anything and a hyphen is often no minus: the pattern is shown as an option to copy.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ _SERIAL = r"(?<![^\W_])(?:sn|serial)[ _=-]?([a-z]?\d\w*?)(?![^\W_])"
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """What the names of logs show of their settings."""
+    """Settings guessed from the names of logs."""
 
     settings: Mapping[str, Setting] = field(default_factory=dict)  # by name; empty: none guessed
     finding: Problem | None = None  # what was guessed, and how to declare it
@@ -117,15 +117,15 @@ def guess_settings(names: Iterable[str]) -> Guess:  # noqa: PLR0911 - one return
     kinds = _kinds(names)
     if not kinds:
         return Guess()
-    whole = [name for group in kinds.values() for name in group]
-    if pattern := _pattern_of_signs(whole) or (_pattern_of_words(whole) if len(kinds) > 1 else ""):
+    names = [name for group in kinds.values() for name in group]
+    if pattern := _pattern_of_signs(names) or (_pattern_of_words(names) if len(kinds) > 1 else ""):
         return Guess(advice=_declaring(pattern))
     group = max(kinds.values(), key=len)
     fields = _fields(group)
     may_be = [number for number in fields if number.may_be]
     varied = [number for number in may_be if number.is_varied]
     likely = [number for number in may_be if number.is_clicks] or varied
-    is_most = len(kinds) == 1 or (len(group) > 1 and 2 * len(group) > len(whole))
+    is_most = len(kinds) == 1 or (len(group) > 1 and 2 * len(group) > len(names))
     if is_most and len(likely) == 1:
         chosen = likely[0]
         places = map(parse_place, chosen.values)
@@ -139,10 +139,10 @@ def guess_settings(names: Iterable[str]) -> Guess:  # noqa: PLR0911 - one return
             option=Option("rig", pattern, "setting_pattern"),
         )
         # R12C08 and R06C08: two adjusters, one of which was turned.
-        named = {number: adjuster_of(number.word) for number in may_be if adjuster_of(number.word)}
-        if chosen in named and len(named) == len(set(named.values())) > 1 and len(kinds) == 1:
-            every = _pattern_of_all(named, fields, group)
-            turned = tuple(named.values())
+        by_number = {number: name for number in may_be if (name := adjuster_of(number.word))}
+        turned = tuple(by_number.values())
+        if chosen in by_number and len(turned) == len(set(turned)) > 1 and len(kinds) == 1:
+            every = _pattern_of_all(by_number, fields, group)
             return Guess(settings, finding, _declaring(pattern, turned, every), turned, every)
         return Guess(settings, finding, _declaring(pattern), pattern=pattern)
     ranked = sorted(fields, key=lambda n: (not n.is_clicks, not n.may_be, not n.is_varied))
@@ -152,13 +152,13 @@ def guess_settings(names: Iterable[str]) -> Guess:  # noqa: PLR0911 - one return
         varied = [number for number in varied if number.word != "s"]  # a speed, as likely
     if not 2 <= len(varied) <= len(_PLACES):
         return Guess(advice=_declaring(pattern))
-    called = [adjuster_of(number.word) or number.word for number in varied]
-    if len(set(called)) < len(called) or not all(word.isascii() and word for word in called):
-        called = list(_PLACES[: len(varied)])
-    every = _pattern_of_all(dict(zip(varied, called, strict=True)), fields, group)
-    advice = _declaring(pattern, called, every)
-    if len(kinds) == 1 and all(adjuster_of(number.word) in called for number in varied):
-        return Guess(advice=advice, adjusters=tuple(called), pattern=every)
+    adjusters = [adjuster_of(number.word) or number.word for number in varied]
+    if len(set(adjusters)) < len(adjusters) or not all(a.isascii() and a for a in adjusters):
+        adjusters = list(_PLACES[: len(varied)])
+    every = _pattern_of_all(dict(zip(varied, adjusters, strict=True)), fields, group)
+    advice = _declaring(pattern, adjusters, every)
+    if len(kinds) == 1 and all(adjuster_of(number.word) in adjusters for number in varied):
+        return Guess(advice=advice, adjusters=tuple(adjusters), pattern=every)
     return Guess(advice=advice)
 
 
@@ -189,7 +189,7 @@ def _kinds(names: Iterable[str]) -> dict[tuple[str, ...], list[str]]:
     """Return names, each once, by what they have besides numbers."""
     kinds: dict[tuple[str, ...], list[str]] = {}
     for name in dict.fromkeys(names):
-        texts = tuple(part.casefold() for part in _NUMBERS.split(_stem(name))[::2])
+        texts = tuple(text.casefold() for text in _NUMBERS.split(_stem(name))[::2])
         kinds.setdefault(texts, []).append(name)
     return kinds
 
@@ -232,13 +232,13 @@ def _fields(names: Sequence[str]) -> list[_Field]:
 # Patterns to copy: each is tried on the names it was made from.
 
 
-def _declaring(pattern: str, called: Sequence[str] = (), every: str = "") -> Problem | None:
+def _declaring(pattern: str, adjusters: Sequence[str] = (), every: str = "") -> Problem | None:
     """Return an advice: the pattern to declare, and one for several adjusters."""
     texts, values = [], {}
     if pattern:
         texts, values = ["{option}"], {"option": Option("rig", pattern, "setting_pattern")}
-    if called:
-        declared = ", ".join(f'{name} = ""' for name in called)
+    if adjusters:
+        declared = ", ".join(f'{name} = ""' for name in adjusters)
         texts.append(
             "or, where several adjusters were turned, declare them in a configuration, [adjusters] "
             f"{declared}, and give it with {{config}} and {{every}}"
@@ -270,20 +270,20 @@ def _pattern(chosen: _Field, names: Sequence[str]) -> str:
 
 
 def _pattern_of_all(
-    called: Mapping[_Field, str], fields: Sequence[_Field], names: Sequence[str]
+    adjusters: Mapping[_Field, str], fields: Sequence[_Field], names: Sequence[str]
 ) -> str:
     """Return an expression that finds each of several numbers under its name."""
-    varied = list(called)
+    varied = list(adjusters)
     sign = "-?" if any(value.startswith("-") for n in fields for value in n.values) else ""
-    groups = {number.place: rf"(?P<{name}>{sign}\d+)" for number, name in called.items()}
-    parts = [_escaped(n.before) + groups.get(n.place, rf"{sign}\d+") for n in fields]
+    groups = {number.place: rf"(?P<{name}>{sign}\d+)" for number, name in adjusters.items()}
+    pieces = [_escaped(n.before) + groups.get(n.place, rf"{sign}\d+") for n in fields]
     first, last = varied[0].place, varied[-1].place
     if ending := _ENDING.search(varied[0].before):
-        short = "".join([_escaped(ending[0]), groups[first], *parts[first + 1 : last + 1]])
+        short = "".join([_escaped(ending[0]), groups[first], *pieces[first + 1 : last + 1]])
         values = list(zip(*(number.values for number in varied), strict=True))
         if [_finds(short, name)[:1] for name in names] == [[row] for row in values]:
             return short
-    return "^" + "".join(parts[: last + 1])
+    return "^" + "".join(pieces[: last + 1])
 
 
 def _pattern_of_words(names: Sequence[str]) -> str:
@@ -320,13 +320,13 @@ def _pattern_of_signs(names: Sequence[str]) -> str:
     return next((p for p in patterns if all(_finds(p, name) for name in names)), "")
 
 
-# Where the adjusters stand as a log says it: in its preamble, a column, or its file's name. What
-# stands there and is no setting is a LogError.
+# The setting that a log states: in its preamble, a column, or its file's name. A text there that is
+# no setting is a LogError.
 
 
 @dataclass(frozen=True, slots=True)
 class LogLabel:
-    """What one source says of a test."""
+    """Setting and identity of a test, by one source."""
 
     places: Mapping[str, Place] = field(default_factory=dict)  # by adjuster; some may be missing
     others: Mapping[str, str] = field(default_factory=dict)  # as damper or serial number
@@ -339,7 +339,7 @@ class LogLabel:
         return Setting(tuple((name, self.places[name]) for name in adjusters))
 
     def over(self, other: LogLabel) -> LogLabel:
-        """Return this with what it does not say taken from another source."""
+        """Return this, completed from another source."""
         is_new = not self.places.keys() >= other.places.keys()
         return LogLabel(
             {**other.places, **self.places},
@@ -348,13 +348,13 @@ class LogLabel:
         )
 
 
-def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
-    """Return the setting that a text says, or LogError."""
+def setting_in_words(text: str, subject: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
+    """Return the setting that a text states, or raise LogError."""
     try:
         return parse_setting(text, adjusters)
     except ValueError as error:
         raise LogError(
-            f"setting {visible(text)}; {error}", subject=where, code="unknown-setting"
+            f"setting {visible(text)}; {error}", subject=subject, code="unknown-setting"
         ) from error
 
 
@@ -363,21 +363,21 @@ def preamble_setting(
 ) -> LogLabel:
     """Return the label of a preamble: under ``setting``, or each adjuster by its name.
 
-    Beside that name may stand words for clicks, where a number follows: ``Adjuster: 3 clicks``; of
-    an adjuster that has a column these are not read.
+    Words for clicks may stand beside that name, where a number follows: ``Adjuster: 3 clicks``;
+    they are not read for an adjuster that has a column.
     """
     if ADJUSTER in metadata:
         stated = setting_in_words(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
         return LogLabel(dict(stated.places))
     names = {adjuster.casefold(): adjuster for adjuster in adjusters}
-    named: dict[str, Place] = {}
+    by_name: dict[str, Place] = {}
     counted: dict[str, Place] = {}
     notes = []
     for key, text in metadata.items():
         words = re.findall(r"[^\W_]+", key)
         if adjuster := names.get("_".join(words)):
             stated = setting_in_words(text, f"{name}: metadata '{adjuster}'")
-            named[adjuster] = stated.places[0][1]
+            by_name[adjuster] = stated.places[0][1]
             continue
         adjuster = names.get("_".join(word for word in words if word not in _OF_CLICKS) or ADJUSTER)
         with suppress(ValueError):
@@ -385,7 +385,7 @@ def preamble_setting(
             if adjuster and adjuster not in columns and not isinstance(place, str):
                 counted[adjuster] = place
                 notes.append(f"{adjuster}: {place}, from the preamble: {key}: {text}")
-    return LogLabel(counted | named, notes=tuple(notes))
+    return LogLabel(counted | by_name, notes=tuple(notes))
 
 
 def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)) -> LogLabel:
@@ -396,8 +396,8 @@ def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)
     is_default = pattern == SETTING_PATTERN
     serial = re.search(_SERIAL, name, re.IGNORECASE)
     label = LogLabel(others={"serial": serial[1]} if serial else {})
-    for tried in (_CLICKS_SETTING_NUMBER, pattern) if is_default else (pattern,):
-        if matches := list(re.finditer(tried, name, re.IGNORECASE)):
+    for expression in (_CLICKS_SETTING_NUMBER, pattern) if is_default else (pattern,):
+        if matches := list(re.finditer(expression, name, re.IGNORECASE)):
             label = _label_in(matches, name, adjusters).over(label)
         if label.places:
             break
@@ -409,13 +409,13 @@ def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)
 
 
 def _label_in(matches: list[re.Match[str]], name: str, adjusters: Sequence[str]) -> LogLabel:
-    where = f"{name}: file name"
-    named: dict[str, str] = {}
+    subject = f"{name}: file name"
+    groups: dict[str, str] = {}
     for match in matches:
-        named |= {key: text for key, text in match.groupdict().items() if text is not None}
+        groups |= {key: text for key, text in match.groupdict().items() if text is not None}
     places = {
-        key: setting_in_words(text, where).places[0][1]
-        for key, text in named.items()
+        key: setting_in_words(text, subject).places[0][1]
+        for key, text in groups.items()
         if key in adjusters
     }
     indexed = set(matches[-1].re.groupindex.values())
@@ -424,6 +424,6 @@ def _label_in(matches: list[re.Match[str]], name: str, adjusters: Sequence[str])
         with suppress(ValueError):  # a bare number names no adjuster where there are several
             if len(adjusters) > 1:
                 parse_setting(plain[-1], adjusters)
-            places = dict(setting_in_words(plain[-1], where, adjusters).places)
-    others = {key: text for key, text in named.items() if key in IDENTITY_KEYS}
+            places = dict(setting_in_words(plain[-1], subject, adjusters).places)
+    others = {key: text for key, text in groups.items() if key in IDENTITY_KEYS}
     return LogLabel(places, others, (FROM_NAME,) if places else ())

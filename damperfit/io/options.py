@@ -106,10 +106,10 @@ class ReadOptions(Declarations):
 
         What a profile gives goes before what the options declare, the default too.
         """
-        for own, profile in self.profiles.items():
+        for title, profile in self.profiles.items():
             files = "" if self.profile else profile.get("files", "")
-            if own == self.profile or (files and fnmatch(name, files)):
-                return self._with(profile), (f"profile: {own}",)
+            if title == self.profile or (files and fnmatch(name, files)):
+                return self._with(profile), (f"profile: {title}",)
         return self, ()
 
     def _with(self, profile: Mapping[str, Any]) -> ReadOptions:

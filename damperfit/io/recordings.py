@@ -69,31 +69,31 @@ def make_recordings(
             error.says_setting = _says_setting(table, source, options)
             raise
     are_buffers = len(tables) > 1 and all(table.may_run_on for table in tables)
-    parts = _join_buffers(blocks) if are_buffers else list(chain.from_iterable(blocks))
-    where = f"{source.name}: part_settings"
-    settings = [setting_in_words(str(s), where, options.adjusters) for s in options.part_settings]
-    if settings and len(settings) != len(parts):
+    tests = _join_buffers(blocks) if are_buffers else list(chain.from_iterable(blocks))
+    subject = f"{source.name}: part_settings"
+    settings = [setting_in_words(str(s), subject, options.adjusters) for s in options.part_settings]
+    if settings and len(settings) != len(tests):
         raise LogError(
-            f"{len(parts)} tests found, but {len(settings)} settings declared for "
+            f"{len(tests)} tests found, but {len(settings)} settings declared for "
             "them (part_settings)",
             code="several-tests",
         )
-    several = len(parts) > 1
-    notes = (*notes, f"{len(parts)} tests in this file") if several else notes
+    is_several = len(tests) > 1
+    notes = (*notes, f"{len(tests)} tests in this file") if is_several else notes
     declared = ("setting: as declared",) if settings else ()
     return tuple(
         replace(
-            part,
-            name=f"{source.name} part {i + 1}" if several else source.name,
-            setting=settings[i] if settings and options.setting is None else part.setting,
-            notes=(*notes, *part.notes, *declared),
+            test,
+            name=f"{source.name} part {i + 1}" if is_several else source.name,
+            setting=settings[i] if settings and options.setting is None else test.setting,
+            notes=(*notes, *test.notes, *declared),
         )
-        for i, part in enumerate(parts)
+        for i, test in enumerate(tests)
     )
 
 
 def _says_setting(table: Table, source: Source, options: ReadOptions) -> bool:
-    """Say whether a log that cannot be read says its setting, or tries to."""
+    """Say whether a log that cannot be read states a setting, right or wrong."""
     if options.setting is not None or options.part_settings:
         return True
     with suppress(LogError):
@@ -111,24 +111,24 @@ def _join_buffers(blocks: Sequence[Sequence[Recording]]) -> list[Recording]:
     records: list[list[Recording]] = []
     breaks: list[str] = []
     for number, block in enumerate(blocks, start=1):
-        for i, part in enumerate(block):
-            if i == 0 and records and _runs_on(records[-1][-1], part):
-                records[-1].append(part)
+        for i, test in enumerate(block):
+            if i == 0 and records and _runs_on(records[-1][-1], test):
+                records[-1].append(test)
                 continue
             if records:
-                end, start = records[-1][-1].time[-1], part.time[0]
-                how = f"{abs(start - end):.4g} s {'later' if start > end else 'earlier'}"
+                end, start = records[-1][-1].time[-1], test.time[0]
+                gap = f"{abs(start - end):.4g} s {'later' if start > end else 'earlier'}"
                 breaks.append(
-                    f"block {number} begins at {start:.6g} s, {how} than the block before ends"
+                    f"block {number} begins at {start:.6g} s, {gap} than the block before ends"
                 )
-            records.append([part])
+            records.append([test])
     joined = [record for record in records if len(record) > 1]
     if not joined:
         return [record[0] for record in records]
     note = f"{sum(map(len, joined))} blocks joined, as time runs on by one step from each to the"
     note += f" next, into {len(joined)} of {len(records)} tests" if breaks else " next"
-    more = [f"and {len(breaks) - _LISTED} more"] if len(breaks) > _LISTED else []
-    note = "; ".join([note, *breaks[:_LISTED], *more])
+    remaining = [f"and {len(breaks) - _LISTED} more"] if len(breaks) > _LISTED else []
+    note = "; ".join([note, *breaks[:_LISTED], *remaining])
     return [_joined(record, note) for record in records]
 
 
@@ -136,7 +136,7 @@ def _runs_on(before: Recording, after: Recording) -> bool:
     """Say whether a part begins one step after the end of another, at the same rate."""
     if before.setting != after.setting:
         return False
-    steps = [median(np.diff(part.time)) for part in (before, after) if len(part.time) > 1]
+    steps = [median(np.diff(test.time)) for test in (before, after) if len(test.time) > 1]
     if not steps or max(steps) > _LARGEST_STEP * min(steps):
         return False
     between = float(after.time[0] - before.time[-1])
@@ -145,13 +145,13 @@ def _runs_on(before: Recording, after: Recording) -> bool:
 
 def _joined(record: Sequence[Recording], note: str) -> Recording:
     notes = [text for text in record[0].notes if text.startswith(_TITLE)]
-    notes += [text for part in record for text in part.notes if not text.startswith(_TITLE)]
+    notes += [text for test in record for text in test.notes if not text.startswith(_TITLE)]
     channels: dict[str, Any] = {}
     for name in ("time", "displacement", "force", *EXTRAS):
-        values = [getattr(part, name) for part in record]
-        is_whole = all(part is not None for part in values)
-        channels[name] = np.concatenate(values) if is_whole else None
-    findings = distinct(finding for part in record for finding in part.findings)
+        values = [getattr(test, name) for test in record]
+        is_complete = all(value is not None for value in values)
+        channels[name] = np.concatenate(values) if is_complete else None
+    findings = distinct(finding for test in record for finding in test.findings)
     every_note = tuple(dict.fromkeys([*notes, note]))
     return replace(record[0], **channels, notes=every_note, findings=findings)
 
@@ -232,62 +232,62 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
     title = (f"{_TITLE}{table.part}",) if table.part else ()
     sentences = (finding.message() for finding in findings)
     notes = (*title, *table.notes, *samples.notes, *sentences, *notes, *more_notes)
-    parts = []
+    tests = []
     for start, stop in cuts:
-        part: dict[str, Any] = {channel: values[start:stop] for channel, values in channels.items()}
+        cut: dict[str, Any] = {channel: values[start:stop] for channel, values in channels.items()}
         if not is_own_time:
-            part["time"] = np.arange(stop - start) / rate
+            cut["time"] = np.arange(stop - start) / rate
         label = _label(samples, start, table.metadata, source, options)
         setting = label.setting(options.adjusters)
-        partly = {} if setting else {name: str(place) for name, place in label.places.items()}
+        places = {} if setting else {name: str(place) for name, place in label.places.items()}
         preamble = identity_in(table.metadata).describe() if label.others else {}
-        named = {key: text for key, text in label.others.items() if key not in preamble}
-        parts.append(
+        groups = {key: text for key, text in label.others.items() if key not in preamble}
+        tests.append(
             Recording(
                 name=source.name,
                 path=source.path,
                 sha256=source.sha256,
                 setting=setting,
                 notes=(*notes, *label.notes),
-                metadata={**named, **table.metadata, **partly},
+                metadata={**groups, **table.metadata, **places},
                 findings=findings,
-                **part,
+                **cut,
                 **signs,
             )
         )
-    return parts
+    return tests
 
 
 def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> tuple[Samples, str]:
     """Return the channels as logged with the current of a valve, where one is, and its name."""
-    wanted = {channel: choice.column for channel, choice in choices.items()}
+    indices = {channel: choice.column for channel, choice in choices.items()}
     valves = [
         i
         for i, column in enumerate(table.columns)
-        if i not in wanted.values()
+        if i not in indices.values()
         and _CURRENTS.intersection(words_of_name(split_name(column.name)[0]))
     ]
     current, samples = "", None
     if len(valves) == 1:
         current = table.columns[valves[0]].name
         with suppress(LogError):
-            samples = table.load({**wanted, _CURRENT: valves[0]})
-    samples = samples or table.load(wanted)
+            samples = table.load({**indices, _CURRENT: valves[0]})
+    samples = samples or table.load(indices)
     clock = choices.get("time")
-    own = {name: choice.unit for name, choice in choices.items() if name.startswith(OWN_TIME)}
-    if own and clock is not None and clock.unit is not None:
+    units = {name: choice.unit for name, choice in choices.items() if name.startswith(OWN_TIME)}
+    if units and clock is not None and clock.unit is not None:
         times = {
             name.removeprefix(OWN_TIME): unit.to_si(samples.channels[name]) / clock.unit.factor
-            for name, unit in own.items()
+            for name, unit in units.items()
             if unit is not None
         }
-        channels = {name: v for name, v in samples.channels.items() if name not in own}
+        channels = {name: v for name, v in samples.channels.items() if name not in units}
         samples = replace(samples, channels=channels, times=times)
     return samples, current
 
 
 def _not_finite(values: FloatArray, channel: str, samples: Samples) -> LogError | None:
-    """Return where a channel is no number; None where all are."""
+    """Return the error of a channel with values that are no numbers; None without any."""
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(values.sum()):  # one pass where all is well; a sum keeps NaN and infinity
             return None
@@ -318,7 +318,7 @@ def _cuts(
         if problem := _not_finite(values, adjuster, samples):
             raise problem
         is_cut[1:n] |= values[1:] != values[:-1]
-    first = 0
+    start = 0
     if "time" in channels and n > 1:
         steps = np.diff(channels["time"])
         if 0.0 < median(steps) < _CLOSEST:
@@ -339,11 +339,11 @@ def _cuts(
         if options.restarts != "refuse":
             is_cut[late + 1] = True
         if options.restarts == "last" and len(late):
-            first = int(late[-1]) + 1
+            start = int(late[-1]) + 1
         forward = steps[steps > 0.0]
-        usual = _PAUSE_STEPS * median(forward) if len(forward) else 0.0
-        is_cut[1:n] |= steps > (options.pause or max(_PAUSE, usual))
-    edges = [int(i) for i in np.flatnonzero(is_cut) if i >= first]
+        longest = _PAUSE_STEPS * median(forward) if len(forward) else 0.0
+        is_cut[1:n] |= steps > (options.pause or max(_PAUSE, longest))
+    edges = [int(i) for i in np.flatnonzero(is_cut) if i >= start]
     if len(edges) - 1 > _MAX_PARTS:
         raise LogError(
             f"time jumps {len(edges) - 2} times; these are not tests but a faulty clock: "
@@ -373,26 +373,26 @@ def _check_pieces(ends: Sequence[int], channels: Mapping[str, FloatArray]) -> No
 def _cut_at_levels(
     first: int, stop: int, samples: Samples, name: str, options: ReadOptions
 ) -> tuple[list[tuple[int, int]], tuple[Problem, ...]]:
-    """Return a test cut where the current of a valve steps, which is another setting; and why."""
+    """Return a test cut where the current of a valve steps to another setting, and the finding."""
     starts, levels = steps_of_level(samples.channels.get(_CURRENT, np.empty(0)))
     if not starts:
         return [(first, stop)], ()
     listed = ", ".join(f"{float(f'{level:.3g}'):g}" for level in levels)
     places = ", ".join(samples.place(start) for start in starts)
     is_named = bool(options.part_settings) and options.setting is None
-    words = (
+    text = (
         f"column {visible(name)} steps at {places}: settings of their own, {listed}, in one "
         f"record, read as {len(levels)} tests"
     )
-    words += "" if is_named else f"; name them by rig.part_settings = [{listed}]"
-    finding = (note if is_named else warning)("level_steps", words, value=float(len(starts)))
+    text += "" if is_named else f"; name them by rig.part_settings = [{listed}]"
+    finding = (note if is_named else warning)("level_steps", text, value=float(len(starts)))
     return list(pairwise([first, *starts, stop])), (finding,)
 
 
 def _backwards(channels: Mapping[str, FloatArray], late: NDArray[np.intp]) -> str:
-    """Return a sentence on rows `late`, in which time does not increase, with an advice."""
+    """Return a sentence on the rows `late`, in which time does not increase, with advice."""
     time, i = channels["time"], int(late[0])
-    what = "repeats" if time[i] == time[i - 1] else "runs backwards"
+    verb = "repeats" if time[i] == time[i - 1] else "runs backwards"
     advice = "several tests in one file: declare rig.restarts"
     if all(np.array_equal(values[late], values[late - 1]) for values in channels.values()):
         advice = "these rows are there twice: remove the copies"
@@ -406,7 +406,7 @@ def _backwards(channels: Mapping[str, FloatArray], late: NDArray[np.intp]) -> st
     elif not np.any(np.diff(time)):
         advice = "the clock stands still: declare rig.sample_rate, if the rows are evenly spaced"
     return (
-        f"time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
+        f"time {verb}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
         f"time must increase ({len(late)} such row{'s' * (len(late) > 1)}); {advice}"
     )
 
@@ -416,28 +416,28 @@ def _backwards(channels: Mapping[str, FloatArray], late: NDArray[np.intp]) -> st
 
 def _label(
     samples: Samples,
-    first: int,
+    row: int,
     metadata: Mapping[str, str],
     source: Source,
     options: ReadOptions,
 ) -> LogLabel:
     """Return the setting from the declaration, the preamble, columns or the file name."""
-    named = file_setting(source.name, options.setting_pattern, options.adjusters)
+    from_name = file_setting(source.name, options.setting_pattern, options.adjusters)
     if options.setting is not None:
         places = dict(Setting.of(options.setting).places)
-        return LogLabel(places, named.others, ("setting: as declared",))
+        return LogLabel(places, from_name.others, ("setting: as declared",))
     of_columns = {}
     for adjuster in options.adjusters:
         if adjuster in samples.channels:
-            number = f"{samples.channels[adjuster][first]:.15g}"
+            number = f"{samples.channels[adjuster][row]:.15g}"
             stated = setting_in_words(number, f"{source.name}: column '{adjuster}'")
             of_columns[adjuster] = stated.places[0][1]
     preamble = preamble_setting(metadata, source.name, options.adjusters, of_columns)
-    label = preamble.over(LogLabel(of_columns)).over(named)
+    label = preamble.over(LogLabel(of_columns)).over(from_name)
     doubts = (
         f"{adjuster}: {preamble.places[adjuster]} of the preamble; the file name says {place}: "
         "check which is right"
-        for adjuster, place in named.places.items()
+        for adjuster, place in from_name.places.items()
         if preamble.places.get(adjuster, place) != place
     )
     return replace(label, notes=(*label.notes, *doubts))

@@ -1,4 +1,4 @@
-"""A table of tests: which file is which damper, at which setting, and whatever else is known.
+"""A table of tests: the damper and the setting of each file, and facts of its test.
 
 One row a log, with the columns ``file``, each adjuster (or ``setting``, a label), those of
 `Identity`, facts of the test (`FACTS`), and any others. Written by hand or saved by a spreadsheet:
@@ -26,9 +26,9 @@ FACTS = {
     "tare": "force",
     "skew": "time",
 }
-# What the test was; a tare or a skew that a log itself names may have been taken off already.
+# Facts read from a log's preamble; a tare or a skew may have been subtracted already.
 _OF_PREAMBLES = ("gas_pressure", "temperature")
-# What a preamble may call the temperature of the oil, and what else may stand in that name.
+# Names of the temperature of the oil in a preamble, and other words in that name.
 _TEMPERATURES = {
     *("temp", "temperature", "temperatur", "température", "temperatura", "öltemperatur"),
     *("oeltemperatur", "dämpfertemperatur"),
@@ -37,7 +37,7 @@ _OF_OIL = {
     *("oil", "fluid", "damper", "shock", "body", "test", "öl", "huile", "olio", "aceite"),
     *("of", "de", "l", "d", "the", "amortisseur"),
 }
-# The same of its gas; a gauge has shown it, where the unit does not say.
+# The same of its gas; a gauge pressure, where the unit does not say.
 _GASES = {"gas", "nitrogen", "n2", "gasdruck", "stickstoff", "gaz", "azote"}
 _OF_GAS = {*("pressure", "charge", "fill", "reservoir", "druck", "pression", "de", "d")}
 # What a pressure counts from, in words behind its unit: bar (abs), psi gauge, bar Überdruck.
@@ -46,7 +46,7 @@ _TOO_COLD = 45.0  # degF, 7 degC: a bare number below it is degrees Celsius
 _IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _FILE = ("file", "log", "filename", "datei")
 _MAX_BYTES = 10_000_000
-_MAX_SKEW = 0.1  # s; more is no skew between channels but two clocks
+_MAX_SKEW = 0.1  # s; more is not a skew between channels but two clocks
 _GAS_LIMITS = (1e4, 1e8)  # Pa, those of damper.gas_pressure
 _SHORT = 4  # letters; shorter names lie near too many words
 
@@ -115,7 +115,7 @@ class TestRow:
 
     line: int  # of the table, from 1
     places: Mapping[str, Place] = field(default_factory=dict)  # of adjusters; empty cells say none
-    identity: Identity = Identity()  # whose it is
+    identity: Identity = Identity()
     facts: Mapping[str, float] = field(default_factory=dict)  # by name of `FACTS`, SI, degC
 
 
@@ -127,7 +127,7 @@ class TestsTable:
 
     path: Path
     rows: Mapping[str, TestRow]
-    notes: tuple[str, ...] = ()  # what was doubtful in it
+    notes: tuple[str, ...] = ()  # on doubtful columns
 
 
 def is_tests_table(path: Path) -> bool:
@@ -136,18 +136,18 @@ def is_tests_table(path: Path) -> bool:
         return False
     try:
         with open_regular(path) as file:
-            first = _text(file.read(4096)).splitlines()
+            head = _text(file.read(4096)).splitlines()
     except (OSError, LogError):
         return False
-    return bool(first) and _file_column(_fields(first[0], _separator(first[0]))) is not None
+    return bool(head) and _file_column(_fields(head[0], _separator(head[0]))) is not None
 
 
 def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:  # noqa: C901, PLR0912 - by row
     """Read a table of tests of a damper with these adjusters."""
 
     def refused(text: str, line: int = 0, code: str = "bad-table-of-tests") -> ConfigurationError:
-        where = FilePlace(str(path), line) if line else None
-        return ConfigurationError(text, where=where, subject="" if line else path, code=code)
+        place = FilePlace(str(path), line) if line else None
+        return ConfigurationError(text, where=place, subject="" if line else path, code=code)
 
     try:
         lines = _text(read_bytes(path, max_bytes=_MAX_BYTES)).splitlines()
@@ -207,7 +207,7 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:  # noqa: C90
 def _row(filled: dict[str, str], adjusters: Sequence[str], line: int) -> TestRow:
     places: dict[str, Place] = {}
     facts: dict[str, float] = {}
-    others = {}
+    unknown = {}
     for name, cell in filled.items():
         key = _key(name)
         try:
@@ -218,17 +218,17 @@ def _row(filled: dict[str, str], adjusters: Sequence[str], line: int) -> TestRow
             elif key in FACTS:
                 facts[key] = fact_of(key, cell)
             else:
-                others[name] = cell
+                unknown[name] = cell
         except ValueError as error:
             raise ValueError(f"{name}: found '{cell}', {error}") from error
-    identity = identity_in(others).describe()
-    more = tuple((name, cell) for name, cell in others.items() if cell not in identity.values())
+    identity = identity_in(unknown).describe()
+    more = tuple((name, cell) for name, cell in unknown.items() if cell not in identity.values())
     return TestRow(line, places, Identity(**identity, more=more), facts)
 
 
 def _file_column(names: Sequence[str]) -> int | None:
     plain = [re.sub(r"[\W_]+", "", name.casefold()) for name in names]
-    return next((plain.index(word) for word in _FILE if word in plain), None)
+    return next((plain.index(key) for key in _FILE if key in plain), None)
 
 
 def _fields(line: str, separator: str) -> list[str]:

@@ -10,8 +10,8 @@ segments, each with a header that gives units.
 
 Traps. A rig that is still writing leaves a last line without an end, and -12 of -1234 is a number
 too. Every row may end in a separator, which shifts the columns of a careless reader by one. A
-column of events may be there in the rows with an event only. Whole numbers of a machine at rest say
-nothing of the decimal mark. One dropped byte joins two rows. A controller may write one record in
+column of events may exist only in the rows with an event. The whole numbers of a machine at rest do
+not show the decimal mark. One dropped byte joins two rows. A controller may write one record in
 buffers whose titles alone give the time.
 """
 
@@ -42,7 +42,7 @@ _MAX_COLUMNS = 2_000
 _MARKS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}  # runs of these
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-# A comma that may as well part thousands. "0,125" may not: no group starts with a zero.
+# A comma that may as well separate thousands. "0,125" may not: no group starts with a zero.
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?P<mark>[ ,.'])\d{3}(?:(?P=mark)\d{3})*(?:[.,]\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
@@ -138,8 +138,8 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         raise LogError(text, code="no-data")
     empty = [block for block in blocks if block.title and not _DATA.search(block.data)]
     if 0 < len(empty) < len(blocks):
-        others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
-        notes = (*notes, f"left out: the block in line {empty[0].first_line}{others}, without rows")
+        count = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
+        notes = (*notes, f"left out: the block in line {empty[0].first_line}{count}, without rows")
         blocks = [block for block in blocks if block not in empty]
     tables = tuple(
         table for block in blocks for table in _tables(block, source.name, notes, options)
@@ -210,8 +210,8 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
     # The last buffer may not be full: its step is as long as itself, or as the one before.
     steps = np.diff(times if rows[-1] == rows[0] else times[:-1])
     if is_same and len(rows) >= _FEWEST and len(set(rows[:-1])) == 1 and rows[-1] <= rows[0]:
-        usual = median(steps)
-        if usual > 0.0 and np.abs(steps / usual - 1.0).max() <= _STEADY:
+        step = median(steps)
+        if step > 0.0 and np.abs(steps / step - 1.0).max() <= _STEADY:
             rate = rows[0] * len(steps) / float(steps.sum())
     if not rate:
         hint = (
@@ -220,28 +220,28 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
         )
         return tuple(replace(table, hint=table.hint or hint) for table in tables)
     note = f"{len(tables)} blocks joined; time: {rate:g} Hz, by the times in their titles"
-    whole = replace(
+    joined = replace(
         first,
-        load=lambda wanted: _joined([table.load(wanted) for table in tables]),
+        load=lambda indices: _joined([table.load(indices) for table in tables]),
         metadata={**first.metadata, "sample rate": repr(rate)},
         notes=(*first.notes, note),
         findings=distinct(finding for table in tables for finding in table.findings),
         may_run_on=False,
     )
-    return (whole,)
+    return (joined,)
 
 
 # The head: separator, names row, units row, first row of data.
 
 
 class _Row(NamedTuple):
-    """One line of the head that is not blank, parted by one separator."""
+    """One line of the head that is not blank, split by one separator."""
 
     number: int  # of the line, from 1, blank lines counted
     offset: int  # byte where it starts
     text: str
     fields: Sequence[str] = ()
-    share: float = 0.0  # of the fields that are not blank, how many are values
+    share: float = 0.0  # of the fields that are not blank, those that are values
 
     @property
     def is_data(self) -> bool:
@@ -270,7 +270,7 @@ def _fields(text: str, separator: str) -> list[str]:
 def _parted_head(  # noqa: C901 - each separator is tried on the same lines
     block: _Block, options: ReadOptions
 ) -> tuple[str, Sequence[_Row], int]:
-    """Return the separator, the first lines of a text parted by it, and the first row of data."""
+    """Return the separator, the first lines of a text split by it, and the first row of data."""
     end = min(len(block.data), _HEAD_BYTES)
 
     def filled_lines() -> Iterator[_Row]:
@@ -290,8 +290,8 @@ def _parted_head(  # noqa: C901 - each separator is tried on the same lines
         if not lines:
             raise LogError("nothing but blank lines", code="no-data")
         best, best_score = None, 0.0
-        asked = SEPARATORS.get(options.separator)
-        for separator in _MARKS if asked is None else (asked,):
+        declared = SEPARATORS.get(options.separator)
+        for separator in _MARKS if declared is None else (declared,):
             if separator != " " and not any(separator in line.text for line in lines):
                 continue
             rows = [_parted(line, separator, options.thousands) for line in lines]
@@ -315,9 +315,9 @@ def _parted_head(  # noqa: C901 - each separator is tried on the same lines
             return best
     for row, below in zip(reversed(lines), [None, *reversed(lines)], strict=False):
         if any(row.names_by(separator) for separator in _MARKS):
-            what = f"no {'rows of numbers' if below else 'data rows'} after the names in line"
+            problem = f"no {'rows of numbers' if below else 'data rows'} after the names in line"
             following = f"; line {below.number} is {visible(below.text)}" if below else ""
-            raise LogError(f"{what} {row.number}{following}", code="no-rows")
+            raise LogError(f"{problem} {row.number}{following}", code="no-rows")
     first = lines[0]
     text = f"no rows of numbers found; line {first.number} is {visible(first.text)}"
     raise LogError(text, code="no-rows")
@@ -342,10 +342,10 @@ def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | N
         if len(row.fields) < 2 or abs(len(row.fields) - n_fields) > 1 or is_entry:
             break
         above -= 1
-    named = [i for i in reversed(range(above, start)) if mentions_channel(rows[i].fields)]
-    if named:
+    candidates = [i for i in reversed(range(above, start)) if mentions_channel(rows[i].fields)]
+    if candidates:
         # "s;V;V" may be names, but stands below them where there are others.
-        names_at = min(named, key=lambda i: _is_units_row(rows[i].fields))
+        names_at = min(candidates, key=lambda i: _is_units_row(rows[i].fields))
         below = names_at + 1
         has_units = below < start and _is_units_row(rows[below].fields)
         return (below + 1, names_at, below) if has_units else (below, names_at, None)
@@ -356,11 +356,11 @@ def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | N
 
 def _is_units_row(fields: Sequence[str]) -> bool:
     stripped = [field.strip("()[] ") for field in fields]
-    others = [field for field in stripped if not is_unit(field)]
-    return len(others) < len(stripped) and not mentions_channel(others)
+    names = [field for field in stripped if not is_unit(field)]
+    return len(names) < len(stripped) and not mentions_channel(names)
 
 
-def _odd_names(above: Sequence[_Row], separator: str, first: _Row) -> str:
+def _odd_names(above: Sequence[_Row], separator: str, data_row: _Row) -> str:
     """Return a sentence on a line of names above the rows, fewer or more than their fields."""
     for row in reversed(above):
         for mark in dict.fromkeys((separator, *_MARKS)):
@@ -371,15 +371,15 @@ def _odd_names(above: Sequence[_Row], separator: str, first: _Row) -> str:
                 )
                 return (
                     f"line {row.number} has {len(names)} names{by}, "
-                    f"line {first.number} has {len(first.fields)} fields{of_rows}"
+                    f"line {data_row.number} has {len(data_row.fields)} fields{of_rows}"
                 )
     return ""
 
 
 def _decimal(rows: Sequence[_Row], separator: str, thousands: str, below: bytes) -> str:
     """Return the decimal mark that the first rows show, or without commas those below them."""
-    first = rows[0].offset
-    if separator != "," and below.find(b".", first) < 0 <= below.find(b",", first):
+    start = rows[0].offset
+    if separator != "," and below.find(b".", start) < 0 <= below.find(b",", start):
         return ","  # the first rows may hold whole numbers only, as of a machine at rest
     if thousands:
         return "," if thousands == "." else "."
@@ -399,7 +399,7 @@ def _decimal(rows: Sequence[_Row], separator: str, thousands: str, below: bytes)
 
 def _metadata(preamble: Sequence[str]) -> dict[str, str]:
     """Return the ``key: value`` lines of a preamble, keys in lower case."""
-    # Whose test it is, or an amount, may stand in two cells: ``Operator;J. Smith``.
+    # The identity of a test, or an amount, may be in two cells: ``Operator;J. Smith``.
     cells = [match for line in preamble if (match := _CELLS.fullmatch(line))]
     pairs = [m for m in cells if names_identity(m["key"]) or _AMOUNT.fullmatch(m["value"])]
     pairs += [match for line in preamble if (match := _ENTRY.fullmatch(line))]
@@ -409,29 +409,29 @@ def _metadata(preamble: Sequence[str]) -> dict[str, str]:
 def _tables(
     block: _Block, name: str, notes: tuple[str, ...], options: ReadOptions
 ) -> Iterator[Table]:
-    """Yield the table of a block, or one for each time that the same names stand above rows."""
+    """Yield the table of a block, or one for each repetition of its row of names."""
     head = _parted_head(block, options)
     separator, rows, first_row = head
     data_at, names_at, _ = _heading(rows, first_row)
     begin, start = (rows[k].offset for k in (data_at if names_at is None else names_at, data_at))
-    again = block.data.find(b"\n" + block.data[begin:start], start) + 1 if begin < start else 0
-    if not again or options.bad_rows == "drop":  # what is no row is dropped, names too
+    second = block.data.find(b"\n" + block.data[begin:start], start) + 1 if begin < start else 0
+    if not second or options.bad_rows == "drop":  # what is no row is dropped, names too
         yield _table(block, head, name, notes, options)
         return
     # A preamble of its own may stand above the second names, too.
-    above = block.data[max(again - _MAX_PREAMBLE, start) : again].splitlines(keepends=True)[::-1]
+    above = block.data[max(second - _MAX_PREAMBLE, start) : second].splitlines(keepends=True)[::-1]
 
     def is_data(line: bytes) -> bool:
         row = _Row(0, 0, line.decode("utf-8", "replace"))
         return _parted(row, separator, options.thousands).is_data
 
-    again -= sum(map(len, takewhile(lambda line: not is_data(line), above)))
-    line = block.first_line + len(_LINE_END.findall(block.data, 0, again))
+    second -= sum(map(len, takewhile(lambda line: not is_data(line), above)))
+    line = block.first_line + len(_LINE_END.findall(block.data, 0, second))
     title = block.title or f"from line {block.first_line}"
-    yield _table(block._replace(data=block.data[:again], title=title), head, name, notes, options)
+    yield _table(block._replace(data=block.data[:second], title=title), head, name, notes, options)
     preamble = (*block.preamble, *(row.text for row in rows[: names_at or 0]))
-    rest = _Block(block.data[again:], line, block.decimal, f"from line {line}", preamble)
-    yield from _tables(rest, name, notes, options)
+    following = _Block(block.data[second:], line, block.decimal, f"from line {line}", preamble)
+    yield from _tables(following, name, notes, options)
 
 
 def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, marks, rows
@@ -443,8 +443,8 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
 ) -> Table:
     separator, head, first_row = parted
     if (n := len(head[first_row].fields)) > _MAX_COLUMNS:
-        where, text = head[first_row].number, f"{n} columns, more than the limit of {_MAX_COLUMNS}"
-        raise LogError(text, subject=f", line {where}", code="bad-row")
+        number, text = head[first_row].number, f"{n} columns, more than the limit of {_MAX_COLUMNS}"
+        raise LogError(text, subject=f", line {number}", code="bad-row")
     data_at, names_at, units_at = _heading(head, first_row)
     start, names_line = head[data_at].offset, 0 if names_at is None else head[names_at].number
     names = [] if names_at is None else list(head[names_at].fields)
@@ -452,8 +452,8 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
         names[0] = names[0].lstrip("# ")
     above = [row.text for row in head[: data_at if names_at is None else names_at]]
     hint = "" if names else _odd_names(head[:data_at], separator, head[first_row])
-    whole = head[data_at:-1] or head[data_at:]  # the last row of the head may be cut
-    is_short = 2 * sum(len(row.fields) == len(names) - 1 for row in whole) > len(whole)
+    full_rows = head[data_at:-1] or head[data_at:]  # the last row of the head may be cut
+    is_short = 2 * sum(len(row.fields) == len(names) - 1 for row in full_rows) > len(full_rows)
     decimal = options.decimal or block.decimal
     decimal = decimal or _decimal(head[data_at:], separator, options.thousands, block.data)
     foreign = sum(not line.lstrip().startswith("#") for line in above)
@@ -468,8 +468,8 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
             if end == start:
                 text = "no data rows; the only one has no line end and may be cut"
                 raise LogError(text, code="bad-row")
-            words = "no final newline; the last row may be cut and was dropped; is the log whole?"
-            findings.append(warning("cut_row", words, value=1.0))
+            text = "no final newline; the last row may be cut and was dropped; is the log whole?"
+            findings.append(warning("cut_row", text, value=1.0))
         rows = rows[:end]
     if separator == " ":
         rows, start, separator = re.sub(rb"[ \t]+", b"\t", rows[start:]), 0, "\t"
@@ -480,8 +480,8 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
         lines = _LINE_END.sub(b"\n", rows[start:]).split(b"\n")
         rows = b"\n".join(row + mark * (row.count(mark) == n_before) for row in lines)
         is_short, start = False, 0
-    first = _LINE.match(rows, start)
-    fields = _fields(first[1].decode("utf-8", "replace") if first else "", separator)
+    match = _LINE.match(rows, start)
+    fields = _fields(match[1].decode("utf-8", "replace") if match else "", separator)
     names = names or [""] * len(fields)
     n_fields = len(names) - is_short
     units = [] if units_at is None else [unit.strip("()[] ") for unit in head[units_at].fields]
@@ -545,25 +545,25 @@ def clock_seconds(stamps: Any) -> FloatArray:
         stamps = pa.chunked_array([pa.array(stamps, pa.string())])
     if not len(stamps):
         return np.zeros(0)
-    parts = compute.extract_regex(stamps, _PATTERN)
+    fields = compute.extract_regex(stamps, _PATTERN)
 
     def numbers(field: str) -> FloatArray:
-        text = compute.struct_field(parts, field)
+        text = compute.struct_field(fields, field)
         filled = compute.if_else(compute.equal(text, ""), "0", text)
         return _column_floats(filled.cast(pa.float64()))
 
-    fraction = compute.utf8_length(compute.struct_field(parts, "fraction"))
+    fraction = compute.utf8_length(compute.struct_field(fields, "fraction"))
     tenths = numbers("fraction") / 10.0 ** _column_floats(fraction.cast(pa.float64()))
-    dates = np.asarray(compute.struct_field(parts, "date").to_pylist(), dtype=object)
-    halves = compute.struct_field(parts, "half").to_pylist()
+    dates = np.asarray(compute.struct_field(fields, "date").to_pylist(), dtype=object)
+    halves = compute.struct_field(fields, "half").to_pylist()
     half = np.array([text[:1].lower() if text else "" for text in halves])
     hour = numbers("hour")
     hour = np.where(half == "", hour, hour % 12.0 + 12.0 * (half == "p"))
-    whole = hour * 3600.0 + numbers("minute") * 60.0 + numbers("second")
-    is_next = dates[1:] != dates[:-1] if dates[0] else np.diff(whole) < -_DAY / 2.0
+    seconds = hour * 3600.0 + numbers("minute") * 60.0 + numbers("second")
+    is_next = dates[1:] != dates[:-1] if dates[0] else np.diff(seconds) < -_DAY / 2.0
     days = np.concatenate(([0.0], np.cumsum(np.asarray(is_next, dtype=np.float64))))
     # Whole seconds first: the difference of large numbers would cost digits of the fraction.
-    return np.asarray((whole + days * _DAY - whole[0]) + (tenths - tenths[0]))
+    return np.asarray((seconds + days * _DAY - seconds[0]) + (tenths - tenths[0]))
 
 
 def _column_floats(column: Any) -> FloatArray:
@@ -581,10 +581,10 @@ def rows_dropped(n_bad: int, first_bad: str) -> tuple[Problem, ...]:
 
 
 class _Rows(NamedTuple):
-    """Rows of data as UTF-8 bytes, of which every row ends, and how to read them.
+    """Complete rows of data as UTF-8 bytes, and how to read them.
 
-    pyarrow reads them fast, but does not always say where it met a ragged row or text. What it
-    refuses is read again field by field, which names the line and channel, or drops the rows.
+    pyarrow is fast, but does not always say where a row is ragged or holds text. What it refuses is
+    read again field by field, which names the line and channel, or drops the rows.
     """
 
     name: str  # of the log, for messages
@@ -618,56 +618,56 @@ class _Rows(NamedTuple):
         at = (f"line {number}" for i, (number, _) in enumerate(self.lines()) if i == index)
         return next(at, f"row {index + 1}")
 
-    def load(self, wanted: Mapping[str, int]) -> Samples:
+    def load(self, indices: Mapping[str, int]) -> Samples:
         """Return columns as floats; refuses rows with other fields, or text for a number."""
-        if (columns := self._fast(wanted)) is not None:
+        if (columns := self._fast(indices)) is not None:
             return Samples(columns, self.place)
         bad: list[str] = []
         pieces = []
         # In pieces of whole lines, as most of a large log is read fast; stamps run on.
         start, line = self.start, self.line
         while start < len(self.rows):
-            last = _LINE.match(self.rows, min(start + _PIECE, len(self.rows)))
-            stop = last.end() if last and not self.clocks else len(self.rows)
+            match = _LINE.match(self.rows, min(start + _PIECE, len(self.rows)))
+            stop = match.end() if match and not self.clocks else len(self.rows)
             rows = self._replace(rows=self.rows[start:stop], start=0, line=line)
-            columns = None if self.clocks else rows._fast(wanted)  # noqa: SLF001  # its own class
+            columns = None if self.clocks else rows._fast(indices)  # noqa: SLF001  # its own class
             slow = rows._slow  # noqa: SLF001
-            pieces.append(Samples(columns, rows.place) if columns else slow(wanted, bad))
+            pieces.append(Samples(columns, rows.place) if columns else slow(indices, bad))
             line += len(_LINE_END.findall(rows.rows))
             start = stop
         samples = _joined(pieces)
         if not len(next(iter(samples.channels.values()))):
-            first = f"; first: {bad[0]}" if bad else ""
-            raise LogError(f"no data rows{first}", code="no-data")
+            example = f"; first: {bad[0]}" if bad else ""
+            raise LogError(f"no data rows{example}", code="no-data")
         return replace(samples, findings=rows_dropped(len(bad), bad[0] if bad else ""))
 
-    def _slow(self, wanted: Mapping[str, int], bad: list[str]) -> Samples:
+    def _slow(self, indices: Mapping[str, int], bad: list[str]) -> Samples:
         """Read field by field; why a row was dropped goes to `bad`."""
         lines: list[int] = []
         rows: list[list[float | str]] = []
         for number, line in self.lines():
             try:
-                rows.append(self._values(line, wanted, f"{self.name}, line {number}"))
+                rows.append(self._values(line, indices, f"{self.name}, line {number}"))
                 lines.append(number)
             except LogError as error:
                 if not self.drops:
                     raise
                 bad.append(str(error) if not bad else "")
         channels = {}
-        for k, (channel, index) in enumerate(wanted.items()):
+        for k, (channel, index) in enumerate(indices.items()):
             values = [row[k] for row in rows]
             is_clock = index in self.clocks
             channels[channel] = clock_seconds(values) if is_clock else np.array(values, float)
         return Samples(channels, lambda i: f"line {lines[i]}")
 
-    def _fast(self, wanted: Mapping[str, int]) -> dict[str, FloatArray] | None:
+    def _fast(self, indices: Mapping[str, int]) -> dict[str, FloatArray] | None:
         """Return columns as pyarrow reads them; None where it refuses, or rows must be dropped."""
         import pyarrow as pa
         from pyarrow import csv as arrow
 
         names = [f"{i}" for i in range(self.n_fields)]
         extra = names[self.n_names :]  # anything in it is an error
-        chosen = dict.fromkeys(names[i] for i in sorted(wanted.values()))
+        chosen = dict.fromkeys(names[i] for i in sorted(indices.values()))
         types = {name: pa.string() if int(name) in self.clocks else pa.float64() for name in chosen}
         quote = '"' if self.rows.find(b'"', self.start) >= 0 else False
         is_large = len(self.rows) > _THREADED
@@ -691,17 +691,17 @@ class _Rows(NamedTuple):
             }
         except (pa.ArrowException, ValueError):
             return None
-        read = {channel: columns[names[index]] for channel, index in wanted.items()}
-        whole = [columns[name] for name in chosen if int(name) in self.clocks]
-        whole += [
-            values for channel, values in read.items() if self.drops and channel not in EXTRAS
+        channels = {channel: columns[names[index]] for channel, index in indices.items()}
+        complete = [columns[name] for name in chosen if int(name) in self.clocks]
+        complete += [
+            values for channel, values in channels.items() if self.drops and channel not in EXTRAS
         ]
         is_known = np.isfinite if self.drops else lambda values: ~np.isnan(values)
-        return read if all(is_known(values).all() for values in whole) else None
+        return channels if all(is_known(values).all() for values in complete) else None
 
-    def _values(self, line: str, wanted: Mapping[str, int], where: str) -> list[float | str]:
+    def _values(self, line: str, indices: Mapping[str, int], subject: str) -> list[float | str]:
         """Return the fields of a row; text for clocks."""
-        _check_quotes(line, where)
+        _check_quotes(line, subject)
         drop = "; repair the row, or drop such rows by rig.bad_rows = 'drop'"
         advice, problem = "" if self.drops else drop, ""
         fields = _fields(line, self.separator)
@@ -716,24 +716,24 @@ class _Rows(NamedTuple):
                 f"expected {self.n_names} fields"
             )
         values: list[float | str] = []
-        for channel, index in {} if problem else wanted.items():
-            shown = f"{channel} is {visible(fields[index])}, expected"
+        for channel, index in {} if problem else indices.items():
+            expected = f"{channel} is {visible(fields[index])}, expected"
             if index not in self.clocks:
-                value = self._number(fields[index], f"{shown} a number", advice, where)
+                value = self._number(fields[index], f"{expected} a number", advice, subject)
                 values.append(value)
                 if self.drops and channel not in EXTRAS and not np.isfinite(value):
-                    problem = f"{shown} a finite number"
+                    problem = f"{expected} a finite number"
             elif is_stamp(fields[index]):
                 values.append(fields[index])
             else:
-                problem = f"{shown} a time of day"
+                problem = f"{expected} a time of day"
             if problem:
                 break
         if problem:
-            raise LogError(problem, subject=where, code="bad-row")
+            raise LogError(problem, subject=subject, code="bad-row")
         return values
 
-    def _number(self, field: str, problem: str, advice: str, where: str) -> float:
+    def _number(self, field: str, problem: str, advice: str, subject: str) -> float:
         plain, thousands = field, self.thousands
         grouped = _GROUPED.fullmatch(field)
         if grouped and grouped["mark"] == thousands:
@@ -746,25 +746,25 @@ class _Rows(NamedTuple):
             advice = "; if it has a mark of thousands, declare rig.thousands"
             if grouped["mark"] == "," != self.decimal:
                 advice += ", if a decimal comma, rig.decimal"
-        raise LogError(f"{problem}{advice}", subject=where, code="bad-row")
+        raise LogError(f"{problem}{advice}", subject=subject, code="bad-row")
 
 
-def _check_quotes(line: str, where: str) -> None:
+def _check_quotes(line: str, subject: str) -> None:
     if line.count('"') % 2:
         raise LogError(
-            "a quote opens and does not close in the line", subject=where, code="bad-row"
+            "a quote opens and does not close in the line", subject=subject, code="bad-row"
         )
 
 
-def _joined(parts: Sequence[Samples]) -> Samples:
+def _joined(pieces: Sequence[Samples]) -> Samples:
     """Return the rows of several pieces behind each other."""
-    names = parts[0].channels
-    ends = np.cumsum([len(next(iter(part.channels.values()))) for part in parts])
+    names = pieces[0].channels
+    ends = np.cumsum([len(next(iter(piece.channels.values()))) for piece in pieces])
 
     def place(index: int) -> str:
-        k = min(int(np.searchsorted(ends, index, side="right")), len(parts) - 1)
-        return parts[k].place(index - (int(ends[k - 1]) if k else 0))
+        k = min(int(np.searchsorted(ends, index, side="right")), len(pieces) - 1)
+        return pieces[k].place(index - (int(ends[k - 1]) if k else 0))
 
-    findings = distinct(finding for part in parts for finding in part.findings)
-    channels = {name: np.concatenate([part.channels[name] for part in parts]) for name in names}
+    findings = distinct(finding for piece in pieces for finding in piece.findings)
+    channels = {name: np.concatenate([piece.channels[name] for piece in pieces]) for name in names}
     return Samples(channels, place, findings=findings)
