@@ -24,16 +24,16 @@ from damperfit.sections import SECTIONS
 
 COMMON = ("json", "quiet", "debug", "version")
 _OF_ALL = ("verbose", "color", "no_progress", "log_file")
-# What may be given several times; all else is one text, for `damperfit.arguments` to read.
+# Kinds that may be given several times; any other is one text, which `damperfit.arguments` reads.
 _SEVERAL = {"texts", "names", "quantities", "values", "pairs", "paths", "arguments"}
-# These read logs or simulate; what is asked of results has the configuration of its run.
+# These read logs or simulate; questions about results take the configuration of their run.
 _CONFIGURED = {
     *("identify", "inspect", "models", "fleet", "simulate", "sweep", "samples", "config"),
 }
 
 
 class Shown(NamedTuple):
-    """How a command talks: one JSON document, without notes, with tracebacks, to whom."""
+    """Options of a command's output: JSON, no notes, tracebacks, a summary, a list, no progress."""
 
     json: bool = False
     quiet: bool = False
@@ -51,16 +51,16 @@ def command(
     takes_context: bool = False,
     example: str,
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return a decorator that makes a command of a function that prints the results of another.
+    """Return a decorator that makes a command of a function that prints the result of `function`.
 
-    Without that other one, the arguments are those of the decorated function.
+    Without `function` the arguments are those of the decorated function.
     """
 
     def decorated(run: Callable[..., int]) -> Callable[..., int]:
         source = unwrap(run if function is None else function)
         called = name or source.__name__
-        named = signature(source).parameters.values()
-        keywords = [keyword for keyword in named if keyword.name not in {"how", "context"}]
+        declared = signature(source).parameters.values()
+        keywords = [keyword for keyword in declared if keyword.name not in {"options", "context"}]
 
         def typed(*arguments: Any, **given: Any) -> int:
             given.update(zip((keyword.name for keyword in keywords), arguments, strict=False))
@@ -69,11 +69,11 @@ def command(
             set_colour(given.pop("color", None))
             if given.pop("verbose", False):
                 show_steps()
-            how = Shown(**{field: given.pop(field) for field in Shown._fields if field in given})
+            options = Shown(**{key: given.pop(key) for key in Shown._fields if key in given})
             if called in _CONFIGURED and given["config"] is None:
-                given["config"] = _own_configuration(is_quiet=how.quiet)
+                given["config"] = _own_configuration(is_quiet=options.quiet)
             try:
-                return run(how, **given)
+                return run(options, **given)
             except KeyboardInterrupt:  # typer ends without a word
                 raise typer.Abort from None
 
@@ -99,10 +99,10 @@ def _own_configuration(*, is_quiet: bool) -> str | None:
     name = os.environ.get("DAMPERFIT_CONFIG") or None
     if name is None:
         with suppress(OSError):  # the working folder is gone
-            here = Path.cwd()
-            places = (folder / "damperfit.toml" for folder in (here, *here.parents))
+            working = Path.cwd()
+            places = (folder / "damperfit.toml" for folder in (working, *working.parents))
             path = next((place for place in places if place.is_file()), None)
-            name = None if path is None else path.name if path.parent == here else str(path)
+            name = None if path is None else path.name if path.parent == working else str(path)
     if name is not None and not is_quiet:
         say(f"note: configuration of {name}")
     return name
@@ -113,16 +113,16 @@ def parameter(called: str, name: str, default: Any = None) -> Parameter:
     keyword = keyword_of(called, name)
     assert keyword is not None, name
     kind: Any = bool if keyword.kind == "flag" else list[str] if keyword.kind in _SEVERAL else str
-    how: Any = {"help": keyword.help, "autocompletion": _completion_of(name, keyword)}
+    details: Any = {"help": keyword.help, "autocompletion": _completion_of(name, keyword)}
     if keyword.kind in {"argument", "arguments"}:
         is_list = keyword.kind == "arguments" and default is not Parameter.empty
         default = ... if default is Parameter.empty else None if is_list else default
-        info: Any = typer.Argument(default, metavar=keyword.metavar, **how)
+        info: Any = typer.Argument(default, metavar=keyword.metavar, **details)
     else:
-        how |= {"callback": _print_version, "is_eager": True} if name == "version" else {}
-        how |= {"metavar": keyword.metavar or None, "rich_help_panel": keyword.panel}
+        details |= {"callback": _print_version, "is_eager": True} if name == "version" else {}
+        details |= {"metavar": keyword.metavar or None, "rich_help_panel": keyword.panel}
         default = bool(default) if kind is bool else default and str(default)
-        info = typer.Option(default, option_of(name), *keyword.names, **how)
+        info = typer.Option(default, option_of(name), *keyword.names, **details)
     kind = kind | None if default is None else kind
     return Parameter(name, Parameter.KEYWORD_ONLY, default=info, annotation=kind)
 
@@ -140,13 +140,13 @@ def with_options(run: Callable[..., Any], parameters: Sequence[Parameter]) -> Ca
     return run
 
 
-# What the shell completes; each list is looked up when it is asked for.
+# Completion in the shell; each list is looked up when it is needed.
 
 
 def _listed(*places: str) -> Callable[[Any], Iterable[str]]:
     """Return a function of the names of tables in modules."""
-    parts = [place.rpartition(".") for place in places]
-    return lambda _: [n for module, _, own in parts for n in getattr(import_module(module), own)]
+    pairs = [place.rpartition(".") for place in places]
+    return lambda _: [n for module, _, name in pairs for n in getattr(import_module(module), name)]
 
 
 def _topics(context: typer.Context) -> Iterable[str]:
@@ -178,7 +178,7 @@ def _settings(context: typer.Context) -> Iterable[str]:
         return [row["setting"] for row in csv.DictReader(file)]
 
 
-# Words, or what finds them, by keyword.
+# Words, or a function that returns them, by keyword.
 _WORDS: dict[str, tuple[str, ...] | Callable[[Any], Iterable[str]]] = {
     "stroke": ("rebound", "compression"),
     "color": ("auto", "always", "never"),
@@ -197,9 +197,9 @@ _WORDS: dict[str, tuple[str, ...] | Callable[[Any], Iterable[str]]] = {
 
 
 def _completion_of(name: str, keyword: Keyword) -> Callable[..., list[str]] | None:
-    """What completes the values of a keyword; None where they are anything."""
-    section, _, own = keyword.key.partition(".")
-    entry = SECTIONS[section].entries().get(own) if section in SECTIONS else None
+    """Return the completion of a keyword's values; None where any text is one."""
+    section, _, key = keyword.key.partition(".")
+    entry = SECTIONS[section].entries().get(key) if section in SECTIONS else None
     offered = (entry.words if entry is not None else ()) or _WORDS.get(name)
     if "|" in keyword.kind:
         offered = tuple(keyword.kind.split("|"))
@@ -228,7 +228,7 @@ class Commands(TyperGroup):
         commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
         with formatter.section("Commands"):
             formatter.write_dl(
-                [(name, made.get_short_help_str(1000)) for name, made in commands if made]
+                [(name, entry.get_short_help_str(1000)) for name, entry in commands if entry]
             )
 
 
@@ -238,20 +238,20 @@ class PanelledCommand(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse words that no argument takes; a lone number is meant as setting."""
         ctx.allow_extra_args = True
-        rest: list[str] = super().parse_args(ctx, args)
-        if rest and not ctx.resilient_parsing:
-            words = " ".join(rest)
+        extra: list[str] = super().parse_args(ctx, args)
+        if extra and not ctx.resilient_parsing:
+            words = " ".join(extra)
             options = {name for param in self.params for name in param.opts}
             hint = ""
             if "--setting" in options and words.isdecimal():
                 hint += f"; for setting {words} give --setting {words}"
             if "--parameters" in options and Path(words).exists():
                 hint += f"; for the results there give --parameters {words}"
-            text = f"unexpected argument{'s' * (len(rest) > 1)} {words}{hint}; see damperfit "
+            text = f"unexpected argument{'s' * (len(extra) > 1)} {words}{hint}; see damperfit "
             raise ConfigurationError(
                 f"{text}{ctx.info_name} --help", code="unexpected-argument", subject=ctx.info_name
             )
-        return rest
+        return extra
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return the words after the command's name in its usage."""

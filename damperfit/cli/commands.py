@@ -56,50 +56,50 @@ _EVERY = 10  # structures that are tried between two lines that say so
 
 
 def _tell(
-    how: Shown,
-    *done: str,
+    options: Shown,
+    *actions: str,
     notes: Iterable[object] = (),
     warnings: Iterable[object] = (),
 ) -> None:
-    """Report what was done, notes and warnings, but if quiet; a problem says which it is."""
-    for before, lines in (("damperfit", done), ("note", notes), ("warning", warnings)):
-        for line in () if how.quiet else lines:
+    """Report actions, notes and warnings, unless quiet; a problem shows its own severity."""
+    for before, lines in (("damperfit", actions), ("note", notes), ("warning", warnings)):
+        for line in () if options.quiet else lines:
             say(f"{getattr(line, 'severity', before)}: {line}")
 
 
 def _show(
-    how: Shown,
+    options: Shown,
     document: Callable[[], Any],
     blocks: Iterable[Any],
     colours: Mapping[str, int] | None = None,
 ) -> None:
     """Print the JSON document, or texts, lines and tables for people."""
-    if how.json:
+    if options.json:
         print_json(document())
     else:
         print_blocks(blocks, colours)
 
 
 def _warn(place: object, problems: Sequence[Problem]) -> int:
-    """Report problems of a results folder; return the exit code that they give."""
+    """Report problems of a results folder; return their exit code."""
     for problem in problems:
         say(f"damperfit: {place}: {problem}")
     return _code_of(problems)
 
 
 def _code_of(problems: Iterable[Problem]) -> int:
-    """Return the exit code that problems give: a note is none."""
+    """Return the exit code of problems: 1 where one is more than a note."""
     return int(any(problem.severity != "note" for problem in problems))
 
 
-def _counting(how: Shown) -> Callable[[str], None]:
-    """Return a function that records each structure tried, and now and then reports how many."""
+def _counting(options: Shown) -> Callable[[str], None]:
+    """Return a function that records each structure tried, and reports every tenth count."""
     numbers = count(1)
 
     def note(title: str) -> None:
         record(logging.DEBUG, f"tried {title}")
         if (n := next(numbers)) % _EVERY == 0:
-            _tell(how, f"{n} structures tried")
+            _tell(options, f"{n} structures tried")
 
     return note
 
@@ -112,30 +112,31 @@ def _counting(how: Shown) -> Callable[[str], None]:
     shown=("github_summary", *COMMON),
     example="identify sample_runs/*.csv --out results",
 )
-def identify(how: Shown, **given: Any) -> int:
+def identify(options: Shown, **given: Any) -> int:
     """Read logs, fit every setting, write tables and the MSE report."""
-    summary = summary_file() if how.github_summary else None
+    summary = summary_file() if options.github_summary else None
 
-    def tell_choice(choice: LawChoice, asked: Configuration, made: Configuration) -> None:
+    def tell_choice(choice: LawChoice, requested: Configuration, delivered: Configuration) -> None:
         notes = [f"not determined by these logs: {s[0].lower()}{s[1:]}" for s in choice.alike]
-        named, taken = asked.identification.procedure, made.identification.procedure
-        if "identification.procedure" in asked.declared and named != taken:
-            only = f"procedure {named} fits the paper's model alone"
-            notes.append(f"{only}; the model that the logs support is fitted by {taken}")
-        _tell(how, f"the logs support {choice.supported}.", notes=notes)
+        procedure = requested.identification.procedure
+        fitted_by = delivered.identification.procedure
+        if "identification.procedure" in requested.declared and procedure != fitted_by:
+            only = f"procedure {procedure} fits the paper's model alone"
+            notes.append(f"{only}; the model that the logs support is fitted by {fitted_by}")
+        _tell(options, f"the logs support {choice.supported}.", notes=notes)
 
-    is_quiet = how.quiet or how.no_progress
-    watch = looking_on(is_quiet=is_quiet, on_law=_counting(how), on_choice=tell_choice)
+    is_quiet = options.quiet or options.no_progress
+    watch = looking_on(is_quiet=is_quiet, on_law=_counting(options), on_choice=tell_choice)
     dampers = api.identify_each(**given, watch=watch)
     for damper in dampers:
-        say_failures(damper.failures, is_debug=how.debug)
-        _tell_of_run(damper, how)
+        say_failures(damper.failures, is_debug=options.debug)
+        _tell_of_run(damper, options)
         if summary is not None:
             instead = "The MSE report is too long for a summary; it is in report.md."
             append_summary(summary, damper.run.report_text, instead=instead)
-        if not how.json and damper.run.settings:
+        if not options.json and damper.run.settings:
             print_blocks(_blocks_of_run(damper))
-    if how.json:
+    if options.json:
         documents = {damper.owner: damper.run.document() for damper in dampers}
         print_json({"dampers": documents} if len(dampers) > 1 else dampers[0].run.document())
     for damper in dampers:
@@ -145,15 +146,15 @@ def identify(how: Shown, **given: Any) -> int:
 
 
 def _worst(codes: set[int]) -> int:
-    """Return the exit code of all: the common one, else the gravest."""
+    """Return the exit code of all: the common one, else the most serious."""
     if len(codes) == 1:
         return int(codes.pop())
-    # Where one damper failed altogether others did not: that is a failure in part.
+    # One damper failed altogether and others did not: a partial failure.
     codes = {1 if code == _ALL_FAILED else code for code in codes}
     return next((code for code in (130, 1, 4) if code in codes), 0)
 
 
-def _tell_of_run(damper: Identified, how: Shown) -> None:
+def _tell_of_run(damper: Identified, options: Shown) -> None:
     from damperfit.problem import listing, short_listing
     from damperfit.reporting.records import problems_in, sentences_in
     from damperfit.reporting.report import withheld
@@ -161,18 +162,18 @@ def _tell_of_run(damper: Identified, how: Shown) -> None:
     record, configuration = damper.run.record, damper.configuration
     for gate in record["gates_missed"]:
         say(f"damperfit: {gate}")
-    if how.quiet:
+    if options.quiet:
         return
-    corrected = (sentences_in(record, about) for about in ("tables_of_tests", "corrections"))
+    corrected = (sentences_in(record, key) for key in ("tables_of_tests", "corrections"))
     grades = (f"grade withheld: {sentence}" for sentence in short_listing(withheld(damper.run)))
     warned = (*listing(damper.run.warned), *grades)
-    _tell(how, notes=chain(configuration.notes, *corrected), warnings=warned)
+    _tell(options, notes=chain(configuration.notes, *corrected), warnings=warned)
     groups: dict[tuple[str, str], list[Problem]] = {}
     for problem in problems_in(record, "undetermined"):
         groups.setdefault((problem.code, problem.values["quantity"]), []).append(problem)
     for first, *others in groups.values():
-        more = f" (and {len(others)} alike at other settings: report.md)" if others else ""
-        say(f"note: {first}{more}")
+        count = f" (and {len(others)} similar at other settings: report.md)" if others else ""
+        say(f"note: {first}{count}")
     if damper.error is not None and not damper.is_written:
         return
     n_fits, n_all = len(damper.run.settings), len(damper.failures)
@@ -223,154 +224,155 @@ def _blocks_of_run(damper: Identified) -> list[Any]:
 
 
 @command(api.inspect, example="inspect runs/*.csv")
-def inspect(how: Shown, **given: Any) -> int:
+def inspect(options: Shown, **given: Any) -> int:
     """Show what is in the logs and what is wrong with them; fit nothing."""
     from damperfit.reporting.inspection import finding_lines
 
     answer = api.inspect(**given)
     batch, facts = answer.batch, answer.facts
-    say_failures(batch.failures, is_debug=how.debug)
-    _tell(how, notes=batch.notes, warnings=(*batch.skipped_files, *batch.remarks))
+    say_failures(batch.failures, is_debug=options.debug)
+    _tell(options, notes=batch.notes, warnings=(*batch.skipped_files, *batch.remarks))
     columns = min(screen_columns(), 80)  # longer lines are hard to read
-    lines = finding_lines(facts, has_notes=not how.quiet, columns=columns)
-    _show(how, batch.document, [*answer.all_sheets(), list(map(one_line, lines))], _VERDICTS)
+    lines = finding_lines(facts, has_notes=not options.quiet, columns=columns)
+    _show(options, batch.document, [*answer.all_sheets(), list(map(one_line, lines))], _VERDICTS)
     return int(batch.ending.value)
 
 
 @command(api.models, example="models runs/*.csv --config my.toml --hold-out '*_check.csv'")
-def models(how: Shown, **given: Any) -> int:
+def models(options: Shown, **given: Any) -> int:
     """Fit one model structure after the other to the logs and say which one they support."""
     from damperfit.identification.sharing import of_settings
 
-    choice = api.models(**given, on_law=_counting(how))
-    _tell(how, notes=(*choice.assumed, *choice.remarks))
-    say_failures(choice.failures, is_debug=how.debug)
-    tried, chosen, rivals = choice.sheets()
-    lost = f"The chosen model cannot be simulated at {of_settings(choice.lost)}."
+    choice = api.models(**given, on_law=_counting(options))
+    _tell(options, notes=(*choice.assumed, *choice.remarks))
+    say_failures(choice.failures, is_debug=options.debug)
+    candidates, chosen, rivals = choice.sheets()
+    problem = f"The chosen model cannot be simulated at {of_settings(choice.lost)}."
     undecided = wrapped(*choice.undecided)
-    _show(how, choice.document, [
-        tried,
+    _show(options, choice.document, [
+        candidates,
         wrapped(*(f"{law.candidate.title}: {law.reason}" for law in choice.search.laws)),
         choice.sentence,
         chosen,
         ["What these logs leave open:", *undecided] if undecided else "",
         rivals,
-        lost if choice.lost else "",
+        problem if choice.lost else "",
     ])  # fmt: skip
     return int(bool(choice.failures or choice.lost))
 
 
 @command(api.fleet, example="fleet runs --out fleet --collect")
-def fleet(how: Shown, **given: Any) -> int:
+def fleet(options: Shown, **given: Any) -> int:
     """Fit many dampers, one part each; finished ones are not fitted again."""
     fault = None
-    watch = looking_on(is_quiet=how.quiet or how.no_progress, of_fleet=True)
+    watch = looking_on(is_quiet=options.quiet or options.no_progress, of_fleet=True)
     try:
-        ended = api.fleet(**given, watch=watch)
+        result = api.fleet(**given, watch=watch)
     except DamperfitError as error:
         if not hasattr(error, "done"):
             raise
-        fault, ended = error, error.done  # parts are done, and could not be collected
-    for line in ended.remarks:
+        fault, result = error, error.done  # parts are done, and could not be collected
+    for line in result.remarks:
         say(f"damperfit: {line}")
-    _tell(how, *ended.written)
+    _tell(options, *result.written)
     if fault is not None:
         raise fault
-    _show(how, ended.document, [ended.sentence.splitlines()])
-    return ended.exit_code
+    _show(options, result.document, [result.sentence.splitlines()])
+    return result.exit_code
 
 
-# What is asked of results
+# Questions about results
 
 
 @command(api.simulate, example="simulate --setting 10 --amplitude 32mm --frequency 1.5Hz")
-def simulate(how: Shown, **given: Any) -> int:
+def simulate(options: Shown, **given: Any) -> int:
     """Print forces, energy and pressures of one setting."""
-    done = api.simulate(**given)
-    notes = (*done.configured_notes, *done.notes)
-    _tell(how, done.damper, done.choice.source, notes=notes, warnings=done.warnings)
-    cycle = done.last_cycle(screen_columns(), spark_levels())
-    is_shown = not how.quiet or given["out"] is None
-    blocks = [done.sentence, *done.sheets(), ["last cycle", *cycle]] if is_shown else []
-    _show(how, done.document, blocks)
+    answer = api.simulate(**given)
+    notes = (*answer.configured_notes, *answer.notes)
+    _tell(options, answer.damper, answer.choice.source, notes=notes, warnings=answer.warnings)
+    cycle = answer.last_cycle(screen_columns(), spark_levels())
+    is_shown = not options.quiet or given["out"] is None
+    blocks = [answer.sentence, *answer.sheets(), ["last cycle", *cycle]] if is_shown else []
+    _show(options, answer.document, blocks)
     return 0
 
 
 @command(api.sweep, example="sweep --setting 10 --vary r_m1=0.8,1,1.2")
-def sweep(how: Shown, **given: Any) -> int:
+def sweep(options: Shown, **given: Any) -> int:
     """Scale one parameter by factors and show what it does to the force."""
     out = given["out"] or Path("sweep")
-    done = api.sweep(**{**given, "out": out})
-    _tell(how, done.damper, done.source, notes=done.notes, warnings=done.warnings)
-    _show(how, done.document, chain(*zip(done.sheets(), done.sentences, strict=True)))
-    _tell(how, f"sweep.csv and {counted(len(done.plots), 'figure')} written to {out}")
+    answer = api.sweep(**{**given, "out": out})
+    _tell(options, answer.damper, answer.source, notes=answer.notes, warnings=answer.warnings)
+    _show(options, answer.document, chain(*zip(answer.sheets(), answer.sentences, strict=True)))
+    _tell(options, f"sweep.csv and {counted(len(answer.plots), 'figure')} written to {out}")
     return 0
 
 
 @command(api.settings, example="settings --force 900N --velocity 0.2m/s")
-def settings(how: Shown, **given: Any) -> int:
+def settings(options: Shown, **given: Any) -> int:
     """Show force by setting and what a click changes; find the setting for a force."""
-    done: Any = api.settings(**{**given, "results": given["results"] or []})
-    code = _warn(done.run.shown_as, done.remarks) if done.remarks else 0  # curves are of no run
-    for trace in getattr(done, "traces", ()):
-        show_trace(trace, is_debug=how.debug)
-    if hasattr(done, "run") or not how.quiet:
-        for note in done.notes:
+    answer: Any = api.settings(**{**given, "results": given["results"] or []})
+    code = _warn(answer.run.shown_as, answer.remarks) if answer.remarks else 0  # curves: no run
+    for trace in getattr(answer, "traces", ()):
+        show_trace(trace, is_debug=options.debug)
+    if hasattr(answer, "run") or not options.quiet:
+        for note in answer.notes:
             say(f"note: {note}")
-    answers = [line for line in getattr(done, "answers", (done.sentence,)) if line]
-    everything = [wrapped(*answers), getattr(done, "heading", ""), *done.sheets()]
-    _show(how, done.document, [answers] if answers and how.quiet else everything)
+    answers = [line for line in getattr(answer, "answers", (answer.sentence,)) if line]
+    everything = [wrapped(*answers), getattr(answer, "heading", ""), *answer.sheets()]
+    _show(options, answer.document, [answers] if answers and options.quiet else everything)
     return code
 
 
 @command(api.compare, shown=("github_summary", *COMMON), example="compare before after")
-def compare(how: Shown, runs: list[str], **given: Any) -> int:
+def compare(options: Shown, runs: list[str], **given: Any) -> int:
     """Show what differs between runs, and whether it is more than chance.
 
     A folder of folders stands for all in it; two such are paired by name.
     """
     from damperfit.reporting.compared import comparison_sheets, tolerance_outcome, tolerance_sheet
 
-    summary = summary_file() if how.github_summary else None
-    done = api.compare(*runs, **given)
+    summary = summary_file() if options.github_summary else None
+    answer = api.compare(*runs, **given)
     if given["save"] is not None:
-        _tell(how, f"{given['save']} written: give it as A or B of a later comparison")
-        if len(runs) == 1 and not done.points:
+        _tell(options, f"{given['save']} written: give it as A or B of a later comparison")
+        if len(runs) == 1 and not answer.points:
             return 0
-    for problem in (*done.remarks, *done.alone):
+    for problem in (*answer.remarks, *answer.alone):
         say(f"damperfit: {problem}")
-    for trace in (trace for pair in done.comparisons for trace in pair.traces):
-        show_trace(trace, is_debug=how.debug)
-    if how.json:
-        print_json(done.document())
+    for trace in (trace for pair in answer.comparisons for trace in pair.traces):
+        show_trace(trace, is_debug=options.debug)
+    if options.json:
+        print_json(answer.document())
     else:
-        for pair in done.comparisons:
+        for pair in answer.comparisons:
             lines = [f"A: {pair.first.place}", f"B: {pair.second.place}"]
             if pair.repeats:
                 names = ", ".join(str(run.place) for run in pair.repeats)
                 lines.append(f"yardstick: the scatter of A and its repeats {names}")
             lines += [*(f"differs: {difference}" for difference in pair.differing), *pair.sentences]
             lines += [f"note: {note}" for note in pair.to_know]
-            sheets: Any = [] if how.quiet else comparison_sheets(pair, is_short=True)
+            sheets: Any = [] if options.quiet else comparison_sheets(pair, is_short=True)
             print_blocks([wrapped(*lines, indent="  "), *chain(*sheets)])
             print_lines([""])
-        if done.points:
-            outcome = f"tolerance {done.tolerance}: {tolerance_outcome(done.points)}"
-            sheet = tolerance_sheet(done.points, is_short=True)
-            print_blocks([outcome, "" if how.quiet else sheet])
+        if answer.points:
+            outcome = f"tolerance {answer.tolerance}: {tolerance_outcome(answer.points)}"
+            sheet = tolerance_sheet(answer.points, is_short=True)
+            print_blocks([outcome, "" if options.quiet else sheet])
     if summary is not None:
-        append_summary(summary, done.markdown, instead="The comparison is too long for a summary.")
+        instead = "The comparison is too long for a summary."
+        append_summary(summary, answer.markdown, instead=instead)
     if given["out"] is not None:
-        _tell(how, f"{given['out']}/comparison.html written, with Markdown, JSON and tables")
-    return _code_of(done.remarks) or (0 if done.is_met else 4)
+        _tell(options, f"{given['out']}/comparison.html written, with Markdown, JSON and tables")
+    return _code_of(answer.remarks) or (0 if answer.is_met else 4)
 
 
-def _answer(function: Any, how: Shown, **given: Any) -> int:
+def _answer(function: Any, options: Shown, **given: Any) -> int:
     """Print the sentence, the tables and the notes of an answer."""
     answer = function(**given)
-    tables = [] if how.quiet and answer.sentence else answer.sheets()
-    _show(how, answer.document, [answer.sentence, *tables])
-    for note in () if how.json else answer.remarks:
+    tables = [] if options.quiet and answer.sentence else answer.sheets()
+    _show(options, answer.document, [answer.sentence, *tables])
+    for note in () if options.json else answer.remarks:
         say(f"note: {note}")
     return 0
 
@@ -386,14 +388,14 @@ advise, valves, ride = (
 
 
 @command(functions.watch, example="watch runs --out results --reference before")
-def watch(how: Shown, **given: Any) -> int:
+def watch(options: Shown, **given: Any) -> int:
     """Fit each log as soon as it is complete, and answer in one line; Ctrl-C ends it."""
     stop = Event()
     arrivals = functions.watch(**given, stop=stop)
-    _tell(how, f"watching {given['folder']}; Ctrl-C ends it")
+    _tell(options, f"watching {given['folder']}; Ctrl-C ends it")
     with stop_on_signal("the results will be written", stop):
         for arrival in arrivals:
-            line = json.dumps(arrival.document(), ensure_ascii=False) if how.json else ""
+            line = json.dumps(arrival.document(), ensure_ascii=False) if options.json else ""
             print_lines([line or arrival.sentence])
     return 0
 
@@ -402,18 +404,18 @@ def watch(how: Shown, **given: Any) -> int:
 
 
 @command(functions.passport, example="passport results --out passports")
-def passport(how: Shown, **given: Any) -> int:
+def passport(options: Shown, **given: Any) -> int:
     """Write the passport of a damper: one A4 page, and a JSON that compare takes as a baseline."""
     files = functions.passport(**given)
-    if how.json:
+    if options.json:
         print_json({"files": [str(path) for path in files]})
     else:
-        _tell(how, f"{files[0]} and {files[1]} written")
+        _tell(options, f"{files[0]} and {files[1]} written")
     return 0
 
 
 @command(api.report, example="report results --figures svg")
-def report(how: Shown, **given: Any) -> int:
+def report(options: Shown, **given: Any) -> int:
     """Write report.html, one page that opens anywhere, from a results folder.
 
     Units are those of the run unless --units says otherwise.
@@ -423,29 +425,29 @@ def report(how: Shown, **given: Any) -> int:
 
     files = api.report(**given)
     code = _warn(given["results"], files.remarks)
-    if how.json:
+    if options.json:
         print_json({"files": list(map(str, files)), "remarks": json_values(files.remarks)})
     else:
-        more = f" and {len(files) - 1} figures" if len(files) > 1 else ""
-        _tell(how, f"{files[0]} written{more}")
+        figures = f" and {len(files) - 1} figures" if len(files) > 1 else ""
+        _tell(options, f"{files[0]} written{figures}")
     return code
 
 
 @command(api.export, shown=("list", *COMMON), example="export results --to csv")
-def export(how: Shown, **given: Any) -> int:
+def export(options: Shown, **given: Any) -> int:
     """Hand an identified damper over to a simulator or a spreadsheet."""
     from damperfit.exporting.targets import find_target
     from damperfit.tables.files import json_values
     from damperfit.units.shown_units import SI, parse_units
 
-    if how.list:
-        _show_targets(how)
+    if options.list:
+        _show_targets(options)
         return 0
     files = api.export(**given)
-    target, made = find_target(given["to"]), files.made
-    assert made is not None
+    target, exported = find_target(given["to"]), files.made
+    assert exported is not None
     code = _warn(given["results"], files.remarks)
-    if how.json:
+    if options.json:
         document: dict[str, object] = {
             "target": target.name,
             "units": target.units,
@@ -454,29 +456,29 @@ def export(how: Shown, **given: Any) -> int:
             "remarks": json_values(files.remarks),
             "notes": json_values(files.notes),
         }
-        document |= {"lost_in_a_table": made.lost} if made.lost else {}
+        document |= {"lost_in_a_table": exported.lost} if exported.lost else {}
         document["determined"] = [
             {"setting": table.setting.cell, "speed_m_per_s": json_values(table.determined)}
-            for table in made.tables
+            for table in exported.tables
         ]
         if given["check"]:
             document["check"] = [{**asdict(c), "setting": c.setting.cell} for c in files.checked]
         print_json(document)
         return code
-    shown = SI if given["units"] is None else parse_units(given["units"])
-    more = f" and {len(files) - 1} more" if len(files) > 1 else ""
-    used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
-    notes: list[object] = [made.lost] if made.lost else []
+    units = SI if given["units"] is None else parse_units(given["units"])
+    count = f" and {len(files) - 1} more" if len(files) > 1 else ""
+    unit_names = target.units if units.is_si else f"{units.of('m/s')}, {units.of('N')}"
+    notes: list[object] = [exported.lost] if exported.lost else []
     if given["extend"] is not None:
-        tested = max(table.tested for table in made.tables)
+        tested = max(table.tested for table in exported.tables)
         notes.append(f"beyond {tested:.4g} m/s the tables are untested")
-    notes += [*files.notes, made.determined]
-    _tell(how, f"{files[0]} written{more}; {used}; {target.sign}", notes=notes)
+    notes += [*files.notes, exported.determined]
+    _tell(options, f"{files[0]} written{count}; {unit_names}; {target.sign}", notes=notes)
     print_blocks([[f"check, {check}" for check in files.checked]])
     return code
 
 
-def _show_targets(how: Shown) -> None:
+def _show_targets(options: Shown) -> None:
     from damperfit.exporting.targets import TARGETS
 
     rows, lines = [], []
@@ -485,19 +487,19 @@ def _show_targets(how: Shown) -> None:
         facts = {"file": file, "units": target.units, "sign": target.sign}
         rows.append({"target": target.name, "title": target.title, **facts, "place": target.place})
         lines += wrapped(f"{target.name}: {target.title}", indent="  ")
-        for word, text in (*facts.items(), ("goes", f"to {target.place}")):
-            lines += wrapped(f"  {word:<7}{text}", indent=" " * 9)
-    _show(how, lambda: {"targets": rows}, [lines])
+        for label, text in (*facts.items(), ("goes", f"to {target.place}")):
+            lines += wrapped(f"  {label:<7}{text}", indent=" " * 9)
+    _show(options, lambda: {"targets": rows}, [lines])
 
 
 @command(api.samples, example="samples my_runs --settings 1-5")
-def samples(how: Shown, **given: Any) -> int:
+def samples(options: Shown, **given: Any) -> int:
     """Write synthetic rig logs with known parameters."""
-    files = api.samples(**given, watch=looking_on(is_quiet=how.quiet or how.no_progress))
+    files = api.samples(**given, watch=looking_on(is_quiet=options.quiet or options.no_progress))
     written = [str(path) for path in files]
-    _tell(how, str(files.notes[0]))
+    _tell(options, str(files.notes[0]))
     document = {"logs": written[:-2], "files": written}
-    _show(how, lambda: document, [[] if how.quiet else written])
+    _show(options, lambda: document, [[] if options.quiet else written])
     return 0
 
 
@@ -511,7 +513,7 @@ _PAPERS = "purdy"  # the model that is taken where none is named
     shown=("quiet", "debug", "version"),
     example="init runs/*.csv --model monotube --set rod_diameter=12mm",
 )
-def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
+def init(options: Shown, logs: list[str] | None, **given: Any) -> int:
     """Write a commented configuration for a damper of your own, and inspect its logs with it.
 
     On a terminal it asks for what is not given.
@@ -519,26 +521,26 @@ def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
     out = Path(given["out"] or "my_damper.toml")
     path = None if str(out) == "-" else out  # which is stdout
     keys = assignments(given["set"] or [], Option("set"), "rod_diameter=12mm")
-    asked = {**given, "out": path, "set": keys}
-    is_asking = _is_terminal() and not how.quiet
+    arguments = {**given, "out": path, "set": keys}
+    is_asking = _is_terminal() and not options.quiet
     if is_asking and not (path is not None and path.exists() and not given["overwrite"]):
-        asked["model"] = given["model"] or _asked_model()
-        asked["set"] = _asked_keys(asked["model"], asked["set"])
-    made = api.init(logs, **asked)
+        arguments["model"] = given["model"] or _asked_model()
+        arguments["set"] = _asked_keys(arguments["model"], arguments["set"])
+    draft = api.init(logs, **arguments)
     if path is None:
-        print_lines(made.text.splitlines())
+        print_lines(draft.text.splitlines())
         return 0
-    for before, sentences in (("note", made.why), ("warning", made.open)):
-        for sentence in () if how.quiet else sentences:
+    for before, sentences in (("note", draft.why), ("warning", draft.open)):
+        for sentence in () if options.quiet else sentences:
             say(f"{before}: {sentence}")
-    if not how.quiet:
+    if not options.quiet:
         say(f"damperfit: {out} written; measure the keys that begin with #, and remove the #")
     code, config = 0, shlex.quote(str(out))
     if logs:
         print_lines([f"$ damperfit inspect {_as_typed(logs)} --config {config}"])
-        code = inspect(logs, config=out, quiet=how.quiet)
-    if code == 0 and not how.quiet:
-        step = "settle what is open, then damperfit inspect" if made.open else "damperfit identify"
+        code = inspect(logs, config=out, quiet=options.quiet)
+    if code == 0 and not options.quiet:
+        step = "settle what is open, then damperfit inspect" if draft.open else "damperfit identify"
         say(f"next: {step} {_as_typed(logs or ['LOGS'])} --config {config}")
     return code
 
@@ -567,7 +569,7 @@ def _asked_model() -> str:
 
 
 def _asked_keys(model: str, given: dict[str, str]) -> dict[str, str]:
-    """Ask for what is not given, until it is a damper; what Enter leaves is not declared."""
+    """Ask for missing keys until they make a damper; Enter leaves a key undeclared."""
     from damperfit.configuration.drawings import DRAWINGS, MEASURED
     from damperfit.queries.first_configuration import check_damper, damper_keys, fault_of
 
@@ -610,7 +612,7 @@ def _asked(question: str, default: str) -> str:
 
 
 def _as_typed(logs: list[str]) -> str:
-    """Return logs as a shell takes them; of several, where it names them alone, their pattern."""
+    """Return logs as a shell takes them; several as a pattern, where it matches only them."""
     if len(logs) > 1:
         start = os.path.commonprefix(logs)  # noqa: RUF071 - of a pattern, not of a path
         pattern = f"{start}*{Path(logs[0]).suffix}"
@@ -623,7 +625,7 @@ def _as_typed(logs: list[str]) -> str:
 
 
 @command(name="config", example="config > my_damper.toml")
-def config(how: Shown, config: str | None = None, *, schema: bool = False) -> int:
+def config(options: Shown, config: str | None = None, *, schema: bool = False) -> int:
     """Print the complete configuration in force, as TOML."""
     from damperfit.configuration import loading
     from damperfit.configuration.options import configuration_schema
@@ -632,14 +634,14 @@ def config(how: Shown, config: str | None = None, *, schema: bool = False) -> in
     if schema:
         print_json(configuration_schema())
         return 0
-    made = loading.load_configuration(config)
-    lines = loading.configuration_toml(made).splitlines()
-    _show(how, lambda: json_values(made.document), [lines])
+    configuration = loading.load_configuration(config)
+    lines = loading.configuration_toml(configuration).splitlines()
+    _show(options, lambda: json_values(configuration.document), [lines])
     return 0
 
 
 @command(name="help", takes_context=True, example="help trust")
-def show_help(how: Shown, context: typer.Context, topic: str | None = None) -> int:
+def show_help(options: Shown, context: typer.Context, topic: str | None = None) -> int:
     """Show a page of the manual, or list the pages."""
     from rich.markdown import Markdown
 
@@ -650,15 +652,15 @@ def show_help(how: Shown, context: typer.Context, topic: str | None = None) -> i
     if topic is None:
         titles = {name: read_page(name).title for name in TOPICS}
         lines = [f"{name:{max(map(len, titles))}}  {title}" for name, title in titles.items()]
-        last = "damperfit help TOPIC shows one of them, or what a command takes."
-        _show(how, lambda: {"topics": titles}, [[*lines, "", last]])
+        hint = "damperfit help TOPIC shows one of them, or what a command takes."
+        _show(options, lambda: {"topics": titles}, [[*lines, "", hint]])
     elif topic in commands and topic not in TOPICS:
         text = commands[topic].get_help(typer.Context(commands[topic], context.parent, topic))
-        _show(how, lambda: {"command": topic, "text": text}, [text.splitlines()])
+        _show(options, lambda: {"command": topic, "text": text}, [text.splitlines()])
     else:
         page = read_page(topic, commands)
         page = page._replace(source=filled(page.source))
-        if how.json:
+        if options.json:
             print_json({"topic": page.topic, "title": page.title, "text": page.text})
         else:
             print_renderable(Markdown(page.text, hyperlinks=False))
@@ -677,7 +679,7 @@ _EXTRAS = (
 
 
 @command(name="doctor", shown=("json", "debug", "version"), example="doctor")
-def doctor(how: Shown) -> int:
+def doctor(options: Shown) -> int:
     """Show what works on this machine: version, core, extras, a one-second fit."""
     import platform
     from importlib import metadata  # slow to load, and every command registers this one
@@ -704,8 +706,8 @@ def doctor(how: Shown) -> int:
             state = f"{name} {extras[extra]}"
         lines.append((extra, f"{purpose}: {state}"))
     document = {**facts, "checks": checks, "extras": extras}
-    _show(how, lambda: document, [[f"{name:<10} {text}" for name, text in lines]])
-    return 0 if all(ended["works"] for ended in checks.values()) else 1
+    _show(options, lambda: document, [[f"{name:<10} {text}" for name, text in lines]])
+    return 0 if all(check["works"] for check in checks.values()) else 1
 
 
 def _core() -> str:
@@ -715,7 +717,7 @@ def _core() -> str:
 
 
 def _fit() -> str:
-    """Fit a synthetic log of the reference set and compare with what it was made from."""
+    """Fit a synthetic log of the reference set and compare with its true parameter."""
     from tempfile import TemporaryDirectory
 
     from damperfit.damper.purdy.reference import reference_parameters
@@ -726,11 +728,11 @@ def _fit() -> str:
             folder, settings="10", cycles=5, force_noise="0N", displacement_noise="0m"
         )
         truth = reference_parameters(10)
-        held = {name: getattr(truth, name) for name in ("r_m3", "f_f")}
-        fitted = api.identify([log], procedure="plain", fix=held).setting(10).values
-    off = abs(fitted["r_m1"] / truth.r_m1 - 1.0)
-    if off > 1e-3:
-        text = f"R_m1 of a synthetic log is {100.0 * off:.2g} % off"
+        fixed = {name: getattr(truth, name) for name in ("r_m3", "f_f")}
+        fitted = api.identify([log], procedure="plain", fix=fixed).setting(10).values
+    error = abs(fitted["r_m1"] / truth.r_m1 - 1.0)
+    if error > 1e-3:
+        text = f"R_m1 of a synthetic log is {100.0 * error:.2g} % off"
         raise SimulationError(text, code="wrong-fit")
     seconds = time.perf_counter() - begun
-    return f"R_m1 of a synthetic log within {100.0 * off:.1g} %, {seconds:.1f} s"
+    return f"R_m1 of a synthetic log within {100.0 * error:.1g} %, {seconds:.1f} s"

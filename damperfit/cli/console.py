@@ -1,7 +1,7 @@
-"""Talking to people and programs: results on stdout, notes on stderr and into the log file.
+"""Output: results on stdout, notes on stderr and into the log file.
 
-Nothing reaches a terminal unescaped. The log file (``--log-file``) has what a command says and
-does, a line each with its time, appended.
+Nothing reaches a terminal unescaped. The log file (``--log-file``) gets a line, with its time, for
+each message and step of a command.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import stat
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
@@ -35,7 +35,7 @@ _PIPE_WIDTH = 120
 _COLOURS = ("auto", "always", "never")
 _colour = {"is": "auto"}
 _OF_CHECKS = re.compile(r"^FAILED(?= )|\bnot evaluated\b", re.MULTILINE)
-_refused: list[OSError] = []  # by stdout; what it should have shown is nowhere
+_refused: list[OSError] = []  # errors of stdout
 
 
 def one_line(text: str) -> str:
@@ -57,7 +57,7 @@ def say(text: str, level: int = logging.INFO) -> None:
 
 
 def say_failures(failures: Sequence[Failure], *, is_debug: bool) -> None:
-    """Write a line for each failure to stderr; where it happened too, if that is asked for."""
+    """Write a line for each failure to stderr, with ``--debug`` its traceback too."""
     from damperfit.problem import failure_lines
 
     for line in failure_lines(failures):
@@ -67,7 +67,7 @@ def say_failures(failures: Sequence[Failure], *, is_debug: bool) -> None:
 
 
 def show_trace(text: str, *, is_debug: bool) -> None:
-    """Write a traceback to stderr where it is asked for, else into the log file alone."""
+    """Write a traceback to stderr with ``--debug``, else into the log file alone."""
     if not is_debug:
         record(logging.DEBUG, text, is_step=False)
         return
@@ -129,9 +129,9 @@ def print_renderable(renderable: RenderableType) -> None:
 
     from rich.console import Console
 
-    def rendered(**how: Any) -> str:
-        how |= {"width": screen_columns(), "highlight": False, "markup": False, "emoji": False}
-        Console(file=(text := StringIO()), **how).print(renderable)
+    def rendered(**options: Any) -> str:
+        options |= {"width": screen_columns(), "highlight": False, "markup": False, "emoji": False}
+        Console(file=(text := StringIO()), **options).print(renderable)
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
     plain = rendered(color_system=None)  # also where FORCE_COLOR is set
@@ -166,9 +166,9 @@ def spark_levels() -> str:
     from damperfit.reporting.tables import ASCII_LEVELS, BLOCK_LEVELS
 
     # A pipe is given UTF-8 by `shield_streams`, so what was asked for is looked at first.
-    asked = os.environ.get("PYTHONIOENCODING", "").partition(":")[0]
+    encoding = os.environ.get("PYTHONIOENCODING", "").partition(":")[0]
     with suppress(LookupError, UnicodeEncodeError):
-        BLOCK_LEVELS.encode(asked or sys.stdout.encoding or "ascii")
+        BLOCK_LEVELS.encode(encoding or sys.stdout.encoding or "ascii")
         return BLOCK_LEVELS
     return ASCII_LEVELS
 
@@ -186,9 +186,9 @@ def shield_streams() -> None:
 
 
 def unprinted(error: OSError | None = None) -> str:
-    """Return why stdout did not take what was printed; empty where it did.
+    """Return why stdout refused the output; empty where it did not.
 
-    A reader that has gone (``| head``) has had enough; that is no fault.
+    A reader that has gone (``| head``) is no fault.
     """
     if error is None:
         try:
@@ -213,7 +213,7 @@ def _print(text: str) -> None:
 
 
 def _write(stream: Any, text: str) -> None:
-    """Write at once; what a stream cannot take it is not asked to take again."""
+    """Write at once; a stream that fails is replaced by the null device."""
     try:
         stream.write(text)
         stream.flush()
@@ -248,7 +248,7 @@ def record(level: int, text: str, *, is_step: bool = True) -> None:
 
 
 class LogFile:
-    """The log file that a command line names, however wrong the rest of it is; or none."""
+    """The log file that a command line names, even where the rest of it is wrong; or none."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
         import shlex
@@ -257,9 +257,9 @@ class LogFile:
 
         self._begin = time.perf_counter()
         name = None
-        ours = arguments[: arguments.index("--")] if "--" in arguments else arguments
-        for word, following in zip(ours, (*ours[1:], None), strict=True):
-            option, equals, value = word.partition("=")
+        options = arguments[: arguments.index("--")] if "--" in arguments else arguments
+        for argument, following in zip(options, (*options[1:], None), strict=True):
+            option, equals, value = argument.partition("=")
             if option == "--log-file":
                 name = value if equals else following
         if name is None:
@@ -338,7 +338,7 @@ class _Line(logging.Formatter):
 
 
 def _refuse_others(name: str, place: Option) -> None:
-    """Refuse what holds other things than records, or may make a writer wait for ever."""
+    """Refuse a file that is no log file of damperfit, and what may block a writer for ever."""
     if _STREAM.fullmatch(name):
         return
     try:
@@ -376,7 +376,7 @@ def summary_file() -> Path:
 
 
 def append_summary(path: Path, report: str, *, instead: str) -> None:
-    """Add Markdown to the summary of a job; of what is too long only a line that says so."""
+    """Add Markdown to the summary of a job, or `instead` where it is too long."""
     text = report.encode("utf-8", "backslashreplace")
     try:
         with path.open("ab") as file:
@@ -386,24 +386,18 @@ def append_summary(path: Path, report: str, *, instead: str) -> None:
         raise OutputError(reason, where=place, code="cannot-write") from error
 
 
-# Looking on while a command works: a progress bar on a terminal, and signals that end it. Ctrl-C,
-# SIGTERM and SIGHUP: the first asks the run to finish what it has, the second ends it.
+# Progress on a terminal, and the signals Ctrl-C, SIGTERM and SIGHUP: the first lets the run finish
+# its current work, the second ends it.
 
 _APART = 0.1  # s; a fit of a fast model takes less than to draw a line
 
 
 @contextmanager
-def stop_on_signal(
-    promise: str = "finished settings will be written", stop: threading.Event | None = None
-) -> Iterator[Callable[[], bool]]:
-    """Yield a function: does the user want the run to stop? The first signal sets the event.
-
-    The promise says what becomes of the work done so far.
-    """
+def stop_on_signal(promise: str, stop: threading.Event) -> Iterator[None]:
+    """Set the event at the first signal; the promise says what becomes of the work done so far."""
     if threading.current_thread() is not threading.main_thread():
-        yield lambda: False  # Python delivers signals to the main thread only
+        yield  # Python delivers signals to the main thread only
         return
-    stop = stop or threading.Event()
 
     def handle(number: int, frame: Any) -> None:
         if stop.is_set():
@@ -417,47 +411,50 @@ def stop_on_signal(
         watched.append(hung_up)
     before = {number: signal.signal(number, handle) for number in watched}
     try:
-        yield stop.is_set
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def looking_on(*, is_quiet: bool, of_fleet: bool = False, **more: Any) -> Watch:
+def looking_on(*, is_quiet: bool, of_fleet: bool = False, **fields: Any) -> Watch:
     """Return a `Watch` that draws progress and stops on signals; for a fleet it counts dampers.
 
     Further fields of `Watch` may be given.
     """
     from damperfit.run.identify import Watch
 
-    first, words = ("dampers", "dampers") if of_fleet else ("reading logs", "fitting settings")
+    start, title, promise = (
+        ("dampers", "dampers", "dampers that are done are kept")
+        if of_fleet
+        else ("reading logs", "fitting settings", "finished settings will be written")
+    )
     stop = threading.Event()
     bars: list[Any] = []
     drawn = 0.0
 
     @contextmanager
     def working() -> Iterator[None]:
-        how: Any = {"promise": "dampers that are done are kept"} if of_fleet else {}
-        with stop_on_signal(**how, stop=stop), ExitStack() as stack:
+        with stop_on_signal(promise, stop), ExitStack() as stack:
             if not is_quiet and sys.stderr.isatty():
                 bars.append(stack.enter_context(_bar(of_fleet=of_fleet)))
-                bars[0].add_task(first, total=None)
+                bars[0].add_task(start, total=None)
             yield
 
-    def draw(how: str, **what: Any) -> None:
+    def draw(method: str, **changes: Any) -> None:
         nonlocal drawn
         for bar in bars:
-            getattr(bar, how)(bar.task_ids[0], **what)
+            getattr(bar, method)(bar.task_ids[0], **changes)
             if time.monotonic() >= drawn:
                 bar.refresh()
                 drawn = time.monotonic() + _APART
 
     return Watch(
-        on_start=lambda number: draw("update", total=number, description=words),
+        on_start=lambda number: draw("update", total=number, description=title),
         on_fit=lambda _: draw("advance"),
         cancelled=stop.is_set,
         during_work=working,
-        **more,
+        **fields,
     )
 
 

@@ -31,10 +31,10 @@ _WRITERS = {"identify", "fleet", "export", "samples", "report", "sweep", "init"}
 class _App(typer.Typer):
     """Typer makes every command before it runs one; here only the one that is typed first."""
 
-    def __call__(self, argv: Sequence[str], **how: Any) -> Any:
+    def __call__(self, argv: Sequence[str], **options: Any) -> Any:
         typed = argv[0] if argv else ""
         is_alone = typed in _names and typed != "help"  # which lists all
-        return typer.Typer.__call__(_alone(self, typed) if is_alone else self, argv, **how)
+        return typer.Typer.__call__(_alone(self, typed) if is_alone else self, argv, **options)
 
 
 @cache
@@ -88,14 +88,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ConfigurationError as error:
         say(f"damperfit: {error}")
         return error.exit_code
-    usual = gc.get_threshold()
-    gc.set_threshold(_NEW_OBJECTS, *usual[1:])
+    threshold = gc.get_threshold()
+    gc.set_threshold(_NEW_OBJECTS, *threshold[1:])
     try:
         code = _ended_with(argv)
     finally:
         if arguments is None:  # it ends, and Python would look through all that there is twice
             gc.freeze()
-        gc.set_threshold(*usual)
+        gc.set_threshold(*threshold)
     log_file.close(code)
     return code
 
@@ -108,10 +108,10 @@ def _ended_with(argv: list[str]) -> int:
         say("damperfit: interrupted", logging.ERROR)
         return _INTERRUPTED
     except (BrokenPipeError, SystemExit) as error:  # so ends typer where its help has no reader
-        gone = error if isinstance(error, BrokenPipeError) else error.__context__
-        if not isinstance(gone, BrokenPipeError):
+        cause = error if isinstance(error, BrokenPipeError) else error.__context__
+        if not isinstance(cause, BrokenPipeError):
             raise
-        unprinted(gone)
+        unprinted(cause)
         return 0
     except Exception as error:  # noqa: BLE001 - the one place that catches everything
         message, exit_code = _explain(error)
@@ -122,9 +122,9 @@ def _ended_with(argv: list[str]) -> int:
         unprinted()
         return exit_code
     reason = unprinted()
-    asked = {"--json", "--list", "--help", "-h", "--version", "-V"} & {*argv}
-    has_files = any(word.partition("=")[0] == "--out" for word in argv) or _WRITERS & {*argv}
-    if not reason and "stdout" in CLOSED_STREAMS and (asked or not has_files):
+    printing = {"--json", "--list", "--help", "-h", "--version", "-V"} & {*argv}
+    has_files = any(text.partition("=")[0] == "--out" for text in argv) or _WRITERS & {*argv}
+    if not reason and "stdout" in CLOSED_STREAMS and (printing or not has_files):
         reason = "it is closed"
     if reason:
         say(f"damperfit: cannot write to stdout: {reason}; any files are written", logging.ERROR)

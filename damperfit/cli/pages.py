@@ -75,17 +75,17 @@ def _section(name: str) -> str:
     page = _PAGES.get(name, name if name in TOPICS else "")
     paragraphs = (_commands_by_name()[name].help or "").strip().split("\n\n")
     lines = [" ".join(paragraph.split()) for paragraph in paragraphs]
-    parts = [re.sub(r"^Example: (.+)", r"Example: `\1`", line) for line in lines]
+    blocks = [re.sub(r"^Example: (.+)", r"Example: `\1`", line) for line in lines]
     if page:
-        parts.append(f"Page: [{page}]({page}.md).")
+        blocks.append(f"Page: [{page}]({page}.md).")
     if rows := list(_option_rows(name, is_common=False)):
-        parts.append(_grid(("option", "meaning"), rows))
-    return "\n\n".join([f"### {name}", *parts])
+        blocks.append(_grid(("option", "meaning"), rows))
+    return "\n\n".join([f"### {name}", *blocks])
 
 
 def _columns(name: str) -> str:
     first, *others = PURDY_DAMPER.names
-    shown = []
+    rows = []
     for column in describe_tables()[name]:
         title = column["name"]
         of_others = tuple(f"{other}_" for other in others)
@@ -96,8 +96,8 @@ def _columns(name: str) -> str:
         if name == "parameters" and title.startswith(f"{first}_"):
             title, meaning = title.replace(first, "NAME"), meaning.replace(first, "NAME")
             unit = "its own" if unit else ""
-        shown.append([f"`{title}`", "-" if unit in {"", "1"} else unit, meaning])
-    return _grid(("column", "unit", "meaning"), shown)
+        rows.append([f"`{title}`", "-" if unit in {"", "1"} else unit, meaning])
+    return _grid(("column", "unit", "meaning"), rows)
 
 
 def _objects(path: str, node: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -155,7 +155,7 @@ TABLES: dict[str, Callable[..., str]] = {
     ),
     "geometry": lambda: _grid(
         ("key of `[damper]`", "what it is, and how it is measured"),
-        [[f"`{key}`", how] for key, how in MEASURED.items()],
+        [[f"`{key}`", text] for key, text in MEASURED.items()],
     ),
     "door": lambda: _grid(
         ("name", "what it is"),

@@ -159,11 +159,11 @@ def test_finished_settings_are_written_when_the_user_stops(logs, fitted_anew, tm
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_asks_to_stop_and_a_second_one_ends_at_once(number, capsys) -> None:
-    before = signal.getsignal(number)
-    with stop_on_signal() as cancelled:
-        assert not cancelled()
+    before, stop = signal.getsignal(number), threading.Event()
+    with stop_on_signal("", stop):
+        assert not stop.is_set()
         os.kill(os.getpid(), number)
-        assert cancelled()
+        assert stop.is_set()
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), number)
     assert signal.getsignal(number) is before
