@@ -1,12 +1,12 @@
-"""What commands and functions take, each defined once, and how it is read.
+"""Keywords of functions and options of commands, each defined once, and how they are read.
 
-A function of `damperfit.api` names its keywords in its signature; what a keyword takes and what it
-is for stand here, or with the key of the configuration that it sets
-(`damperfit.sections`). The command of the same name makes its options of both. An
-entry ``command.keyword`` goes before that of the keyword alone.
+A function of `damperfit.api` names its keywords in its signature; kind and meaning of a keyword
+stand here, or with the key of the configuration that it sets (`damperfit.sections`). The command of
+the same name makes its options of both. An entry ``command.keyword`` takes precedence over that of
+the keyword alone.
 
-A command hands texts over and a call in Python values; both are read by the kinds of the keywords,
-refused in the words of whoever gave them, and put into a configuration.
+A command passes texts and a call in Python values; both are read by the kinds of the keywords,
+refused with the name of the option or the keyword, and put into a configuration.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     R = TypeVar("R")
 
 _OPTION = re.compile(r"--([a-z][a-z-]*)")
-# Options that say how a command talks, and keywords that take objects of Python.
+# Options of a command's output, and keywords that take objects of Python.
 PRESENTATION = (
     *("json", "quiet", "debug", "version", "log_file", "github_summary", "list"),
     *("color", "no_progress", "verbose"),
@@ -228,8 +228,8 @@ _KINDS = {bool: "flag", int: "count", float: "number", list: "texts", dict: "val
 @cache
 def _keywords() -> dict[str, Keyword]:
     keywords = {}
-    for section, own in SECTIONS.items():
-        for name, entry in own.entries().items():
+    for section, fields in SECTIONS.items():
+        for name, entry in fields.entries().items():
             if not entry.panel:
                 continue
             kind, default = entry.kind or _KINDS.get(type(entry.default), "text"), entry.default
@@ -238,18 +238,18 @@ def _keywords() -> dict[str, Keyword]:
                 text += "; may be given several times"
             text += "."
             if default and not isinstance(default, list | dict) and "default" not in text:
-                shown = f"{default:g}" if isinstance(default, float) else default
-                text += f"  [default: {shown}]"
+                written = f"{default:g}" if isinstance(default, float) else default
+                text += f"  [default: {written}]"
             place = (entry.panel, f"{section}.{name}")
             keywords[entry.keyword or name] = Keyword(kind, entry.option, text, *place)
     for panel, rows in _ROWS.items():
-        for name, (kind, word, text, *others) in rows.items():
-            keywords[name] = Keyword(kind, word, text, panel, "", tuple(others))
+        for name, (kind, metavar, text, *names) in rows.items():
+            keywords[name] = Keyword(kind, metavar, text, panel, "", tuple(names))
     return keywords
 
 
 def keyword_of(command: str, name: str) -> Keyword | None:
-    """Return what a keyword of a command is; None of what takes objects of Python alone.
+    """Return a keyword of a command; None where it takes objects of Python alone.
 
     >>> keyword_of("identify", "skew").key
     'rig.skew'
@@ -260,7 +260,7 @@ def keyword_of(command: str, name: str) -> Keyword | None:
 
 
 def option_of(name: str) -> str:
-    """Return the option that a keyword is on the command line."""
+    """Return the option of a keyword on the command line."""
     return f"--{name.rstrip('_').replace('_', '-')}"
 
 
@@ -273,14 +273,14 @@ def with_keywords(function: Callable[..., Any]) -> str:
         if line[:4].isspace() and line[4:5].strip()
         for name in line.partition(" : ")[0].split(",")
     }
-    lines, own = [], signature(function).parameters
+    lines, parameters = [], signature(function).parameters
 
     def spelled(option: re.Match[str]) -> str:
-        """An option of the command alone, or of another one, stays that."""
+        """An option that is no keyword of the function stays as it is."""
         name = option[1].replace("-", "_")
-        return f"{name}=" if name in own else option[0]
+        return f"{name}=" if name in parameters else option[0]
 
-    for name, parameter in own.items():
+    for name, parameter in parameters.items():
         keyword = keyword_of(command, name)
         about = _OF_PYTHON.get(name) or _OF_PYTHON.get(f"{command}.{name}")
         if keyword is not None:
@@ -315,13 +315,13 @@ _NO_NUMBERS = {"bool", "bool_", "bytes"}  # NumPy's too
 def usage(
     text: str, code: str, where: Option | str | None = None, **values: Any
 ) -> ConfigurationError:
-    """Return a refusal of what stands somewhere: an option, or a call by its name."""
+    """Return the refusal of an option, or of a call by its name."""
     place: dict[str, Any] = {"subject": where} if isinstance(where, str) else {"where": where}
     return ConfigurationError(text, code=code, **place, **values)
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a function that reads its arguments, documents them, and refuses in its own words."""
+    """Return a function that reads and documents its arguments, and names itself in errors."""
     call = f"damperfit.{function.__name__}"
     function.__doc__ = with_keywords(function)
     reading = refuse_wrong_arguments(call)(reading_as(function.__name__)(function))
@@ -338,14 +338,14 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator: a function is given its arguments as the command's kinds have them."""
+    """Return a decorator: a function gets its arguments as read by their kinds."""
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
-        own = signature(function)
+        declared = signature(function)
 
         @wraps(function)
         def reading(*args: P.args, **kwargs: P.kwargs) -> R:
-            bound = own.bind(*args, **kwargs)
+            bound = declared.bind(*args, **kwargs)
             paths: list[tuple[str, Any]] = []
 
             def read(name: str, given: Any) -> Any:
@@ -354,13 +354,13 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                     return given
                 value = _read(keyword, given, Option(name))
                 if keyword.kind in {"path", "paths", "results", "table"}:
-                    shown = given if isinstance(given, str | list) else value
-                    shown = shown if isinstance(shown, list) else [shown]
-                    paths.extend((name, path) for path in shown if isinstance(path, str | Path))
+                    places = given if isinstance(given, str | list) else value
+                    places = places if isinstance(places, list) else [places]
+                    paths.extend((name, path) for path in places if isinstance(path, str | Path))
                 return value
 
             for name, given in list(bound.arguments.items()):
-                kind = own.parameters[name].kind
+                kind = declared.parameters[name].kind
                 if kind is Parameter.VAR_KEYWORD:
                     bound.arguments[name] = {key: read(key, value) for key, value in given.items()}
                 elif kind is not Parameter.VAR_POSITIONAL:
@@ -376,7 +376,7 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def _given_by(error: DamperfitError, paths: Iterable[tuple[str, Any]]) -> DamperfitError:
-    """Return an error that is about a file with the argument that gave the file."""
+    """Return an error about a file with the argument that named the file."""
     where, place = error.problem.where, error.problem.subject
     if isinstance(where, FilePlace) and where.option is None:
         place = where.file
@@ -399,7 +399,7 @@ def _given_by(error: DamperfitError, paths: Iterable[tuple[str, Any]]) -> Damper
 
 
 def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, PLR0911, PLR0912 - a kind each
-    """Return an argument as its kind has it."""
+    """Return an argument as read by its kind."""
     place = f"the path of {_PLACES.get(keyword.metavar, 'a file')}"
     match keyword.kind:
         case "table" if isinstance(value, Mapping):
@@ -449,12 +449,12 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
 
 
 def _number(kind: str, value: Any, option: Option) -> Any:
-    """Return a number, or a whole one of any length; True is none."""
+    """Return a number, or an integer of any length; True is none."""
     number = None
     if type(value).__name__ not in _NO_NUMBERS:
         with suppress(TypeError, ValueError, OverflowError):
-            whole = re.sub(r"\.0*$", "", str(value).strip())
-            number = float(value) if kind == "number" else int(whole)
+            digits = re.sub(r"\.0*$", "", str(value).strip())
+            number = float(value) if kind == "number" else int(digits)
     if number is None:
         text = f"expected a {'whole ' * (kind != 'number')}number"
         raise usage(text, "not-a-number", option)
@@ -464,7 +464,7 @@ def _number(kind: str, value: Any, option: Option) -> Any:
 
 
 def results_of(given: object, where: Option | str, expected: str = _RESULT) -> Path | Run:
-    """Return the path of results; those that stand nowhere yet as they are."""
+    """Return the path of results; a run that is not saved as it is."""
     from damperfit.results import Run
 
     if isinstance(given, Run):
@@ -483,7 +483,7 @@ def results_of(given: object, where: Option | str, expected: str = _RESULT) -> P
 
 
 def workers(jobs: int | None) -> int:
-    """Return how many workers are asked for; None: as many as there are cores."""
+    """Return the number of workers; None: as many as there are cores."""
     from damperfit.workers import available_cores
 
     return jobs or available_cores()
@@ -501,27 +501,27 @@ def _listed(values: object, option: Option) -> list[Any]:
 def _mapping(value: object, option: Option) -> Mapping[Any, Any]:
     expected = "expected a mapping of names to values"
     if not isinstance(value, Mapping):
-        given = repr(value) if isinstance(value, str | float | list) else type(value).__name__
-        raise usage(f"found {given}; {expected}", "not-a-mapping", option)
-    if others := [name for name in value if not isinstance(name, str)]:
-        text = f"found {others[0]!r} in place of a name; {expected}"
+        found = repr(value) if isinstance(value, str | float | list) else type(value).__name__
+        raise usage(f"found {found}; {expected}", "not-a-mapping", option)
+    if wrong := [name for name in value if not isinstance(name, str)]:
+        text = f"found {wrong[0]!r} in place of a name; {expected}"
         raise usage(text, "not-a-mapping", option)
     return value
 
 
 def _values(texts: Sequence[str], option: Option) -> dict[str, str]:
     """Return values by quantity, of NAME=VALUE texts and lists of them; K_e is k_e."""
-    parts = (part.partition("=") for text in texts for part in _NEXT_ASSIGNMENT.split(str(text)))
-    return assignments([f"{name.lower()}{mark}{value}" for name, mark, value in parts], option)
+    items = (item.partition("=") for text in texts for item in _NEXT_ASSIGNMENT.split(str(text)))
+    return assignments([f"{name.lower()}{mark}{value}" for name, mark, value in items], option)
 
 
 def assignments(
     texts: Iterable[str], option: Option, example: str = "k_e=5e8", *, may_be_empty: bool = False
 ) -> dict[str, str]:
-    """Return NAME=VALUE texts as a dictionary; refuse what is none, or a name given twice."""
+    """Return NAME=VALUE texts as a dictionary; refuse other texts, and a name given twice."""
     values: dict[str, str] = {}
     for text in texts:
-        name, equals, value = (part.strip() for part in text.partition("="))
+        name, equals, value = (piece.strip() for piece in text.partition("="))
         where = option._replace(value=text)
         if not (name and equals and (value or may_be_empty)):
             raise usage(f"expected NAME=VALUE, such as {example}", "not-an-assignment", where)
@@ -566,9 +566,9 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
     files: list[str] = []
     values: list[str] = []
     for text in texts:
-        for part in [text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text):
-            is_value = _ASSIGNMENT.match(part) and not _is_there(part)
-            (values if is_value else files).append(part)
+        for piece in [text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text):
+            is_value = _ASSIGNMENT.match(piece) and not _is_there(piece)
+            (values if is_value else files).append(piece)
     if len(files) > 1:
         text = f"{files[0]} is given already; a fit starts from one earlier run"
         raise usage(text, "given-twice", Option("start", files[1]))
@@ -586,13 +586,13 @@ def _is_there(text: str) -> bool:
 
 
 def configured(
-    command: str, given: Mapping[str, Any], *more: tuple[str, str, Any], is_law_open: bool = False
+    command: str, given: Mapping[str, Any], *extra: tuple[str, str, Any], is_law_open: bool = False
 ) -> Configuration:
-    """Return the configuration that the arguments of a command ask for, by keyword.
+    """Return the configuration for the arguments of a command, by keyword.
 
-    What is None, or a flag that is not set, is not given. `more` are a keyword, the key that it
-    sets, and the value, where the keyword's own is not what the key has. `is_law_open`: the logs
-    choose the law.
+    None, and a flag that is not set, count as not given. `extra` are a keyword, the key that it
+    sets, and the value, where that differs from the keyword's. `is_law_open`: the logs choose the
+    law.
     """
     from damperfit.configuration.loading import load_configuration
 
@@ -606,13 +606,13 @@ def configured(
 
     if given.get("damper") is not None:
         sections["damper"] = _declared(given["damper"])
-    handled = {"start", "units", *(keyword for keyword, _, _ in more)}
+    handled = {"start", "units", *(keyword for keyword, _, _ in extra)}
     for keyword, value in given.items():
         entry = keyword_of(command, keyword)
         is_nothing = value is None or value is False or value == {}
         if entry is not None and entry.key and keyword not in handled and not is_nothing:
             put(entry.key, str(value) if isinstance(value, Path) else value, Option(keyword))
-    for keyword, place, value in more:
+    for keyword, place, value in extra:
         if value is not None:
             put(place, value, Option(keyword))
     rig, units = given.get("rig"), given.get("units")
@@ -621,8 +621,8 @@ def configured(
     if isinstance(units, str):
         put("output.units", units, Option("units"))
     elif units is not None:
-        known_units = sections.get("rig", {}).get("units", {})
-        put("rig.units", {**known_units, **_mapping(units, Option("units"))}, Option("units"))
+        units_of_rig = sections.get("rig", {}).get("units", {})
+        put("rig.units", {**units_of_rig, **_mapping(units, Option("units"))}, Option("units"))
     return load_configuration(
         given.get("config"), overlay=sections, options=options, is_law_open=is_law_open
     )
@@ -636,9 +636,9 @@ def _declared(damper: Any) -> dict[str, Any]:
         return {"model": model.name, **asdict(model)}
     if isinstance(damper, Mapping):
         return dict(_mapping(damper, Option("damper")))
-    given = f"the class {damper.__name__}" if isinstance(damper, type) else type(damper).__name__
+    found = f"the class {damper.__name__}" if isinstance(damper, type) else type(damper).__name__
     text = (
-        f"found {given}; expected a damper such as damperfit.Damper(rod_diameter=0.012), or keys "
+        f"found {found}; expected a damper such as damperfit.Damper(rod_diameter=0.012), or keys "
         "of [damper]"
     )
     raise usage(text, "not-a-damper", Option("damper"))
@@ -647,14 +647,14 @@ def _declared(damper: Any) -> dict[str, Any]:
 def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) -> Any:
     """Return the reference temperature that ``covariate="temperature"`` asks for.
 
-    One that the configuration file names stays. Otherwise it is the mean of the logs, and of a
-    fleet, whose dampers are held beside each other, the nominal temperature of the test.
+    One that the configuration file names stays. Otherwise it is the mean of the logs; for a fleet,
+    whose dampers are compared, the nominal temperature of the test.
     """
-    word = given.get("covariate")
-    if word is None:
+    covariate = given.get("covariate")
+    if covariate is None:
         return None
-    where = Option("covariate", word)
-    if word != "temperature":
+    where = Option("covariate", covariate)
+    if covariate != "temperature":
         raise usage("expected temperature, the only one there is", "unknown-covariate", where)
     if given.get("model") == "auto":
         text = (
@@ -663,26 +663,26 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
         )
         raise usage(text, "not-together", where)
     configuration = configured(command, {n: given.get(n) for n in ("config", "damper", "model")})
-    named: str | float = configuration.document["damper"]["reference_temperature"]
-    if named != "none":
-        return named
+    reference: str | float = configuration.document["damper"]["reference_temperature"]
+    if reference != "none":
+        return reference
     return configuration.rig.temperature if of_fleet else "mean"
 
 
 def declared_setting(setting: Any, configuration: Configuration) -> Setting | None:
-    """Return the setting that is meant, by its label or number."""
+    """Return the setting of a label or number."""
     from damperfit.tested.setting import parse_setting
 
-    if not isinstance(known := known_as_setting(setting), str):
-        return known
+    if not isinstance(label := known_as_setting(setting), str):
+        return label
     try:
-        return parse_setting(known, configuration.reading.adjusters)
+        return parse_setting(label, configuration.reading.adjusters)
     except ValueError as error:
-        raise usage(f"{error}", "unknown-setting", Option("setting", known)) from error
+        raise usage(f"{error}", "unknown-setting", Option("setting", label)) from error
 
 
 def known_as_setting(setting: Any) -> Setting | str | None:
-    """Return a setting as it was given: its label, a number's too, or itself."""
+    """Return the label of a setting or a number, or a `Setting` as it is."""
     if setting is None or isinstance(setting, Setting):
         return setting
     if (label := label_of(setting)) is None:
@@ -692,16 +692,16 @@ def known_as_setting(setting: Any) -> Setting | str | None:
 
 
 def refuse_idle(
-    given: Mapping[str, Any], names: Sequence[str], why: str, *, beside: Option | None = None
+    given: Mapping[str, Any], names: Sequence[str], reason: str, *, beside: Option | None = None
 ) -> None:
-    """Refuse what would have no effect, or cannot be combined with what is beside it."""
+    """Refuse arguments without effect, or that cannot be combined with the option `beside`."""
     for name in names:
         if (value := given.get(name)) is None:
             continue
         where = Option(name, value if value is True else _worded(value))
         if beside is None:
-            raise usage(f"{{where}} has no effect: {why}; leave it out", "no-effect", where)
-        text = f"{{where}} cannot be combined with {{other}}: {why}; leave one of the two out"
+            raise usage(f"{{where}} has no effect: {reason}; leave it out", "no-effect", where)
+        text = f"{{where}} cannot be combined with {{other}}: {reason}; leave one of the two out"
         raise usage(text, "not-together", where, other=beside)
 
 

@@ -1,10 +1,10 @@
-"""The sections of a configuration: each key once, with its default, what it is for, and its option.
+"""The sections of a configuration: each key once, with its default, its meaning, and its option.
 
-From here come the defaults, the page that `damperfit config` prints, the options of the commands
-and the keywords of the functions; the parts of the program are given the sections themselves, or
-classes on them. `damperfit.configuration.options` makes one pydantic model of it. Nothing here
-needs pydantic, so that help is there at once. [damper] beside the two keys of any model has the
-fields of the model that it names.
+They give the defaults, the page that `damperfit config` prints, the options of the commands and the
+keywords of the functions; the parts of the program get the sections, or classes derived from them.
+`damperfit.configuration.options` makes one pydantic model of them. Nothing here imports pydantic,
+so that help is fast. [damper] has, besides the two keys of any model, the fields of the model that
+it names.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ class Entry(NamedTuple):
             is_sign = value == "detect" or isinstance(value, bool)
             return "" if is_sign else "true, false or 'detect'"
         if self.words:
-            wanted = " or ".join(repr(word) for word in self.words if word)
-            return "" if value in self.words else wanted
+            words = " or ".join(repr(word) for word in self.words if word)
+            return "" if value in self.words else words
         limits = (
             ("more than {:g}", self.above, operator.gt),
             ("{:g} or more", self.least, operator.ge),
@@ -73,13 +73,13 @@ class Entry(NamedTuple):
         return ""
 
 
-def key(default: Any, about: str, dimension: str = "", **how: Any) -> Any:
-    """Return a key of a section; what the program reads of it has the type of its annotation."""
-    return Entry(default, about, dimension, **how)
+def key(default: Any, about: str, dimension: str = "", **options: Any) -> Any:
+    """Return a key of a section; the program reads it with the type of its annotation."""
+    return Entry(default, about, dimension, **options)
 
 
 class Section(SimpleNamespace):
-    """A section as the program reads it, what is not given by default; equal by its values.
+    """A section as the program reads it, with defaults for what is not given; equal by its values.
 
     It is frozen: `but` makes another.
     """
@@ -100,13 +100,13 @@ class Section(SimpleNamespace):
         """Return the section with other values, which are taken as they are."""
         return type(self)(**{**vars(self), **values})
 
-    def refuse_wrong(self, **others: Entry) -> None:
-        """Refuse what no key allows, where Python gives it; `others` are attributes with a key."""
-        for name, entry in {**self.entries(), **others}.items():
+    def refuse_wrong(self, **attributes: Entry) -> None:
+        """Refuse values that their keys do not allow; `attributes` have keys of other sections."""
+        for name, entry in {**self.entries(), **attributes}.items():
             value = getattr(self, name)
-            if value is not None and (wanted := entry.in_place_of(value)):
+            if value is not None and (expected := entry.in_place_of(value)):
                 hint = did_you_mean(str(value), entry.words)
-                text = f"expected {wanted}, found {value!r}{hint and f'.{hint}'}"
+                text = f"expected {expected}, found {value!r}{hint and f'.{hint}'}"
                 code = "wrong-value" if entry.words or entry.given else "out-of-range"
                 raise ConfigurationError(text, where=Key((name,)), code=code)
 
@@ -121,7 +121,7 @@ class Section(SimpleNamespace):
     @classmethod
     @cache
     def _defaults(cls) -> dict[str, Any]:
-        """Return what each attribute is where nothing is given."""
+        """Return the default of each attribute."""
         kinds = (vars(kind).get("__annotations__", ()) for kind in cls.__mro__)
         values = {name: getattr(cls, name, None) for kind in kinds for name in kind}
         return {n: _as_read(v) if isinstance(v, Entry) else v for n, v in values.items()}

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, whatever ends the run and whoever else writes.
+"""Files that are replaced as a whole or not at all, whatever ends the run and whoever else writes.
 
 A set of files is written into a staging folder inside its target folder and flushed to disk. One
 rename of the staging folder to `_COMMITTED` commits the set; then its files are moved over their
@@ -63,7 +63,7 @@ class FileSet:
     def spare(self) -> None:
         """Refuse to write over files of another origin, where these are spared.
 
-        `_commit` does it too; a writer of two sets asks both before either is exchanged.
+        `_commit` does it too; a writer of two sets calls it for both before either is committed.
         """
         for name in self.names if self._spares_others else ():
             target = self.folder / name
@@ -126,7 +126,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def path_of(value: object, where: Option | str, expected: str) -> Path:
-    """Return a path that was given as text or as a path; anything else is refused."""
+    """Return a path given as text or as a path; refuse anything else."""
     is_empty = isinstance(value, str) and not value
     kind = "''" if is_empty else type(value).__name__
     text = f"found {kind}; expected {expected}"
@@ -141,53 +141,53 @@ def path_of(value: object, where: Option | str, expected: str) -> Path:
 
 
 def check_writable(folder: Path | None) -> None:
-    """Raise before any work is done when results could never be written there; None: nothing is."""
+    """Raise, before any work, where results could not be written; None: nothing is written."""
     if folder is None:
         return
 
-    def refusal(code: str, why: str, subject: object = folder) -> ConfigurationError:
-        return ConfigurationError(f"cannot be written: {why}", code=code, subject=subject)
+    def refusal(code: str, reason: str, subject: object = folder) -> ConfigurationError:
+        return ConfigurationError(f"cannot be written: {reason}", code=code, subject=subject)
 
     if re.match(r"[a-z][a-z0-9+.-]+:/", folder.as_posix()):
         address = re.sub(r":/+", "://", folder.as_posix(), count=1)
-        why = "results go to a folder of this machine, not to an address; give a folder, and copy"
-        raise refusal("no-address", f"{why} it there when all is done", address)
+        text = "results go to a folder of this machine, not to an address; give a folder, and copy"
+        raise refusal("no-address", f"{text} it there when all is done", address)
     if "\0" in str(folder):
         raise refusal("no-path", "a NUL cannot stand in a path", repr(str(folder)))
     try:
         os.getcwd()  # noqa: PTH109
     except OSError as error:
         if not folder.is_absolute():
-            why = "the folder that this was started in is gone; go to one that is there (cd)"
-            raise refusal("no-working-folder", why) from error
+            text = "the folder that this was started in is gone; go to one that is there (cd)"
+            raise refusal("no-working-folder", text) from error
     nearest = folder
     while not os.path.lexists(nearest) and nearest != nearest.parent:
         nearest = nearest.parent
     if not nearest.is_dir():
         raise refusal("not-a-folder", f"{nearest} is not a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
-        why = f"cannot be written: {nearest} is write-protected"
-        raise OutputError(why, code="write-protected", subject=folder)
+        text = f"cannot be written: {nearest} is write-protected"
+        raise OutputError(text, code="write-protected", subject=folder)
 
 
 @contextmanager
 def reserved(folder: Path) -> Iterator[None]:
-    """Hold a folder for the results of a run, made if need be, from before its work to its end.
+    """Lock a folder, made if need be, for the results of a run during its work.
 
-    A folder that stays empty is removed again. Reading there goes on, and so does writing other
-    files.
+    A folder that stays empty is removed again. Reading there, and writing other files, stay
+    possible.
     """
     missing = [parent for parent in (folder, *folder.parents) if not os.path.lexists(parent)]
     refusal = (
         f"{folder}: another run is at work there; wait for it to end, or give this one a folder of "
         "its own{out}"
     )
-    with ExitStack() as held:
-        held.callback(_remove_empty, missing)
+    with ExitStack() as stack:
+        stack.callback(_remove_empty, missing)
         try:
             folder.mkdir(parents=True, exist_ok=True)
             settle(folder)
-            held.enter_context(_locked(folder / _RUN, patience=_RUN_PATIENCE, refusal=refusal))
+            stack.enter_context(_locked(folder / _RUN, patience=_RUN_PATIENCE, refusal=refusal))
         except OSError as error:
             raise _unwritten(folder, error) from error
         yield
@@ -218,7 +218,7 @@ def settle(folder: Path) -> None:
 
 
 def _move_committed(folder: Path) -> None:
-    """Move the files of a committed set over their targets, or those that are left of it."""
+    """Move the remaining files of a committed set over their targets."""
     committed = folder / _COMMITTED
     list_of_removed = committed / _REMOVED
     for path in sorted(committed.iterdir()):
@@ -234,7 +234,7 @@ def _move_committed(folder: Path) -> None:
 
 @contextmanager
 def _writing(folder: Path) -> Iterator[None]:
-    """Keep other writers out of a folder, cleared of what killed ones left."""
+    """Lock a folder for writing, and remove what killed writers left."""
     busy = (
         f"{folder}: another run has been writing there for {_PATIENCE:g} s; wait for it to end, or "
         "give another folder"
@@ -301,9 +301,9 @@ def _lock(number: int, *, is_held: bool) -> bool:
     if os.name == "nt":
         import msvcrt
 
-        how = msvcrt.LK_NBLCK if is_held else msvcrt.LK_UNLCK  # type: ignore[attr-defined,unused-ignore]
+        mode = msvcrt.LK_NBLCK if is_held else msvcrt.LK_UNLCK  # type: ignore[attr-defined,unused-ignore]
         try:
-            msvcrt.locking(number, how, 1)  # type: ignore[attr-defined,unused-ignore]
+            msvcrt.locking(number, mode, 1)  # type: ignore[attr-defined,unused-ignore]
         except OSError as error:
             raise BlockingIOError from error
         return True
@@ -319,8 +319,8 @@ def _lock(number: int, *, is_held: bool) -> bool:
     return True
 
 
-def _flush(path: Path, how: int) -> None:
-    number = os.open(path, how)
+def _flush(path: Path, flags: int) -> None:
+    number = os.open(path, flags)
     try:
         os.fsync(number)
     finally:
@@ -335,8 +335,8 @@ def _flush_folder(folder: Path) -> None:
 
 def _unwritten(folder: Path, error: OSError, names: Iterable[str] = ()) -> OutputError:
     is_earlier = any(os.path.lexists(folder / name) for name in (*names, "run.json"))
-    kept = "; earlier results there are untouched" if is_earlier else ""
-    text = f"cannot be written: {error.strerror or error}{kept}"
+    note = "; earlier results there are untouched" if is_earlier else ""
+    text = f"cannot be written: {error.strerror or error}{note}"
     return OutputError(text, code="cannot-write", subject=folder)
 
 
@@ -349,9 +349,9 @@ def _interrupted(folder: Path, error: OSError) -> OutputError:
     )
 
 
-# A file is our own where it begins as the new one does and says "damperfit" near its beginning or
-# its end (pictures, archives and Parquet say it there), or where it is a CSV with the same columns,
-# in whichever units. Tables beside a run.json are results, which only `identify` replaces.
+# A file is damperfit's where it begins as the new one does and holds "damperfit" near its beginning
+# or its end (as pictures, archives and Parquet do), or where it is a CSV with the same columns in
+# any units. Tables beside a run.json are results, which only `identify` replaces.
 _HEAD, _TAIL = 16384, 65536  # bytes; the columns of a table of parameters take thousands
 _FEWEST = 3  # columns of a table
 _COLUMN = re.compile(rb"\"?([A-Za-z][A-Za-z0-9]*)\w*( \[[^\]]*\])?\"?")
@@ -359,8 +359,8 @@ _COLUMN = re.compile(rb"\"?([A-Za-z][A-Za-z0-9]*)\w*( \[[^\]]*\])?\"?")
 
 def _is_own_file(target: Path, draft: Path) -> bool:
     """Whether a file was written by damperfit, of the kind of another one."""
-    with target.open("rb") as file, draft.open("rb") as other:
-        old, new = file.read(_HEAD), other.read(_HEAD)
+    with target.open("rb") as file, draft.open("rb") as new_file:
+        old, new = file.read(_HEAD), new_file.read(_HEAD)
         file.seek(max(0, file.seek(0, 2) - _TAIL))
         tail = file.read()
     columns = _columns(new)

@@ -65,8 +65,8 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-# Processes that may die: new interpreters, which have their work through pipes, so that a death
-# costs its item alone. A fork of a process with threads may hang.
+# Processes that may die: new interpreters that get their work through pipes, so that a death costs
+# one item. A fork of a process with threads may hang.
 
 # This damperfit, wherever it is: no folder is added to those that modules are looked for in.
 _NEW = """
@@ -84,12 +84,12 @@ _FOREVER = threading.TIMEOUT_MAX
 class Died:
     """Stands for the result of work that ended its worker."""
 
-    def __init__(self, how: str = "", *, is_late: bool = False) -> None:
-        self.how, self.is_late = how, is_late  # as "SIGSEGV"; whether it was ended for its time
+    def __init__(self, cause: str = "", *, is_late: bool = False) -> None:
+        self.cause, self.is_late = cause, is_late  # as "SIGSEGV"; it exceeded its time
 
 
 class Worker:
-    """A new interpreter that does one thing after the other, and ends with this process."""
+    """A new interpreter that does one task after the other, and ends with this process."""
 
     def __init__(self, *, idle: float = _FOREVER, is_quiet: bool = False) -> None:
         package = str(Path(__file__).resolve().with_name("__init__.py"))
@@ -117,7 +117,7 @@ class Worker:
     def do(self, act: Callable[[Any], Any], item: Any, seconds: float = _FOREVER) -> Any:
         """Return the result of an act, the exception that it raised, or `Died`.
 
-        The act is of a module, and what it takes can be pickled. After so many seconds it is ended.
+        The act is a function of a module, and the item can be pickled. `seconds` limit its time.
         """
         begun, timer = time.monotonic(), threading.Timer(seconds, self._process.kill)
         timer.start()
@@ -148,7 +148,7 @@ class Worker:
         return Died(code if isinstance(code, str) else f"code {code}", is_late=is_late)
 
     def end(self) -> None:
-        """End the process at once, from any thread; what it was writing was not there yet."""
+        """End the process at once, from any thread; an unfinished answer is lost."""
         self._process.kill()
         self._process.wait()
         for pipe in (self._process.stdin, self._process.stdout):
@@ -172,7 +172,7 @@ class Processes:
         """Yield each item with its result, `Died` or the exception it raised, as they are done.
 
         As of `Worker.do`. Items are taken as workers become free, so that memory does not grow.
-        Once `cancelled` says True no further item is begun, and those at work are let go.
+        Once `cancelled` returns True no further item is begun, and those at work are abandoned.
         """
         os.getcwd()  # noqa: PTH109 - a new process asks too, and would fail item by item
         waiting = iter(items)
@@ -208,7 +208,7 @@ def _send(pipe: Any, content: bytes) -> None:
 
 
 def _received(pipe: Any) -> bytes:
-    """Return what was sent; nothing where the sender has ended before all was."""
+    """Return a message; empty where the sender has ended before its end."""
     head = pipe.read(_LENGTH.size)
     (length,) = _LENGTH.unpack(head) if len(head) == _LENGTH.size else (0,)
     content: bytes = pipe.read(length)
@@ -216,7 +216,7 @@ def _received(pipe: Any) -> bytes:
 
 
 def serve(idle: float) -> None:
-    """Do what is asked on standard input, in the new interpreter, until nothing is for a while."""
+    """Do the tasks on standard input, in the new interpreter, until it was idle for `idle` s."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Windows it is in its parent's group
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # a library that prints would spoil the answers
@@ -308,10 +308,10 @@ class Cluster:
                     )
                 try:
                     with self._client.as_current():
-                        ended = wait(list(at_work), timeout=_LOOK, return_when="FIRST_COMPLETED")
+                        outcome = wait(list(at_work), timeout=_LOOK, return_when="FIRST_COMPLETED")
                 except TimeoutError:
                     continue
-                for future in ended.done:
+                for future in outcome.done:
                     error = future.exception() if future.status == "error" else None
                     if error is not None and not isinstance(error, KilledWorker):
                         result: Any = error

@@ -59,14 +59,14 @@ def damper_record(damper: Model) -> dict[str, Any]:
     if isinstance(reference, float) and math.isnan(reference):
         reference = _OF_LOGS
     keys = {field.name for field in fields(plain) if field.init}
-    own = {name: value for name, value in asdict(plain).items() if name in keys}
-    if "passages" in own:
-        own["passages"] = [passage.table for passage in plain.passages]
-    return {"model": plain.name, "reference_temperature": reference, **own}
+    values = {name: value for name, value in asdict(plain).items() if name in keys}
+    if "passages" in values:
+        values["passages"] = [passage.table for passage in plain.passages]
+    return {"model": plain.name, "reference_temperature": reference, **values}
 
 
 def damper_of_record(record: Mapping[str, Any]) -> Model:
-    """Return the damper that a run has recorded; what it took as declared is not questioned."""
+    """Return the damper that a run has recorded, without the checks of a declaration."""
     name = record.get("model", "purdy")
     defaults = damper_record(model_named(name if isinstance(name, str) else repr(name))())
     values = {**defaults, **record}
@@ -79,19 +79,19 @@ def damper_of_record(record: Mapping[str, Any]) -> Model:
 def damper_of(keys: Mapping[str, Any], *, is_recorded: bool = False) -> Model:
     """Return the damper that a complete [damper] declares."""
     kind: Any = model_named(keys["model"])
-    own = {field.name: field for field in fields(kind) if field.init}
-    _refuse_unknown(keys, ("model", "reference_temperature", *own), "damper")
+    declared = {field.name: field for field in fields(kind) if field.init}
+    _refuse_unknown(keys, ("model", "reference_temperature", *declared), "damper")
     values: dict[str, Any] = {}
-    for name, field in own.items():
+    for name, field in declared.items():
         try:
             values[name] = _value(kind, field, keys[name], is_recorded=is_recorded)
         except OverflowError as error:  # of a whole number with hundreds of digits
             raise _wrong("a number", keys[name], name) from error
         except ConfigurationError as error:
-            more = f", found {keys[name]!r}" if isinstance(error, QuantityError) else ""
+            detail = f", found {keys[name]!r}" if isinstance(error, QuantityError) else ""
             if isinstance(error.problem.where, Key):
                 raise
-            raise error.adding(more).at(Key(("damper", name))) from error
+            raise error.adding(detail).at(Key(("damper", name))) from error
     reference = _reference(keys["reference_temperature"])
     damper: Model = kind(**values)
     if reference == NONE:
@@ -136,12 +136,12 @@ def _value(kind: Any, field: Any, value: Any, *, is_recorded: bool) -> Any:
     if is_dataclass(field.default):
         if not isinstance(value, dict):
             raise not_a_section("damper", name)
-        part: Any = type(field.default)
-        inner = {own.name: own for own in fields(part)}
+        owner: Any = type(field.default)
+        inner = {item.name: item for item in fields(owner)}
         _refuse_unknown(value, inner, "damper", name)
-        words = {k: _word(inner[k], entry, name) for k, entry in value.items()}
+        entries = {k: _word(inner[k], entry, name) for k, entry in value.items()}
         try:
-            return part(**words)
+            return owner(**entries)
         except ConfigurationError as error:  # which of its keys, given or not
             text, code = f"{error}", error.problem.code
             raise ConfigurationError(text, where=Key(("damper", name)), code=code) from error
@@ -174,7 +174,7 @@ def _value(kind: Any, field: Any, value: Any, *, is_recorded: bool) -> Any:
 
 
 def _word(field: Any, value: Any, section: str) -> Any:
-    """Text is a quantity where it begins like a number, else a word that its owner judges."""
+    """Return text as a quantity where it begins like a number, else as it is."""
     if field.type == "str":
         if not isinstance(value, str):
             raise _wrong("a text", value, section, field.name)
@@ -191,7 +191,7 @@ def _word(field: Any, value: Any, section: str) -> Any:
 
 
 def _reference(value: Any) -> Any:
-    """Return a temperature in degrees Celsius, or the word for that of the logs, or for none."""
+    """Return a temperature in degrees Celsius, or "mean" (of the logs), or "none"."""
     if value in (NONE, _OF_LOGS):
         return value
     low, high = _OIL_TEMPERATURES

@@ -1,7 +1,7 @@
 """Configuration: the defaults, then a file, then the command line, to one `Configuration`.
 
-A profile of a rig goes before [rig] for its logs; the command line goes before both. A key that no
-section has is an error; a mistake is reported with the file and line, or the option, that gave it.
+A profile of a rig overrides [rig] for its logs; the command line overrides both. A key that no
+section has is an error; a mistake is reported with its file and line, or its option.
 """
 
 import json
@@ -33,7 +33,7 @@ _OF_VALVES = "twin_tube"  # whose geometry and gas the other layouts share
 _TEMPERATURES = {"rig.temperature", "rig.temperature_tolerance"}
 # Where a key that names no section is looked for.
 _ORDER = ("conditioning", "rig", "identification", "simulation", "damper", "output")
-# What pydantic refuses, by its kind, and what it then has expected.
+# What pydantic expected, by the kind of its error.
 _EXPECTED = {
     "int": "a whole number",
     "int_from_float": "a whole number",
@@ -64,9 +64,9 @@ def load_configuration(
 ) -> Configuration:
     """Return the configuration in force: defaults, a file's keys, and those of ``overlay``.
 
-    ``options`` gave keys of the overlay, as in {"rig.skew": Option("skew")}: a mistake is named by
-    them, one in a file by its line. ``is_law_open``: the logs choose the law; where no model is
-    named, [damper] may have what real valves have.
+    ``options`` are those of the overlay's keys, as in {"rig.skew": Option("skew")}: errors name
+    them, and the line of a key in a file. ``is_law_open``: the logs choose the law; where no model
+    is named, [damper] may have the keys of real valves.
     """
     layers = [] if path is None else [_read(Path(path))]
     if overlay:
@@ -100,14 +100,14 @@ def load_configuration(
         # The paper's 26 degC is no window of another damper's test.
         document["rig"]["temperature_tolerance"] = math.inf
     try:
-        made = build_configuration(document, declared=declared)
+        configuration = build_configuration(document, declared=declared)
     except ValidationError as error:
         raise _explained(error, layers) from error
     except ConfigurationError as error:
         raise _blamed(error, layers) from error
-    typed = (overlay or {}).get("rig", {})
-    facts = frozenset(typed.get("tested_at", {})) | ({"skew"} & set(typed))
-    return replace(made, test=made.test.but(typed=facts))
+    rig = (overlay or {}).get("rig", {})
+    facts = frozenset(rig.get("tested_at", {})) | ({"skew"} & set(rig))
+    return replace(configuration, test=configuration.test.but(typed=facts))
 
 
 def default_document(model: str = _PAPERS) -> dict[str, Any]:
@@ -120,7 +120,7 @@ def default_document(model: str = _PAPERS) -> dict[str, Any]:
 
 
 class _Layer:
-    """One source of configuration: of the command line without name and text."""
+    """One source of configuration; the command line has no name and text."""
 
     def __init__(
         self, values: Any, name: str = "", text: str = "", options: Mapping[str, Option] = {}
@@ -128,7 +128,7 @@ class _Layer:
         self.values, self.name, self.text, self.options = values, name, text, options
 
     def blame(self, error: ConfigurationError, *keys: str) -> ConfigurationError:
-        """Return an error with what a reader looks for: the option, else file, line and key."""
+        """Return an error with its place: the option, else file, line and key."""
         option = self.options.get(".".join(keys[:2]))
         if option is None:
             is_named = error.problem.code in {"unknown-key", "not-a-section"}  # by the text
@@ -164,32 +164,32 @@ def _read(path: Path) -> _Layer:
         text = read_text(path, max_bytes=_MAX_BYTES)
         return _Layer(tomllib.loads(text), name=str(path), text=text)
     except IrregularFileError as error:
-        why, code = f"{error.strerror}; this is not a configuration file", "not-a-configuration"
-        raise ConfigurationError(why, subject=path, code=code) from error
+        reason, code = f"{error.strerror}; this is not a configuration file", "not-a-configuration"
+        raise ConfigurationError(reason, subject=path, code=code) from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        why, code = f"not valid TOML: {error}", "not-toml"
+        reason, code = f"not valid TOML: {error}", "not-toml"
         if isinstance(error, OSError):
-            why, code = why_unread(error), "unreadable"
+            reason, code = why_unread(error), "unreadable"
         elif isinstance(error, UnicodeDecodeError):
-            why, code = f"not UTF-8 text, at byte {error.start}", "not-utf8"
+            reason, code = f"not UTF-8 text, at byte {error.start}", "not-utf8"
         place = FilePlace(str(path), 0, _OF_FILE)
-        raise ConfigurationError(why, where=place, code=code) from error
+        raise ConfigurationError(reason, where=place, code=code) from error
 
 
 def _model_of(layers: Sequence[_Layer], *, is_law_open: bool) -> str:
-    """Return the model that the last layer names which names one."""
+    """Return the last model that a layer names."""
     name = _PAPERS
     if is_law_open:  # keys of real valves are as good as a name
         keys = {key for layer in layers for key in layer.values.get("damper", {})}
         if keys & set(damper_defaults(_OF_VALVES)) - set(damper_defaults(name)):
             name = _OF_VALVES
     for layer in layers:
-        named = layer.values.get("damper", {}).get("model", name)
-        if not isinstance(named, str):
-            wrong = f"expected the name of a model, found {named!r}"
-            raise layer.blame(ConfigurationError(wrong, code="unknown-model"), "damper", "model")
+        model = layer.values.get("damper", {}).get("model", name)
+        if not isinstance(model, str):
+            text = f"expected the name of a model, found {model!r}"
+            raise layer.blame(ConfigurationError(text, code="unknown-model"), "damper", "model")
         try:
-            name = model_named(named).name
+            name = model_named(model).name
         except ConfigurationError as error:
             raise layer.blame(error, "damper", "model") from error
     return name
@@ -205,7 +205,7 @@ def _merge(document: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 
 def _put_over_profiles(rig: dict[str, Any], typed: Mapping[str, Any]) -> None:
-    """Give what the command line says to every profile that says otherwise."""
+    """Override the profiles by the values of the command line."""
     # In the document, so that what `configuration_toml` prints reads logs in the same way. --skew
     # is of all logs: what [rig] and its profiles say of single ones is left out.
     profiles = rig["profiles"] if isinstance(rig["profiles"], dict) else {}
@@ -218,7 +218,7 @@ def _put_over_profiles(rig: dict[str, Any], typed: Mapping[str, Any]) -> None:
 
 
 def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> ConfigurationError:
-    """Return a mistake with the place of the key that it names, where that was given last."""
+    """Return an error with the place of its key, in the last layer that has it."""
     where = error.problem.where
     if not isinstance(where, Key):
         return error
@@ -231,8 +231,8 @@ def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> Configuratio
                 if _depth(layer.values, path) < len(path):
                     continue
                 if name == key:
-                    more = {"beside": where.beside} if where.beside else {}
-                    return layer.blame(error.adding("", **more), *path)
+                    beside = {"beside": where.beside} if where.beside else {}
+                    return layer.blame(error.adding("", **beside), *path)
                 if (place := layer.place(*path)) is not None:
                     return error.at(place, subject=".".join((*path[:-1], key)))
                 itself = error.at(Key((key,)), subject="")
@@ -243,12 +243,12 @@ def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> Configuratio
 
 
 def _explained(error: ValidationError, layers: Sequence[_Layer]) -> ConfigurationError:
-    """Return the first thing that is wrong, with the layer it came from."""
+    """Return the first error, with the place in its layer."""
     errors = error.errors(include_url=False)
-    first = next((issue for issue in errors if issue["type"] == "extra_forbidden"), errors[0])
-    keys = [str(part) for part in first["loc"]]
-    context = first.get("ctx", {})
-    kind = first["type"].removesuffix("_type").removesuffix("_parsing")
+    issue = next((issue for issue in errors if issue["type"] == "extra_forbidden"), errors[0])
+    keys = [str(key) for key in issue["loc"]]
+    context = issue.get("ctx", {})
+    kind = issue["type"].removesuffix("_type").removesuffix("_parsing")
     # pydantic ends with the branch of a union that it tried, which is no key.
     source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
     keys = keys[: max(_depth(source.values, keys), 1)]
@@ -271,16 +271,16 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
         reason += f" {unit}" * (kind == "less_than_equal")
         reason += f"; a bare number is in {unit}{example}"
     typed: Any = source.values
-    for part in keys[: _depth(source.values, keys)]:  # as it was written, not as it was converted
-        typed = typed[int(part) if isinstance(typed, list | tuple) else part]
-    shown = "" if isinstance(typed, dict) else f", found {typed!r}"
+    for key in keys[: _depth(source.values, keys)]:  # as it was written, not as it was converted
+        typed = typed[int(key) if isinstance(typed, list | tuple) else key]
+    found = "" if isinstance(typed, dict) else f", found {typed!r}"
     if near := did_you_mean(str(typed), entry.words if entry is not None else ()):
-        shown += f".{near}"
-    return source.blame(ConfigurationError(f"{reason}{shown}", code=code), *keys)
+        found += f".{near}"
+    return source.blame(ConfigurationError(f"{reason}{found}", code=code), *keys)
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:
-    """Return how many of the keys, one inside the other, are there."""
+    """Return how many of the nested keys exist."""
     for depth, key in enumerate(keys):
         if isinstance(values, dict) and key in values:
             values = values[key]
@@ -305,29 +305,29 @@ _COLUMN, _WIDE = 33, 108  # where comments begin, and end
 
 
 def configuration_toml(configuration: Configuration) -> str:
-    """Return the complete configuration as TOML, each key with what it is for.
+    """Return the complete configuration as TOML, each key with its meaning.
 
     `load_configuration` of the text gives equal settings.
     """
     lines: list[str] = [_PREFACE]
     for name, section in SECTIONS.items():
-        about = {key: entry.about for key, entry in section.entries().items()}
-        lines += _section_lines(name, configuration.document[name], section.about, about)
+        comments = {key: entry.about for key, entry in section.entries().items()}
+        lines += _section_lines(name, configuration.document[name], section.about, comments)
     return "\n".join(lines)
 
 
 def _section_lines(
-    name: str, values: Mapping[str, Any], about: str, of_keys: Mapping[str, str]
+    name: str, values: Mapping[str, Any], heading: str, comments: Mapping[str, str]
 ) -> Iterator[str]:
     yield f"[{name}]"
-    yield from (f"# {line}" for line in about.splitlines())
+    yield from (f"# {line}" for line in heading.splitlines())
     is_damper = name == "damper"
-    inner = {key: own for key, own in values.items() if is_damper and isinstance(own, dict)}
+    inner = {key: value for key, value in values.items() if is_damper and isinstance(value, dict)}
     for key, value in values.items():
         if key in inner:
             continue
         entry = f"{key} = {toml_value(value)}"
-        comment = of_keys.get(key) or (MEASURED.get(key, "") if is_damper else "")
+        comment = comments.get(key) or (MEASURED.get(key, "") if is_damper else "")
         if len(entry) >= _COLUMN and comment:
             yield from (f"# {line}" for line in wrap(f"{comment}:", _WIDE))
             yield entry
@@ -341,7 +341,7 @@ def _section_lines(
 
 
 def toml_value(value: Any) -> str:
-    """Return a value as TOML has it; text without escapes where it can be."""
+    """Return a value as TOML; text without escapes where possible."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""What a configuration holds (`Configuration`), and how it is made of a document, by pydantic."""
+"""`Configuration`, and how it is made of a document, by pydantic."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ from damperfit.tested.setting import Setting, parse_setting
 from damperfit.units.quantities import dimension_of, parse_quantity, says_absolute_or_gauge
 from damperfit.units.shown_units import parse_units
 
-# Keys of [damper] that say what a damper's gas is.
+# Keys of [damper] on the gas.
 GAS = ("gas_volume", "gas_pressure", "gas_exponent")
-# Those that say what its valves, its rig and its friction are made of, which is not measured.
+# Keys on the structure of valves, rig and friction, which is not measured.
 _OF_THE_LAW = {"rebound", "compression", "mounting", "friction", "passages", "floating_piston"}
 _OUTSIDE = "ambient_pressure"  # rarely declared, and reported by itself
 _HARMLESS = {"oil_density", "gas_exponent"}
@@ -69,7 +69,7 @@ _USUALLY_SHARED: tuple[list[str], ...] = ([], ["r_m3", "f_f"], ["detect"])  # by
 _MOST = 8  # adjusters of a damper; real ones have four
 _CLOSED = "from closed"
 _FROM = ("from open", _CLOSED)
-# Hz, m, degC and K: a window that belongs to this test asks nothing of another one.
+# Hz, m, degC and K: a window of this test does not apply to another one.
 _PAPERS_TEST = (1.5, 0.032, 26.0, 1.0)
 
 
@@ -120,7 +120,7 @@ class Configuration:
 
     @property
     def not_measured(self) -> tuple[str, ...]:
-        """Those to be measured: the air is everywhere much the same, and some move no force."""
+        """Undeclared keys to be measured: without the air, and keys that change no force."""
         others = {*_OF_THE_LAW, _OUTSIDE, *self.damper.plain.unfelt}
         return tuple(name for name in self.undeclared if name not in others)
 
@@ -132,7 +132,7 @@ class Configuration:
 
     @property
     def whose(self) -> str:
-        """Whose dimensions are the default where none is declared."""
+        """The damper whose dimensions are the default."""
         return "the paper's damper" if self.damper.name == "purdy" else "a generic damper"
 
     @property
@@ -145,8 +145,7 @@ class Configuration:
     def assumed_dimensions(self) -> str:
         """Which dimensions are not declared, and their defaults; empty for none.
 
-        What the oil weighs, how its gas is compressed and what presses on the rod bend nothing that
-        the grade hides.
+        Oil density, gas exponent and ambient pressure do not affect what the grade assesses.
         """
         missing = self._not_declared
         if not self.is_assumed:
@@ -157,7 +156,7 @@ class Configuration:
         return f"{missing}, and with the dimensions of {self.whose}"
 
     def damper_sentence(self, origin: str = "") -> str:
-        """Return the damper's main figures, whose they are, and in words where it was found."""
+        """Return the damper's main figures and their origin, as a sentence."""
         assumed = ""
         if self.is_assumed:
             whose = "the paper's" if self.damper.name == "purdy" else "a generic damper's"
@@ -169,7 +168,7 @@ class Configuration:
 
     @property
     def notes(self) -> tuple[Problem, ...]:
-        """What was assumed of the damper."""
+        """Assumptions on the damper."""
         notes = [] if self.is_assumed else [*self._assumed()]
         fit = self.identification
         if (procedure := fit.procedure) != "joint":
@@ -192,8 +191,8 @@ class Configuration:
 
     def _assumed(self) -> Iterator[Problem]:
         if names := self.not_measured:
-            taken = {name: getattr(self.damper, name) for name in GAS if name in self.undeclared}
-            gas = f" ({gas_in_words(taken)})" if "gas_volume" in taken else ""
+            values = {name: getattr(self.damper, name) for name in GAS if name in self.undeclared}
+            gas = f" ({gas_in_words(values)})" if "gas_volume" in values else ""
             text = (
                 f"[damper] leaves {', '.join(names)} to {self.whose}{gas}: "
                 "declare what your damper has (damperfit config prints every key)"
@@ -212,14 +211,14 @@ class Configuration:
 
 
 def gas_in_words(values: Mapping[str, float]) -> str:
-    """Return what is taken for a damper's gas, of some of `GAS` in SI."""
-    words = {
+    """Return a damper's gas in words, by some of `GAS` in SI."""
+    formats = {
         "gas_volume": ("{:.3g} cm3 of gas", 1e6),
         "gas_pressure": ("{:.3g} bar absolute", 1e-5),
         "gas_exponent": ("exponent {:g}", 1.0),
     }
-    parts = ((*words[name], values[name]) for name in words if name in values)
-    return ", ".join(text.format(factor * value) for text, factor, value in parts)
+    items = ((*formats[name], values[name]) for name in formats if name in values)
+    return ", ".join(text.format(factor * value) for text, factor, value in items)
 
 
 def parameter_value(quantity: Quantity, value: str | float) -> float:
@@ -301,18 +300,18 @@ def _type_of(name: str, entry: Entry) -> Any:
 
 @cache
 def _section_model(section: Any) -> type[BaseModel]:
-    """Return the pydantic model of a section; the defaults stand as they would be written."""
+    """Return the pydantic model of a section; the defaults are as in a file."""
     keys = {
         name: (_type_of(name, entry), Field(default=entry.default, description=entry.about))
         for name, entry in section.entries().items()
     }
-    how = ConfigDict(extra="forbid", strict=True, protected_namespaces=())
-    return create_model(section.__name__, __config__=how, __doc__=section.__doc__, **keys)  # type: ignore[call-overload, no-any-return]
+    config = ConfigDict(extra="forbid", strict=True, protected_namespaces=())
+    return create_model(section.__name__, __config__=config, __doc__=section.__doc__, **keys)  # type: ignore[call-overload, no-any-return]
 
 
 @cache
 def document_model() -> type[BaseModel]:
-    """Return the model of the whole document; what [damper] has is its own model's to judge."""
+    """Return the model of the whole document; the damper's own model checks [damper]."""
     sections: dict[str, Any] = dict(SECTIONS)
     kinds: dict[str, Any] = {name: (_section_model(sections[name]), ...) for name in sections}
     kinds["damper"] = (dict[str, Any], ...)
@@ -325,13 +324,13 @@ def build_configuration(
 ) -> Configuration:
     """Return the configuration that a complete TOML document describes."""
     model = document["damper"]["model"]
-    own: dict[str, Any] = {}  # defaults of the model, for what is not declared
+    defaults: dict[str, Any] = {}  # defaults of the model, for what is not declared
     if model != "purdy":
-        own = {"procedure": MODELS[model].procedures[0], "share": [DETECT]}
+        defaults = {"procedure": MODELS[model].procedures[0], "share": [DETECT]}
     if document["damper"]["reference_temperature"] != "none":
-        own["procedure"] = "joint"
-    left = {key: value for key, value in own.items() if f"identification.{key}" not in declared}
-    document = {**document, "identification": document["identification"] | left}
+        defaults["procedure"] = "joint"
+    defaults = {k: v for k, v in defaults.items() if f"identification.{k}" not in declared}
+    document = {**document, "identification": document["identification"] | defaults}
     values = document_model().model_validate(document).model_dump(exclude_unset=True)
     damper, adjusters = damper_of(values["damper"]), check_adjusters(values["adjusters"])
     rig_values, fit, output, test = (
@@ -360,14 +359,14 @@ def build_configuration(
     output["units"] = parse_units(output["units"], Key(("output", "units")))
     check_profile_names(fit["profile"], damper.names, fixed=fit["fix"])
     is_open = "damper.model" not in declared
-    named = {*fit["fix"], *fit["free"]}
+    chosen = {*fit["fix"], *fit["free"]}
     solver = SolverOptions(values["simulation"]["tolerance"], dead_band=fit["dead_band"])
     return Configuration(
         damper=damper,
         rig=rig,
         reading=reading,
         test=TestSection(**test | {"table": _path(test["table"]), "typed": frozenset()}),
-        conditioning=_conditioning(values["conditioning"], rig, facts_of_damper(damper, named)),
+        conditioning=_conditioning(values["conditioning"], rig, facts_of_damper(damper, chosen)),
         identification=_fit_options(fit, damper, values["adjusters"], is_open=is_open),
         hold_out=HoldOutOptions(fit["hold_out"], fit["hold_out_cycles"]),
         start_table=_path(fit["start"]),
@@ -391,24 +390,24 @@ def _path(text: str) -> Path | None:
 
 
 def _declared(values: dict[str, Any], *place: str) -> dict[str, Any]:
-    """Return the keys of a profile that are given, what logs were tested at in SI."""
-    given = {key: _as_read(values[key]) for key in ProfileSection.entries() if key in values}
-    if "tested_at" in given:  # a name that is none is left to the reader's options
-        given["tested_at"] = {
+    """Return the keys of a profile that are given, `tested_at` in SI."""
+    profile = {key: _as_read(values[key]) for key in ProfileSection.entries() if key in values}
+    if "tested_at" in profile:  # a name that is none is left to the reader's options
+        profile["tested_at"] = {
             name: _read(text, partial(fact_of, name, str(text)), *place, "tested_at", name)
             if name in FACTS
             else math.nan
-            for name, text in given["tested_at"].items()
+            for name, text in profile["tested_at"].items()
         }
-    return given
+    return profile
 
 
-def _conditioning(own: dict[str, Any], rig: RigSection, facts: dict[str, Any]) -> ConditionOptions:
-    is_auto = isinstance(own["filter_corner"], str)
+def _conditioning(keys: dict[str, Any], rig: RigSection, facts: dict[str, Any]) -> ConditionOptions:
+    is_auto = isinstance(keys["filter_corner"], str)
     names = ("frequency", "amplitude", "temperature", "temperature_tolerance")
     motion = {name: getattr(rig, name) for name in names}
     return ConditionOptions(
-        **own | ({"filter_corner": 30.0} if is_auto else {}),
+        **keys | ({"filter_corner": 30.0} if is_auto else {}),
         auto_corner=is_auto,
         rig_filter=rig.filter,
         rig_filter_corner=rig.filter_corner,
@@ -425,18 +424,18 @@ def _fit_options(
 ) -> FitOptions:
     def in_si(name: str) -> dict[str, float]:
         with blamed_on(Key(("identification", name))):
-            given = fit[name].items()
-            return {name: parameter_value(damper.quantity(name), value) for name, value in given}
+            items = fit[name].items()
+            return {name: parameter_value(damper.quantity(name), value) for name, value in items}
 
-    # How clicks count says the first such word of an adjuster.
-    words = ((name, [key] if isinstance(key, str) else key) for name, key in adjusters.items())
-    counted = [(name, next((word for word in how if word in _FROM), "")) for name, how in words]
+    # The first such word of an adjuster says how its clicks count.
+    lists = ((name, [key] if isinstance(key, str) else key) for name, key in adjusters.items())
+    counted = [(name, next((word for word in words if word in _FROM), "")) for name, words in lists]
     options = FitOptions(
         procedure=fit["procedure"],
         free=fit["free"] or None,
         fixed=in_si("fix"),
         start=GivenStart(in_si("start_values")),
-        share=_with_beta(damper, fit["share"], named={*fit["free"], *fit["fix"]}),
+        share=_with_beta(damper, fit["share"], {*fit["free"], *fit["fix"]}),
         follows=followed(adjusters, damper, is_law_open=is_open),
         from_closed=tuple(name for name, word in counted if word == _CLOSED),
         solver=SolverOptions(tolerance=fit["tolerance"], dead_band=fit["dead_band"]),
@@ -451,30 +450,30 @@ def _fit_options(
     return options
 
 
-def offset_facts(damper: Model, named: Collection[str]) -> OffsetFacts:
-    """Return what the fit of a model makes of a force that the rig adds; named: freed or held."""
-    own = tuple(
+def offset_facts(damper: Model, chosen: Collection[str]) -> OffsetFacts:
+    """Return how a model fits a force that the rig adds; chosen: names freed or fixed."""
+    others = tuple(
         q.name for q in damper.quantities if not (q.is_shared or q.is_offset) and q.default is None
     )
     for quantity in damper.quantities:
         if quantity.is_offset:
-            is_known = quantity.default is None or quantity.name in named
-            return OffsetFacts(name=quantity.name, beside=own, is_known=is_known)
+            is_known = quantity.default is None or quantity.name in chosen
+            return OffsetFacts(name=quantity.name, beside=others, is_known=is_known)
     return OffsetFacts()
 
 
-def facts_of_damper(damper: Model, named: Collection[str]) -> dict[str, Any]:
-    """Return what conditioning asks of a damper, by the names of `ConditionOptions`."""
+def facts_of_damper(damper: Model, chosen: Collection[str]) -> dict[str, Any]:
+    """Return the facts of a damper for conditioning, by the names of `ConditionOptions`."""
     gas = None if damper.gas is None else GasFacts(*damper.gas)
-    offset, lengths = offset_facts(damper, named), damper.chamber_lengths
+    offset, lengths = offset_facts(damper, chosen), damper.chamber_lengths
     moduli = [q for q in damper.quantities if q.name == K_E.name]
-    is_free = any(q.default is None or q.name in named for q in moduli)
+    is_free = any(q.default is None or q.name in chosen for q in moduli)
     return {"gas": gas, "offset": offset, "chamber_lengths": lengths, "has_free_k_e": is_free}
 
 
-def _with_beta(damper: Model, names: tuple[str, ...], *, named: Collection[str]) -> tuple[str, ...]:
-    """What all settings share, and what temperature does, which is one damper's."""
-    is_declared = BETA.name in {*names, *named} or names == ("detect",)
+def _with_beta(damper: Model, names: tuple[str, ...], chosen: Collection[str]) -> tuple[str, ...]:
+    """Return the shared quantities, with that of temperature, which belongs to the damper."""
+    is_declared = BETA.name in {*names, *chosen} or names == ("detect",)
     return names if is_declared or not isinstance(damper, WithTemperature) else (*names, BETA.name)
 
 
@@ -482,7 +481,7 @@ def _with_beta(damper: Model, names: tuple[str, ...], *, named: Collection[str])
 
 
 def check_adjusters(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
-    """Return the names of the adjusters; refuse what is no name, or that of a column."""
+    """Return the names of the adjusters; refuse other texts, and names of columns."""
     count = len(adjusters)
     wrong = [] if 1 <= count <= _MOST else [f"found {count}, expected 1 to {_MOST}"]
     for name in adjusters:
@@ -501,9 +500,9 @@ def followed(
     adjusters: Mapping[str, AdjusterKey], damper: Model, *, is_law_open: bool = False
 ) -> dict[str, tuple[str, ...]]:
     """Return the quantities of a model that are declared to follow adjusters."""
-    own, words = _parts(damper), _words(adjusters)
-    targets = own
-    if is_law_open and any(word not in own for _, word in words):  # those of every model
+    parts, pairs = _parts(damper), _words(adjusters)
+    targets = parts
+    if is_law_open and any(word not in parts for _, word in pairs):  # those of every model
         from damperfit.damper.network import BLOW_OFFS, Valve
         from damperfit.damper.valve_dampers import DeclaredNetwork, ValveDamper
 
@@ -516,21 +515,21 @@ def followed(
                 valve = {"rebound": Valve("long", law), "compression": Valve("long", law)}
                 targets |= _parts(kind(**valve if has_valves else {}))
     by_quantity: dict[str, dict[str, None]] = {}
-    for adjuster, word in words:
+    for adjuster, word in pairs:
         if not targets.get(word):
             near = did_you_mean(word, targets) or f" There are {', '.join(targets)}."
             text = f"no quantity '{word}' of the model {damper.name} could follow it.{near}"
             where = Key(("adjusters", adjuster))
             raise ConfigurationError(text, where=where, code="unknown-quantity")
-        for name in own.get(word, ()):
+        for name in parts.get(word, ()):
             by_quantity.setdefault(name, {})[adjuster] = None
-    return {name: tuple(who) for name, who in by_quantity.items()}
+    return {name: tuple(names) for name, names in by_quantity.items()}
 
 
 def unmatched(adjusters: Mapping[str, AdjusterKey], damper: Model) -> tuple[str, ...]:
     """Return the words in [adjusters] that name nothing of a model."""
-    own = _parts(damper)
-    return tuple(word for _, word in _words(adjusters) if word not in own)
+    parts = _parts(damper)
+    return tuple(word for _, word in _words(adjusters) if word not in parts)
 
 
 def _words(adjusters: Mapping[str, AdjusterKey]) -> list[tuple[str, str]]:
@@ -547,10 +546,10 @@ def _parts(damper: Model) -> dict[str, tuple[str, ...]]:
     return {**damper.parts, **{name: (name,) for name in damper.names}}
 
 
-def _read(value: Any, read: Callable[[], Any], *key: str) -> Any:
-    """Return what is read of a value of [rig]; a value that is none is refused with its key."""
+def _read(value: Any, parse: Callable[[], Any], *key: str) -> Any:
+    """Return a value of [rig] as parsed; an error names its key."""
     try:
-        return read()
+        return parse()
     except ValueError as error:
         text, where = f"found {value!r}, {error}", Key(("rig", *key))
         raise ConfigurationError(text, where=where, code="wrong-value") from error
@@ -575,8 +574,8 @@ def configuration_schema() -> dict[str, Any]:
     keys["model"]["enum"] = [*MODELS]
     damper = {"type": "object", "properties": keys, "additionalProperties": False}
     schema["properties"]["damper"] = damper
-    named = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "damperfit"}
-    return {**schema, **named}
+    header = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "damperfit"}
+    return {**schema, **header}
 
 
 def _add(keys: dict[str, Any], name: str, value: Any) -> None:

@@ -105,7 +105,7 @@ def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> Any:
             raise answer
         is_late = isinstance(answer, Died) and answer.is_late
         if is_new or is_late:  # another child would fail too
-            reason = answer.how if isinstance(answer, Died) else type(answer).__name__
+            reason = answer.cause if isinstance(answer, Died) else type(answer).__name__
             text = (
                 f"damaged {reader.reads} file: its reader ended by {reason}; copy the log again, "
                 "or raise the limit of memory (rig.max_log_bytes)"

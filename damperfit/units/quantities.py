@@ -226,28 +226,28 @@ def _converted(text: str | float, dimension: str) -> float:
             raise QuantityError(
                 f"expected a number or a text such as '{example}' for a {dimension}, found {text!r}"
             ) from None
-    parts = _QUANTITY.fullmatch(text)
-    if parts is None:
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
         raise QuantityError(
             f"{text!r} cannot be read as {dimension}; expected a finite number with a unit, "
             f"as in {example}, or a bare number in {example[3:]}"
         )
-    number = float(parts["number"])
-    if parts["unit"] is None:
+    number = float(match["number"])
+    if match["unit"] is None:
         return number
-    unit = find_unit(parts["unit"], dimension)
+    unit = find_unit(match["unit"], dimension)
     if unit.offset != 0.0 or not 1e-200 < abs(number) < 1e200:  # Fraction(1e-999999) never ends
         return unit.to_si(number)
     from fractions import Fraction
 
-    return float(Fraction(parts["number"]) * Fraction(repr(unit.factor)))
+    return float(Fraction(match["number"]) * Fraction(repr(unit.factor)))
 
 
 def says_absolute_or_gauge(text: str) -> bool:
     """Say whether the unit of a pressure says absolute or gauge."""
-    parts = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(text)
     units = _UNITS["absolute pressure"].keys() - _UNITS["pressure"].keys()
-    return parts is not None and parts["unit"] in units
+    return match is not None and match["unit"] in units
 
 
 def engineering(value: float, *, digits: int = 4) -> str:

@@ -36,13 +36,13 @@ class ShownUnits:
 
     def of(self, unit: str) -> str:
         """Return the unit in which what is in an SI unit is shown."""
-        shown = self._named(unit)
-        return unit if shown is None else shown.symbol
+        target = self._named(unit)
+        return unit if target is None else target.symbol
 
     def show(self, value: Number, unit: str) -> Number:
         """Return a number, or an array of numbers, in the unit that is shown for an SI unit."""
-        shown = self._named(unit)
-        return value if shown is None else value / shown.factor
+        target = self._named(unit)
+        return value if target is None else value / target.factor
 
     def write(self, value: float, unit: str, form: str) -> str:
         """Return a number with its unit in words, by a format specification."""
@@ -87,7 +87,7 @@ def parse_units(text: str, where: Where | None = None) -> ShownUnits:
     """
     where = where or Option("units", text)
     chosen: dict[str, Unit] = {}
-    for name in (part.strip() for part in text.split(",")):
+    for name in map(str.strip, text.split(",")):
         kind = next((kind for kind in _DIMENSIONS if is_unit(name, kind)), None)
         if kind is None:
             listed = "; ".join(f"{kind} {', '.join(units_of(kind))}" for kind in _DIMENSIONS)
