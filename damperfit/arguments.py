@@ -282,13 +282,13 @@ def with_keywords(function: Callable[..., Any]) -> str:
 
     for name, parameter in parameters.items():
         keyword = keyword_of(command, name)
-        about = _OF_PYTHON.get(name) or _OF_PYTHON.get(f"{command}.{name}")
+        meaning = _OF_PYTHON.get(name) or _OF_PYTHON.get(f"{command}.{name}")
         if keyword is not None:
-            about = _OPTION.sub(spelled, keyword.help)
-        if about is not None and name not in documented:
+            meaning = _OPTION.sub(spelled, keyword.help)
+        if meaning is not None and name not in documented:
             kind = str(parameter.annotation).removesuffix(" | None")
             kind = kind if kind != "object" else "path, pattern, list of such, or labelled frames"
-            lines += [f"    {name} : {kind}", f"        {about}"]
+            lines += [f"    {name} : {kind}", f"        {meaning}"]
     title = "Other Parameters" if "    Parameters\n" in text else "Parameters"
     heading = ["", f"    {title}", f"    {'-' * len(title)}"]
     return "\n".join([text.rstrip(), *heading, *lines, ""]) if lines else text

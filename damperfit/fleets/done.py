@@ -14,7 +14,7 @@ from damperfit.reporting.sheet import Sheet
 
 if TYPE_CHECKING:
     from damperfit.comparison.tolerance import Tolerance
-    from damperfit.fleets.survey import HeldFleet, Survey
+    from damperfit.fleets.survey import Survey, ToleranceCheck
 
 _MANY = 20  # failures, or dampers, that are listed one by one; the parts hold them all
 _LABELS = {
@@ -41,9 +41,9 @@ class FleetDone(Answer):
         self.page: Path | None = None
 
     @property
-    def held(self) -> HeldFleet | None:
+    def check(self) -> ToleranceCheck | None:
         """The fleet compared with a tolerance, where one was given."""
-        return None if self.survey is None else self.survey.held
+        return None if self.survey is None else self.survey.check
 
     @property
     def counts(self) -> dict[str, int]:
@@ -57,7 +57,7 @@ class FleetDone(Answer):
             return 130
         if any(task.n_failures for task in self.done):
             return 1 if any(task.n_settings for task in self.done) else 3
-        is_missed = self.held is not None and bool(self.held.missed)
+        is_missed = self.check is not None and bool(self.check.missed)
         return 4 if is_missed or any(task.n_gates for task in self.done) else 0
 
     def collect(self, tolerance: Tolerance | None, *, is_reported: bool) -> None:
@@ -78,7 +78,7 @@ class FleetDone(Answer):
         """Return all of it as JSON values."""
         from damperfit.reporting.compared import tolerance_rows
 
-        check, survey = self.held, self.survey
+        check, survey = self.check, self.survey
         worst = () if check is None else check.worst
 
         def lines(name: str) -> list[dict[str, str]]:
@@ -118,7 +118,7 @@ class FleetDone(Answer):
             if (n := len({task.owner for task in self.done})) < len(self.done):
                 dampers = f"{self.n_tasks} tests of {counted(n, 'damper')}"
             lines.append(f"{dampers}: {states}; {n_logs} logs, {settings}")
-        if (check := self.held) is not None:
+        if (check := self.check) is not None:
             lines.append(f"tolerance {check.source}: {check.sentence}")
             for point in check.worst[:_MANY]:
                 setting = f", setting {point.setting}" if str(point.setting) else ""

@@ -208,9 +208,9 @@ def write_page(folder: Path, fleet: Survey) -> Path:
         "outliers": pa.Table.from_pandas(outliers, preserve_index=False),
         "run_rules": _table(fleet.rules, RULE_COLUMNS),
     }
-    if fleet.held is not None:
+    if fleet.check is not None:
         tables["capability"] = _table(fleet.capability, CAPABILITY_COLUMNS)
-        tables["tolerance"] = tolerance_table(fleet.held.missed)
+        tables["tolerance"] = tolerance_table(fleet.check.missed)
     with file_set(folder) as files:
         files.path("fleet.html").write_bytes(page.encode("utf-8", "backslashreplace"))
         files.path("plotly.min.js").write_text(plotly_script(), encoding="utf-8")
@@ -224,7 +224,7 @@ def _table(rows: Rows, names: Sequence[str]) -> pa.Table:
 
 
 def fleet_page(fleet: Survey, *, title: str) -> str:
-    """Return a fleet, and its forces held against a tolerance, as one self-contained HTML page."""
+    """Return a fleet, with its comparison with a tolerance, as one self-contained HTML page."""
     data = PlotData()
     plots = list(zip(fleet.series, series_plots(fleet), strict=True))
     forces = [data.add(plot) for series, plot in plots if series.stroke]
@@ -234,10 +234,10 @@ def fleet_page(fleet: Survey, *, title: str) -> str:
         ("Over the date of the test", [data.add(plot) for plot in trend_plots(fleet)]),
     ]
     tolerance = None
-    if (held := fleet.held) is not None:
+    if (check := fleet.check) is not None:
         note = "Shown is the worst point of each damper; all are in fleet_tolerance.csv."
-        worst = replace(tolerance_sheet(held.worst[:MOST_LINES]), notes=(note,))
-        tolerance = (held.source, held.sentence, worst)
+        worst = replace(tolerance_sheet(check.worst[:MOST_LINES]), notes=(note,))
+        tolerance = (check.source, check.sentence, worst)
     return draw(
         "fleet.html",
         title=title,

@@ -63,7 +63,7 @@ class Survey(NamedTuple):
     setting and damper, with their standard `error` and what all dampers have there: `n_dampers`,
     `median`, `low` and `high` of the middle 90 %, `quarter` and `three_quarters`, `distance` from
     the median. `outliers` are rows of it, the farthest first. `shifts` says in sentences what has
-    changed over the dates, `rules` what each force says of it, `held` is the fleet against a
+    changed over the dates, `rules` what each force says of it, `check` compares the fleet with a
     tolerance with the `capability` of each force.
     """
 
@@ -75,7 +75,7 @@ class Survey(NamedTuple):
     outliers: pd.DataFrame
     shifts: Sequence[str] = ()
     rules: Rows = ()
-    held: HeldFleet | None = None
+    check: ToleranceCheck | None = None
     capability: Rows = ()
 
 
@@ -109,9 +109,9 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
         values, errors = pair.to_numpy(dtype=float, na_value=np.nan).T
         is_known = np.isfinite(values)
         # A parameter that was fitted nowhere and is the same everywhere: nothing to see.
-        is_held = is_known.sum() > 1 and not np.ptp(values[is_known])
-        is_held = is_held and not np.isfinite(errors).any() and not match
-        if is_held or not is_known.any():
+        is_fixed = is_known.sum() > 1 and not np.ptp(values[is_known])
+        is_fixed = is_fixed and not np.isfinite(errors).any() and not match
+        if is_fixed or not is_known.any():
             continue
         blocks.append(rows.assign(series=name, value=values, error=errors)[is_known])
         if match:
@@ -135,7 +135,7 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
     if tolerance is None:
         return fleet
     check = fleet_against_bands(fleet, tolerance)
-    return fleet._replace(held=check, capability=capability(fleet, check))
+    return fleet._replace(check=check, capability=capability(fleet, check))
 
 
 def _with_bands(values: Any) -> Any:
@@ -196,13 +196,13 @@ def _day(text: str) -> float:
         return math.nan
 
 
-# The forces of a fleet held against bands: around the median of the fleet, or nominal ones.
+# The forces of a fleet compared with bands around the median of the fleet, or nominal ones.
 
 _NEAR = 1e-9  # m/s
 
 
-class HeldFleet(NamedTuple):
-    """A fleet held against a tolerance."""
+class ToleranceCheck(NamedTuple):
+    """The forces of a fleet compared with a tolerance."""
 
     source: str  # the tolerance, as it was given
     n_points: int
@@ -233,7 +233,7 @@ class HeldFleet(NamedTuple):
         )
 
 
-def fleet_against_bands(fleet: Survey, tolerance: Tolerance) -> HeldFleet:
+def fleet_against_bands(fleet: Survey, tolerance: Tolerance) -> ToleranceCheck:
     """Compare the forces of a fleet with a tolerance.
 
     Per cent and newtons are around the median force of the setting over the fleet, and a damper
@@ -293,7 +293,7 @@ def fleet_against_bands(fleet: Survey, tolerance: Tolerance) -> HeldFleet:
         of = (row.damper, fleet.settings[row.setting])
         force = forces[row.series]
         missed.append(Point(*of, force.speed, force.stroke, row.value, row.least, row.most))
-    return HeldFleet(
+    return ToleranceCheck(
         tolerance.source,
         len(missing) + len(table),
         len(dampers),
@@ -320,7 +320,7 @@ _RULES = {"1": (1, 1, 3.0), "2": (2, 3, 2.0), "3": (4, 5, 1.0), "4": (8, 8, 0.0)
 _MOVING_RANGE = math.sqrt(2.0) * 0.67449  # median of |a - b| of two normal values of sigma 1
 
 
-def capability(fleet: Survey, check: HeldFleet) -> Rows:
+def capability(fleet: Survey, check: ToleranceCheck) -> Rows:
     """Return Cp and Cpk of each force that a tolerance covers, the smallest Cpk first.
 
     s^2 is the variance S^2 of n dampers less the mean square v of their forces' standard errors.
@@ -344,8 +344,8 @@ def capability(fleet: Survey, check: HeldFleet) -> Rows:
         if s > 0.0:
             limits = []
             for share in (0.025, 0.975):
-                left = total * (n - 1) / chi_squared_quantile(n - 1, share) - noise
-                limits.append((high - low) / (6.0 * math.sqrt(left)) if left > 0.0 else None)
+                spread = total * (n - 1) / chi_squared_quantile(n - 1, share) - noise
+                limits.append((high - low) / (6.0 * math.sqrt(spread)) if spread > 0.0 else None)
             cpk, ratio = min(high - mean, mean - low) / (3.0 * s), total / s**2
             reach = NORMAL_95 * math.sqrt(ratio / (9 * n) + (cpk * ratio) ** 2 / (2 * (n - 1)))
             indices = ((high - low) / (6.0 * s), *limits, cpk, cpk - reach, cpk + reach)

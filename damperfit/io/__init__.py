@@ -34,13 +34,13 @@ def read_logs(
     """
     from damperfit.io.recordings import make_recordings
 
-    with _opened(path, options) as (source, tables, own, notes):
+    with _opened(path, options) as (source, tables, profiled, notes):
         try:
-            return make_recordings(source, tables, own, notes)
+            return make_recordings(source, tables, profiled, notes)
         except LogError as error:
             from damperfit.io.force_curves import holds_curves
 
-            if not holds_curves(tables, own):
+            if not holds_curves(tables, profiled):
                 raise
             raise TimelessError(
                 "speed and force without time, and a fit needs force and displacement over time; "

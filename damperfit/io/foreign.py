@@ -272,12 +272,12 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     for sheet, text in zip(names, texts, strict=True):
         notes = [f"sheet: {visible(sheet)}"] * (len(texts) > 1) + [note] * (n_formulas > 0)
         try:
-            read = read_delimited(source._replace(data=text), options)
+            blocks = read_delimited(source._replace(data=text), options)
         except LogError as error:
             place = f"sheet {visible(sheet)}{error.problem.subject.removeprefix(source.name)}"
             refusals.append(str(error.at(subject=place)))
             continue
-        tables += [replace(table, notes=(*notes, *table.notes)) for table in read]
+        tables += [replace(table, notes=(*notes, *table.notes)) for table in blocks]
     if not tables:
         raise LogError(
             refusals[0] if refusals else "the workbook has no sheets", code="unknown-format"

@@ -221,8 +221,8 @@ def _table(
                 bad |= ~np.isfinite(channels[channel])
             if bad.any():
                 at = int(np.flatnonzero(bad)[0])
-                shown = visible(str(values[at]))
-                place, text = f", row {at + 1}", f"{channel} is {shown}, expected a number"
+                place = f", row {at + 1}"
+                text = f"{channel} is {visible(str(values[at]))}, expected a number"
                 if not drops:
                     text += "; repair it, or drop such rows by rig.bad_rows = 'drop'"
                     raise LogError(text, subject=place, code="bad-json")
