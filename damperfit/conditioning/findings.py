@@ -694,8 +694,7 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Problem]:
         noise_ratio(channel, runs[0], log.interval) for channel in (log.displacement, log.force)
     )
     if math.isnan(motion) or math.isnan(force):
-        text = "whether the rig has filtered a channel cannot be judged: "
-        text += "too few cycles, or no noise above the motion"
+        text = "a filter in the rig cannot be judged: too few cycles, or no noise above the motion"
         yield note("rig_filter", text)
     elif min(motion, force) > _SMOOTHED:
         yield warning("rig_filter", text, value=force)

@@ -817,8 +817,7 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[Problem, ...
     if not failed:
         return ()
     worst = max(failed, key=lambda prediction: prediction.ratio)
-    code, what = "not-predicted", "the parameters hold for the tests that were fitted, not for the "
-    what += "damper"
+    code, what = "not-predicted", "the parameters hold for the fitted tests, not for the damper"
     if worst.is_same_motion:
         code = "drifted"
         what = "repeats of fitted tests differ from them: the rig or the damper has drifted"
