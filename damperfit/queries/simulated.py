@@ -125,12 +125,12 @@ class Simulation(Answer):
         if self.half_intervals is not None:
             rebound, bump = (f"{float(f'{half:.2g}'):g}" for half in self.half_intervals)
             parts.append(
-                f"the damper's own force ±{rebound} N at {figures.peak_speed_rebound:.3g} m/s in "
-                f"rebound, ±{bump} N in compression (95 %)"
+                f"95 % interval of the damper's force at {figures.peak_speed_rebound:.3g} m/s: "
+                f"±{rebound} N in rebound, ±{bump} N in compression"
             )
             if choice.between is not None:
                 beside = in_a_row([str(stage.setting) for stage in choice.between.beside])
-                parts[-1] += f", of {beside} and of other curves between the tested settings"
+                parts[-1] += f" (from {beside}, and other curves between tested settings)"
         if choice.fitted and not any(choice.tested.outside(**self._tested)):
             parts.append("amplitude, frequency and speed were tested")
         return "; ".join(parts)
