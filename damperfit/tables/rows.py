@@ -149,7 +149,6 @@ def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[di
     for click in clicks:
         change = {**_cells(CLICK, click), "changed": click.adjuster}
         changes[click.second, click.speed, click.stroke].append(change)
-    none = [dict.fromkeys(column.name for column in CLICK)]
     rows = []
     for force in forces:
         measured, key = force.measured, (force.setting, force.speed, force.stroke)
@@ -162,7 +161,7 @@ def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[di
         for part in ("opening", "closing", "peak"):
             value = None if measured is None else getattr(measured, part) - tare
             row[f"measured_{part}_N"] = finite(value)
-        rows += [row | change for change in changes.get(key, none)]
+        rows += [row | change for change in changes.get(key, [{}])]
     return rows
 
 
@@ -192,17 +191,8 @@ def characteristic_rows(
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a log: of each segment the peaks, then the named speeds (m/s)."""
     for place, segment in enumerate(trace.segments, start=1):
-        facts = {
-            "setting": setting,
-            "log": trace.name,
-            "stretch": place,
-            "kind": segment.kind,
-            "start_s": trace.start_time + segment.first * trace.interval,
-            "cycles": segment.n_cycles,
-            "frequency_Hz": segment.frequency,
-            "amplitude_m": segment.amplitude,
-            "temperature_degC": trace.temperature,
-        }
+        facts = {"setting": setting, "log": trace.name, "stretch": place}
+        facts |= {"temperature_degC": trace.temperature, **segment.describe(trace)}
         for row in _segment_rows(trace, segment, compared.force, damper, speeds):
             yield facts | row
 
@@ -248,11 +238,8 @@ def _segment_rows(
         "speed_rebound_m_per_s": measured.peak_speed_rebound,
         "speed_bump_m_per_s": measured.peak_speed_bump,
         "hysteresis_speed_m_per_s": half,
-        "measured_energy_J": measured.energy,
+        **{f"measured_{name}": value for name, value in measured.describe().items()},
         "simulated_energy_J": mean_energy(trace, segment, simulated),
-        "measured_energy_se_J": measured.energy_se,
-        "measured_hysteresis_rebound_se_N": measured.hysteresis_rebound_se,
-        "measured_hysteresis_bump_se_N": measured.hysteresis_bump_se,
         **cells(extremes, branches.get(half, [_UNREPEATED] * len(forces))),
     }
     for speed in speeds:
