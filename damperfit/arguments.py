@@ -48,7 +48,7 @@ _OF_PYTHON = {
     "on_law": "Called with the name of each law that was tried.",
     "inspect.units": "Units of columns that do not say theirs.",
 }
-# In the order of the help; what stands in none stands last, under "Options".
+# In the order of the help; a keyword without a panel is under "Options".
 PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "Output", "Options")
 
 
@@ -429,7 +429,7 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
         case "pairs":
             return assignments(value, option, "rod_diameter=12mm")
         case "text" if option.name == "tolerance" and not isinstance(value, str | Path):
-            # A bare number would be newtons, and is as often meant as per cent.
+            # A bare number would be newtons, and may be meant as per cent.
             text = f"found {value!r}; expected '5%', '20N' or the path of a table of bands"
             raise usage(text, "not-a-tolerance", option)
         case "text" if option.name == "tolerance":

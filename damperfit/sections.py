@@ -192,12 +192,12 @@ class TestSection(Section):
         "table of tests: columns file, damper, serial, adjusters, anything else; by default "
         "tests.csv beside the logs, where there is one",
         option="FILE", panel="Logs", keyword="tests", kind="path")
-    # Facts of tests that the command line gives, or sets aside: no table goes before it.
+    # Facts of tests that the command line gives or clears; it overrides every table.
     typed: frozenset[str]
 
     @property
     def identity(self) -> Identity:
-        """What is declared of the damper."""
+        """The declared identity of the damper."""
         from damperfit.tested.identity import IDENTITY_KEYS, Identity
 
         return Identity(**{key: getattr(self, key).strip() for key in IDENTITY_KEYS})

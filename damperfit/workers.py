@@ -1,4 +1,4 @@
-"""Work on many things at once: threads, processes that may die, a cluster.
+"""Work in parallel: threads, processes that may die, a cluster.
 
     with executor(jobs) as pool:        threads, or this thread where there is one job
         results = pool.map(act, items)  in the order of the items
@@ -38,7 +38,7 @@ _LOOK = 0.2  # s; how often a waiting process asks whether the user wants to sto
 
 
 class InTurn:
-    """One thing after the other in this thread."""
+    """An executor that works in this thread."""
 
     def map(self, act: Callable[..., Any], *items: Iterable[Any]) -> Iterator[Any]:
         """Yield the results in the order of the items."""
@@ -50,7 +50,7 @@ Threads = ThreadPoolExecutor
 
 @contextmanager
 def executor(jobs: int) -> Iterator[InTurn | Threads]:
-    """Yield an executor of ``jobs`` things at a time in this process; for one without a thread."""
+    """Yield an executor with ``jobs`` threads; one job works in this thread."""
     if jobs <= 1:
         yield InTurn()
         return
@@ -82,7 +82,7 @@ _FOREVER = threading.TIMEOUT_MAX
 
 
 class Died:
-    """Stands for the result of work that ended its worker."""
+    """The result of a task that ended its worker."""
 
     def __init__(self, cause: str = "", *, is_late: bool = False) -> None:
         self.cause, self.is_late = cause, is_late  # as "SIGSEGV"; it exceeded its time

@@ -1,7 +1,6 @@
-"""A command of a function: its options are the function's keywords, and it prints what comes back.
+"""A command of a function: its options are the function's keywords, and it prints the result.
 
-The command has no option of its own but those that say how it talks (`PRESENTATION`). Its help has
-panels, by what the options are for.
+Besides them it has only options of its output (`PRESENTATION`). Its help has panels by purpose.
 """
 
 import csv

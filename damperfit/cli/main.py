@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _ended_with(argv: list[str]) -> int:
-    """Run the command; whatever goes wrong is one line on stderr and an exit code."""
+    """Run the command; an error is one line on stderr and an exit code."""
     try:
         code = int(app(argv, standalone_mode=False, prog_name="damperfit") or 0)
     except KeyboardInterrupt:

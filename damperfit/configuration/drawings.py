@@ -1,4 +1,4 @@
-"""What a damper's lengths and pressures are, in words: for whoever measures them on the bench."""
+"""Drawings and texts for measuring a damper's lengths and pressures on the bench."""
 
 _CHAMBERS = """\
    rod
@@ -13,7 +13,7 @@ _CHAMBERS = """\
   |               |
 """
 
-# Model: what stands where, in words.
+# Drawing of a damper, by model.
 DRAWINGS = {
     "purdy": _CHAMBERS.format(bottom="the valves below")
     + """\

@@ -32,7 +32,7 @@ _OPTIONS = (
     *("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno"),
     *("-fvisibility=hidden", "-fPIC", "-shared", "-s"),
 )
-# Zig tunes for the CPU at hand and traps undefined behaviour unless told otherwise.
+# By default Zig tunes for this CPU and traps undefined behaviour.
 _ORDINARY = ("-mcpu=baseline", "-fno-sanitize=undefined", "-DNDEBUG")
 
 

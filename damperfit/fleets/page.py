@@ -195,7 +195,7 @@ def trend_plots(fleet: Survey) -> tuple[Plot, ...]:
 
 
 def write_page(folder: Path, fleet: Survey) -> Path:
-    """Write ``fleet.html``, and beside it whole tables of what it shows the worst of.
+    """Write ``fleet.html``, and beside it the whole tables of which it shows the worst.
 
     An InstallationError: plotly is not installed; an OutputError: the files cannot be written.
     """

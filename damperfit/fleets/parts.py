@@ -3,10 +3,9 @@
     OUT/serial-D003/part-KEY.parquet      rows of one damper; the serial number is a column of text
     OUT/_fleet/fleet.parquet              one table of all, which readers of OUT as a data set skip
 
-A part is there whole or not at all; which part a damper's logs give follows from the key alone. Its
-bytes depend on the logs, the configuration and the version, never on the clock or the worker. What
-is known besides the rows stands in the footer, outside of the schema, which would hold it a second
-time; what of run.json is compared is packed.
+A part is written as a whole or not at all; its name follows from the key alone. Its bytes depend on
+the logs, the configuration and the version, never on the clock or the worker. Other facts stand in
+the footer, outside of the schema, which would repeat them; what of run.json is compared is packed.
 """
 
 import hashlib
@@ -74,10 +73,10 @@ def _with_serial(table: pa.Table, path: Path) -> pa.Table:
 def write_part(
     path: Path, table: pa.Table, facts: dict[str, Any], record: dict[str, Any] | None = None
 ) -> None:
-    """Write a part with its rows, what is known besides, and what of run.json is compared.
+    """Write a part with its rows, facts, and the compared keys of run.json.
 
-    Of the facts "logs" are the hashes of its logs, "places" where they stand, and "seen" by place
-    what `damperfit.fleets.sources.KnownObject` holds.
+    Of the facts "logs" are the hashes of its logs, "places" their paths or addresses, and "seen" by
+    place the fields of `damperfit.fleets.sources.KnownObject`.
     """
     table = _with_serial(table, path)
     fields = [
@@ -110,14 +109,14 @@ def read_facts_of(path: Path) -> dict[str, Any]:
 
 
 def renew_facts(path: Path, **changed: Any) -> None:
-    """Write a part anew with other facts; its rows stay."""
+    """Write a part again with other facts and the same rows."""
     with suppress(ConfigurationError):  # `collect` refuses a damaged one
         table, record = part_table(path)
         write_part(path, table, read_facts_of(path) | changed, record)
 
 
 def touch(path: Path) -> None:
-    """Make a part the latest of its logs: what it says holds again."""
+    """Make a part the latest of its logs."""
     with suppress(OSError):
         os.utime(path)
 
@@ -148,7 +147,7 @@ def forget_earlier(folder: Path) -> None:
 
 
 def tidy(folder: Path) -> None:
-    """Finish or remove what killed workers left; the files of those that may be at work stay."""
+    """Finish or remove what killed workers left; files of workers that may be alive stay."""
     for name in PART_FOLDERS:
         for damper in folder.glob(name):
             settle(damper)

@@ -63,16 +63,16 @@ _ENTRY = re.compile(r"\s*[#;%/*!]*\s*([^:=\t;,]{1,40}?)\s*[:=\t;,]\s*(.+?)[\s;,]
 _REFERENCE = "reference_temperature_degC"
 
 
-# Whose a log is
+# The damper of a log
 
 
 class DamperTask(NamedTuple):
-    """The logs of one damper, as they go to a worker; everything in it can be pickled."""
+    """The logs of one damper, for a worker; everything in it can be pickled."""
 
     owner: str  # serial number, else the damper's name, else the folder of its logs
     logs: tuple[FleetLog, ...]  # in order
     tables: tuple[FleetLog, ...] = ()  # tables of tests that stand beside them
-    # Place of each log that has ended a worker, and the sentence that says so; it is left out.
+    # Place of each log that has killed a worker, with a sentence on it; it is left out.
     dead: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -113,7 +113,7 @@ def tasks_by_damper(
     """
     adjusters, table = configuration.reading.adjusters, configuration.test.table
     files = [source for source in sources if source.file.lower() == TABLE_OF_TESTS]
-    # Whose a log is, and at which setting, by its folder and name.
+    # Identity and setting of a log, by its folder and name.
     rows: dict[tuple[str, str], tuple[Identity, str]] = {}
     with brought_here(files) as (paths, _):
         tables = {(file.where, file.folder): file for file in files if is_tests_table(paths[file])}
@@ -160,7 +160,7 @@ def tasks_by_damper(
 
 
 def _in_unicode(name: str) -> str:
-    """Return a name with bytes that are no UTF-8 as escapes: no table takes them as they are."""
+    """Return a name with bytes that are no UTF-8 as escapes, for tables."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
@@ -182,7 +182,7 @@ def _undated(name: str, day: str, *, has_setting: bool) -> str:
 
 
 def _in_preamble(head: bytes) -> tuple[Identity, str]:
-    """Return whose test it is, and its setting, by the lines before the numbers of a text log."""
+    """Return identity and setting, by the lines before the numbers of a text log."""
     text = head.decode("utf-8", "replace")
     entries = (_ENTRY.match(line) for line in text.splitlines()[:60] if "\0" not in text)
     stated = {entry[1]: entry[2] for entry in entries if entry}
@@ -190,7 +190,7 @@ def _in_preamble(head: bytes) -> tuple[Identity, str]:
 
 
 def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configuration) -> str:
-    """Return the key of what a task's result depends on, of its logs and tables with their hashes.
+    """Return the key of a task's result, of its logs and tables with their hashes.
 
     It depends on the files' bytes and names, on which are in one folder (a table of tests holds for
     those), the configuration and the version of damperfit; not on the folders' names.
@@ -201,7 +201,7 @@ def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configur
     table = configuration.test.table
     facts = {
         "version": __version__,
-        # Where results stand changes nothing of them.
+        # The output folder does not change results.
         "configuration": {k: v for k, v in configuration.document.items() if k != "output"},
         "checks": list(configuration.output.checks),
         "max_mse_percent": configuration.output.max_mse_percent,
@@ -220,7 +220,7 @@ def hash_of(path: Path) -> str:
         return _UNREADABLE
 
 
-# What a worker does: the logs of one damper to the rows of its part, written where they belong.
+# The work of a worker: from the logs of one damper to the rows of its part.
 
 
 class State(Enum):
@@ -233,7 +233,7 @@ class State(Enum):
 
 
 class Done(NamedTuple):
-    """What became of one task; of an earlier part the failures are counted, not listed."""
+    """Outcome of one task; failures of an earlier part are counted, not listed."""
 
     owner: str
     state: State
@@ -304,7 +304,7 @@ def _fitted(
     paths: Mapping[FleetLog, Path],
     stamps: Mapping[FleetLog, str],
 ) -> Done:
-    """Fit one damper and write its part; whatever is wrong with the logs becomes rows of it."""
+    """Fit one damper and write its part; errors of its logs become rows of it."""
     hashes = {file: hash_of(path) for file, path in paths.items()}
     entries = ((paths[file], digest) for file, digest in hashes.items())
     path, key, before = _part_of(task, configuration, folder, entries)
@@ -340,7 +340,7 @@ def _fitted(
         raise  # of the machine, not of the logs: tried again another time
     except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on
         failures.append((task.owner, failure_of(error, "the work on the logs of one damper")))
-    # Wherever a log was read, it is called as in the fleet.
+    # In messages a log has its name in the fleet, not that of its copy.
     names = {
         spelled: _in_unicode(log.name)
         for log in task.logs
@@ -387,7 +387,7 @@ def _force_columns(stroke: str, speed: float) -> tuple[str, str]:
 
 
 def _part_rows(run: Run, damper: str) -> Iterator[dict[str, Any]]:
-    """Yield one row a setting: parameters, whose it is, forces at named speeds."""
+    """Yield one row a setting: parameters, damper, date, forces at named speeds."""
     forces: dict[str, dict[str, float]] = defaultdict(dict)
     for row in run.table("adjustment").to_pylist():
         force, error = _force_columns(row["stroke"], row["speed_m_per_s"])

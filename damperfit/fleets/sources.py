@@ -1,8 +1,8 @@
 """Where the logs of a fleet are: folders, patterns, object stores; those fetched to this machine.
 
 A part holds for each object of a store its stamp when it was fetched (ETag, size, time of change)
-and its content's hash and owner. An object whose stamp is the same today is not fetched again. A
-store that does not answer costs a damper a sentence and the run nothing.
+and its content's hash and owner. An object whose stamp has not changed is not fetched again. Where
+a store does not answer, its dampers fail and the run goes on.
 """
 
 import fnmatch
@@ -42,7 +42,7 @@ class KnownObject(NamedTuple):
 
     stamp: str  # what changes with its bytes
     sha256: str
-    owner: str  # whose log it says it is, in its preamble
+    owner: str  # by its preamble
     date: str = ""  # likewise
 
 
@@ -51,7 +51,7 @@ class FleetLog:
     """One log of a fleet."""
 
     place: str  # absolute path, or the address in an object store
-    name: str  # path below the folder or pattern that was asked for, with /
+    name: str  # path below the named folder or pattern, with /
     earlier: KnownObject | None = field(default=None, compare=False)  # of one that has not changed
 
     @property
@@ -61,13 +61,13 @@ class FleetLog:
 
     @property
     def where(self) -> str:
-        """The folder that it stands in, or its address."""
+        """Path or address of its folder."""
         place = self.place if self.is_remote else self.place.replace("\\", "/")
         return place.rpartition("/")[0]
 
     @property
     def folder(self) -> str:
-        """The folders that it stands in, below what was asked for; else the one that was."""
+        """Its folders below the one that was named; else the name of that one."""
         parent = str(PurePosixPath(self.name).parent)
         place = PurePosixPath(self.place.replace("\\", "/").partition("?")[0])
         return place.parent.name if parent == "." else parent
@@ -79,7 +79,7 @@ class FleetLog:
 
     @property
     def fetched_to(self) -> PurePosixPath:
-        """Where an object is put, below a folder: two folders may hold logs of one name."""
+        """Where an object is fetched to, below a folder; logs of one name stay apart."""
         parent = self.place.rpartition("/")[0].encode()
         return PurePosixPath(hashlib.sha256(parent).hexdigest()[:12], self.name)
 
@@ -88,12 +88,12 @@ def _is_address(text: str) -> bool:
     return _ADDRESS.match(text) is not None
 
 
-# What is asked of an object store
+# Object stores
 
 
 @lru_cache(maxsize=16)
 def _file_system(root: str) -> Any:
-    """The store that an address is in; made once a process."""
+    """Return the store of an address; made once a process."""
     from pyarrow import fs
 
     try:
@@ -181,7 +181,7 @@ def _fetched(address: str, path: Path) -> str:
     return stamp if stamp and stamp == _stamp_of(address) else ""
 
 
-# Logs that are looked for
+# Finding logs
 
 
 def find_sources(names: Iterable[str]) -> tuple[FleetLog, ...]:
@@ -220,7 +220,7 @@ def find_sources(names: Iterable[str]) -> tuple[FleetLog, ...]:
 
 
 def _common(folders: Sequence[Path]) -> Path | None:
-    """Return the folder that all are in; None where there is none, as on two drives."""
+    """Return the folder that holds all; None without one, as on two drives."""
     try:
         return Path(os.path.commonpath(folders)) if folders else None
     except ValueError:
@@ -250,7 +250,7 @@ def _is_log(name: str) -> bool:
 
 
 def head_of(source: FleetLog) -> bytes:
-    """Return the first bytes of a log, in which its preamble stands; none if it cannot be read."""
+    """Return the first bytes of a log, with its preamble; none if it cannot be read."""
     try:
         if source.is_remote:
             with _reached(source.place) as (store, path, _), store.open_input_file(path) as file:
@@ -269,8 +269,8 @@ def brought_here(
 ) -> Iterator[tuple[dict[FleetLog, Path], dict[FleetLog, str]]]:
     """Fetch logs from their stores into a temporary folder, each under its own name.
 
-    Local logs stay where they are. Yielded is where each stands, and the stamps of those from a
-    store; empty where one is not known. An `UnreachableError`: a store does not give one of them.
+    Local logs are not copied. Yields the path of each, and the stamps of those from a store; empty
+    where one is not known. An `UnreachableError`: a log cannot be fetched.
     """
     paths = {source: Path(source.place) for source in sources}
     stamps: dict[FleetLog, str] = {}
@@ -289,7 +289,7 @@ def brought_here(
 def recognised(sources: Sequence[FleetLog], folder: Path) -> tuple[FleetLog, ...]:
     """Return sources with the `earlier` of objects that have not changed since an earlier run.
 
-    One by another version is not used: that may have read the owner otherwise.
+    Those read by another version are not used: it may have read another owner.
     """
     if not any(source.is_remote for source in sources):
         return tuple(sources)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 LEAST_DAMPERS = 8  # in a setting, before one of them is called far off
 FAR_OFF = 8.0  # median absolute deviations: 5.4 standard deviations of a normal distribution
-# No rig repeats better than this share of the median.
+# No rig repeats within a smaller share of the median.
 LEAST_SPREAD = 1e-3
 _FORCE = re.compile(r"force_(rebound|bump)_([\d.]+)_mm_per_s_N")
 _SHARES = {"low": 0.05, "quarter": 0.25, "three_quarters": 0.75, "high": 0.95}
@@ -84,7 +84,7 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
     names = ("damper", SERIAL, "date", "setting", "grade", "error", "error_kind")
     columns: Any = table.to_pandas()
     frame = columns.reindex(columns=names).astype(object).fillna("").astype(str)
-    # A part of logs of several dampers says whose each row is.
+    # A part with several dampers has the damper of each row.
     frame["damper"] = frame["damper"].where(frame["damper"] != "", frame[SERIAL])
     frame["mse"] = columns.reindex(columns=["mse_percent"]).astype(float)
     fitted = frame[frame["error_kind"] == ""]
@@ -108,7 +108,7 @@ def survey(table: pa.Table, tolerance: Tolerance | None = None) -> Survey:
         pair = columns.reindex(columns=[name, error]).loc[rows.index]
         values, errors = pair.to_numpy(dtype=float, na_value=np.nan).T
         is_known = np.isfinite(values)
-        # A parameter that was fitted nowhere and is the same everywhere: nothing to see.
+        # A parameter that is fixed at one value everywhere is not shown.
         is_fixed = is_known.sum() > 1 and not np.ptp(values[is_known])
         is_fixed = is_fixed and not np.isfinite(errors).any() and not match
         if is_fixed or not is_known.any():
@@ -207,7 +207,7 @@ class ToleranceCheck(NamedTuple):
     source: str  # the tolerance, as it was given
     n_points: int
     n_dampers: int
-    # Forces outside, and those that could not be looked at; these first, then the farthest.
+    # Forces outside, and those that could not be evaluated; these first, then the farthest.
     missed: tuple[Point, ...]
     forces: pd.DataFrame  # rows of the survey's values with their band, `least` to `most`
 
@@ -302,7 +302,7 @@ def fleet_against_bands(fleet: Survey, tolerance: Tolerance) -> ToleranceCheck:
     )
 
 
-# Whether making dampers is under control: Cp and Cpk of each force, and rules over the dates
+# Statistical process control: Cp and Cpk of each force, and rules over the dates
 
 LEAST_OF_CP = 10  # dampers: with fewer the interval of Cp is wider than 0.55 to 1.45 of it
 DOMINATES = "measurement dominates"

@@ -54,7 +54,7 @@ def _missing(extra: str, reads: str) -> LogError:
 
 @contextmanager
 def refusing_damage(reads: str) -> Iterator[None]:
-    """Turn whatever a library raises over damaged bytes into a LogError of one line."""
+    """Turn any exception of a library on damaged bytes into a LogError of one line."""
     try:
         yield
     except (LogError, MemoryError):

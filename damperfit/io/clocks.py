@@ -152,7 +152,7 @@ def _period(values: FloatArray) -> tuple[int, float] | None:
 
 
 def _quantum(steps: FloatArray) -> float:
-    """Return the smallest step that is one; 0 where there is none."""
+    """Return the smallest step other than 0; 0 where there is none."""
     sizes = np.abs(steps[steps != 0.0])
     return float(f"{np.min(sizes):.9g}") if len(sizes) else 0.0
 

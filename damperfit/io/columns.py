@@ -1,8 +1,8 @@
 """Which column of a log is which channel: declared, or found by words of its name and by its unit.
 
 A name may be any of several languages, with its unit in brackets or behind it, in all the notations
-that rigs write; a column with the channel's unit goes before one without, fewer other words before
-more. Two columns of time that stand each left of channels of their own are two clocks.
+that rigs write. A column with the channel's unit is preferred to one without, fewer other words to
+more. Two columns of time, each to the left of other channels, are two clocks.
 """
 
 import re

@@ -68,7 +68,7 @@ def regular(path: Path) -> Path:
 
 
 def read_bytes(path: str | os.PathLike[str], *, max_bytes: int = MAX_TEXT) -> bytes:
-    """Return a file's bytes up to a limit, of whatever a user names beside logs."""
+    """Return the bytes, up to a limit, of a file that is no log."""
     with open_regular(path) as file:
         data = _read_up_to(file, max_bytes + 1)
     if len(data) > max_bytes:

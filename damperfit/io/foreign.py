@@ -313,10 +313,8 @@ def sheets_in(data: bytes, limit: int) -> tuple[list[str], list[bytes], int]:
     with refusing_damage("Excel workbook"):
         if data.startswith(b"PK"):
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
-                contents = map(archive.read, archive.infolist())
-                sheets = (
-                    sheet for sheet in contents if b"sheetData" in sheet
-                )  # whatever their names
+                members = map(archive.read, archive.infolist())
+                sheets = (member for member in members if b"sheetData" in member)
                 n_formulas = sum(len(_FORMULA.findall(sheet)) for sheet in sheets)
         book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
         names = [str(name) for name in book.sheet_names]

@@ -68,7 +68,7 @@ _NUMBERS = re.compile(r"((?:(?<=[\s_=])-)?\d+(?:\.\d+)?)")
 # More than three digits are a serial number or a date; half clicks have the word before them.
 _NUMBER = r"-?\d{1,3}"
 _CLICK = r"-?\d{1,3}(\.\d)?"
-# A word that can mean nothing else: without a declared pattern it goes before a bare "s".
+# An unambiguous word: without a declared pattern it is preferred to a bare "s".
 _CLICKS_SETTING_NUMBER = r"(?<![^\W_])clicks?(?:[ _=](?=-\d)|[ _=-]?)(-?\d+)(?![.]?\d)"
 _SERIAL = r"(?<![^\W_])(?:sn|serial)[ _=-]?([a-z]?\d\w*?)(?![^\W_])"
 

@@ -104,7 +104,7 @@ class ReadOptions(Declarations):
     def for_file(self, name: str) -> tuple[ReadOptions, tuple[str, ...]]:
         """Return the options with the declarations of the file's profile, and a note.
 
-        What a profile gives goes before what the options declare, the default too.
+        A profile overrides the options and their defaults.
         """
         for title, profile in self.profiles.items():
             files = "" if self.profile else profile.get("files", "")

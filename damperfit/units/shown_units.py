@@ -1,4 +1,4 @@
-"""The units in which people want to see forces, speeds and lengths; inside everything is SI."""
+"""The units in which forces, speeds and lengths are shown; inside everything is SI."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NEWTON, _METRE_PER_SECOND, _METRE = (find_unit(si, kind) for kind, si in _DIMEN
 
 @dataclass(frozen=True, slots=True)
 class ShownUnits:
-    """One unit for each of force, velocity and length: what was asked for, else SI."""
+    """One unit for each of force, velocity and length; SI by default."""
 
     force: Unit = _NEWTON
     velocity: Unit = _METRE_PER_SECOND
@@ -35,7 +35,7 @@ class ShownUnits:
         return all(getattr(self, name).factor == 1.0 for name in _DIMENSIONS)
 
     def of(self, unit: str) -> str:
-        """Return the unit in which what is in an SI unit is shown."""
+        """Return the unit that is shown in place of an SI unit."""
         target = self._named(unit)
         return unit if target is None else target.symbol
 
