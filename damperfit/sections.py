@@ -42,7 +42,7 @@ class Entry(NamedTuple):
     below: float | None = None
     most: float | None = None
     has_infinity: bool = False  # it may be infinite
-    given: Any = None  # what is written, where it is no more of the default's type
+    form: Any = None  # type of what is written, where it is not the default's
     option: str = ""  # word for the value of its option
     panel: str = ""  # where the help shows it; without one it is no option
     keyword: str = ""  # name of the option, where it is not the key's
@@ -50,7 +50,7 @@ class Entry(NamedTuple):
 
     def in_place_of(self, value: Any) -> str:
         """Return what is expected where a value, as the program reads it, is not allowed."""
-        if self.given == "sign":
+        if self.form == "sign":
             is_sign = value == "detect" or isinstance(value, bool)
             return "" if is_sign else "true, false or 'detect'"
         if self.words:
@@ -107,7 +107,7 @@ class Section(SimpleNamespace):
             if value is not None and (expected := entry.in_place_of(value)):
                 hint = did_you_mean(str(value), entry.words)
                 text = f"expected {expected}, found {value!r}{hint and f'.{hint}'}"
-                code = "wrong-value" if entry.words or entry.given else "out-of-range"
+                code = "wrong-value" if entry.words or entry.form else "out-of-range"
                 raise ConfigurationError(text, where=Key((name,)), code=code)
 
     @classmethod
@@ -208,25 +208,25 @@ class Declarations(Section):
 
     reverse_displacement: bool | str = key("detect",
         "true: the log counts it positive in compression (rod in); false: rebound; detect: from "
-        "the energy of the loop and the gas force", given="sign")
-    reverse_force: bool | str = key("detect", "the same; bump is compression", given="sign")
+        "the energy of the loop and the gas force", form="sign")
+    reverse_force: bool | str = key("detect", "the same; bump is compression", form="sign")
     setting_pattern: str = key(
         SETTING_PATTERN,
         "finds the setting in a file's name, where the last match counts; named groups are "
         "adjusters, damper, serial")
     part_settings: tuple[int | float | str, ...] = key([],
-        "settings of the tests in one file, in their order", given=list[int | float | str])
+        "settings of the tests in one file, in their order", form=list[int | float | str])
     columns: dict[str, str | int] = key({},
         'where the names are not clear, as in {force = "Load cell", time = 3}',
-        given=dict[str, str | int])
+        form=dict[str, str | int])
     units: dict[str, str] = key({},
-        'where the log does not state them, as in {displacement = "mm"}', given=dict[str, str])
+        'where the log does not state them, as in {displacement = "mm"}', form=dict[str, str])
     scales: dict[str, float] = key({},
-        "value = scale * logged + offset, in the unit, as in {force = 250}", given=dict[str, float])
-    offsets: dict[str, float] = key({}, "as in {force = -1.5}", given=dict[str, float])
+        "value = scale * logged + offset, in the unit, as in {force = 250}", form=dict[str, float])
+    offsets: dict[str, float] = key({}, "as in {force = -1.5}", form=dict[str, float])
     tested_at: dict[str, float] = key({},
         "what its logs were tested at, where tests.csv does not say, as in {gas_pressure = "
-        '"8bara", temperature = "31", tare = "12N", skew = "2ms"}', given=dict[str, float | str])
+        '"8bara", temperature = "31", tare = "12N", skew = "2ms"}', form=dict[str, float | str])
     encoding: str = key("", 'of text logs, as in "cp1252"; "": UTF-8, UTF-16 or Latin-1')
     separator: str = key("", '"," ";" "|" "tab" or "blanks"; "": detected from the rows',
         words=("", *SEPARATORS))
@@ -269,7 +269,7 @@ class RigSection(Declarations):
         "frequency of that motion; by default that of the test",
         "frequency", above=0.0, most=500.0, option="FREQ", panel="Motion")
     settings: tuple[Setting, ...] = key([],
-        "settings that must be among the logs; [] takes what is there", given=list[int | str])
+        "settings that must be among the logs; [] takes what is there", form=list[int | str])
     contradictions: str = key("refuse",
         "logs of one setting that differ by more than their scatter: refuse them, or average",
         words=("refuse", "average"))
@@ -313,7 +313,7 @@ class RigSection(Declarations):
     profiles: dict[str, dict[str, Any]] = key({},
         "by name, keys as below from reverse_displacement to allow_truncated, and files = "
         '"ME*.txt"; or as sections [rig.profiles.NAME]. A key of a profile overrides the same '
-        "key here; the command line overrides both", given="profiles")
+        "key here; the command line overrides both", form="profiles")
 
 
 class ConditioningSection(Section):
@@ -350,7 +350,7 @@ class IdentificationSection(Section):
         "default those of the procedure", option="NAME,NAME", panel="Fit", kind="quantities")
     fix: dict[str, float | str] = key({},
         'parameters held at a value, in TOML as {f_f = "50N", k_e = 5e8}',
-        given=dict[str, float | str], option="NAME=VALUE", panel="Fit", kind="values")
+        form=dict[str, float | str], option="NAME=VALUE", panel="Fit", kind="values")
     share: list[str] = key(["r_m3", "f_f"],
         "parameters shared by all settings in a joint fit; detect, the default of every model "
         "but the paper's: those that no adjuster moves, as the logs show",
@@ -369,7 +369,7 @@ class IdentificationSection(Section):
         "initial values: table of parameters of an earlier run; as an option also by name, "
         "as in f_f=30,k_e=2e9", option="FILE|NAME=VALUE", panel="Fit", kind="texts")
     start_values: dict[str, float | str] = key({},
-        'the same by name, as in {k_e = "1GPa"}; overrides the table', given=dict[str, float | str])
+        'the same by name, as in {k_e = "1GPa"}; overrides the table', form=dict[str, float | str])
     profile: list[str] = key([],
         "parameters along which the misfit is profiled, into profiles.csv",
         option="NAME,NAME", panel="Trust", kind="quantities")

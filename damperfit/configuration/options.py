@@ -261,7 +261,7 @@ def _whole_or_share(cycles: float) -> float:
 
 def _type_of(name: str, entry: Entry) -> Any:
     """Return the type of a key, as pydantic checks it."""
-    if entry.given == "sign":
+    if entry.form == "sign":
 
         def sign(value: object) -> object:
             if expected := entry.in_place_of(value):
@@ -269,10 +269,10 @@ def _type_of(name: str, entry: Entry) -> Any:
             return value
 
         return Annotated[bool | str, BeforeValidator(sign)]
-    if entry.given == "profiles":
+    if entry.form == "profiles":
         return dict[str, _section_model(ProfileSection)]  # type: ignore[misc]
-    if entry.given is not None:
-        return entry.given
+    if entry.form is not None:
+        return entry.form
     if entry.words:
         return Literal[entry.words]
     is_list = isinstance(entry.default, list)
