@@ -74,7 +74,7 @@ _MAX_EVALUATIONS = 40
 _STEP_TOLERANCE, _LONGEST_STEP = 1e-7, 0.7
 # Of the endings of the loop, those at a minimum: not its limits.
 _AT_MINIMUM = (1, 2, 4)
-# Weighted squares are about 1: a step that promises less moves nothing by a tenth of its error.
+# An independent square is about 1: a step that promises less moves nothing by a tenth of its error.
 # The integrator's own error may end the loop before it promises as little as is asked for.
 _NOTHING = 0.01
 _NO_MINIMUM = warning(
@@ -457,7 +457,7 @@ def _result(
         if is_loose(quantity, value, errors[unknown], NOT_FIT_TO_SHARE):
             status[unknown] = Status.NOT_IDENTIFIABLE
     steps = system.without(minimum.is_held).scaled(np.maximum(system.lengths, NO_LENGTH))
-    is_converged = minimum.status in _AT_MINIMUM or steps.step(0.0).effect < _NOTHING
+    is_converged = minimum.status in _AT_MINIMUM or steps.step(0.0).effect < _NOTHING * inflation
     checks = ((_NO_MINIMUM, is_converged), (_WEIGHTS_MOVE, at.is_fairly_weighed))
     warnings = tuple(problem for problem, is_well in checks if not is_well)
     sharing = replace(sharing, free=free, settings=tuple(sorted(at.values)))
