@@ -13,16 +13,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.errors import ConfigurationError, SimulationError, refuse_wrong_arguments
 from damperfit.passed_speeds import cycle_energies, in_both_strokes
-
-if TYPE_CHECKING:
-    from damperfit.recording import Trace
+from damperfit.recording import Trace
 
 # The test speeds that damper dynos use by habit, m/s.
 NAMED_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.3, 0.52, 1.05)

@@ -15,16 +15,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
-
-if TYPE_CHECKING:
-    from damperfit.recording import Trace
-    from damperfit.simulation import Motion, Response
+from damperfit.recording import Trace
+from damperfit.simulation import Motion, Response
 
 OF_LOAD_CELL = ("moving_mass", "lag")
 

@@ -26,16 +26,15 @@ from weakref import WeakValueDictionary
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from damperfit.arrays import FloatArray
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.quantity import Quantity
     from damperfit.damper.valve_dampers import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
-    FloatArray = NDArray[np.float64]
     Names = Sequence[str]
     Ranges = Mapping[str, tuple[float, float, str]]
 

@@ -9,18 +9,16 @@ cavitates has lost in one stroke must not be in the force of the other.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from damperfit.arrays import FloatArray
+from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import FRICTION
 from damperfit.errors import ConfigurationError
 from damperfit.simulation import Motion, SolverOptions, simulate
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Model, Values
 
 # A speed is held for so long, s: behind an orifice at 1000 bar rigid oil settles in 3 us. Without
 # oil there is nothing that takes time; the way of a leg would be in the force of a spring.

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.damper.load_cell import OF_LOAD_CELL
+from damperfit.damper.model import Model, Values
 from damperfit.damper.quantity import RIG
 from damperfit.errors import ConfigurationError
 from damperfit.simulation import Motion, SolverOptions
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Model, Values
 
 _ROOM = 1 << 14  # bytes; of the core's state, which it refuses if it is less than that
 

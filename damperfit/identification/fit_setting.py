@@ -161,7 +161,7 @@ def minimised(block: Block, start: Values, *, nfev: int = 0) -> FitResult:
     """The minimum that a start leads to, with the evaluations made before it."""
     result = _fit(block, start)
     at, n = result.minimum, result.n_independent
-    errors = np.sqrt(np.diag(inverse_information(at.jacobian)) * (at.cost / n))
+    errors = np.sqrt(np.diag(inverse_information(at.system.triangle)) * (at.cost / n))
     by_name = dict(zip(block.free, errors.tolist(), strict=True))
     status = _statuses(block, result, by_name)
     # How many standard errors the full step is long that is left.
@@ -226,7 +226,7 @@ def _last_step(block: Block, near: Values) -> FitResult | None:
     if first.mse_percent <= block.solvers_percent:
         return None
     at, system = first.minimum, first.minimum.system
-    information = at.jacobian.T @ at.jacobian
+    information = system.triangle.T @ system.triangle
     step = np.asarray(np.linalg.lstsq(information, -system.gradient, rcond=None)[0], np.float64)
     is_long = system.effect(step) * first.n_independent > _AN_ERROR**2 * at.cost
     if is_long or not largest_of(step) <= _SMALL:

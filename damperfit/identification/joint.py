@@ -446,7 +446,7 @@ def _result(
     # Rough relative standard errors of what is shared.
     inflation = np.mean([tied.blocks[s].facts.n_samples / n for s, n in at.n_independent.items()])
     border = replace(tied, gas=at.gas).border
-    variances = np.diag(inverse_information(minimum.jacobian))[-len(border) :] * inflation
+    variances = np.diag(inverse_information(system.triangle))[-len(border) :] * inflation
     errors = dict(zip(border, np.sqrt(variances).tolist(), strict=True))
     for unknown in unknowns_of(sharing.jointly, sharing.follows, sorted(at.values)):
         having = [values for s, values in at.values.items() if unknown.holds_at(s)]

@@ -181,15 +181,10 @@ class Minimum(Generic[Extra]):
         """Sum of squares."""
         return self.system.cost
 
-    @property
-    def jacobian(self) -> FloatArray:
-        """R of the derivative of one block of residuals by u: R^T R = J^T J, at most (k, k)."""
-        return self.system.triangle
-
     def promised(self, least: float | None = None) -> float:
         """Fall of the cost that the full step promises; directions below a share are left out."""
         lengths = np.maximum(self.system.lengths, 1e-300)
-        columns, pull = (self.jacobian / lengths).T, self.system.gradient / lengths
+        columns, pull = (self.system.triangle / lengths).T, self.system.gradient / lengths
         along = np.linalg.lstsq(columns, pull, rcond=least)[0]
         return float(along @ along)
 

@@ -14,7 +14,6 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,8 +27,7 @@ from damperfit.identification.options import FitOptions
 from damperfit.identification.procedures import identify
 from damperfit.recording import Trace
 
-if TYPE_CHECKING:
-    Pair = tuple[Trace, Trace]
+Pair = tuple[Trace, Trace]
 
 _WINDOW = (0.75, 0.95)  # of the slower log's peak speed; nearer to it there is one way only
 # Of what a fit of both misses. Logs one click apart: 0.000 to 0.07; of a damper of real valves

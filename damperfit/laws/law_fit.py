@@ -191,7 +191,7 @@ def undetermined(
     """
     blocks = list(blocks)
     n = FEWEST_SAMPLES * sum(len(trace.segments) for block in blocks for trace in block.traces)
-    errors = np.sqrt(np.diag(inverse_information(minimum.jacobian)) * (minimum.cost / n))
+    errors = np.sqrt(np.diag(inverse_information(minimum.system.triangle)) * (minimum.cost / n))
     return tuple(
         unknown
         for unknown, error in zip(unknowns, errors.tolist(), strict=True)

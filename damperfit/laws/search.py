@@ -931,7 +931,7 @@ class _Linear:
         base = replace(search.model(untied, settings), weights=fit.model.weights)
         self.base, self.minimum = base, base.minimise(fit.values, _ONE)
         self.untied = _Fit(untied, base, self.minimum)
-        jacobian, slope = self.minimum.jacobian, self.minimum.system.gradient
+        jacobian, slope = self.minimum.system.triangle, self.minimum.system.gradient
         curvature = jacobian.T @ jacobian
         curvature += 1e-9 * np.diag(np.diag(curvature) + 1e-12)
         here = self.minimum.cost, self.minimum.variables

@@ -36,6 +36,7 @@ PARTS = {
     "breakaway": ("friction", ("breakaway", "stribeck_speed"), "friction that is larger at rest"),
     "seal_area": ("friction", ("seal_area",), "friction by the pressure on the seal"),
     "turning_speed": ("friction", ("turning_speed",), "friction that reverses within a speed"),
+    "elasticity": ("mounting", ("series_stiffness",), "elasticity of the mounting"),
 }
 _NOT_AT_FIRST = {"moving_mass", "rubber", "rubber_bend"}
 # Friction turns over a distance or within a speed.
@@ -69,11 +70,13 @@ def with_part(damper: ValveDamper, name: str) -> ValveDamper:
 def without_part(damper: ValveDamper, name: str) -> ValveDamper:
     """The damper without a part of rig or friction that is fitted; else as it is.
 
-    What is declared of a part is there: a part with one number declared stays.
+    What is declared of a part is there: a part with one number declared stays, and so does the
+    elasticity beside play or rubber.
     """
-    owner, names, _ = PARTS.get(name, ("mounting", (), ""))
-    own = getattr(damper, owner)
-    if {getattr(own, field) for field in names} != {FIT}:
+    owner, names, _ = PARTS[name]
+    own, mounting = getattr(damper, owner), damper.mounting
+    is_needed = name == "elasticity" and not mounting.play == mounting.rubber == NONE
+    if is_needed or {getattr(own, field) for field in names} != {FIT}:
         return damper
     less = replace(own, **dict.fromkeys(names, NONE))
     return replace(damper, **{owner: less})
@@ -160,7 +163,8 @@ class Structure:
     @property
     def n_needless(self) -> int:
         """Parts that a damper or its rig may well be without."""
-        whole = sum(without_part(self.damper, name) != self.damper for name in PARTS)
+        parts = (name for name in PARTS if name != "elasticity")
+        whole = sum(without_part(self.damper, name) != self.damper for name in parts)
         return whole + sum(self.damper.quantity(name).default == 0.0 for name in self.freed)
 
     def strokes_beside(self, other: Structure) -> Iterator[ValveDamper]:
@@ -221,19 +225,10 @@ def _all_moves(structure: Structure) -> Iterator[tuple[str, Structure]]:
             yield words, _without_lost(replace(damper, **valves), freed)
     for name, (_, _, text) in PARTS.items():
         less, more = without_part(damper, name), with_part(damper, name)
-        if name == "play" and damper.mounting.series_stiffness == NONE:
-            more = damper
         if less != damper:
             yield f"without {text}", _without_lost(less, freed)
         elif more != damper:
             yield f"with {text}", Structure(more, freed)
-    mounting = damper.mounting
-    if mounting.series_stiffness == FIT and mounting.play == mounting.rubber == NONE:
-        rigid = replace(damper, mounting=replace(mounting, series_stiffness=NONE))
-        yield "without elasticity of the mounting", _without_lost(rigid, freed)
-    elif mounting.series_stiffness == NONE:
-        elastic = replace(damper, mounting=replace(mounting, series_stiffness=FIT))
-        yield "with elasticity of the mounting", Structure(elastic, freed)
     oil = [quantity.name for quantity in damper.quantities if quantity.role == STIFFNESS]
     for name in (*_FREED, *oil):
         if name in freed:
@@ -250,12 +245,11 @@ def exchanges(structure: Structure) -> Iterator[tuple[str, str, Structure]]:
     """
     damper, freed = structure.damper, structure.freed
     oil = next(quantity for quantity in damper.quantities if quantity.role == STIFFNESS)
-    mounting, words = damper.mounting, "elasticity of the mounting"
-    if mounting.series_stiffness == FIT and mounting.play == mounting.rubber == NONE:
-        rigid = replace(damper, mounting=replace(mounting, series_stiffness=NONE))
+    rigid, elastic = without_part(damper, "elasticity"), with_part(damper, "elasticity")
+    *_, words = PARTS["elasticity"]
+    if rigid != damper:
         yield words, oil.label, replace(_without_lost(rigid, freed), ties=structure.ties)
-    elif mounting.series_stiffness == NONE:
-        elastic = replace(damper, mounting=replace(mounting, series_stiffness=FIT))
+    elif elastic != damper:
         yield oil.label, words, Structure(elastic, freed, structure.ties)
     giving = [n for n in (oil.name, *_GIVING) if n in damper.names]
     known = [n for n in giving if n not in freed and damper.quantity(n).default is not None]
@@ -266,30 +260,32 @@ def exchanges(structure: Structure) -> Iterator[tuple[str, str, Structure]]:
 
 
 def _other_valves(damper: ValveDamper) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield other valves in each stroke that may have them, and in both."""
+    for words, usable in _usable_valves(damper):
+        for stroke, valve in usable.items():
+            yield f"{words} in {STROKES[stroke]}", {stroke: valve}
+        if len(usable) == len(STROKES):
+            yield f"{words} in both strokes", usable
+
+
+def _usable_valves(damper: ValveDamper) -> Iterator[tuple[str, dict[str, Valve]]]:
+    """Yield each change of a valve in words, and what it makes of the strokes that allow it."""
     valves: dict[str, Valve] = {stroke: getattr(damper, stroke) for stroke in STROKES}
     for part, kinds in (("blow_off", BLOW_OFF_WORDS), ("bleed", BLEED_WORDS)):
         for kind, (_, words) in kinds.items():
             beside = "bleed" if part == "blow_off" else "blow_off"
-            usable = {
-                stroke: replace(valve, **{part: kind})
-                for stroke, valve in valves.items()
-                if getattr(valve, part) != kind and (kind, getattr(valve, beside)) != (NONE, NONE)
-            }
-            for stroke, valve in usable.items():
-                yield f"{words} in {STROKES[stroke]}", {stroke: valve}
-            if len(usable) == len(valves):
-                yield f"{words} in both strokes", usable
+            yield (
+                words,
+                {
+                    stroke: replace(valve, **{part: kind})
+                    for stroke, valve in valves.items()
+                    if getattr(valve, part) != kind
+                    and (kind, getattr(valve, beside)) != (NONE, NONE)
+                },
+            )
     for words, other in _INSTEAD.items():
-        is_bleed = other.bleed == NONE
-        usable = {
-            stroke: other
-            for stroke, valve in valves.items()
-            if (valve.blow_off if is_bleed else valve.bleed) == NONE
-        }
-        for stroke in usable:
-            yield f"{words} in {STROKES[stroke]}", {stroke: other}
-        if len(usable) == len(valves):
-            yield f"{words} in both strokes", usable
+        lost = "blow_off" if other.bleed == NONE else "bleed"
+        yield words, {s: other for s, valve in valves.items() if getattr(valve, lost) == NONE}
 
 
 def _without_lost(damper: ValveDamper, freed: tuple[str, ...]) -> Structure:

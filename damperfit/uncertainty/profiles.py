@@ -26,7 +26,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,13 @@ from damperfit.identification.fit_problem import (
 )
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, Fit
 from damperfit.identification.joint import fit_jointly
-from damperfit.identification.least_squares import NO_LENGTH, LinearSystem, Stopping, iterate
+from damperfit.identification.least_squares import (
+    NO_LENGTH,
+    LinearSystem,
+    Step,
+    Stopping,
+    iterate,
+)
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import Sharing, Unknown
 from damperfit.simulation import SolverOptions
@@ -60,9 +66,6 @@ from damperfit.uncertainty.covariance import (
     shared_curvature,
     solved,
 )
-
-if TYPE_CHECKING:
-    from damperfit.identification.least_squares import Step
 
 # A rise this far below zero is another, better minimum.
 _BETTER = -0.5

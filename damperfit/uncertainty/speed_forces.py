@@ -18,15 +18,17 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import corner_of
 from damperfit.conditioning.measured_characteristics import counted_edges, peak_velocity_forces
+from damperfit.damper.model import Model
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import SimulationError
+from damperfit.identification.fit_setting import Fit
 from damperfit.passed_speeds import in_both_strokes
 from damperfit.recording import Segment
 from damperfit.simulation import NAMED_SPEEDS
@@ -34,10 +36,6 @@ from damperfit.statistics import NORMAL_95, median
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.covariance import Linearisation, Uncertainty
 from damperfit.uncertainty.residuals import residual_scatter
-
-if TYPE_CHECKING:
-    from damperfit.damper.model import Model
-    from damperfit.identification.fit_setting import Fit
 
 PVP, CVP = "pvp", "cvp"
 # Strokes and speeds that differ by less are those of one test.

@@ -98,7 +98,7 @@ def by_damperfit(
 
     found = minimise(model, start, transformation, stopping)
     variance = found.cost / problem.freedom
-    errors = np.sqrt(np.diag(inverse_information(found.jacobian)) * variance)
+    errors = np.sqrt(np.diag(inverse_information(found.system.triangle)) * variance)
     return Result(
         values=transformation.unpack(found.variables),
         deviations=errors * transformation.slopes(transformation.unpack(found.variables)),

@@ -176,7 +176,7 @@ def test_a_fit_keeps_a_triangle_that_gives_the_errors_of_the_whole(way) -> None:
     """A Jacobian as long as the log would stay through the first pass of all settings."""
     whole = problem([trace(10, noise=4.0)])
     found = minimised(way(whole), reference_parameters(10))
-    assert found.minimum.jacobian.shape == (len(whole.free), len(whole.free))
+    assert found.minimum.system.triangle.shape == (len(whole.free), len(whole.free))
     residuals, slopes = linearise(whole, found.values)
     variance = residuals @ residuals / found.n_independent
     errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)) * variance)
