@@ -40,7 +40,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.load_cell import before_load_cell
 from damperfit.damper.model import MODELS, model_named
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
-from damperfit.damper.network import BLEEDS, BLOW_OFFS, Valve
+from damperfit.damper.network import Valve
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quantity import Quantity
@@ -855,7 +855,8 @@ def forces_wanted() -> Any:
 @case
 def valve_kinds() -> Any:
     """Valves of every kind in every layout, all parts of mounting and friction: forces, starts."""
-    bleeds, blow_offs = itertools.cycle(BLEEDS), ["linear", *BLOW_OFFS]
+    bleeds = itertools.cycle(("none", "orifice", "long", "leak"))
+    blow_offs = ("linear", "none", "linear", "port", "rounded", "power")
     found = {}
     for layout, blow_off in zip(itertools.cycle([TwinTube, Monotube, ThroughFlow]), blow_offs):
         rebound, compression = Valve("orifice", blow_off), Valve(next(bleeds), "linear")

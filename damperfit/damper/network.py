@@ -43,7 +43,7 @@ Friction is Coulomb's unless more is said of it::
 speed of a piston without mass would let it jump.
 
 A new number of a valve's law is a line in `PARTS` and a term of `core/passages.h`; a new kind of
-valve is a line in `BLEEDS` or `BLOW_OFFS`, with its words below.
+valve is a line in `BLEEDS` or `BLOW_OFFS`.
 """
 
 from __future__ import annotations
@@ -133,37 +133,34 @@ PARTS: dict[str, Part] = {
     ),
 }  # fmt: skip
 
-# Kinds of a valve's bleed and blow-off: which of the numbers each has.
-BLEEDS: dict[str, tuple[str, ...]] = {
-    "none": (),
-    "orifice": ("bleed",),
-    "long": ("leak", "bleed"),
-    "leak": ("leak",),
+
+class Kind(NamedTuple):
+    """A kind of bleed or blow-off."""
+
+    parts: tuple[str, ...]  # which of `PARTS` it has
+    words: str = ""  # of a law that has it,
+    change: str = ""  # and of a structure that has it in place of another
+
+
+# The search of laws tries them in this order.
+BLEEDS: dict[str, Kind] = {
+    "none": Kind((), "", "without a bleed"),
+    "orifice": Kind(("bleed",), "bleed", "with an orifice as bleed"),
+    "leak": Kind(("leak",), "laminar bleed", "with a laminar bleed"),
+    "long": Kind(("leak", "bleed"), "part-laminar bleed", "with bleeds with a laminar part"),
 }
-BLOW_OFFS: dict[str, tuple[str, ...]] = {
-    "none": (),
-    "linear": ("opening", "slope"),
-    "port": ("opening", "slope", "port"),
-    "rounded": ("opening", "slope", "width"),
-    "power": ("opening", "slope", "power"),
-}
-# In words: of a law, and of a structure that has it in place of another; the search of laws tries
-# them in this order.
-BLEED_WORDS: dict[str, tuple[str, str]] = {
-    "none": ("", "without a bleed"),
-    "orifice": ("bleed", "with an orifice as bleed"),
-    "leak": ("laminar bleed", "with a laminar bleed"),
-    "long": ("part-laminar bleed", "with bleeds with a laminar part"),
-}
-BLOW_OFF_WORDS: dict[str, tuple[str, str]] = {
-    "none": ("", "without a blow-off"),
-    "linear": ("blow-off", "with a plain blow-off"),
-    "rounded": ("rounded blow-off", "with blow-offs that lift gradually"),
-    "port": ("port blow-off", "with a port behind the blow-offs"),
-    "power": ("blow-off by a power", "with blow-offs by a power of their flow"),
+_PLAIN = ("opening", "slope")
+BLOW_OFFS: dict[str, Kind] = {
+    "none": Kind((), "", "without a blow-off"),
+    "linear": Kind(_PLAIN, "blow-off", "with a plain blow-off"),
+    "rounded": Kind((*_PLAIN, "width"), "rounded blow-off", "with blow-offs that lift gradually"),
+    "port": Kind((*_PLAIN, "port"), "port blow-off", "with a port behind the blow-offs"),
+    "power": Kind(
+        (*_PLAIN, "power"), "blow-off by a power", "with blow-offs by a power of their flow"
+    ),
 }
 # Numbers of blow-offs of any kind: a valve that does not open shows none of them.
-BLOW_OFF_PARTS = tuple(dict.fromkeys(part for parts in BLOW_OFFS.values() for part in parts))
+BLOW_OFF_PARTS = tuple(dict.fromkeys(part for kind in BLOW_OFFS.values() for part in kind.parts))
 
 
 class Passage(NamedTuple):
@@ -232,8 +229,8 @@ class Network:
 class Valve:
     """What a valve is made of: a bleed that is always open, and a blow-off beside it."""
 
-    bleed: str = "orifice"  # one of `BLEEDS`: none, orifice, long (laminar and turbulent) or leak
-    blow_off: str = "linear"  # one of `BLOW_OFFS`: none, linear, port, rounded or power
+    bleed: str = "orifice"  # one of `BLEEDS`: none, orifice, leak or long (laminar and turbulent)
+    blow_off: str = "linear"  # one of `BLOW_OFFS`: none, linear, rounded, port or power
 
     def __post_init__(self) -> None:
         kinds = (self.bleed, BLEEDS, "bleed"), (self.blow_off, BLOW_OFFS, "blow-off")
@@ -250,14 +247,15 @@ class Valve:
     @property
     def parts(self) -> tuple[str, ...]:
         """The numbers that it has, by their names in `PARTS`."""
-        return (*BLEEDS[self.bleed], *BLOW_OFFS[self.blow_off])
+        return (*BLEEDS[self.bleed].parts, *BLOW_OFFS[self.blow_off].parts)
 
     def passages(
         self, start: int, end: int, stroke: str, *, is_two_way: bool = True
     ) -> tuple[Passage, ...]:
         """Return its passages; a bleed lets oil back, a blow-off does not."""
-        bleed = Passage.of_parts(start, end, stroke, BLEEDS[self.bleed], is_two_way=is_two_way)
-        blow_off = Passage.of_parts(start, end, stroke, BLOW_OFFS[self.blow_off])
+        parts = BLEEDS[self.bleed].parts, BLOW_OFFS[self.blow_off].parts
+        bleed = Passage.of_parts(start, end, stroke, parts[0], is_two_way=is_two_way)
+        blow_off = Passage.of_parts(start, end, stroke, parts[1])
         return tuple(passage for passage in (bleed, blow_off) if any(passage.numbers))
 
 

@@ -55,6 +55,7 @@ from damperfit.damper.network import (
     PARTS,
     ROOT,
     SHOWN,
+    Kind,
     Network,
     Passage,
     Valve,
@@ -328,9 +329,8 @@ def _of_valve(name: str, names: Collection[str]) -> Quantity:
 
 
 # The numbers of each law of a declared passage.
-LAWS: dict[str, tuple[str, ...]] = {
-    law: parts for law, parts in (BLEEDS | {"check": ("slope",)} | BLOW_OFFS).items() if parts
-}
+_KINDS = BLEEDS | {"check": Kind(("slope",))} | BLOW_OFFS
+LAWS: dict[str, tuple[str, ...]] = {law: kind.parts for law, kind in _KINDS.items() if kind.parts}
 _KEYS = {"from": "start", "to": "end", "name": "name", "law": "law", "two_way": "is_two_way"}
 _STROKE_OF = dict(enumerate(STROKES, start=1))
 

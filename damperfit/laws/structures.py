@@ -14,7 +14,7 @@ from typing import Any, cast
 
 from damperfit.damper.model import Model
 from damperfit.damper.mounting import FIT, NONE, Mounting
-from damperfit.damper.network import BLEED_WORDS, BLOW_OFF_WORDS, Valve
+from damperfit.damper.network import BLEEDS, BLOW_OFFS, Valve
 from damperfit.damper.quantity import STIFFNESS
 from damperfit.damper.rivals import Rival
 from damperfit.damper.valve_dampers import STROKES as PLACES
@@ -115,7 +115,7 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
 
 
 def _of_valve(valve: Valve) -> str:
-    words = BLEED_WORDS[valve.bleed][0], BLOW_OFF_WORDS[valve.blow_off][0]
+    words = BLEEDS[valve.bleed].words, BLOW_OFFS[valve.blow_off].words
     return " and ".join(word for word in words if word)
 
 
@@ -271,18 +271,15 @@ def _other_valves(damper: ValveDamper) -> Iterator[tuple[str, dict[str, Any]]]:
 def _usable_valves(damper: ValveDamper) -> Iterator[tuple[str, dict[str, Valve]]]:
     """Yield each change of a valve in words, and what it makes of the strokes that allow it."""
     valves: dict[str, Valve] = {stroke: getattr(damper, stroke) for stroke in STROKES}
-    for part, kinds in (("blow_off", BLOW_OFF_WORDS), ("bleed", BLEED_WORDS)):
-        for kind, (_, words) in kinds.items():
+    for part, kinds in (("blow_off", BLOW_OFFS), ("bleed", BLEEDS)):
+        for name, kind in kinds.items():
             beside = "bleed" if part == "blow_off" else "blow_off"
-            yield (
-                words,
-                {
-                    stroke: replace(valve, **{part: kind})
-                    for stroke, valve in valves.items()
-                    if getattr(valve, part) != kind
-                    and (kind, getattr(valve, beside)) != (NONE, NONE)
-                },
-            )
+            usable = {
+                stroke: replace(valve, **{part: name})
+                for stroke, valve in valves.items()
+                if getattr(valve, part) != name and (name, getattr(valve, beside)) != (NONE, NONE)
+            }
+            yield kind.change, usable
     for words, other in _INSTEAD.items():
         lost = "blow_off" if other.bleed == NONE else "bleed"
         yield words, {s: other for s, valve in valves.items() if getattr(valve, lost) == NONE}
