@@ -18,12 +18,12 @@ from unittest import mock
 
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.identification import procedures
-from damperfit.laws import search, structures
+from damperfit.laws import criterion, search, structure_fits, structures
 from tests.bench_numbers import CASES, compared, load_frozen
 
 _WITH_PART = structures.with_part
-_STARTS = search._Search.starts
-_FOLLOWED, _EXTENDED = search._Search.followed, search._Search.extended
+_FITS = structure_fits.StructureFits
+_FOLLOWED, _STARTS, _EXTENDED = search._Search.followed, _FITS.starts, _FITS.extended
 _TAKE_FRICTION = procedures._Stages._take_friction
 
 
@@ -60,21 +60,25 @@ def _without_rubber(damper: Any, name: str) -> Any:
 PIECES: dict[str, tuple[str, str, Any]] = {
     # The search over structures.
     "layouts again": ("laws.search", "_Search.in_its_layout", lambda _, fit, __: fit),
-    "held out": ("laws.search", "_Search.of_held_out", lambda *_: 0.0),
+    "held out": ("laws.criterion", "Criterion.of_held_out", lambda *_: 0.0),
     "believed friction": ("identification.fit_problem", "_UNBELIEVED", 0.0),
     "yielding": ("laws.search", "_Search.yielding", lambda _, law, *__: law),
     "ties by the logs": ("laws.search", "_Search.with_ties", lambda *_: None),
-    "believed defaults": ("laws.search", "_FREED", 1e9),
-    "floor of the criterion": ("laws.search", "FLOOR_PERCENT", 0.001),
+    "believed defaults": ("laws.criterion", "_FREED", 1e9),
+    "floor of the criterion": ("laws.criterion", "FLOOR_PERCENT", 0.001),
     "on top of the best": ("laws.search", "_Search.followed", _nothing_on_top),
-    "starts at more settings": ("laws.search", "_Search.extended", _from_neighbours_alone),
+    "starts at more settings": (
+        "laws.structure_fits",
+        "StructureFits.extended",
+        _from_neighbours_alone,
+    ),
     "starts of a valve": ("damper.valve_dampers", "_GUESSES", ()),
-    "second look": ("laws.search", "_LOOK", search._ONE),
+    "second look": ("laws.search", "LOOK", criterion.ONE),
     "rubber": ("laws.structures", "with_part", _without_rubber),
     "ties of parts": ("laws.structures", "Structure.ties_of", lambda _, other: other.ties),
     "hopeless valves": ("laws.search", "_Search.is_hopeless", lambda *_: False),
-    "more starts of a move": ("laws.search", "_Search.starts", _one_start),
-    "determined values": ("laws.search", "_Linear.is_shown", lambda *_: True),
+    "more starts of a move": ("laws.structure_fits", "StructureFits.starts", _one_start),
+    "determined values": ("laws.criterion", "LinearisedTies.is_shown", lambda *_: True),
     # Errors.
     "refilling": ("uncertainty.covariance", "_slopes", lambda _, seen: seen.sensitivities),
     "linearised on cycles": ("identification.logs", "LogFit.cycles", ()),

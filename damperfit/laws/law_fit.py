@@ -75,6 +75,17 @@ class SettingLogs:
         return all(trace.name in names and not trace.n_cycles for trace in self.held_out)
 
 
+def most_unlike(evidence: Sequence[SettingLogs], most: int = 2) -> list[Setting]:
+    """Return settings to compare at: weakest and strongest force, and some between them."""
+
+    def strength(logs: SettingLogs) -> float:
+        return float(np.std(np.concatenate([log.force[log.compared] for log in logs.fitted])))
+
+    ranked = sorted(evidence, key=strength)
+    places = np.linspace(0, len(ranked) - 1, min(most, len(ranked))).round().astype(int)
+    return sorted(ranked[place].setting for place in places)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LawFit:
     """A structure at the logs of one setting."""
@@ -283,7 +294,7 @@ def _mean(values: Sequence[float]) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JudgedLaw:
+class ComparedCandidate:
     """One structure that was tried, beside another."""
 
     candidate: Candidate
@@ -307,7 +318,7 @@ class Exchange(NamedTuple):
 class LawSearch:
     """All structures tried, in their order, and the one to take."""
 
-    laws: tuple[JudgedLaw, ...]
+    laws: tuple[ComparedCandidate, ...]
     chosen: Candidate
     n_eff: float  # effective samples of all settings compared
     alike: tuple[str, ...] = ()  # layouts that fit and predict hardly worse than the one taken

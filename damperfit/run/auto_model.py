@@ -5,8 +5,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-import numpy as np
-
 from damperfit.conditioning.polarity import YIELDS, held_share
 from damperfit.configuration.damper_section import damper_record
 from damperfit.configuration.options import GAS, Configuration, followed, gas_in_words, unmatched
@@ -17,17 +15,19 @@ from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.identification.options import DETECT, FitOptions, GivenStart, shared_names
 from damperfit.identification.sharing import Follows
+from damperfit.laws.criterion import FLOOR_PERCENT
 from damperfit.laws.description import physics_in, undecided
 from damperfit.laws.law_fit import (
     UNDETERMINED,
     Candidate,
-    JudgedLaw,
+    ComparedCandidate,
     LawFit,
     LawSearch,
     SettingLogs,
+    most_unlike,
 )
 from damperfit.laws.rivals import rank_rivals, yielding_sentences
-from damperfit.laws.search import FLOOR_PERCENT, follows_by_scope, search_laws
+from damperfit.laws.search import follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import Failure, Problem, as_subject, failure_lines, in_a_row, note
 from damperfit.reporting.answer import Answer
@@ -384,7 +384,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     jobs: int | None = None,
     setting: Setting | None = None,
     start: GivenStart = GivenStart(),
-    on_law: Callable[[JudgedLaw], None] = lambda _: None,
+    on_law: Callable[[ComparedCandidate], None] = lambda _: None,
     on_rival: Callable[[Candidate], None] | None = None,
 ) -> LawChoice:
     """Return the law that the logs support; a ConfigurationError: no log can be used.
@@ -412,7 +412,8 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         declaring = replace(
             configuration, declared=configuration.declared | {"damper.gas_pressure"}
         )
-    extremes, adjusters = _softest_and_stiffest(evidence), evidence[0].setting.adjusters
+    ends, adjusters = most_unlike(evidence), evidence[0].setting.adjusters
+    extremes = tuple(logs for logs in evidence if logs.setting in ends)
     search = search_laws(
         _plain(configuration),
         _layouts(configuration, layout),
@@ -599,16 +600,6 @@ def _evidence(
         )
         for setting in sorted(settings)
     )
-
-
-def _softest_and_stiffest(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs, ...]:
-    """Return the settings of the strongest and the weakest force: they separate laws like all."""
-
-    def strength(logs: SettingLogs) -> float:
-        return float(np.std(np.concatenate([t.force[t.compared] for t in logs.fitted])))
-
-    ranked = sorted(evidence, key=strength)
-    return tuple(logs for logs in evidence if logs in (ranked[0], ranked[-1]))
 
 
 def _held_share(evidence: Sequence[SettingLogs]) -> float:

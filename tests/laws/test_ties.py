@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.errors import ConfigurationError
-from damperfit.laws.search import _Linear
+from damperfit.laws.criterion import LinearisedTies
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, log_text, moved
 
@@ -24,8 +24,8 @@ def test_a_setting_without_the_letters_of_others_stands_elsewhere() -> None:
         whose=[("rebound_bleed", Setting.of(label)) for label in labels],
         is_determined=is_determined,
     )
-    assert _Linear.is_shown(known, "rebound_bleed", ("L",))  # H1 and H3 are both known
-    assert not _Linear.is_shown(known, "rebound_bleed", ())  # and of L only 6
+    assert LinearisedTies.is_shown(known, "rebound_bleed", ("L",))  # H1 and H3 are both known
+    assert not LinearisedTies.is_shown(known, "rebound_bleed", ())  # and of L only 6
 
 
 @pytest.fixture(scope="module")

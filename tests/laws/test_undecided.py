@@ -19,7 +19,7 @@ from damperfit.identification.sharing import Unknown
 from damperfit.laws.description import described_again, physics_in, undecided
 from damperfit.laws.law_fit import (
     Candidate,
-    JudgedLaw,
+    ComparedCandidate,
     LawFit,
     LawSearch,
     SettingLogs,
@@ -136,7 +136,7 @@ def test_a_part_that_costs_more_than_the_logs_pay_is_left_open(
     bic: float, gain: float, *, is_open: bool
 ) -> None:
     tried = Candidate("law", (fit(),))
-    judged = JudgedLaw(tried, False, "", bic, "with gas volume", gain)
+    judged = ComparedCandidate(tried, False, "", bic, "with gas volume", gain)
     said = told([fit()], 1.0, 2.0, search=LawSearch((judged,), tried, 60.0))
     assert bool(said) is is_open
     assert all(one.startswith("Whether the damper has gas volume: ") for one in said)
