@@ -37,9 +37,11 @@ from damperfit.checks import Subject, run_checks
 from damperfit.cli import main as damperfit_command
 from damperfit.conditioning import condition, transients
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.load_cell import before_load_cell
+from damperfit.damper.mounting import before_load_cell
 from damperfit.damper.model import MODELS, model_named
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
+from damperfit.damper.model import MODELS
+from damperfit.damper.mounting import FIT, NONE, Friction, Mounting, before_load_cell
 from damperfit.damper.network import Valve
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters

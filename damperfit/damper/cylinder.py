@@ -151,7 +151,7 @@ class Cylinder(Model):
         self, values: Values, motion: Motion, *, sensitivities: Names, options: SolverOptions
     ) -> Response:
         """Integrate the network and its mounting; the force passes load cell and channel."""
-        from damperfit.damper.load_cell import OF_LOAD_CELL, as_read
+        from damperfit.damper.mounting import OF_LOAD_CELL, as_read
         from damperfit.damper.network import simulate_network
 
         known = (*values.names, *self.conditions)

@@ -187,8 +187,6 @@ class Model(ABC):
     signals: ClassVar[tuple[Signal, ...]] = ()
     # Flaws of log or model that its residuals may be said to show.
     flaws: ClassVar[tuple[str, ...]] = FLAWS_OF_FORCE
-    # Quantities of one part: where the logs leave the first open, they leave all of them open.
-    determined_together: ClassVar[tuple[tuple[str, ...], ...]] = ()
     # Range of each declared number in SI, and its unit; what lies outside was misread.
     ranges: ClassVar[Ranges] = MappingProxyType({})
     unfelt: ClassVar[tuple[str, ...]] = ()  # keys of [damper] that move no force

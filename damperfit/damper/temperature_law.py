@@ -37,7 +37,7 @@ BETA = Quantity(
 # What is asked of the damper itself, whatever the temperature.
 _ITS_OWN = frozenset(
     {
-        "name", "title", "conditions", "kinks", "determined_together", "ranges", "signals", "flaws",
+        "name", "title", "conditions", "kinks", "ranges", "signals", "flaws",
         "gas", "parts", "chamber_lengths", "travel", "bulk_moduli", "rest_force",
     }
 )  # fmt: skip

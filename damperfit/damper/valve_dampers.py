@@ -45,8 +45,8 @@ from numpy.typing import ArrayLike
 
 from damperfit.arrays import FloatArray
 from damperfit.damper.cylinder import AMBIENT, F_0, F_F, K_E, RANGES, Cylinder
-from damperfit.damper.load_cell import OF_LOAD_CELL, before_load_cell
-from damperfit.damper.mounting import NONE, Friction, Mounting
+from damperfit.damper.model import Model
+from damperfit.damper.mounting import NONE, OF_LOAD_CELL, Friction, Mounting, before_load_cell
 from damperfit.damper.network import (
     BLEEDS,
     BLOW_OFF_PARTS,
@@ -132,9 +132,6 @@ class ValveDamper(Cylinder):
     ranges: ClassVar[Ranges] = VALVE_RANGES
     # Openings and play. What promises less moves nothing by much more than a tenth of its error.
     kinks: ClassVar[float] = 2e-5
-    determined_together: ClassVar[tuple[tuple[str, ...], ...]] = tuple(
-        tuple(f"{stroke}_{part}" for part in BLOW_OFF_PARTS) for stroke in STROKES
-    )
     # Chambers that the rebound valve and that of compression join.
     ways: ClassVar[tuple[tuple[int, int], tuple[int, int]]]
     # Areas that press oil through them, and that draw it through their returns in rebound and bump:
@@ -487,12 +484,8 @@ class DeclaredNetwork(ValveDamper):
                 own[f"{passage.name}_{part}"] = number
         return within_plausible(self, own, fixed)
 
-    def valve_characteristics(
-        self, values: Values, traces: Sequence[Trace]
-    ) -> tuple[ValveCharacteristic, ...]:
-        """Return none: which passage a stroke presses is not said."""
-        del values, traces
-        return ()
+    # Which passage a stroke presses is not said.
+    valve_characteristics = Model.valve_characteristics
 
 
 # Valves read off the loops: flow against pressure without a law of the valve, and what follows.

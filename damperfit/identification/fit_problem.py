@@ -494,10 +494,8 @@ def _is_empty(
     response: Response, compared: slice | NDArray[np.intp], weight: FloatArray | None
 ) -> bool:
     """Whether a chamber of oil is empty in a compared sample that has a weight."""
-    oil = response.pressures[:2, compared]
-    if not np.minimum.reduce(oil, axis=None) <= 0.0:
-        return False
-    return bool(((oil <= 0.0) if weight is None else (oil <= 0.0) & (weight > 0.0)).any())
+    empty = response.pressures[:2, compared] <= 0.0
+    return bool((empty if weight is None else empty & (weight > 0.0)).any())
 
 
 def linearise(block: Block, values: Values) -> tuple[FloatArray, FloatArray]:
@@ -545,8 +543,7 @@ def kept_within(values: Values, names: Iterable[str]) -> Values:
 
 def is_at_edge(values: Values, name: str) -> bool:
     """Whether a quantity has run to a bound."""
-    low, high = values.quantity(name).plausible
-    return not low < getattr(values, name) < high
+    return bool(values.quantity(name).edge_at(getattr(values, name)))
 
 
 def edge_of(values: Values, name: str) -> tuple[str, float]:

@@ -273,9 +273,11 @@ def _statuses(block: Block, result: FitResult, errors: Mapping[str, float]) -> d
             status[name] = Status.AT_BOUND
         elif is_loose(quantity, value, error, NOT_DETERMINED):
             status[name] = Status.NOT_IDENTIFIABLE
-    for first, *others in block.model.determined_together:
-        if status.get(first) is Status.NOT_IDENTIFIABLE:
-            status |= {name: status[first] for name in others if name in block.free}
+    for name in errors:  # where the logs do not open a blow-off, they determine none of its numbers
+        quantity = block.model.quantity(name)
+        opening = status.get(quantity.beside("opening")) if quantity.group == "blow_off" else None
+        if opening is Status.NOT_IDENTIFIABLE:
+            status[name] = opening
     return status
 
 

@@ -24,8 +24,8 @@ from damperfit.conditioning.options import GasFacts
 from damperfit.conditioning.polarity import CONTRADICTED, LEAST_GAS, force_level
 from damperfit.conditioning.segments import TRANSIENTS
 from damperfit.damper.cylinder import AMBIENT
-from damperfit.damper.load_cell import behind_lag
 from damperfit.damper.model import Model
+from damperfit.damper.mounting import behind_lag
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
 from damperfit.identification.fit_problem import edge_of

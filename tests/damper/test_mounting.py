@@ -6,8 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.load_cell import acceleration, before_load_cell, behind_lag
-from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
+from damperfit.damper.mounting import (
+    FIT,
+    NONE,
+    Friction,
+    Mounting,
+    acceleration,
+    before_load_cell,
+    behind_lag,
+)
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError

@@ -29,9 +29,8 @@ import numpy as np
 
 from damperfit.conditioning import condition
 from damperfit.conditioning.polarity import YIELDS, held_share
-from damperfit.damper.load_cell import behind_lag
 from damperfit.damper.model import Model
-from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
+from damperfit.damper.mounting import FIT, NONE, Friction, Mounting, behind_lag
 from damperfit.damper.network import Network, Passage, Valve, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
