@@ -21,8 +21,13 @@ import numpy as np
 from damperfit.arrays import FloatArray
 from damperfit.damper.model import Model, Values
 from damperfit.damper.purdy.closed_forms import gas_pressure
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    PURDY_DAMPER,
+    REFERENCE_SETTINGS,
+    Damper,
+    Parameters,
+    reference_parameters,
+)
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.problem import Key, Option
 from damperfit.store import file_set

@@ -16,8 +16,7 @@ import pytest
 import damperfit
 from damperfit.adjustment.force_at import force_at
 from damperfit.cli.main import main
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.simulation import Motion, simulate
 from tests.fakes import log_text
 from tests.fleet.conftest import Here

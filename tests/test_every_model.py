@@ -11,7 +11,7 @@ import damperfit
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import FLAWS_OF_OIL, MODELS, Model, Values, model_named
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify

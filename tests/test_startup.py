@@ -103,7 +103,7 @@ def test_a_checkout_without_the_core_uses_the_installed_one(tmp_path: Path) -> N
     code = (
         "import damperfit; from damperfit.simulation import simulate, sine_motion;"
         "from damperfit.damper.purdy.parameters import PURDY_DAMPER;"
-        "from damperfit.damper.purdy.reference import reference_parameters;"
+        "from damperfit.damper.purdy.parameters import reference_parameters;"
         "m = sine_motion(0.032, 1.5, cycles=1, sample_rate=500);"
         "simulate(reference_parameters(10), PURDY_DAMPER, m); print(damperfit.__file__)"
     )

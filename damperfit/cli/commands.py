@@ -720,7 +720,7 @@ def _fit() -> str:
     """Fit a synthetic log of the reference set and compare with its true parameter."""
     from tempfile import TemporaryDirectory
 
-    from damperfit.damper.purdy.reference import reference_parameters
+    from damperfit.damper.purdy.parameters import reference_parameters
 
     begun = time.perf_counter()
     with TemporaryDirectory() as folder:

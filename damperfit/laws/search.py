@@ -35,16 +35,19 @@ from damperfit.laws.criterion import ONE, Criterion, LinearisedTies
 from damperfit.laws.law_fit import (
     GAIN,
     SEEN_APART,
+    YIELDING,
     Candidate,
     ComparedCandidate,
     Exchange,
     LawSearch,
     SettingLogs,
     are_alike,
+    held_against,
+    is_open_to,
     most_unlike,
     times_worse,
+    unbelievable,
 )
-from damperfit.laws.rivals import YIELDING, held_against, is_open_to, unbelievable
 from damperfit.laws.structure_fits import END, LOOK, StructureFit, StructureFits
 from damperfit.laws.structures import (
     BOTH,
@@ -373,10 +376,8 @@ class _Search:
         settings = [result.setting for result in simplest.fits]
         law = self.fits.candidate(fit)
         beside = Candidate(law.title, tuple(r for r in law.fits if r.setting in settings))
-        n, more = (
-            sum(self.criterion.n_eff.values()),
-            len(law.fits[0].free) - len(simplest.fits[0].free),
-        )
+        more = len(law.fits[0].free) - len(simplest.fits[0].free)
+        n = sum(self.criterion.n_eff.values())
         gain = simplest.mse_percent / max(beside.mse_percent, 1e-300)
         bic = n * math.log(gain) - more * len(law.fits) * math.log(n)
         is_worse = beside.held_out_percent > _NO_WORSE * simplest.held_out_percent
@@ -454,20 +455,13 @@ class _Search:
         is_of_one_model = fit is not None and chosen is self.fits.candidate(fit)
         whole: Candidate | None = chosen
         if not is_of_one_model:
-            free = chosen.freed
-            whole = self.fits.separately(
-                chosen.fits[0].model,
-                list(self.fits.evidence),
-                freed=free,
-                near=chosen,
-                is_whole=True,
-            )
+            model, every = chosen.fits[0].model, list(self.fits.evidence)
+            free, separately = chosen.freed, self.fits.separately
+            whole = separately(model, every, freed=free, near=chosen, is_whole=True)
         whole = whole or chosen
         laws = [replace(law, is_taken=False) for law in self.laws if law.candidate is not chosen]
-        last = next((law for law in reversed(self.laws) if law.candidate is chosen), None)
-        last = last or ComparedCandidate(
-            whole, True, "the lowest criterion of all settings together"
-        )
+        first = ComparedCandidate(whole, True, "the lowest criterion of all settings together")
+        *_, last = (first, *(law for law in self.laws if law.candidate is chosen))
         laws.append(replace(last, candidate=whole, is_taken=True))
         n_eff = float(sum(self.criterion.n_eff.values())) or math.nan
         search = LawSearch(
@@ -580,14 +574,9 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     def by_scope(model: Model, free: Sequence[str]) -> Follows:
         return follows_by_scope(model, free, adjusters)
 
-    fits = StructureFits(
-        evidence,
-        follows or by_scope,
-        solver,
-        n_starts=n_starts,
-        jobs=jobs,
-        may_tie=follows is None or is_tying,
-    )
+    by_setting = {x.setting: x for x in sorted(evidence, key=lambda logs: logs.setting)}
+    may_tie = follows is None or is_tying
+    fits = StructureFits(by_setting, follows or by_scope, solver, n_starts, jobs, may_tie)
     search = _Search(fits, on_law)
     simplest = search.simplest(plain)
     has_valves = isinstance(plain, ValveDamper)

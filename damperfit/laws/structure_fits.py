@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -161,26 +161,20 @@ class StructureFit:
         return {s: 100.0 * block.cost(self.values[s]) for s, block in self.model.blocks.items()}
 
 
+@dataclass(eq=False)
 class StructureFits:
     """The logs of all settings, and how structures are fitted to them."""
 
-    def __init__(
-        self,
-        evidence: Sequence[SettingLogs],
-        follows: Callable[[Model, Sequence[str]], Follows],
-        solver: SolverOptions,
-        *,
-        n_starts: int,
-        jobs: int,
-        may_tie: bool,
-    ) -> None:
-        self.evidence = {x.setting: x for x in sorted(evidence, key=lambda logs: logs.setting)}
-        self.follows, self.solver, self.n_starts, self.jobs = follows, solver, n_starts, jobs
-        self.may_tie = may_tie  # whether the logs may show what follows an adjuster
-        self._blocks: dict[Setting, Block] = {}
-        self._starts: dict[tuple[Structure, Setting], Values] = {}
-        self._readings: dict[tuple[object, ...], list[ValveReading]] = {}
-        self._candidates: dict[StructureFit, Candidate] = {}
+    evidence: Mapping[Setting, SettingLogs]  # by rising setting
+    follows: Callable[[Model, Sequence[str]], Follows]  # from a model and what is free
+    solver: SolverOptions
+    n_starts: int
+    jobs: int
+    may_tie: bool  # whether the logs may show what follows an adjuster
+    _blocks: dict[Setting, Block] = field(default_factory=dict)
+    _starts: dict[tuple[Structure, Setting], Values] = field(default_factory=dict)
+    _readings: dict[tuple[object, ...], list[ValveReading]] = field(default_factory=dict)
+    _candidates: dict[StructureFit, Candidate] = field(default_factory=dict)
 
     def model(self, structure: Structure, settings: Sequence[Setting]) -> OneModel:
         """The fit of a structure at some settings, with what they have in common."""

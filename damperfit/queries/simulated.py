@@ -17,7 +17,7 @@ import numpy as np
 from damperfit.adjustment.force_at import STROKE_WORDS, force_at
 from damperfit.arrays import FloatArray
 from damperfit.configuration.options import Configuration
-from damperfit.damper.purdy.reference import FAMILIES
+from damperfit.damper.purdy.parameters import FAMILIES
 from damperfit.damper.temperature_law import at_temperature
 from damperfit.problem import Problem, in_a_row, warning
 from damperfit.queries.settings import notes_on_simulation

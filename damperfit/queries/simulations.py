@@ -12,8 +12,13 @@ import numpy as np
 from damperfit.adjustment.between import Interpolated, values_between
 from damperfit.configuration.options import Configuration, parameter_value
 from damperfit.damper.model import Model, Values
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
-from damperfit.damper.purdy.reference import FAMILIES, REFERENCE_SOURCE, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    FAMILIES,
+    PURDY_DAMPER,
+    REFERENCE_SOURCE,
+    Damper,
+    reference_parameters,
+)
 from damperfit.damper.quantity import Quantity
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import (

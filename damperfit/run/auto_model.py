@@ -25,8 +25,9 @@ from damperfit.laws.law_fit import (
     LawSearch,
     SettingLogs,
     most_unlike,
+    rank_rivals,
+    yielding_sentences,
 )
-from damperfit.laws.rivals import rank_rivals, yielding_sentences
 from damperfit.laws.search import follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import Failure, Problem, as_subject, failure_lines, in_a_row, note

@@ -13,8 +13,7 @@ import numpy as np
 from damperfit.adjustment.clicks import clicks, compare_settings
 from damperfit.adjustment.force_at import Stage, force_at
 from damperfit.conditioning import condition
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification import identify
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess

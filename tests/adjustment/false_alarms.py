@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from damperfit.adjustment.trends import Trend, find_trends
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.identification import Fit
 from damperfit.uncertainty import Interval, Uncertainty
 from tests import fakes

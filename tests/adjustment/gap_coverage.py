@@ -17,8 +17,7 @@ import numpy as np
 
 from damperfit.adjustment.clicks import which_setting
 from damperfit.adjustment.force_at import STROKES, Stage, force_at
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper

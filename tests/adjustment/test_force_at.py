@@ -22,8 +22,7 @@ from damperfit.adjustment.force_at import (
     open_limits,
     stage_of,
 )
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.rivals import Bilinear
 from damperfit.errors import SimulationError

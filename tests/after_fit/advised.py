@@ -18,7 +18,7 @@ import numpy as np
 
 import damperfit
 from damperfit.adjustment.force_at import force_at
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 
 QUESTIONS = ("k_e", "r_m1", "force@0.05m/s")
 SETTINGS = (1, 5, 10, 15, 20)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
+from damperfit.damper.purdy.parameters import REFERENCE_SETTINGS, reference_parameters
 
 ROOT = Path(__file__).parents[2]
 IMPORTS = "import numpy, scipy.signal, scipy.optimize, pandas, pyarrow, typer, rich"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from damperfit.cli import main
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.synthetic import SampleOptions, make_samples
 
 SETTINGS = (1, 2)

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.cli.main import main
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.synthetic import SampleOptions, make_samples
 
 PAIRS = [(r, 8) for r in (4, 6, 8, 10)] + [(8, c) for c in (4, 12)]

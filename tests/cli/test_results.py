@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.exporting.targets import TARGETS
 from damperfit.reporting import drawing
 from damperfit.synthetic import SampleOptions, make_samples

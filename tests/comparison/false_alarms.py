@@ -17,7 +17,7 @@ import numpy as np
 from damperfit.comparison.comparing import DIFFERENT, ComparisonOptions, compare_runs
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.recording import Trace
 from damperfit.results import Run
 from damperfit.run.identify import identified

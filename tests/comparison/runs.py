@@ -6,8 +6,7 @@ import numpy as np
 
 from damperfit.adjustment.force_at import Sine, Stage
 from damperfit.comparison.measured import MeasuredTest, measured_tests
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.results import Run
 from damperfit.tables.files import LogSignals
 from damperfit.tested.setting import Setting

@@ -15,8 +15,7 @@ from damperfit.comparison.comparing import (
     freedom_of,
     parameter_readings,
 )
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.rivals import Bilinear
 from damperfit.tested.setting import Setting
 from tests.comparison.false_alarms import CHANGE, compared_pairs, found, rig, shares

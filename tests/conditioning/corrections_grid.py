@@ -9,8 +9,7 @@ from dataclasses import replace
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.polarity import force_level
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.errors import ConditioningError
 from tests.conditioning.test_signs import MIRRORS, SLIM, SLIM_SETTING, gas_of, mirrored
 from tests.identification.rig import recording

@@ -6,8 +6,7 @@ import numpy as np
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.recording import Recording
 
 LAW = (3000.0, 1500.0, 50.0)

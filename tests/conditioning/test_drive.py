@@ -10,6 +10,7 @@ from damperfit.conditioning.drive import drive_of_lines, dwells_of
 from damperfit.conditioning.segments import transients
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification import compare, normalised_mse
 from damperfit.recording import Drive
 from damperfit.simulation import Motion, SolverOptions, simulate

@@ -7,8 +7,7 @@ import pytest
 
 from damperfit.conditioning import condition, noise_floor, transients
 from damperfit.conditioning.timebase import UniformLog, continue_log
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.errors import ConditioningError
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate, sine_motion

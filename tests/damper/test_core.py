@@ -8,8 +8,7 @@ import pytest
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Valve, purdy, simulate_network
 from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters, reference_parameters
 from damperfit.damper.rivals import Bilinear
 from damperfit.damper.stepping import SteppedDamper
 from damperfit.damper.valve_dampers import TwinTube

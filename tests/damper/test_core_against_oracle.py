@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters, reference_parameters
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
 from tests.oracles import model
 from tests.oracles.golden import SET_M

@@ -19,9 +19,9 @@ from damperfit.damper.purdy.parameters import (
     Damper,
     Parameters,
     nonnegative_least_squares,
+    reference_parameters,
     starting_values,
 )
-from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quantity import Quantity
 from damperfit.damper.rivals import BoucWen, Linear
 from damperfit.damper.temperature_law import WithTemperature, at_temperature

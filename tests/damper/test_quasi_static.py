@@ -5,8 +5,7 @@ import pytest
 
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.rivals import RIVALS, BoucWen, HagedornWallaschek
 from damperfit.damper.temperature_law import WithTemperature

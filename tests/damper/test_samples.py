@@ -12,8 +12,7 @@ from scipy.signal import butter, sosfilt
 import damperfit.synthetic as logs_of_samples
 from damperfit.conditioning import condition
 from damperfit.damper.model import MODELS
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import compare, normalised_mse

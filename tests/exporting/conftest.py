@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.exporting import fmu as libraries
 from damperfit.exporting.fmu_build import build
 from damperfit.exporting.targets import ExportedRun, exported_run

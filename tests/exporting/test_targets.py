@@ -14,7 +14,7 @@ import pytest
 
 from damperfit import __version__
 from damperfit.damper.model import MODELS
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.exporting.check import check_export
 from damperfit.exporting.targets import TARGETS, ExportOptions, exported_run, force_tables
 from damperfit.results import Run

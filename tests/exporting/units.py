@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.mounting import Friction, Mounting
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.valve_dampers import (
     DeclaredNetwork,
     DeclaredPassage,

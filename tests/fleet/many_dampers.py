@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import damperfit.synthetic as sample_logs
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.workers import Processes
 

@@ -16,8 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification.fit_problem import Block, linearise
 from damperfit.identification.logs import weights
 from damperfit.simulation import Motion, SolverOptions, simulate

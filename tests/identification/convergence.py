@@ -15,8 +15,7 @@ import numpy as np
 
 from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, NONE, Mounting
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import DamperfitError
 from damperfit.identification import FitOptions, identify

@@ -5,8 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from damperfit.conditioning import condition
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters, reference_parameters
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, SolverOptions, simulate
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition, transients
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
 from damperfit.identification.fit_problem import Block, linearise
 from damperfit.identification.logs import weights

@@ -15,8 +15,7 @@ import pytest
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, design_filter
 from damperfit.conditioning.filters import completed
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification import FitOptions
 from damperfit.identification.fit_problem import Block, linearise
 from damperfit.identification.fit_setting import minimised

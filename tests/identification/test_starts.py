@@ -8,8 +8,7 @@ import pytest
 
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Valve
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters, reference_parameters
 from damperfit.damper.rivals import BoucWen
 from damperfit.errors import SimulationError
 from damperfit.identification import (

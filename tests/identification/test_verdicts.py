@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters, reference_parameters
 from damperfit.errors import SimulationError
 from damperfit.identification import (
     Campaign,

@@ -5,8 +5,7 @@ import pytest
 
 from damperfit.conditioning import condition
 from damperfit.damper.rivals import RIVALS
-from damperfit.laws.law_fit import Candidate, SettingLogs, fit_law
-from damperfit.laws.rivals import rank_rivals
+from damperfit.laws.law_fit import Candidate, SettingLogs, fit_law, rank_rivals
 from damperfit.recording import Trace
 from damperfit.simulation import Motion, simulate
 from damperfit.tested.setting import Setting

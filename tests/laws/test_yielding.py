@@ -14,8 +14,7 @@ from damperfit.damper.mounting import FIT, Friction
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
 from damperfit.damper.valve_dampers import ThroughFlow
-from damperfit.laws.law_fit import Candidate, SettingLogs
-from damperfit.laws.rivals import held_against, is_open_to
+from damperfit.laws.law_fit import Candidate, SettingLogs, held_against, is_open_to
 from damperfit.laws.search import search_laws
 from damperfit.recording import Recording
 from damperfit.run import auto_model as law_choice

@@ -14,8 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters, reference_parameters
 from damperfit.recording import Recording
 from tests.oracles.model import equal_pressure_start, instant, solve
 

@@ -10,7 +10,7 @@ import pytest
 import damperfit
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Status

@@ -12,8 +12,7 @@ from damperfit.arguments import configured
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.duplicates import are_unlike
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.temperature_law import BETA as QUANTITY
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError

@@ -12,8 +12,7 @@ from damperfit.arguments import configured
 from damperfit.conditioning import ConditionOptions, GasFacts
 from damperfit.conditioning.duplicates import rod_area_ratio
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.io.tests_table import TestRow, read_tests

@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.uncertainty import linearise_settings, uncertainties
 from tests.identification.rig import recording

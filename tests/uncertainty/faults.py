@@ -26,8 +26,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 import damperfit
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.results import Run
 from tests.oracles.model import sine, solve
 from tests.oracles.network import solve as solve_network

@@ -18,8 +18,7 @@ from functools import partial
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification import FitOptions, LogFit, Sharing, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate

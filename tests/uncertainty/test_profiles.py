@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
 from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import minimised

@@ -10,8 +10,7 @@ from damperfit.adjustment.clicks import compare_settings
 from damperfit.adjustment.force_at import Force, force_at, stage_of
 from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, Mounting
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.options import GivenStart
