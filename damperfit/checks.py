@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment.trends import LEAST_FOR_TREND, Trend, in_few_words
-from damperfit.damper.quantity import Quantity
+from damperfit.damper.model import Quantity
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.fit_setting import Fit
 from damperfit.identification.outcome import Status

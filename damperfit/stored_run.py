@@ -14,7 +14,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Self
 
-from damperfit.damper.quantity import Quantity
+from damperfit.damper.model import Quantity
 from damperfit.errors import ConfigurationError, OutputError, refuse_wrong_arguments
 from damperfit.io.files import read_bytes, read_text, sha256_of
 from damperfit.problem import Option, Problem, distinct, warning

@@ -17,9 +17,8 @@ from damperfit.checks import (
     missed_gates,
     run_checks,
 )
-from damperfit.damper.model import values_type
+from damperfit.damper.model import Quantity, values_type
 from damperfit.damper.purdy.parameters import DAMPER_RANGES
-from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.identification import LogFit, Outcome, Status
 from damperfit.problem import note, warning

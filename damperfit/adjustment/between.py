@@ -26,8 +26,7 @@ from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import SimulationError
 
 if TYPE_CHECKING:
-    from damperfit.damper.model import Model, Values
-    from damperfit.damper.quantity import Quantity
+    from damperfit.damper.model import Model, Quantity, Values
     from damperfit.tested.setting import Setting
 
 # What a closed valve does not determine lies within this factor of the nearest setting where it is

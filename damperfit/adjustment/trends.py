@@ -43,7 +43,7 @@ from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
-    from damperfit.damper.quantity import Quantity
+    from damperfit.damper.model import Quantity
     from damperfit.uncertainty.covariance import Uncertainty
 
 SCALES = ("linear", "log", "reciprocal", "from_first", "from_last")

@@ -30,8 +30,7 @@ from numpy.typing import NDArray
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter, design_filter, differentiate
 from damperfit.configuration.damper_section import not_a_section, unknown_key
-from damperfit.damper.model import Values
-from damperfit.damper.quantity import RIG
+from damperfit.damper.model import RIG, Values
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.stepping import without_rig
 from damperfit.errors import ConfigurationError, SimulationError, blamed_on

@@ -17,8 +17,7 @@ from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.model import Values
-from damperfit.damper.quantity import Quantity
+from damperfit.damper.model import Quantity, Values
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.answer import Answer

@@ -46,7 +46,7 @@ from damperfit.statistics import NORMAL_95
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from damperfit.damper.quantity import Quantity
+    from damperfit.damper.model import Quantity
     from damperfit.errors import OnError
     from damperfit.results import Run
     from damperfit.tested.setting import Setting

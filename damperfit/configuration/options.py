@@ -26,8 +26,7 @@ from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTe
 from damperfit.configuration.damper_section import damper_defaults, damper_of, damper_record
 from damperfit.configuration.drawings import MEASURED
 from damperfit.damper.cylinder import K_E
-from damperfit.damper.model import MODELS, Model
-from damperfit.damper.quantity import Quantity
+from damperfit.damper.model import MODELS, Model, Quantity
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.identification.options import (

@@ -8,8 +8,19 @@ from dataclasses import replace
 from numbers import Real
 from typing import TYPE_CHECKING, ClassVar
 
-from damperfit.damper.model import FLAWS_OF_FORCE, FLAWS_OF_OIL, PRESSURES, Model, Signal
-from damperfit.damper.quantity import DAMPER, FRICTION, OFFSET, RIGID, STIFFNESS, Quantity
+from damperfit.damper.model import (
+    DAMPER,
+    FLAWS_OF_FORCE,
+    FLAWS_OF_OIL,
+    FRICTION,
+    OFFSET,
+    PRESSURES,
+    RIGID,
+    STIFFNESS,
+    Model,
+    Quantity,
+    Signal,
+)
 from damperfit.errors import ConfigurationError, SimulationError, did_you_mean
 from damperfit.problem import Key
 

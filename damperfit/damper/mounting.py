@@ -36,8 +36,7 @@ import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
-from damperfit.damper.model import Model, Values
-from damperfit.damper.quantity import DAMPER, RIG, Quantity
+from damperfit.damper.model import DAMPER, RIG, Model, Quantity, Values
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError
 from damperfit.recording import Trace

@@ -84,7 +84,7 @@ SHOWN = {ROOT: (3, "10³ s √N / (m kg)"), LINEAR: (6, "10⁶ N s / (m² kg)"),
 
 
 class Part(NamedTuple):
-    """One number of a valve's law; as of `damperfit.damper.quantity.Quantity`, and of more."""
+    """One number of a valve's law; as of `damperfit.damper.model.Quantity`, and of more."""
 
     term: str  # of `Passage`, that it is
     symbol: str

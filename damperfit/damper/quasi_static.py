@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.damper.model import Model, Values
-from damperfit.damper.quantity import FRICTION
+from damperfit.damper.model import FRICTION, Model, Values
 from damperfit.errors import ConfigurationError
 from damperfit.simulation import Motion, SolverOptions, simulate
 

@@ -69,8 +69,7 @@ from numpy.polynomial import chebyshev
 
 from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
-from damperfit.damper.model import Model
-from damperfit.damper.quantity import FRICTION, OFFSET, RIGID, VISCOUS, Quantity
+from damperfit.damper.model import FRICTION, OFFSET, RIGID, VISCOUS, Model, Quantity
 from damperfit.errors import SimulationError
 from damperfit.simulation import Motion, Response, SolverOptions, describe_ending
 

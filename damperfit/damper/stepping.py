@@ -9,9 +9,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from damperfit.damper.model import Model, Values
+from damperfit.damper.model import RIG, Model, Values
 from damperfit.damper.mounting import OF_LOAD_CELL
-from damperfit.damper.quantity import RIG
 from damperfit.errors import ConfigurationError
 from damperfit.simulation import Motion, SolverOptions
 

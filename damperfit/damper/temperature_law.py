@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from damperfit.damper.model import Model
-from damperfit.damper.quantity import DAMPER, VISCOUS, Quantity
+from damperfit.damper.model import DAMPER, VISCOUS, Model, Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Key, Option
 

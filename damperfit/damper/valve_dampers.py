@@ -45,7 +45,7 @@ from numpy.typing import ArrayLike
 
 from damperfit.arrays import FloatArray
 from damperfit.damper.cylinder import AMBIENT, F_0, F_F, K_E, RANGES, Cylinder
-from damperfit.damper.model import Model
+from damperfit.damper.model import DAMPER, GAS_AMOUNT, LOG, VISCOUS, Model, Quantity
 from damperfit.damper.mounting import NONE, OF_LOAD_CELL, Friction, Mounting, before_load_cell
 from damperfit.damper.network import (
     BLEEDS,
@@ -61,7 +61,6 @@ from damperfit.damper.network import (
     Valve,
     law_flow,
 )
-from damperfit.damper.quantity import DAMPER, GAS_AMOUNT, LOG, VISCOUS, Quantity
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Key
 

@@ -34,10 +34,9 @@ from markupsafe import Markup, escape
 from damperfit import __version__
 from damperfit.adjustment.force_at import determined_speed, force_at
 from damperfit.arrays import FloatArray
-from damperfit.damper.model import Model, Values
+from damperfit.damper.model import RIG, Model, Values
 from damperfit.damper.mounting import NONE
 from damperfit.damper.purdy.parameters import Damper
-from damperfit.damper.quantity import RIG
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.stepping import without_rig
 from damperfit.damper.temperature_law import WithTemperature

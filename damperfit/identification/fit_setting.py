@@ -24,8 +24,7 @@ from zlib import crc32
 import numpy as np
 
 from damperfit.conditioning.noise import noise_floor
-from damperfit.damper.model import Values
-from damperfit.damper.quantity import Quantity
+from damperfit.damper.model import Quantity, Values
 from damperfit.errors import DamperfitError, FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import (
     Block,

@@ -26,8 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from damperfit.arrays import FloatArray
-from damperfit.damper.model import Model, Values
-from damperfit.damper.quantity import DAMPER, LOG, RIG, SETTING
+from damperfit.damper.model import DAMPER, LOG, RIG, SETTING, Model, Values
 from damperfit.identification.fit_problem import (
     Block,
     FitProblem,

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from damperfit.arrays import FloatArray
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.filters import apply_filter, impulse_of, passed_at
-from damperfit.damper.model import Model, Values
-from damperfit.damper.quantity import GAS_AMOUNT, RIG, STIFFNESS, Quantity
+from damperfit.damper.model import GAS_AMOUNT, RIG, STIFFNESS, Model, Quantity, Values
 from damperfit.problem import Problem, warning
 from damperfit.recording import Segment, Trace
 from damperfit.simulation import Motion, Response, SolverOptions, motion_of, simulate

@@ -3,8 +3,7 @@
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from damperfit.damper.model import Model
-from damperfit.damper.quantity import Quantity
+from damperfit.damper.model import Model, Quantity
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.identification.sharing import GAS_FOLLOWER
 from damperfit.problem import Key, Option

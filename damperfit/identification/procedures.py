@@ -14,10 +14,9 @@ from typing import cast
 
 import numpy as np
 
-from damperfit.damper.model import Model, Values
+from damperfit.damper.model import GAS_AMOUNT, STIFFNESS, Model, Quantity, Values
 from damperfit.damper.network import BLOW_OFF_PARTS
 from damperfit.damper.purdy.parameters import Damper, cavitation_limit
-from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS, Quantity
 from damperfit.damper.temperature_law import BETA
 from damperfit.errors import (
     ConfigurationError,

@@ -264,7 +264,7 @@ def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Val
     An offset, which is each test's own, is the mean of theirs.
 
     >>> from damperfit.damper.model import values_type
-    >>> from damperfit.damper.quantity import Quantity
+    >>> from damperfit.damper.model import Quantity
     >>> s = Quantity("s", "s", "bleed", "bleed", "Pa", (1.0, 9.0))
     >>> p = Quantity("p", "p", "opening", "opening", "Pa", (1.0, 9.0))
     >>> at = lambda low, high: Setting((("low", low), ("high", high)))

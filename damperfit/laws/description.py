@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from damperfit.damper.model import Model, Values
+from damperfit.damper.model import FRICTION, STIFFNESS, Model, Values
 from damperfit.damper.mounting import NONE
 from damperfit.damper.network import BLOW_OFF_PARTS
-from damperfit.damper.quantity import FRICTION, STIFFNESS
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.identification.outcome import Status
 from damperfit.identification.procedures import Campaign

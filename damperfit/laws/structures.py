@@ -12,10 +12,9 @@ from dataclasses import dataclass, fields, replace
 from itertools import product
 from typing import Any, cast
 
-from damperfit.damper.model import Model
+from damperfit.damper.model import STIFFNESS, Model
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import BLEEDS, BLOW_OFFS, Valve
-from damperfit.damper.quantity import STIFFNESS
 from damperfit.damper.rivals import Rival
 from damperfit.damper.valve_dampers import STROKES as PLACES
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper

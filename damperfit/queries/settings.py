@@ -22,8 +22,7 @@ from damperfit.adjustment.force_at import (
     named_speeds,
     offset_sentence,
 )
-from damperfit.damper.model import Model, Values
-from damperfit.damper.quantity import RIG
+from damperfit.damper.model import RIG, Model, Values
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.sharing import of_settings

@@ -11,7 +11,7 @@ import numpy as np
 
 from damperfit.adjustment.between import Interpolated, values_between
 from damperfit.configuration.options import Configuration, parameter_value
-from damperfit.damper.model import Model, Values
+from damperfit.damper.model import Model, Quantity, Values
 from damperfit.damper.purdy.parameters import (
     FAMILIES,
     PURDY_DAMPER,
@@ -19,7 +19,6 @@ from damperfit.damper.purdy.parameters import (
     Damper,
     reference_parameters,
 )
-from damperfit.damper.quantity import Quantity
 from damperfit.damper.temperature_law import BETA, WithTemperature
 from damperfit.errors import (
     ConfigurationError,

@@ -10,7 +10,7 @@ from typing import Any
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.checks import Check
-from damperfit.damper.quantity import SETTING, Quantity
+from damperfit.damper.model import SETTING, Quantity
 from damperfit.problem import in_a_row, listed_names
 from damperfit.reporting.records import entries_in, listed_in, number_in
 from damperfit.reporting.sheet import (

@@ -8,9 +8,8 @@ from typing import Any
 from damperfit.conditioning.polarity import YIELDS, held_share
 from damperfit.configuration.damper_section import damper_record
 from damperfit.configuration.options import GAS, Configuration, followed, gas_in_words, unmatched
-from damperfit.damper.model import Model
+from damperfit.damper.model import Model, Quantity
 from damperfit.damper.purdy.parameters import Damper
-from damperfit.damper.quantity import Quantity
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.identification.options import DETECT, FitOptions, GivenStart, shared_names

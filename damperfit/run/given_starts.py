@@ -5,9 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from damperfit.configuration.options import Configuration, parameter_value
+from damperfit.damper.model import FRICTION, GAS_AMOUNT, OFFSET, STIFFNESS
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import BLOW_OFFS, Valve
-from damperfit.damper.quantity import FRICTION, GAS_AMOUNT, OFFSET, STIFFNESS
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.options import GivenStart, check_start

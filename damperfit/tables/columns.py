@@ -15,9 +15,8 @@ from functools import cache
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.damper.model import Values, values_type
+from damperfit.damper.model import Quantity, Values, values_type
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.quantity import Quantity
 from damperfit.tested.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
 
 if TYPE_CHECKING:

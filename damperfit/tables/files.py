@@ -29,7 +29,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.damper.quantity import Quantity
+from damperfit.damper.model import Quantity
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text, regular, sha256_of, why_unread
 from damperfit.problem import Option, Problem, listed_names, note, warning

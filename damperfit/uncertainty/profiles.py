@@ -32,8 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.damper.model import Model, Values
-from damperfit.damper.quantity import Quantity
+from damperfit.damper.model import Model, Quantity, Values
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import (
     Block,

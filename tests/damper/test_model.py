@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import nnls
 
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.model import Values, values_type
+from damperfit.damper.model import Quantity, Values, values_type
 from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import (
     DAMPER_RANGES,
@@ -22,7 +22,6 @@ from damperfit.damper.purdy.parameters import (
     reference_parameters,
     starting_values,
 )
-from damperfit.damper.quantity import Quantity
 from damperfit.damper.rivals import BoucWen, Linear
 from damperfit.damper.temperature_law import WithTemperature, at_temperature
 from damperfit.damper.valve_dampers import VALVE_RANGES, Monotube, ThroughFlow, TwinTube

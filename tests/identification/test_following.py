@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.model import values_type
-from damperfit.damper.quantity import OFFSET, Quantity
+from damperfit.damper.model import OFFSET, Quantity, values_type
 from damperfit.identification import (
     DETECT,
     Campaign,

@@ -46,9 +46,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from damperfit.arrays import FloatArray
 from damperfit.damper.cylinder import F_0, F_F, K_E, RANGES, Cylinder
-from damperfit.damper.model import FurtherStart, Values
+from damperfit.damper.model import DAMPER, VISCOUS, FurtherStart, Quantity, Values
 from damperfit.damper.purdy.closed_forms import gas_pressure, incompressible_design
-from damperfit.damper.quantity import DAMPER, VISCOUS, Quantity
 from damperfit.errors import ConfigurationError, refuse_wrong_arguments
 
 if TYPE_CHECKING:
