@@ -37,15 +37,9 @@ from damperfit.checks import Subject, run_checks
 from damperfit.cli import main as damperfit_command
 from damperfit.conditioning import condition, transients
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.mounting import before_load_cell
-from damperfit.damper.model import MODELS, model_named
-from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
-from damperfit.damper.model import MODELS
+from damperfit.damper.model import MODELS, Quantity, model_named
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting, before_load_cell
 from damperfit.damper.network import Valve
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.quantity import Quantity
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
