@@ -22,7 +22,7 @@ from damperfit.tested.setting import Setting
 if TYPE_CHECKING:
     import pandas as pd
 
-    from damperfit.damper.stepping import SteppedDamper
+    from damperfit.damper.network import SteppedDamper
     from damperfit.results import Run
 
 _BEYOND = 1.05  # times what was tested, or less than that part of it
@@ -148,7 +148,7 @@ class SettingResult(Stage):
 
     def stepped(self, x: float = 0.0, *, with_rig: bool = False) -> SteppedDamper:
         """Return the damper at this setting for a program that steps it: ``step(x, v, dt)``."""
-        from damperfit.damper.stepping import SteppedDamper
+        from damperfit.damper.network import SteppedDamper
 
         assert self.run is not None
         how: dict[str, Any] = {"options": self.run.solver, "with_rig": with_rig}

@@ -31,8 +31,8 @@ from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter, design_filter, differentiate
 from damperfit.configuration.damper_section import not_a_section, unknown_key
 from damperfit.damper.model import RIG, Values
+from damperfit.damper.network import without_rig
 from damperfit.damper.quasi_static import quasi_static
-from damperfit.damper.stepping import without_rig
 from damperfit.errors import ConfigurationError, SimulationError, blamed_on
 from damperfit.io import ReadOptions, read_log
 from damperfit.io.files import read_text, why_unread

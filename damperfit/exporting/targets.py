@@ -36,9 +36,9 @@ from damperfit.adjustment.force_at import determined_speed, force_at
 from damperfit.arrays import FloatArray
 from damperfit.damper.model import RIG, Model, Values
 from damperfit.damper.mounting import NONE
+from damperfit.damper.network import without_rig
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.quasi_static import quasi_static
-from damperfit.damper.stepping import without_rig
 from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Option, Problem, note
