@@ -532,13 +532,10 @@ def is_within(values: Values, names: Iterable[str]) -> bool:
 
 def kept_within(values: Values, names: Iterable[str]) -> Values:
     """Values with the named ones brought to the edge that they are beyond."""
-    ranges = ((name, getattr(values, name), values.quantity(name).plausible) for name in names)
-    brought = {
-        name: low if value < low else high
-        for name, value, (low, high) in ranges
-        if not low <= value <= high
-    }
-    return values.replace(brought) if brought else values
+    ranges = ((name, values.quantity(name).plausible) for name in names)
+    return values.replace(
+        {name: min(max(getattr(values, name), low), high) for name, (low, high) in ranges}
+    )
 
 
 def is_at_edge(values: Values, name: str) -> bool:

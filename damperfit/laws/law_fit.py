@@ -14,6 +14,7 @@ from damperfit.damper.rivals import RIVALS, Biviscous, BoucWen, Kwok, RestoringF
 from damperfit.errors import SimulationError
 from damperfit.identification.fit_problem import Block, is_at_edge
 from damperfit.identification.fit_setting import COMPARING, best_of_starts
+from damperfit.identification.joint import ENOUGH_PERCENT
 from damperfit.identification.least_squares import Minimum, inverse_information
 from damperfit.identification.logs import FEWEST_SAMPLES, compare, normalised_mse
 from damperfit.identification.sharing import Unknown
@@ -215,7 +216,6 @@ def undetermined(
 # A structure with its fits at several settings, and how well it fits and predicts.
 
 GAIN = 1.5
-ENOUGH_PERCENT = 0.02
 # A law whose MSE is below that may still predict another speed badly.
 ENOUGH_HELD_OUT_PERCENT = 0.2
 # Two layouts whose MSE, times that of what was held out, differ by less count as equal.

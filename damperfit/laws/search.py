@@ -537,37 +537,16 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
 ) -> LawSearch:
     """Return which structure the logs of all settings support, fitted at all of them.
 
-    Parameters
-    ----------
-    plain : Model
-        The paper's damper, or one of valves as it is declared.
-    layouts : sequence of ValveDamper
-        The damper in each layout that it may have.
-    evidence : sequence of SettingLogs
-        The logs of all settings.
-    follows : callable, optional
-        From a model and what is free to the adjusters that each quantity follows; by default all of
-        them, but none for what is the damper's or the rig's.
-    adjusted : callable, optional
-        The same where adjusters are declared: the structure that was found is fitted so at the end.
-    solver : SolverOptions
-        How exactly to integrate.
-    on_law : callable
-        Called with every structure that was judged.
-    n_starts : int
-        Starts of the first fit at each setting, spread over a factor of ten to both sides.
-    jobs : int
-        Workers; the result does not depend on them.
-    held_share : float
-        Of their force that the logs hold down to a tenth of the speed, where they yield before they
-        slide; NaN where they do not.
-    held_by_some : float
-        The most that one holds, where not all of them yield. Asked where valves leave something.
-
-    Raises
-    ------
-    SimulationError
-        No structure can be simulated on these logs.
+    `plain` is the paper's damper, or one of valves as it is declared, `layouts` the damper in each
+    layout that it may have. `follows` gives from a model and what is free the adjusters that each
+    quantity follows: by default all of them, but none for what is the damper's or the rig's;
+    `adjusted` does where adjusters are declared, and what was found is fitted so at the end.
+    `on_law` is called with every structure that was compared. `n_starts` are those of the first fit
+    at each setting, spread over a factor of ten to both sides. The result does not depend on the
+    workers, `jobs`. `held_share` is what the logs hold of their force down to a tenth of the speed,
+    where they yield before they slide, else NaN; `held_by_some` the most that one holds, where not
+    all of them yield: asked where valves leave something. A `SimulationError`: no structure can be
+    simulated on these logs.
     """
     adjusters = min(logs.setting for logs in evidence).adjusters
 

@@ -30,6 +30,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
 from damperfit.identification.fit_problem import edge_of
 from damperfit.identification.fit_setting import Fit
+from damperfit.identification.joint import ENOUGH_PERCENT
 from damperfit.identification.logs import LogFit, SimulatedLog, compare, normalised_mse
 from damperfit.identification.options import FitOptions, GivenStart
 from damperfit.identification.outcome import Status
@@ -39,7 +40,13 @@ from damperfit.problem import Problem, warning
 from damperfit.recording import Segment, Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.residuals import STIFFEST, Diagnosis, residual_scatter, rounded
+from damperfit.uncertainty.residuals import (
+    STIFFEST,
+    Diagnosis,
+    full_stroke,
+    residual_scatter,
+    rounded,
+)
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
@@ -61,9 +68,8 @@ class GradeLimits(NamedTuple):
     times_noise: float = 30.0
     misfit_percent: float = 0.2
     # An MSE that leaves nothing anyone would use, whatever repeats in it: such a fit knows the
-    # offset and the friction better than the level and the jumps of the log do. As
-    # `laws.ENOUGH_PERCENT`, which takes too long to import here.
-    nothing_percent: float = 0.02
+    # offset and the friction better than the level and the jumps of the log do.
+    nothing_percent: float = ENOUGH_PERCENT
     # Samples of a log at the end of a channel's range. With 4 % no number moves by half a per cent;
     # with 19 % a slope is 16 % off, at an MSE of 0.05 %.
     clipped_percent: float = 4.0
@@ -281,11 +287,8 @@ def _stiff_gas(fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None) -> I
     if gas is None or diagnosis is None or not _repeats(diagnosis):
         return
     spring = gas.exponent * gas.rod_area**2 * gas.pressure / gas.volume  # N/m
-    stroke = max(
-        float(np.abs(log.trace.displacement[log.trace.compared]).max()) for log in fit.logs
-    )
     for hint in diagnosis.hints:
-        times = 1.0 + hint.amount / max(spring * stroke, 1e-300)
+        times = 1.0 + hint.amount / max(spring * full_stroke(fit), 1e-300)
         if hint.name == "gas_volume" and times > STIFFEST:
             text = f"the gas spring looks {times:.2g} times as stiff as that of the declared damper"
             yield Objection("dimensions", "", f"{text}: check the unit of the force, and [damper]")

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from damperfit.arrays import FloatArray
 from damperfit.conditioning.filters import apply_filter
 from damperfit.conditioning.polarity import YIELDS, held_shares
-from damperfit.identification.fit_setting import EXCELLENT
+from damperfit.identification.fit_setting import EXCELLENT, Fit
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings
 from damperfit.problem import Problem, warning
@@ -296,8 +296,7 @@ def _columns(linearised: Linearisation) -> dict[str, list[FloatArray]]:
 
 def _sizes(linearised: Linearisation) -> dict[str, float]:
     """What amounts refer to: the full stroke, the peak speed and the peak force."""
-    traces = [log.trace for log in linearised.fit.logs]
-    stroke = max(float(np.abs(trace.displacement[trace.compared]).max()) for trace in traces)
+    traces, stroke = [log.trace for log in linearised.fit.logs], full_stroke(linearised.fit)
     speed = max(float(np.abs(trace.velocity[trace.compared]).max()) for trace in traces)
     return {
         "gas_volume": stroke,
@@ -306,6 +305,12 @@ def _sizes(linearised: Linearisation) -> dict[str, float]:
         "valve_law_bump": speed**2,
         "load_cell": float(np.abs(linearised.force).max()),
     }
+
+
+def full_stroke(fit: Fit) -> float:
+    """Return the largest displacement from the middle that is compared in the logs, m."""
+    traces = (log.trace for log in fit.logs)
+    return max(float(np.abs(trace.displacement[trace.compared]).max()) for trace in traces)
 
 
 def _friction(linearised: Linearisation) -> float:

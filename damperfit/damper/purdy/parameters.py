@@ -246,11 +246,11 @@ def starting_values(
         forces.append(trace.force[part] - gas - fixed.get("f_0", 0.0))
     columns, force = np.vstack(rows), np.concatenate(forces)
     scale = np.sqrt(np.mean(columns * columns, axis=0)) + 1e-300
-    known = {"r_m1": 0, "r_m2": 1, "r_m3": 2, "f_f": 3}
-    held = [known[name] for name in fixed if name in known]
-    for name in (name for name in fixed if name in known):
-        power = fixed[name] ** 2 if name == "r_m1" else fixed[name]
-        force = force - columns[:, known[name]] * power
+    places = {"r_m1": 0, "r_m2": 1, "r_m3": 2, "f_f": 3}
+    powers = {n: x**2 if n == "r_m1" else x for n, x in fixed.items() if n in places}
+    held = [places[name] for name in powers]
+    for name, power in powers.items():
+        force = force - columns[:, places[name]] * power
     free = [j for j in range(columns.shape[1]) if j not in held]
     solution = np.zeros(columns.shape[1])
     if free:
