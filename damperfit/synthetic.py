@@ -20,12 +20,12 @@ import numpy as np
 
 from damperfit.arrays import FloatArray
 from damperfit.damper.model import Model, Values
-from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.damper.purdy.parameters import (
     PURDY_DAMPER,
     REFERENCE_SETTINGS,
     Damper,
     Parameters,
+    gas_pressure,
     reference_parameters,
 )
 from damperfit.errors import ConfigurationError, SimulationError

@@ -17,8 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    PURDY_DAMPER,
+    incompressible_force,
+    reference_parameters,
+)
 from damperfit.simulation import simulate
 from tests.identification import accuracy_of_motions, convergence
 from tests.laws.valve_logs import moved

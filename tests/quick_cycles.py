@@ -7,8 +7,7 @@ samples themselves, and the core to them.
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from damperfit.damper.purdy.closed_forms import gas_pressure
-from damperfit.damper.purdy.parameters import Damper, Parameters
+from damperfit.damper.purdy.parameters import Damper, Parameters, gas_pressure
 from damperfit.errors import SimulationError
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.synthetic import SteadyCycle, cycle_of_masses, steady_cycle

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.purdy.closed_forms import gas_pressure
+from damperfit.damper.purdy.parameters import gas_pressure
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import Response, SolverOptions, motion_of, simulate
 

@@ -90,7 +90,7 @@ class GasLaw(NamedTuple):
 
     def modulus(self, setting: Setting) -> float:
         """K_e of a setting, Pa."""
-        from damperfit.damper.purdy.closed_forms import modulus_at_pressure
+        from damperfit.damper.purdy.parameters import modulus_at_pressure
 
         # Eq. (28) with K_B/C in place of K_B and V_r/C in place of V_r has C = 1.
         return float(

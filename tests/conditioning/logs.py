@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    PURDY_DAMPER,
+    incompressible_force,
+    reference_parameters,
+)
 from damperfit.recording import Recording
 
 LAW = (3000.0, 1500.0, 50.0)

@@ -15,8 +15,11 @@ from damperfit.conditioning import (
 )
 from damperfit.conditioning.duplicates import copies_in
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    PURDY_DAMPER,
+    incompressible_force,
+    reference_parameters,
+)
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import (
     RATE,

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from damperfit.damper.purdy import closed_forms as appendices
-from damperfit.damper.purdy import closed_forms as cf
+from damperfit.damper.purdy import parameters as appendices
+from damperfit.damper.purdy import parameters as cf
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.errors import ConfigurationError, SimulationError
 

@@ -7,8 +7,12 @@ import pytest
 
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import SteppedDamper, Valve, purdy, simulate_network
-from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    PURDY_DAMPER,
+    Parameters,
+    incompressible_force,
+    reference_parameters,
+)
 from damperfit.damper.rivals import Bilinear
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.errors import ConfigurationError, SimulationError

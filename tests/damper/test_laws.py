@@ -8,8 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from damperfit.damper.purdy.closed_forms import gas_pressure, incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    PURDY_DAMPER,
+    Parameters,
+    gas_pressure,
+    incompressible_force,
+    reference_parameters,
+)
 from damperfit.errors import SimulationError
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
 from tests.oracles import model

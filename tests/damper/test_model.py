@@ -12,12 +12,12 @@ from scipy.optimize import nnls
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import Quantity, Values, values_type
-from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import (
     DAMPER_RANGES,
     PURDY_DAMPER,
     Damper,
     Parameters,
+    incompressible_force,
     nonnegative_least_squares,
     reference_parameters,
     starting_values,

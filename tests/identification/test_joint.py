@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from damperfit.damper.purdy.closed_forms import modulus_at_pressure
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    PURDY_DAMPER,
+    Parameters,
+    modulus_at_pressure,
+    reference_parameters,
+)
 from damperfit.identification import Campaign, FitOptions, Outcome, compare, identify, joint
 from damperfit.identification.fit_problem import Block, FitProblem, _Stacked
 from damperfit.identification.joint import working_pressure

@@ -8,8 +8,13 @@ import pytest
 
 from damperfit.conditioning import condition
 from damperfit.damper.cavitation import Cavitation, describe_cavitation, examine_cavitation
-from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    PURDY_DAMPER,
+    Damper,
+    Parameters,
+    incompressible_force,
+    reference_parameters,
+)
 from damperfit.identification import Campaign, Fit, FitOptions, Outcome, compare, identify
 from damperfit.identification.fit_problem import Block
 from damperfit.identification.fit_setting import minimised

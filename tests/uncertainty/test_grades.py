@@ -9,8 +9,12 @@ from damperfit.conditioning import GasFacts
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.model import Quantity, values_type
-from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, reference_parameters
+from damperfit.damper.purdy.parameters import (
+    PURDY_DAMPER,
+    Damper,
+    incompressible_force,
+    reference_parameters,
+)
 from damperfit.identification import Status, identify
 from damperfit.problem import Problem, warning
 from damperfit.simulation import simulate, sine_motion
