@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from damperfit.damper.cavitation import Cavitation
+from damperfit.damper.cylinder import Cavitation
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.identification import Campaign, Fit, LogFit, Outcome, Status
 from damperfit.problem import Failure, Problem

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from damperfit.arrays import FloatArray
-    from damperfit.damper.cavitation import Cavitation
+    from damperfit.damper.cylinder import Cavitation
     from damperfit.damper.valve_dampers import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
@@ -340,7 +340,7 @@ class Model(ABC):
         self, values: Values, seen: Sequence[tuple[Trace, Response]], *, solver: SolverOptions
     ) -> Cavitation:
         """Return whether a chamber was empty in a setting's logs, and how far from it they are."""
-        from damperfit.damper.cavitation import Cavitation, cavitation_in
+        from damperfit.damper.cylinder import Cavitation, cavitation_in
 
         del values, solver
         return cavitation_in(seen)[0] if self.signals else Cavitation()

@@ -21,7 +21,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.problem import Key, Option
 
 if TYPE_CHECKING:
-    from damperfit.damper.cavitation import Cavitation
+    from damperfit.damper.cylinder import Cavitation
     from damperfit.damper.model import FurtherStart, Names, Values
     from damperfit.damper.valve_dampers import ValveCharacteristic
     from damperfit.recording import Trace

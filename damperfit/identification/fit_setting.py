@@ -50,7 +50,7 @@ from damperfit.statistics import CHI_SQUARED_95, largest_of
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from damperfit.damper.cavitation import Cavitation
+    from damperfit.damper.cylinder import Cavitation
     from damperfit.identification.procedures import ProcedureInput
 
 

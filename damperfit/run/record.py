@@ -22,7 +22,7 @@ import numpy as np
 from damperfit import __version__
 from damperfit.adjustment.clicks import Adjustment, compare_settings
 from damperfit.checks import Check, Subject, missed_gates, run_checks, unchecked
-from damperfit.damper.cavitation import describe_cavitation
+from damperfit.damper.cylinder import describe_cavitation
 from damperfit.damper.model import Model
 from damperfit.errors import ConfigurationError, InstallationError, OutputError, failure_of, sparing
 from damperfit.identification.fit_setting import describe_searches

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
-from damperfit.damper.cavitation import Cavitation, describe_cavitation, examine_cavitation
+from damperfit.damper.cylinder import Cavitation, describe_cavitation, examine_cavitation
 from damperfit.damper.purdy.parameters import (
     PURDY_DAMPER,
     Damper,

@@ -7,7 +7,7 @@ import pytest
 
 from damperfit.conditioning import GasFacts
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.cavitation import Cavitation
+from damperfit.damper.cylinder import Cavitation
 from damperfit.damper.model import Quantity, values_type
 from damperfit.damper.purdy.parameters import (
     PURDY_DAMPER,

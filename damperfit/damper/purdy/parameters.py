@@ -50,7 +50,7 @@ from damperfit.damper.model import DAMPER, VISCOUS, FurtherStart, Quantity, Valu
 from damperfit.errors import ConfigurationError, SimulationError, refuse_wrong_arguments
 
 if TYPE_CHECKING:
-    from damperfit.damper.cavitation import Cavitation
+    from damperfit.damper.cylinder import Cavitation
     from damperfit.damper.model import Names
     from damperfit.damper.network import Network
     from damperfit.recording import Trace
@@ -188,7 +188,7 @@ class Damper(Cylinder):
         self, values: Values, seen: Sequence[tuple[Trace, Response]], *, solver: SolverOptions
     ) -> Cavitation:
         """With the margin of R_m3 and the gas pressure at which a chamber just stays full."""
-        from damperfit.damper.cavitation import examine_cavitation
+        from damperfit.damper.cylinder import examine_cavitation
 
         return examine_cavitation(values, seen, self, solver=solver)
 
