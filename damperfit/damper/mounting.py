@@ -300,17 +300,10 @@ def behind_lag(rows: FloatArray, interval: float, lag: float) -> FloatArray:
     return late
 
 
-def lag_slope(
-    force: FloatArray, interval: float, lag: float, *, read: FloatArray | None = None
-) -> FloatArray:
-    """Return the derivative of a signal behind a lag by the lag, per second, both of shape (n,).
-
-    `read` is the same signal behind the lag, where it is at hand.
-    """
+def lag_slope(force: FloatArray, read: FloatArray, interval: float, lag: float) -> FloatArray:
+    """Return the derivative of a signal, as read behind a lag, by the lag, per second; all (n,)."""
     lag = max(lag, _NO_LAG * interval)
     q = interval / lag
-    if read is None:
-        read = behind_lag(force[None, :], interval, lag)[0]
     a = math.exp(-q)
     by_a = a * q / lag
     by_mean = (1.0 - a) / interval - by_a / q
@@ -359,8 +352,7 @@ def as_read(
         late = behind_lag(rows, motion.interval, lag)
         force, slopes = late[0], dict(zip(slopes, late[1:], strict=True))
         if "lag" in sensitivities:
-            read = force if late is not rows else None
-            slopes["lag"] = lag_slope(before, motion.interval, lag, read=read)
+            slopes["lag"] = lag_slope(before, force, motion.interval, lag)
     ordered = {name: slopes[name] for name in sensitivities}
     return replace(response, force=force, sensitivities=ordered)
 

@@ -181,14 +181,10 @@ class _Seen:
 class Rival(Model):
     """A model of the literature: a force from displacement and velocity."""
 
-    own: ClassVar[tuple[Quantity, ...]]
+    # As its equation has them, then spring, friction and offset.
+    quantities: ClassVar[tuple[Quantity, ...]]
     source: ClassVar[str] = "textbook"  # where its equation comes from
     caveat: ClassVar[str] = ""  # what a reader has to know of how it was taken over
-
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """As its equation has them, then spring, friction and offset."""
-        return self.own
 
     @abstractmethod
     def _law(self, y: Values, at: _Drive) -> Law:
@@ -237,7 +233,9 @@ class Rival(Model):
         starts = []
         for guess in self._guesses(seen):
             numbers = {**beside, **guess}
-            within = {q.name: float(np.clip(numbers[q.name], *q.plausible)) for q in self.own}
+            within = {
+                q.name: float(np.clip(numbers[q.name], *q.plausible)) for q in self.quantities
+            }
             starts.append(self.values(within | dict(fixed)))
         return tuple(starts)
 
@@ -247,7 +245,7 @@ class Linear(Rival):
 
     name = "linear"
     title = "linear damping with offset"
-    own = (_positive("c", "damping coefficient", "N s/m", 1e-2, 1e7, role=VISCOUS), _OFFSET)
+    quantities = (_positive("c", "damping coefficient", "N s/m", 1e-2, 1e7, role=VISCOUS), _OFFSET)
 
     def _law(self, y: Values, at: _Drive) -> Law:
         return y.c * at.v, {"c": at.v}
@@ -261,7 +259,10 @@ class Bilinear(Rival):
 
     name = "bilinear"
     title = "bilinear damping with offset"
-    own = (*_each_way(("c_{}", "damping coefficient", "N s/m", 1e-2, 1e7), role=VISCOUS), _OFFSET)
+    quantities = (
+        *_each_way(("c_{}", "damping coefficient", "N s/m", 1e-2, 1e7), role=VISCOUS),
+        _OFFSET,
+    )
 
     def _law(self, y: Values, at: _Drive) -> Law:
         slopes = {f"c_{k}": part for k, part in at.strokes}
@@ -276,7 +277,7 @@ class Degressive(Rival):
 
     name = "degressive"
     title = "degressive curve with friction"
-    own = (
+    quantities = (
         *_each_way(
             ("c_{}", "slope at rest", "N s/m", 1e-1, 1e7),
             ("v_{}", "speed of half that slope", "m/s", 1e-4, 1e3),
@@ -305,7 +306,7 @@ class FourSlopes(Rival):
 
     name = "four_slopes"
     title = "four slopes with friction"
-    own = (
+    quantities = (
         *_each_way(
             ("c_{}1", "slope up to the knee", "N s/m", 1e-1, 1e7),
             ("c_{}2", "slope beyond the knee", "N s/m", 1e-2, 1e7),
@@ -370,7 +371,9 @@ class PolynomialInSpeed(_Terms):
     name = "polynomial_v"
     title = "polynomial in velocity, degree 5"
     powers = tuple((0, j) for j in range(6))
-    own = tuple(_signed(f"a_{j}", f"coefficient of v^{j}", _unit(0, j), 1e3) for j in range(6))
+    quantities = tuple(
+        _signed(f"a_{j}", f"coefficient of v^{j}", _unit(0, j), 1e3) for j in range(6)
+    )
 
     def _terms(self, x: FloatArray, v: FloatArray) -> FloatArray:  # noqa: ARG002
         return np.vander(v, 6, increasing=True).T
@@ -382,7 +385,7 @@ class PolynomialInStrokeAndSpeed(_Terms):
     name = "polynomial_xv"
     title = "polynomial in displacement and velocity, degree 3"
     powers = _pairs(3)
-    own = tuple(
+    quantities = tuple(
         _signed(f"b_{i}{j}", f"coefficient of x^{i} v^{j}", _unit(i, j), 1e3 * 30.0**i)
         for i, j in _pairs(3)
     )
@@ -407,7 +410,7 @@ class RestoringForceSurface(_Terms):
     source = "Masri and Caughey 1979"
     caveat = _LATER_TEXTS
     powers = _pairs(6)
-    own = tuple(
+    quantities = tuple(
         _signed(f"c_{i}{j}", f"coefficient of T_{i}(x/X) T_{j}(v/V)", "N", 1e4)
         for i, j in _pairs(6)
     )
@@ -474,7 +477,7 @@ class KaradayiMasada(_ElasticDashpot):
     source = "Karadayi and Masada 1986"
     spring = ("k_s", "play", "")
     ways = (("", "c_r", ""),)
-    own = (_STIFFNESS, _PLAY, *_DAMPINGS, _OFFSET)
+    quantities = (_STIFFNESS, _PLAY, *_DAMPINGS, _OFFSET)
 
 
 class HagedornWallaschek(_ElasticDashpot):
@@ -485,7 +488,7 @@ class HagedornWallaschek(_ElasticDashpot):
     source = "Hagedorn and Wallaschek 1987"
     spring = ("k_s", "play", "")
     ways = (("", "c_r", "q_r"),)
-    own = (
+    quantities = (
         *(_STIFFNESS, _PLAY, *_DAMPINGS, *_each_way((*_SQUARES, 1e-4, 1e5))),
         *(_SPRING, _FRICTION, _OFFSET),
     )
@@ -499,7 +502,7 @@ class SuraceWordenTomlinson(_ElasticDashpot):
     source = "Surace, Worden and Tomlinson 1992"
     spring = ("k_s", "", "half_length")
     ways = (("", "", "q_r"),)
-    own = (
+    quantities = (
         _STIFFNESS,
         _positive(
             *("half_length", "half of the tube: stiffer as the piston nears an end", "m"),
@@ -517,7 +520,7 @@ class BesingerCebonCole(_ElasticDashpot):
     title = "Besinger-Cebon-Cole"
     source = "Besinger, Cebon and Cole 1995"
     ways = (("", "c_r1", ""), ("p_r", "c_r2", ""))
-    own = (
+    quantities = (
         _STIFFNESS,
         *_each_way(
             ("c_{}1", "damping up to the knee", "N s/m", 1e-2, 1e9),
@@ -537,7 +540,7 @@ class BoucWen(Rival):
     source = "Wen 1976; Ikhouane and Rodellar 2007"
     caveat = _LATER_TEXTS
     # Dampers have shape and sharpness at their edges too: back on a straight line, a sharp turn.
-    own = (
+    quantities = (
         _positive("alpha", "height of the hysteresis", "N", 1e-2, 1e6),
         _positive("rho", "1/rho is the stroke of the reversal", "1/m", 1.0, 1e6, ideal=_AT_ONCE),
         _positive("sigma", "shape of reversal", "1", 0.5, 1e2, has_own_edges=True),
@@ -567,7 +570,7 @@ class Biviscous(Rival):
     title = "hysteretic bi-viscous"
     source = "Wereley, Pang and Kamath 1998"
     caveat = _LATER_TEXTS
-    own = (
+    quantities = (
         _positive("c_pr", "damping before it yields", "N s/m", 1e-1, 1e8),
         _positive("v_0", "speed between the branches", "m/s", 1e-6, 1e1),
         *_each_way(("c_{}", "damping after it yields", "N s/m", 1e-2, 1e7), symbol="c_po,{}"),
@@ -608,7 +611,7 @@ class Kwok(Rival):
     title = "Kwok's hyperbolic tangent"
     source = "Kwok et al. 2006"
     caveat = _LATER_TEXTS
-    own = (
+    quantities = (
         _positive("c", "viscous damping", "N s/m", 1e-3, 1e7),
         _signed("k", "stiffness", "N/m", 1e3),
         _positive("alpha", "height of the hysteresis", "N", 1e-2, 1e6),

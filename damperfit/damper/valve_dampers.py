@@ -664,12 +664,8 @@ class _Rows(NamedTuple):
 
     def solve(self) -> tuple[FloatArray, float]:
         """Return C, c and the c_j, and the misfit as a share of the flow's mean square."""
-        columns = np.empty((len(self.drop), 2 + len(self.knees)))
-        columns[:, 0] = self.drop_rate
-        np.sqrt(self.drop, out=columns[:, 1])
-        beyond = columns[:, 2:]
-        np.subtract(self.drop[:, None], self.knees, out=beyond)
-        np.maximum(beyond, 0.0, out=beyond)
+        beyond = np.maximum(self.drop[:, None] - self.knees, 0.0)
+        columns = np.column_stack([self.drop_rate, np.sqrt(self.drop), beyond])
         weights, rest = _nonnegative(columns, self.displaced)
         return weights, rest**2 / float(self.displaced @ self.displaced)
 

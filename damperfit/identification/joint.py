@@ -70,7 +70,7 @@ _COST_TOLERANCE = 1e-8
 _MAX_EVALUATIONS = 40
 # Below this relative size a step is not tried again shorter: the integrator's own error is left.
 # Values are changed by a factor of two at most in one step.
-_STEP_TOLERANCE, _LONGEST_STEP = 1e-7, 0.7
+STEP_TOLERANCE, LONGEST_STEP = 1e-7, 0.7
 # Of the endings of the loop, those at a minimum: not its limits.
 _AT_MINIMUM = (1, 2, 4)
 # An independent square is about 1: a step that promises less moves nothing by a tenth of its error.
@@ -114,10 +114,10 @@ def fit_jointly(problem: FitProblem, starts: Mapping[Setting, Values]) -> Minimu
     problem = replace(problem, blocks={s: block.whole for s, block in problem.blocks.items()})
     n_samples = sum(block.facts.n_samples for block in problem.blocks.values())
     stopping = Stopping(
-        step_tolerance=_STEP_TOLERANCE,
+        step_tolerance=STEP_TOLERANCE,
         max_evaluations=_MAX_EVALUATIONS,
         least_gain=_COST_TOLERANCE * n_samples,  # weighted squares are about 1 each
-        longest_step=_LONGEST_STEP,
+        longest_step=LONGEST_STEP,
     )
     return problem.minimise(starts, stopping)
 

@@ -611,25 +611,12 @@ def assess(
     cancelled: Callable[[], bool] = lambda: False,
     on_error: OnError | None = None,
 ) -> Assessment:
-    """Judge every setting of a campaign.
+    """Judge every setting of a campaign, the result of `damperfit.identification.identify`.
 
     Costs one simulation for each log, and 0.7 of what its fit has cost at most where a
-    parameter's error is so large that the quadratic approximation is in doubt.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        Result of `damperfit.identification.identify`.
-    damper : Model
-        The damper's model.
-    solver : SolverOptions
-        How exactly to integrate.
-    jobs : int
-        Workers.
-    cancelled : callable, optional
-        Asked before each simulation of a profile; when it returns True no more are traced.
-    on_error : callable, optional
-        Called with a setting and the error met while judging it; without it the error is raised.
+    parameter's error is so large that the quadratic approximation is in doubt. `cancelled` is asked
+    before each simulation of a profile; when it returns True no more are traced. An error met while
+    judging a setting is passed to `on_error`, or raised.
     """
     frictions = tuple(quantity.name for quantity in damper.quantities if quantity.is_friction)
     sharing = campaign.sharing

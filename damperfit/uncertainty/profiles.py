@@ -45,7 +45,7 @@ from damperfit.identification.fit_problem import (
     with_values,
 )
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, Fit
-from damperfit.identification.joint import fit_jointly
+from damperfit.identification.joint import LONGEST_STEP, STEP_TOLERANCE, fit_jointly
 from damperfit.identification.least_squares import (
     NO_LENGTH,
     LinearSystem,
@@ -83,10 +83,6 @@ _LONGEST_STRIDE = 2.3
 _LONGEST_GROWTH = 3.0
 # What one more full step of the others would take from the rise.
 _SETTLED, _MAX_REFITS = 0.02, 20
-# Values are changed by a factor of two at most in one step of the others.
-_LONGEST_STEP = 0.7
-# Below this relative size a step is not tried again shorter: the integrator's own error is left.
-_STEP_TOLERANCE = 1e-7
 # Damping of a tangent, columns of length 1: what the logs do not see stays where it is.
 _UNSEEN = 1e-12
 # A look at the two limits alone: three simulations where the quadratic approximation is near.
@@ -342,10 +338,10 @@ def _own_line(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
             return system, _State(variables, parameters, residuals, jacobian)
 
         stopping = Stopping(
-            step_tolerance=_STEP_TOLERANCE,
+            step_tolerance=STEP_TOLERANCE,
             max_evaluations=max(1, min(_MAX_REFITS, left)),
             least_gain=_SETTLED / scale if scale > 0.0 else math.inf,
-            longest_step=_LONGEST_STEP,
+            longest_step=LONGEST_STEP,
         )
         best = iterate(point_at, start[moving], stopping, (bounds[0][moving], bounds[1][moving]))
         system = best.system.without(best.is_held) if best.is_held.any() else best.system
@@ -364,7 +360,7 @@ def _own_line(fit: Fit, name: str, misfit: Block, scale: float, error: float, bu
         ahead = state.residuals + state.jacobian[:, place] * shift
         change = _full_step(LinearSystem(ahead, state.jacobian[:, others])).change
         length = float(np.max(np.abs(change), initial=0.0))
-        moved[others] += change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
+        moved[others] += change * min(1.0, 2.0 * LONGEST_STEP / max(length, 1e-300))
         minimum, cost, nfev = settled(moved, others, left)
         return _Point(minimum, scale * (cost - least), {fit.setting: minimum.parameters}, nfev)
 

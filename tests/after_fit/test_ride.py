@@ -13,7 +13,7 @@ from damperfit.after_fit import ride
 from damperfit.after_fit.ride import Car, weighting_k
 from damperfit.cli import main
 from damperfit.configuration.damper_section import damper_record
-from damperfit.damper.stepping import SteppedDamper
+from damperfit.damper.network import SteppedDamper
 from damperfit.errors import DamperfitError
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper

@@ -122,21 +122,13 @@ class Damper(Cylinder):
     title = "the paper's damper: one orifice, two linear checks"
     procedures = ("paper", "joint", "plain")
     conditions = ("gas_pressure", "gas_exponent")
+    quantities = QUANTITIES
+    values_type = Parameters
     ranges = DAMPER_RANGES
     bulk_moduli = ("free", "appendix1")
     # The root of valve 1 is rounded within 1 Pa of zero, so that its slope stays finite at a
     # reversal: 100 Pa cost 0.01 to 0.02 N, 1 Pa cannot be seen (`tests/damper/test_core.py`).
     rounding = 1.0
-
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """R_m1, R_m2, R_m3, K_e, f_f, f_0."""
-        return QUANTITIES
-
-    @property
-    def values_type(self) -> type[Values]:
-        """`Parameters`."""
-        return Parameters
 
     @property
     def network(self) -> Network:
