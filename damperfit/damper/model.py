@@ -270,13 +270,12 @@ def values_type(quantities: tuple[Quantity, ...]) -> type[Values]:
                 frozen=True,
                 slots=True,
                 # It cannot be found by name where it is pickled to.
-                namespace={"__reduce__": _pickled, "quantities": quantities},
+                namespace={
+                    "__reduce__": lambda own: (_rebuilt, (own.quantities, own.numbers)),
+                    "quantities": quantities,
+                },
             )
     return made
-
-
-def _pickled(values: Values) -> tuple[object, ...]:
-    return _rebuilt, (values.quantities, values.numbers)
 
 
 def _rebuilt(quantities: tuple[Quantity, ...], numbers: tuple[float, ...]) -> Values:

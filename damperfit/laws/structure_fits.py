@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from damperfit.damper.model import Model, Values
+from damperfit.damper.network import BLOW_OFF_PARTS
 from damperfit.damper.valve_dampers import ValveDamper, ValveReading, read_loops
 from damperfit.errors import SimulationError
 from damperfit.identification.fit_problem import Block, FitProblem, Point, kept_within
@@ -47,7 +48,7 @@ _LEAST = 2e-6  # of what a setting leaves, per unit of its variance
 # Of the directions of a linearised problem: shorter ones promise nothing.
 _NO_LENGTH = 1e-6
 # Numbers that a blow-off has beside its opening and slope: one for all settings until the logs ask.
-OF_STACK = {"port", "width", "power"}
+OF_STACK = {*BLOW_OFF_PARTS} - {"opening", "slope"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
