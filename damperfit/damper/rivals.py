@@ -350,8 +350,6 @@ def _unit(i: int, j: int) -> str:
 class _Terms(Rival):
     """A sum of terms with a number each: what they are worth follows from least squares at once."""
 
-    powers: ClassVar[tuple[tuple[int, int], ...]]  # in displacement and velocity, a pair a term
-
     @abstractmethod
     def _terms(self, x: FloatArray, v: FloatArray) -> FloatArray:
         """Return the terms, a row each."""
@@ -370,7 +368,6 @@ class PolynomialInSpeed(_Terms):
 
     name = "polynomial_v"
     title = "polynomial in velocity, degree 5"
-    powers = tuple((0, j) for j in range(6))
     quantities = tuple(
         _signed(f"a_{j}", f"coefficient of v^{j}", _unit(0, j), 1e3) for j in range(6)
     )
@@ -384,7 +381,7 @@ class PolynomialInStrokeAndSpeed(_Terms):
 
     name = "polynomial_xv"
     title = "polynomial in displacement and velocity, degree 3"
-    powers = _pairs(3)
+    powers = _pairs(3)  # in displacement and velocity, a pair a term
     quantities = tuple(
         _signed(f"b_{i}{j}", f"coefficient of x^{i} v^{j}", _unit(i, j), 1e3 * 30.0**i)
         for i, j in _pairs(3)
