@@ -404,13 +404,13 @@ def held_against(law: Candidate, other: Candidate, share: float) -> tuple[bool, 
     """
     holds = f"the logs hold {100.0 * share:.0f} % of their force down to a tenth of the speed"
     if times_worse(other, law) > 1.0 and not are_alike(other, law):
-        return True, f"{holds}; it {_better(other, law)} than the law of valves"
+        return True, f"{holds}; it {_better(other, law)} than the model with valves"
     beyond = unbelievable(law)
     if is_open_to(law, other) and beyond:
-        return True, f"{holds}; it fits them about as well as a law of valves whose {beyond}"
+        return True, f"{holds}; it fits them about as well as a model with valves whose {beyond}"
     if is_open_to(law, other):
-        return False, f"{holds}; it fits them about as well as the law of valves"
-    return False, f"{holds}; the law of valves {_better(law, other)}"
+        return False, f"{holds}; it fits them about as well as the model with valves"
+    return False, f"{holds}; the model with valves {_better(law, other)}"
 
 
 def _better(best: Candidate, other: Candidate) -> str:

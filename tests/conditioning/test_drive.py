@@ -8,8 +8,6 @@ import pytest
 from damperfit.conditioning import apply_filter, condition
 from damperfit.conditioning.drive import drive_of_lines, dwells_of
 from damperfit.conditioning.segments import transients
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.identification import compare, normalised_mse
 from damperfit.recording import Drive
