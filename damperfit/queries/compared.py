@@ -127,7 +127,7 @@ class Comparison(Answer):
 
 
 def comparison_options(given: Mapping[str, Any]) -> ComparisonOptions:
-    """Return what the keywords of `compare` ask."""
+    """Return the options that the keywords of `compare` give."""
     speeds = sorted({abs(speed_in(velocity)) for velocity in given["velocity"] or ()})
     amplitude, frequency, units = (given[name] for name in ("amplitude", "frequency", "units"))
     if (amplitude is None) != (frequency is None):
@@ -143,8 +143,8 @@ def comparison_options(given: Mapping[str, Any]) -> ComparisonOptions:
     size = positive(amplitude, "length", "amplitude")
     rate = positive(frequency, "frequency", "frequency")
     sine = Sine(size, rate) if size and rate else None
-    wanted = SI if units is None else parse_units(units)
-    return ComparisonOptions(sine, tuple(speeds), given["measured"], given["jobs"], wanted)
+    shown_units = SI if units is None else parse_units(units)
+    return ComparisonOptions(sine, tuple(speeds), given["measured"], given["jobs"], shown_units)
 
 
 def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on the way
@@ -158,9 +158,9 @@ def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on t
     reading: Configuration | None = None,
     save: Path | None = None,
 ) -> Comparison:
-    """Return every pair compared; the first run is saved as a baseline, which may be all.
+    """Return every pair compared; with ``save`` the first run is written as a baseline.
 
-    ``unsaved`` are runs that stand in no folder, by what they are called in ``paths``.
+    ``unsaved`` are runs that are in no folder, by their names in ``paths``.
     """
     places = _Places([*paths, *repeats], options, config, reading, unsaved)
     if save is not None:
@@ -173,20 +173,20 @@ def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on t
     if repeats and len({first for first, _ in pairs}) > 1:
         text = "{--repeats} are of one reference, and there are several: compare one damper of them"
         raise ConfigurationError(text, code="several-results")
-    taken = {second.resolve(): "what is compared with it" for _, second in pairs}
-    taken |= {first.resolve(): "A itself" for first, _ in pairs}
+    roles = {second.resolve(): "what is compared with it" for _, second in pairs}
+    roles |= {first.resolve(): "A itself" for first, _ in pairs}
     for place in repeats:
-        if word := taken.get(place.resolve()):
+        if role := roles.get(place.resolve()):
             raise ConfigurationError(
-                f"is {word}; give further runs of the reference, each once",
+                f"is {role}; give further runs of the reference, each once",
                 where=Option("repeats", place),
                 code="given-twice",
             )
-        taken[place.resolve()] = "given twice"
-    wanted = list(dict.fromkeys(chain.from_iterable(pairs))) or list(paths)
-    runs = {place: places.run(place) for place in dict.fromkeys([*wanted, *repeats])}
+        roles[place.resolve()] = "given twice"
+    compared = list(dict.fromkeys(chain.from_iterable(pairs))) or list(paths)
+    runs = {place: places.run(place) for place in dict.fromkeys([*compared, *repeats])}
     if len({run.name for run in runs.values()}) < len({run.shown_as for run in runs.values()}):
-        for place, run in runs.items():  # where two are called alike, as much of their path
+        for place, run in runs.items():  # two have one name: as much of their path
             if place not in unsaved:
                 run.name = "/".join(Path(run.shown_as).resolve().parts[-2:])
     comparisons = tuple(
@@ -195,13 +195,13 @@ def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on t
     )
     remarks = [*places.remarks]
     for run in runs.values():
-        own = run.remarks if options.is_measured else (*run.remarks, *run.remarks_on_errors)
-        remarks += [problem.of(run.shown_as) for problem in own]
+        problems = run.remarks if options.is_measured else (*run.remarks, *run.remarks_on_errors)
+        remarks += [problem.of(run.shown_as) for problem in problems]
     for pair in comparisons:
         remarks += [problem.of(pair.second.shown_as) for problem in pair.remarks]
     points: list[Point] = []
     if nominal is not None:
-        points = [p for place in wanted for p in bands_met(runs[place], nominal, options)]
+        points = [p for place in compared for p in bands_met(runs[place], nominal, options)]
     elif tolerance is not None:
         points = [p for pair in comparisons for p in tolerated(pair, tolerance)]
     source = tolerance.source if tolerance else ""
@@ -212,7 +212,7 @@ def compare_all(  # noqa: PLR0913 - one more for the baseline that is saved on t
 
 
 class _Places:
-    """What places hold: raw logs, where measured curves are compared, or results."""
+    """The runs in some places: raw logs, where measured curves are compared, or results."""
 
     def __init__(
         self,
@@ -227,9 +227,9 @@ class _Places:
         self.remarks: list[Problem] = []  # folders of which no log can be used
         self._runs: dict[Path, Run] = {}
         for place, run in unsaved.items():
-            own = _comparable(Run.load(copy(run), config=config), is_measured=options.is_measured)
-            own.name = own.shown_as = str(place)
-            self._runs[place], self.groups[place] = own, {}
+            loaded = _comparable(Run.load(copy(run), config=config), is_measured=self.is_measured)
+            loaded.name = loaded.shown_as = str(place)
+            self._runs[place], self.groups[place] = loaded, {}
         if options.is_measured:
             configuration = reading or load_configuration(config)
             for place in dict.fromkeys(path for path in places if path not in unsaved):
@@ -251,14 +251,14 @@ class _Places:
         runs: dict[str, Run] = {}
         for folder in folders:
             try:
-                own = read_log_runs(folder, configuration, jobs=jobs)
+                of_folder = read_log_runs(folder, configuration, jobs=jobs)
             except LogError as error:
                 if folder == place:
                     raise
                 self.remarks.append(error.problem)
                 continue
-            above = "" if folder == place else folder.name
-            runs |= {"/".join(filter(None, (above, name))): run for name, run in own.items()}
+            prefix = "" if folder == place else folder.name
+            runs |= {"/".join(filter(None, (prefix, name))): run for name, run in of_folder.items()}
         if folders and not runs:
             raise NoUsableLogError(str(self.remarks[-1]))
         if runs:
@@ -272,17 +272,17 @@ class _Places:
 
     def only(self, place: Path) -> Run:
         """Return the run in a place that holds no other."""
-        if named := list(self.groups.get(place, {})):
+        if dampers := list(self.groups.get(place, {})):
             raise ConfigurationError(
-                f"logs of {len(named)} dampers ({', '.join(named[:3])}"
-                f"{', ...' * (len(named) > 3)}); a baseline is of one: give its folder",
+                f"logs of {len(dampers)} dampers ({', '.join(dampers[:3])}"
+                f"{', ...' * (len(dampers) > 3)}); a baseline is of one: give its folder",
                 subject=place,
                 code="several-dampers",
             )
         return self.run(place)
 
     def pairs(self, paths: Sequence[Path]) -> tuple[list[tuple[Path, Path]], tuple[Problem, ...]]:
-        """Return what is compared with what, and what has no partner.
+        """Return the pairs that are compared, and what has no partner.
 
         A folder that holds results folders stands for them: one alone for all its dampers, the
         first of which is the reference; two or more for the same dampers before and after, paired
@@ -315,16 +315,16 @@ class _Places:
         for path, group in zip(paths[1:], groups[1:], strict=True):
             common = [name for name in groups[0] if name in group]
             pairs += [(groups[0][name], group[name]) for name in common]
-            for where, names in ((paths[0], groups[0]), (path, group)):
+            for place, names in ((paths[0], groups[0]), (path, group)):
                 alone += [
-                    warning("no-partner", "only in {place}", name, place=where)
+                    warning("no-partner", "only in {place}", name, place=place)
                     for name in names
                     if name not in common
                 ]
         if not pairs:
-            named = zip(paths, groups, strict=True)
-            held = "; ".join(f"{path} holds {', '.join(group)}" for path, group in named)
-            raise ConfigurationError(f"no damper is in both: {held}", code="no-pair")
+            by_path = zip(paths, groups, strict=True)
+            listed = "; ".join(f"{path} holds {', '.join(group)}" for path, group in by_path)
+            raise ConfigurationError(f"no damper is in both: {listed}", code="no-pair")
         return pairs, distinct(alone)
 
     def inside(self, path: Path) -> Mapping[str, Path]:
@@ -336,21 +336,21 @@ class _Places:
         if runs := _runs_in(path):
             return runs
         files = [entry.name for entry in _listed(path) if entry.is_file()]
-        if kept := [name for name in files if is_baseline(path / name)]:
+        if baselines := [name for name in files if is_baseline(path / name)]:
             raise ConfigurationError(
-                f"{path}: {kept[0]} in it is a baseline or passport: give the file, "
-                f"{path / kept[0]}",
+                f"{path}: {baselines[0]} in it is a baseline or passport: give the file, "
+                f"{path / baselines[0]}",
                 code="baseline",
             )
-        more = "; expected run.json and parameters.parquet"
+        advice = "; expected run.json and parameters.parquet"
         if files:
-            others = f" and {len(files) - 1} more" if len(files) > 1 else ""
-            more = (
-                f", but {files[0]}{others}; if these are logs, run damperfit identify on them "
+            count = f" and {len(files) - 1} more" if len(files) > 1 else ""
+            advice = (
+                f", but {files[0]}{count}; if these are logs, run damperfit identify on them "
                 f"first, or compare them as measured: damperfit compare {path} OTHER --measured"
             )
         raise ConfigurationError(
-            f"{path}: no results of damperfit identify, and no folder in it holds any{more}",
+            f"{path}: no results of damperfit identify, and no folder in it holds any{advice}",
             code="no-results",
         )
 
@@ -370,8 +370,8 @@ def _runs_in(folder: Path) -> dict[str, Path]:
     runs: dict[str, Path] = {}
     for entry in (entry for entry in _listed(folder) if entry.is_dir() and _is_run(entry)):
         tests = tests_in(entry)
-        several = {f"{entry.name}, {date}": part for date, part in tests.items()}
-        runs |= several if len(tests) > 1 else {entry.name: entry}
+        parts = {f"{entry.name}, {date}": part for date, part in tests.items()}
+        runs |= parts if len(tests) > 1 else {entry.name: entry}
     return runs
 
 
@@ -412,11 +412,11 @@ def _comparable(run: Run, *, is_measured: bool) -> Run:
     if not is_measured:
         return refuse_unfitted(run)
     if not run.tests:
-        why = (
+        reason = (
             f" ({'; '.join(map(str, run.remarks))})" if run.remarks else "; no motion in it repeats"
         )
         raise ConfigurationError(
-            f"{run.shown_as}: no measured cycles to compare{why}", code="not-measured"
+            f"{run.shown_as}: no measured cycles to compare{reason}", code="not-measured"
         )
     return run
 
@@ -424,7 +424,7 @@ def _comparable(run: Run, *, is_measured: bool) -> Run:
 # A run kept as one JSON file, to be the reference of later comparisons
 
 _KEY, _VERSION = "damperfit_baseline", 1
-# Of run.json: what is compared, or says what is compared.
+# Keys of run.json that are compared, or name what is compared.
 _KEPT = (
     *("version", "schema_version", "test", "configuration", "procedure", "uncertainty"),
     *("speed_forces", "quantities", "adjusters"),
@@ -559,50 +559,50 @@ def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -
     if len(groups) == 1:
         return {"": _of_logs(place, next(iter(groups.values())), configuration)}
     return {
-        owner: _of_logs(place / folder_name(owner), part, configuration)
-        for owner, part in groups.items()
+        damper: _of_logs(place / folder_name(damper), logs, configuration)
+        for damper, logs in groups.items()
     }
 
 
 def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
     timeless = [failure for failure in batch.failures if failure.kind == TimelessError.__name__]
-    lost = [failure.problem for failure in batch.failures if failure not in timeless]
-    about = (*batch.notes, *batch.skipped_files, *batch.remarks, *log_warnings(batch.traces))
-    notes = list(map(str, about))
+    problems = [failure.problem for failure in batch.failures if failure not in timeless]
+    findings = (*batch.notes, *batch.skipped_files, *batch.remarks, *log_warnings(batch.traces))
+    notes = list(map(str, findings))
     tests: list[MeasuredTest] = []
     for trace in batch.traces:
-        own = _of_trace(trace)
-        tests += own
-        if not own:
+        measured = _of_trace(trace)
+        tests += measured
+        if not measured:
             text = "no measured cycles to compare; no motion in it repeats"
-            lost.append(warning("not-measured", text, trace.name))
+            problems.append(warning("not-measured", text, trace.name))
     for failure in timeless:
         try:
             curves = read_curves(Path(failure.path), configuration.reading)
         except ConfigurationError:
             raise
         except DamperfitError as error:
-            lost.append(error.problem)
+            problems.append(error.problem)
             continue
         tests += [_of_curve(curve, None if place.is_file() else failure) for curve in curves]
         notes += [f"{failure.log}: {note}" for note in curves[0].notes]
     # Among logs that say their setting, one that does not is ambiguous.
-    if named := [test for test in tests if test.setting != _NAMELESS]:
+    if labelled := [test for test in tests if test.setting != _NAMELESS]:
         text = (
             "does not say its adjuster setting, and others do; give it a line '# setting: 10', a "
             "column 'setting', a name such as setting_10.csv or a row in tests.csv"
         )
-        lost += [
+        problems += [
             warning("no-setting", text, log)
             for log in dict.fromkeys(test.log for test in tests if test.setting == _NAMELESS)
         ]
-        tests = named
+        tests = labelled
     if not tests:
-        more = f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
-        first = str(lost[0]) if lost else "no log that is not damperfit's own"
-        where = "" if place.is_file() else f"{place}: none of its logs can be used: "
-        raise NoUsableLogError(f"{where}{first}{more}")
-    if not place.is_file() and not named:
+        count = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        reason = str(problems[0]) if problems else "no log that is not damperfit's own"
+        source = "" if place.is_file() else f"{place}: none of its logs can be used: "
+        raise NoUsableLogError(f"{source}{reason}{count}")
+    if not place.is_file() and not labelled:
         n = len({test.log for test in tests})
         notes.append(
             f"no log says its setting: {'it is' if n == 1 else f'all {n} are'} compared as tested"
@@ -619,7 +619,7 @@ def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
         "configuration": {name: document.get(name, {}) for name in ("rig", "conditioning")},
         "notes": list(dict.fromkeys(notes)),
     }
-    run = Run(record, {"parameters": ()}, place=place, remarks=lost)
+    run = Run(record, {"parameters": ()}, place=place, remarks=problems)
     run.tests = tuple(tests)
     return run
 
@@ -656,5 +656,5 @@ def _of_curve(curve: ForceCurve, failure: Failure | None) -> MeasuredTest:
         velocity=curve.velocity,
         force=curve.force,
         speeds=speeds,
-        strokes={name: np.array([own, [math.nan] * len(own)]) for name, own in forces.items()},
+        strokes={side: np.array([row, [math.nan] * len(row)]) for side, row in forces.items()},
     )

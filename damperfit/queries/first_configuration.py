@@ -60,55 +60,55 @@ class Guessed:
         return replace(self, open=(str(note("no-model", text)), *self.open))
 
 
-def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) -> Guessed:
-    """Return what can be seen in logs: units, setting, signs, whose they are."""
+def guess_from_logs(logs: Sequence[Path], model: str, values: Mapping[str, str]) -> Guessed:
+    """Return what logs show: units, setting, signs, and identity of the damper."""
     rig: dict[str, Any] = {}
-    why: list[str] = []
+    guesses: list[str] = []
     unknown: list[str] = []
     unreadable: list[str] = []
     options = load_configuration().reading
     recordings: list[Recording] = []
     for path in logs[:_FEW]:
         try:
-            own, units = _read(path, options)
+            of_file, units = _read(path, options)
         except DamperfitError as error:
             unreadable.append(str(error))
             continue
-        recordings += own
-        amplitude, _, duration = _sizes(own[0])
-        shown = {
+        recordings += of_file
+        amplitude, _, duration = _sizes(of_file[0])
+        reasons = {
             "time": f"the log then lasts {duration:.3g} s",
             "displacement": f"its amplitude is then {1e3 * amplitude:.3g} mm",
-            "force": f"its largest is then {np.max(np.abs(own[0].force)):.4g} N",
+            "force": f"its largest is then {np.max(np.abs(of_file[0].force)):.4g} N",
         }
         for channel, unit in units.items():
             if rig.setdefault("units", {}).setdefault(channel, unit) == unit and path == logs[0]:
-                why.append(f"{channel} is read in {unit}: {shown[channel]}")
+                guesses.append(f"{channel} is read in {unit}: {reasons[channel]}")
     lacks_setting = any(recording.setting is None for recording in recordings)
     lacks_setting |= bool(recordings and unclear_names(path.name for path in logs))
     guess = guess_settings(path.name for path in logs)
     if lacks_setting and (guess.settings or guess.adjusters):
         rig["setting_pattern"] = guess.pattern
         places = f"the names differ in the places of {' and '.join(guess.adjusters)}"
-        why.append(str(guess.finding).partition(";")[0] if guess.settings else places)
+        guesses.append(str(guess.finding).partition(";")[0] if guess.settings else places)
     elif lacks_setting:
         offered = f": {guess.advice}" if guess.advice else ""
         unknown.append(
             "the logs do not say their setting: name them setting_10.csv, write '# setting: 10' "
             f"into them, or give a table tests.csv or rig.setting_pattern{offered}"
         )
-    configuration = _load(model, given)
+    configuration = _load(model, values)
     signs = [_signs(recording, configuration.conditioning) for recording in recordings]
     assumed = f" (judged by the gas of {configuration.whose}: fill in [damper], then inspect)"
     assumed *= configuration.is_assumed
     for channel in ("displacement", "force"):
         if signs and all(channel in reversed_ for reversed_, _ in signs):
             rig[f"reverse_{channel}"] = True
-            why.append(f"{channel} is positive in compression: the loops show it{assumed}")
+            guesses.append(f"{channel} is positive in compression: the loops show it{assumed}")
     if doubt := next((doubt for _, doubt in signs if doubt), ""):
-        doubted = doubt.partition("; taken as logged")[0].partition("; declare")[0]
+        doubt_text = doubt.partition("; taken as logged")[0].partition("; declare")[0]
         unknown.append(
-            f"signs{assumed}: {doubted}; decide reverse_displacement and reverse_force in [rig]"
+            f"signs{assumed}: {doubt_text}; decide reverse_displacement and reverse_force in [rig]"
         )
     identity = common_identity(identity_in(recording.metadata) for recording in recordings)
     facts = {key: getattr(identity, key) for key in IDENTITY_KEYS}
@@ -119,7 +119,7 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
     adjusters = guess.adjusters if rig.get("setting_pattern") == guess.pattern else ()
     unknown += unreadable[:1]  # the others are named alike, and `inspect` names them all
     opens = tuple(dict.fromkeys(unknown))
-    return Guessed(rig, test, tuple(why), opens, adjusters, damper, asks_signs=bool(doubt))
+    return Guessed(rig, test, tuple(guesses), opens, adjusters, damper, asks_signs=bool(doubt))
 
 
 def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict[str, str]]:
@@ -186,8 +186,8 @@ _ADJUSTERS = [
 ]
 
 
-def first_configuration(model: str | None, given: Mapping[str, str], guessed: Guessed) -> str:
-    """Return a commented TOML: what was given, what was seen, what is to be measured."""
+def first_configuration(model: str | None, values: Mapping[str, str], guessed: Guessed) -> str:
+    """Return a commented TOML: what was given, what the logs show, what is to be measured."""
     kind = model_named(model or "purdy")
     lines = [
         "# Configuration of one damper and its rig: damperfit identify LOGS --config THIS_FILE.",
@@ -199,10 +199,10 @@ def first_configuration(model: str | None, given: Mapping[str, str], guessed: Gu
     if kind.name in DRAWINGS:
         lines += ["#", *(f"# {line}".rstrip() for line in DRAWINGS[kind.name].splitlines()), "#"]
     defaults = damper_keys(kind.name)
-    given = {**guessed.damper, **given}
+    values = {**guessed.damper, **values}
     for key, text in defaults.items():
-        value = toml_value(_plain(given.get(key, text)))
-        mark = "" if key in given else "# "
+        value = toml_value(_plain(values.get(key, text)))
+        mark = "" if key in values else "# "
         comment = MEASURED.get(key, "")
         entry = f"{mark}{key} = {value}"
         lines.append(f"{entry:<34} # {comment}" if comment else entry)
@@ -248,7 +248,7 @@ def damper_keys(model: str) -> dict[str, str]:
 
 
 def _plain(value: Any) -> Any:
-    """Return text as TOML would have it: a number or a truth without quotes."""
+    """Return text as a TOML value: numbers and booleans are not strings."""
     if value in {"true", "false"}:
         return value == "true"
     try:
@@ -257,11 +257,11 @@ def _plain(value: Any) -> Any:
         return value
 
 
-def check_damper(model: str, given: Mapping[str, str]) -> None:
-    """Refuse keys of [damper] that there are none of, or values that cannot be."""
-    options = {f"damper.{key}": Option("set", key=key) for key in given}
+def check_damper(model: str, values: Mapping[str, str]) -> None:
+    """Refuse unknown keys of [damper] and impossible values."""
+    options = {f"damper.{key}": Option("set", key=key) for key in values}
     options["damper.model"] = Option("model")
-    _load(model, given, options)
+    _load(model, values, options)
 
 
 def fault_of(model: str, key: str, text: str) -> str:
@@ -277,16 +277,14 @@ def fault_of(model: str, key: str, text: str) -> str:
     try:
         _load(model, {key: text}, {f"damper.{key}": Option("set", key=key)})
     except ConfigurationError as error:
-        where = error.problem.where
-        is_of_key = (
-            isinstance(where, Option) and where.key == key and "beside" not in error.problem.values
-        )
+        option, values = error.problem.where, error.problem.values
+        is_of_key = isinstance(option, Option) and option.key == key and "beside" not in values
         return f"{key}: {error.problem.message()}" if is_of_key else ""
     return ""
 
 
 def _load(
-    model: str, given: Mapping[str, str], options: Mapping[str, Option] = MappingProxyType({})
+    model: str, values: Mapping[str, str], options: Mapping[str, Option] = MappingProxyType({})
 ) -> Configuration:
-    plain = {key: _plain(text) for key, text in given.items()}
+    plain = {key: _plain(text) for key, text in values.items()}
     return load_configuration(overlay={"damper": {"model": model, **plain}}, options=dict(options))

@@ -50,9 +50,9 @@ if TYPE_CHECKING:
 def refuse_unfitted(run: Run) -> Run:
     """Return a run, which must have a setting with all parameters."""
     if not run.settings:
-        why = f" ({'; '.join(map(str, run.remarks))})" if run.remarks else ""
+        reason = f" ({'; '.join(map(str, run.remarks))})" if run.remarks else ""
         raise ConfigurationError(
-            f"no setting has all parameters{why}; run damperfit identify LOGS first",
+            f"no setting has all parameters{reason}; run damperfit identify LOGS first",
             subject=run.place,
             code="no-parameters",
         )
@@ -75,12 +75,12 @@ def speed_in(text: str | float) -> float:
     """Return a velocity with its sign, m/s, as it was given by a keyword; zero is refused."""
     speed = parse_quantity(text, "velocity", option=Option("velocity"))
     if speed == 0.0:
-        why, where = "expected a speed other than zero", Option("velocity", str(text))
-        raise ConfigurationError(why, where=where, code="out-of-range")
+        where = Option("velocity", str(text))
+        raise ConfigurationError("expected a speed other than 0", where=where, code="out-of-range")
     return speed
 
 
-# What of the rig is in forces that are shown, and what is left out, in words
+# Notes on what the rig adds to forces, and what of it is left out
 
 
 def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[Problem]:
@@ -88,23 +88,23 @@ def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[Proble
     holds_gas = damper.rest_force(0.0) is None
     if sentence := offset_sentence([stage.offset for stage in stages], holds_gas=holds_gas):
         yield note("offset", sentence)
-    if stages and (parts := _mounting(stages[0].parameters)):
+    if stages and (mounting := _mounting(stages[0].parameters)):
         text = "the rig's {parts} in measured forces, not in the model's"
-        yield note("mounting", text, parts=as_subject(parts))
+        yield note("mounting", text, parts=as_subject(mounting))
 
 
 def notes_on_simulation(damper: Model, values: Values) -> Iterator[Problem]:
     """Yield what of the rig is in a simulated force."""
-    parts = _mounting(values)
+    contributions = _mounting(values)
     if damper.rest_force(0.0) is not None:  # else the offset holds the gas force
         tares = [values[quantity.name] for quantity in values.quantities if quantity.is_offset]
-        parts += [f"force offset of {tare:.3g} N" for tare in tares if tare]
-    if parts:
+        contributions += [f"force offset of {tare:.3g} N" for tare in tares if tare]
+    if contributions:
         text = (
             "the rig's {parts} in these forces; what damperfit settings shows and damperfit export "
             "writes is of the damper alone"
         )
-        yield note("mounting", text, parts=as_subject(parts))
+        yield note("mounting", text, parts=as_subject(contributions))
 
 
 def _mounting(values: Values) -> list[str]:
@@ -170,9 +170,9 @@ class SettingForces(_Forces):
         """Return all of it as JSON values."""
         answers = [
             {name: to_record(value) for name, value in answer._asdict().items()}
-            | ({"adjuster": wanted.adjuster, "held": wanted.held} if wanted.held else {})
-            for wanted in self.wanted
-            for answer in wanted.answers
+            | ({"adjuster": line.adjuster, "held": line.held} if line.held else {})
+            for line in self.wanted
+            for answer in line.answers
         ]
         document: dict[str, Any] = json_values(
             {
@@ -191,9 +191,9 @@ class SettingForces(_Forces):
     def sheets(self) -> tuple[Sheet, ...]:
         """Return forces by setting, a table a stroke, and measured ones beside the model's."""
         rows = rows_in_units(adjustment_rows(self.forces, self.clicks), self.units)
-        asked = self.question
-        both = asked.stroke is None or (asked.speed is not None and asked.force is not None)
-        strokes = STROKES if both else (asked.stroke or "",)
+        question = self.question
+        is_point = question.speed is not None and question.force is not None
+        strokes = STROKES if is_point or question.stroke is None else (question.stroke,)
         sheets = (*force_sheets(rows, strokes), measured_force_sheet(rows))
         return tuple(sheet_in_units(sheet, self.units) for sheet in sheets if sheet.rows)
 
@@ -232,13 +232,13 @@ def parse_question(
             code="no-speed",
         )
     speed = speed_in(velocity)
-    wanted = None if force is None else parse_quantity(force, "force", option=Option("force"))
-    if stroke is None and (speed < 0.0 or (wanted is not None and wanted < 0.0)):
+    target = None if force is None else parse_quantity(force, "force", option=Option("force"))
+    if stroke is None and (speed < 0.0 or (target is not None and target < 0.0)):
         stroke = "bump"
-    if wanted is None:
+    if target is None:
         return Question(abs(speed), None, stroke)
     stroke = stroke or "rebound"
-    return Question(abs(speed), -abs(wanted) if stroke == "bump" else wanted, stroke)
+    return Question(abs(speed), -abs(target) if stroke == "bump" else target, stroke)
 
 
 def tabulate_forces(
@@ -258,11 +258,11 @@ def tabulate_forces(
     damper = refuse_unfitted(run).damper
     size = positive(amplitude, "length", "amplitude")
     rate = positive(frequency, "frequency", "frequency")
-    own = run.motion_of_tests if size and rate else run.motion
-    sine = own
+    tested = run.motion_of_tests if size and rate else run.motion
+    sine = tested
     if sine is None or size or rate:
-        amplitude_of, rate_of = (own.amplitude, own.frequency) if own else (math.nan, math.nan)
-        sine = Sine(size or amplitude_of, rate or rate_of)
+        base = tested or Sine(math.nan, math.nan)
+        sine = Sine(size or base.amplitude, rate or base.frequency)
     refuse_amplitude(sine.amplitude, damper.travel)
     speeds = named_speeds(sine.peak_speed, run.shown_speeds or NAMED_SPEEDS)
     if question.speed is not None:
@@ -283,20 +283,20 @@ def tabulate_forces(
         failures[setting] = failure_of(error, f"simulating setting {setting}")
 
     forces = force_at(run.settings, damper, speeds, measured=run.speed_forces, on_error=take)
-    shown = credible_forces(forces)
-    done = {force.setting for force in forces}
+    credible = credible_forces(forces)
+    simulated = {force.setting for force in forces}
     source = "at constant speed"
     if isinstance(damper, WithTemperature):
         source += f" and {damper.oil_temperature:g} degC"
-    lost = (
+    problems = (
         failures[stage.setting].problem
         if stage.setting in failures
         else warning("simulation", f"setting {stage.setting} cannot be simulated {source}")
         for stage in run.settings
-        if stage.setting not in done
+        if stage.setting not in simulated
     )
     notes = [*run.notes]
-    if sine is not own:
+    if sine is not tested:
         beyond = ", ".join(
             run.tested.outside(
                 amplitude=sine.amplitude, frequency=sine.frequency, speed=sine.peak_speed
@@ -308,14 +308,14 @@ def tabulate_forces(
             "speeds are shown; the forces are those at constant speed, whatever the stroke"
         )
         notes.append(note("sine", text))
-    notes += [*notes_on_settings(damper, run.settings), *_force_notes(run, forces, shown)]
-    wanted, steps, gas = question.force, clicks(shown), 0.0
-    if without_gas and math.isnan(gas := shown[0].gas):
-        why = f"{{where}} has no effect: the model {damper.name} knows no gas force; leave it out"
-        raise ConfigurationError(why, where=Option("without_gas"), code="no-effect")
-    answers = () if wanted is None else _wanted(run, shown, question, wanted + gas)
+    notes += [*notes_on_settings(damper, run.settings), *_force_notes(run, forces, credible)]
+    target, changes, gas = question.force, clicks(credible), 0.0
+    if without_gas and math.isnan(gas := credible[0].gas):
+        text = f"{{where}} has no effect: the model {damper.name} knows no gas force; leave it out"
+        raise ConfigurationError(text, where=Option("without_gas"), code="no-effect")
+    answers = () if target is None else _wanted(run, credible, question, target + gas)
     if without_gas:
-        shown = tuple(force.gas_out for force in shown)
+        credible = tuple(force.gas_out for force in credible)
         answers = tuple(answer.gas_out() for answer in answers)
         source += f", without the gas force, {units.write(gas, 'N', '.4g')} at mid-stroke"
     return SettingForces(
@@ -323,10 +323,10 @@ def tabulate_forces(
         question,
         sine,
         source,
-        shown,
-        steps,
+        credible,
+        changes,
         answers,
-        (*run.remarks, *run.remarks_on_errors, *lost),
+        (*run.remarks, *run.remarks_on_errors, *problems),
         tuple(notes),
         tuple(failures[setting].trace for setting in sorted(failures)),
         units,
@@ -334,9 +334,9 @@ def tabulate_forces(
 
 
 def _wanted(
-    run: Run, shown: Sequence[Force], question: Question, force: float
+    run: Run, forces: Sequence[Force], question: Question, force: float
 ) -> tuple[Wanted, ...]:
-    settings = {row.setting for row in shown}
+    settings = {row.setting for row in forces}
     if len(settings) < 2:
         raise ConfigurationError(
             "one setting is not enough to find which gives a force; fit more logs",
@@ -351,16 +351,16 @@ def _wanted(
             force=Option("force"),
             code="one-setting",
         )
-    mine = [row for row in shown if row.stroke == question.stroke]
+    on_stroke = [row for row in forces if row.stroke == question.stroke]
     return tuple(
-        which_setting(mine, force, line=line, stages=run.settings, damper=run.damper)
+        which_setting(on_stroke, force, line=line, stages=run.settings, damper=run.damper)
         for line in lines
     )
 
 
-def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> Iterator[Problem]:
+def _force_notes(run: Run, forces: Sequence[Force], credible: Sequence[Force]) -> Iterator[Problem]:
     """Yield which forces are extrapolated, cavitate or are measured, and where peaks differ."""
-    untested = {force.setting: force.speed for force in shown if not force.is_tested}
+    untested = {force.setting: force.speed for force in credible if not force.is_tested}
     if untested:
         stages = [stage for stage in run.settings if stage.setting in untested]
         top = min(stage.top_speed for stage in stages)
@@ -370,7 +370,7 @@ def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> I
             "speed on it may rise by half of that or twice, which its interval holds"
         )
         yield note("extrapolated", text)
-        if loose := [f.setting for f in shown if not (f.is_tested or f.is_determined)]:
+        if loose := [f.setting for f in credible if not (f.is_tested or f.is_determined)]:
             reached = min(determined_speed(stage, run.damper) for stage in stages)
             text = (
                 f"the logs do not determine the force there at {of_settings(dict.fromkeys(loose))}:"
@@ -385,7 +385,7 @@ def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> I
             "the model's with an empty chamber"
         )
         yield note("cavitation", text)
-    if missed := [force for force in shown if force.is_measured and force.disagrees]:
+    if missed := [force for force in credible if force.is_measured and force.disagrees]:
         worst = max(missed, key=lambda force: abs(force.difference / force.measured_force))
         text = (
             "the model misses measured forces at "
@@ -397,7 +397,7 @@ def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> I
         yield note("model-misses", text)
     peaks = [
         (abs(reading.peak - reading.force), reading, force)
-        for force in shown
+        for force in credible
         if (reading := force.measured) is not None and reading.peak_differs
     ]
     if peaks:
@@ -411,7 +411,7 @@ def _force_notes(run: Run, forces: Sequence[Force], shown: Sequence[Force]) -> I
         yield note("peaks-differ", text)
 
 
-# Curves that were measured without time, asked for forces: by curve, and which gives a force
+# Curves that were measured without time: forces by curve, and which curve gives a force
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -431,11 +431,11 @@ class CurveForces(_Forces):
 
     def document(self) -> dict[str, Any]:
         """Return the forces by curve, stroke and speed that were reached, as JSON values."""
-        asked = self.question
+        question = self.question
         document: dict[str, Any] = json_values(
             {
                 "source": ", ".join(map(str, self.paths)),
-                "question": None if asked.force is None else to_record(asked),
+                "question": None if question.force is None else to_record(question),
                 "sentence": self.sentence or None,
                 "forces": [
                     {"curve": curve.label, "stroke": side, "speed_m_per_s": speed, "force_N": force}
@@ -456,7 +456,7 @@ class CurveForces(_Forces):
 def measured_forces(
     paths: Sequence[Path], question: Question, *, reading: ReadOptions
 ) -> CurveForces:
-    """Return what the curves of some files, without time, say of a question."""
+    """Return the forces of curves without time, and the answer to a question."""
     curves = tuple(curve for path in paths for curve in read_curves(path, reading))
     files = Counter(label for _, label in {(curve.path, curve.label) for curve in curves})
     curves = tuple(  # the file's name before labels that several files use
@@ -476,33 +476,33 @@ def measured_forces(
         if math.isfinite(force := curve.force_at(speed, stroke))
     ]
     if not forces:
-        at = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
+        place = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
         side = f" in {STROKE_WORDS[question.stroke]}" if question.stroke else ""
         names = ", ".join(path.name for path in paths)
         raise ConfigurationError(
             f"no curve of {names} has points on both sides of it{side}; the highest "
             f"measured speed is {max(tops, default=0.0):.3g} m/s",
-            subject=at,
+            subject=place,
             code="no-speed",
         )
     sentence = "" if question.force is None else _answer(question, question.force, forces)
     return CurveForces(tuple(paths), question, curves, speeds, sentence)
 
 
-def _answer(question: Question, wanted: float, forces: Sequence[tuple[float, str]]) -> str:
+def _answer(question: Question, target: float, forces: Sequence[tuple[float, str]]) -> str:
     """Say between which curves a force lies; labels need no order for that."""
-    asked = (
-        f"{wanted:.5g} N in {STROKE_WORDS[question.stroke or 'rebound']} at {question.speed:g} m/s"
+    aim = (
+        f"{target:.5g} N in {STROKE_WORDS[question.stroke or 'rebound']} at {question.speed:g} m/s"
     )
-    below = max((point for point in forces if point[0] <= wanted), default=None)
-    above = min((point for point in forces if point[0] >= wanted), default=None)
+    below = max((point for point in forces if point[0] <= target), default=None)
+    above = min((point for point in forces if point[0] >= target), default=None)
     if below is None or above is None:
         force, label = above or below or (math.nan, "")
-        return f"{asked}: no curve gives it; the nearest is {label} with {force:.5g} N"
+        return f"{aim}: no curve gives it; the nearest is {label} with {force:.5g} N"
     if below[0] == above[0]:
-        return f"{asked}: {below[1]} gives it"
-    force, label = min(below, above, key=lambda point: abs(point[0] - wanted))
+        return f"{aim}: {below[1]} gives it"
+    force, label = min(below, above, key=lambda point: abs(point[0] - target))
     return (
-        f"{asked}: between {below[1]} with {below[0]:.5g} N and {above[1]} with {above[0]:.5g} N; "
-        f"nearest is {label} ({force - wanted:+.3g} N)"
+        f"{aim}: between {below[1]} with {below[0]:.5g} N and {above[1]} with {above[0]:.5g} N; "
+        f"nearest is {label} ({force - target:+.3g} N)"
     )

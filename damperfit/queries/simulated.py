@@ -89,8 +89,8 @@ class Simulation(Answer):
     def half_intervals(self) -> tuple[float, float] | None:
         """Of the damper's own force at the peak speeds, rebound and compression, 95 %, N."""
         choice, figures = self.choice, self.characteristics
-        beside = choice.between.beside if choice.between else ()
-        stages = beside if choice.fitted is None else (choice.fitted,)
+        neighbours = choice.between.beside if choice.between else ()
+        stages = neighbours if choice.fitted is None else (choice.fitted,)
         run = choice.run if all(s.covariance is not None and s.names for s in stages) else None
         if run is None or not stages:
             return None
@@ -110,7 +110,7 @@ class Simulation(Answer):
 
     @property
     def _tested(self) -> dict[str, float]:
-        """What of the motion is held against the range of the tests, SI."""
+        """The motion's amplitude, frequency and top speed, to compare with the tests, SI."""
         amplitude = 0.5 * float(self.displacement.max() - self.displacement.min())
         fastest = float(abs(self.velocity).max())
         return {"amplitude": amplitude, "frequency": self.frequency, "speed": fastest}
@@ -121,19 +121,19 @@ class Simulation(Answer):
         choice, figures = self.choice, self.characteristics
         if choice.fitted is None and choice.between is None:
             return ""
-        parts = [f"grade of the fit: {choice.fitted.grade}"] if choice.fitted else []
+        phrases = [f"grade of the fit: {choice.fitted.grade}"] if choice.fitted else []
         if self.half_intervals is not None:
             rebound, bump = (f"{float(f'{half:.2g}'):g}" for half in self.half_intervals)
-            parts.append(
+            phrases.append(
                 f"95 % interval of the damper's force at {figures.peak_speed_rebound:.3g} m/s: "
                 f"±{rebound} N in rebound, ±{bump} N in compression"
             )
             if choice.between is not None:
-                beside = in_a_row([str(stage.setting) for stage in choice.between.beside])
-                parts[-1] += f" (from {beside}, and other curves between tested settings)"
+                neighbours = in_a_row([str(stage.setting) for stage in choice.between.beside])
+                phrases[-1] += f" (from {neighbours}, and other curves between tested settings)"
         if choice.fitted and not any(choice.tested.outside(**self._tested)):
-            parts.append("amplitude, frequency and speed were tested")
-        return "; ".join(parts)
+            phrases.append("amplitude, frequency and speed were tested")
+        return "; ".join(phrases)
 
     @property
     def warnings(self) -> tuple[Problem, ...]:  # type: ignore[override]
@@ -297,15 +297,15 @@ class Sweep(Answer):
         choice: ChosenParameters,
         configuration: Configuration,
         damper: str,
-        wanted: Sequence[tuple[Variation, bool]],
+        variations: Sequence[tuple[Variation, bool]],
     ) -> None:
         self.damper, self.source, self.notes = damper, choice.source, configuration.notes
         self.model = configuration.damper
         self.sweeps = tuple(
             (variation, run_sweep(choice.parameters, configuration, variation=variation), is_paper)
-            for variation, is_paper in wanted
+            for variation, is_paper in variations
         )
-        named = [(each.name, member) for each, members, _ in self.sweeps for member in members]
+        cases = [(varied.name, member) for varied, members, _ in self.sweeps for member in members]
         self.records: list[dict[str, Any]] = [
             {
                 "quantity": name,
@@ -317,17 +317,16 @@ class Sweep(Answer):
                     for i, share in enumerate(member.figures.cavitation_shares, start=1)
                 },
             }
-            for name, member in named
+            for name, member in cases
         ]
-        self.symbols = {each.name: each.name for each, _, _ in self.sweeps} | {
+        self.symbols = {varied.name: varied.name for varied, _, _ in self.sweeps} | {
             quantity.name: quantity.symbol for quantity in self.model.quantities
         }
         self.sentences = tuple(
-            _in_words(self.symbols[each.name], members) for each, members, _ in self.sweeps
+            _in_words(self.symbols[varied.name], members) for varied, members, _ in self.sweeps
         )
-        speeds = [member.response.velocity for _, member in named]
-        fastest = max(float(max(velocity.max(), -velocity.min())) for velocity in speeds)
-        self.warnings = choice.warnings(fastest, getattr(self.model, "temperature", None))
+        top_speed = max(float(abs(member.response.velocity).max()) for _, member in cases)
+        self.warnings = choice.warnings(top_speed, getattr(self.model, "temperature", None))
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
@@ -361,12 +360,12 @@ class Sweep(Answer):
             worst = max(members, key=lambda member: member.cavitation)
             of_pressures = family.of_pressures if family else 0
             if worst.cavitation > 0.0 or of_pressures:
-                first = f"figure_{of_pressures or 7}" if family else "sweep"
+                prefix = f"figure_{of_pressures or 7}" if family else "sweep"
                 title = f"Chamber pressures, {worst.factor:g} × {symbol}"
                 response = worst.response
                 panel = pressure_panel(response.time, response.pressures, worst.last_cycle)
                 caption = "Shaded: cavitation." if panel.bands else ""
-                plots.append(Plot(f"{first}_{name}_pressures", title, (panel,), caption))
+                plots.append(Plot(f"{prefix}_{name}_pressures", title, (panel,), caption))
         return tuple(plots)
 
     def write(self, folder: Path, *, kind: str = "png", spares_others: bool = True) -> None:
@@ -384,12 +383,10 @@ class Sweep(Answer):
     def sheets(self) -> tuple[Sheet, ...]:
         """Return a table a variation, a row a member."""
 
-        def shown(figure: str) -> Callable[[SweepMember], str]:
+        def cell(figure: str) -> Callable[[SweepMember], str]:
             return lambda member: number(getattr(member.figures, figure), digits=4)
 
-        figures = [
-            Column(heading, unit, shown(of)) for heading, unit, _, of, _ in _SWEPT if heading
-        ]
+        figures = [Column(heading, unit, cell(of)) for heading, unit, _, of, _ in _SWEPT if heading]
         units = swept_units(self.model)
         cavitation = "cavitation", "% of cycle", lambda member: f"{100.0 * member.cavitation:.1f}"
         return tuple(
@@ -427,6 +424,6 @@ def _in_words(name: str, members: Sequence[SweepMember]) -> str:
             before, after = (abs(getattr(member.figures, figure)) for member in (first, last))
             gain = round(100.0 * (after / before - 1.0), 1) + 0.0 if before > 0.0 else None
             share_of = "" if gain is None else f" ({gain:+.1f} %)"
-            both = f"{number(before, digits=4)} to {number(after, digits=4)} N"
-            changes.append(f"{words} {both}{share_of}")
+            forces = f"{number(before, digits=4)} to {number(after, digits=4)} N"
+            changes.append(f"{words} {forces}{share_of}")
     return f"{first.factor:g} to {last.factor:g} × {name}: {', '.join(changes)}; {cavitation}."

@@ -49,7 +49,7 @@ from damperfit.store import settle
 from damperfit.tables.columns import unknown_schema
 from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 
-# Whose parameters a test is simulated with, and what is known of them
+# The parameters that a test is simulated with, and their origin
 
 _WARMER = 1.0  # K; so much a log drifts by itself
 _TABLES = ("parameters.parquet", "parameters.csv")
@@ -62,7 +62,7 @@ class ChosenParameters:
     parameters: Values  # SI
     setting: Setting | None  # adjuster setting, None when all parameters were given one by one
     source: str  # one sentence for people
-    run: Run | None = None  # that they are of; None: the reference set, or all were given
+    run: Run | None = None  # their run; None: the reference set, or all were given
     unlimited: tuple[str, ...] = ()  # those to which the logs of their setting set no upper limit
     fitted: SettingResult | None = None  # None where values were replaced
     between: Interpolated | None = None  # of a setting that was not tested, beside two that were
@@ -75,7 +75,7 @@ class ChosenParameters:
     def warnings(
         self, speed: float, temperature: float | None = None, **motion: float
     ) -> tuple[Problem, ...]:
-        """What to know before believing a force on a motion, as of `Tested`, at so many degC."""
+        """Warnings on a force at a motion (keywords of `Tested.outside`) and temperature, degC."""
         run, names, outside = self.run, listed_names(self.unlimited), self.tested.outside
         warned = [problem.of(run.shown_as) for problem in run.remarks] if run else []
         if beyond := ", ".join(outside(speed=speed, **motion)):
@@ -120,9 +120,9 @@ def choose_parameters(
                 where=Option("parameters", table),
                 code="no-effect",
             )
-        given = damper.values(_replaced(damper.quantities, replaced))
-        named = None if setting is None else _setting_named(setting)
-        return ChosenParameters(given, named, "parameters: all given")
+        parameters = damper.values(_replaced(damper.quantities, replaced))
+        chosen = None if setting is None else _setting_named(setting)
+        return ChosenParameters(parameters, chosen, "parameters: all given")
     settle(folder)
     if table is None and any((folder / name).exists() for name in _TABLES):
         table = folder
@@ -153,8 +153,8 @@ def choose_parameters(
             )
         source = f"setting {chosen} of the {REFERENCE_SOURCE}"
         choice = ChosenParameters(reference_parameters(chosen.cell), chosen, source)
-    more = f"; replaced: {', '.join(values)}" if values else ""
-    source = f"parameters: {choice.source}{more}"
+    suffix = f"; replaced: {', '.join(values)}" if values else ""
+    source = f"parameters: {choice.source}{suffix}"
     return replace(choice, parameters=choice.parameters.replace(values), source=source)
 
 
@@ -168,51 +168,51 @@ def _of_run(
     chosen = _setting_named(setting, results)
     source, fitted, curve = f"setting {chosen} of {path}", results.get(chosen), None
     if fitted is None:
-        together = values_from_others(values, chosen)
-        if together is not None:
-            names = frozenset(unlimited_in(together, values, unlimited))
+        parameters = values_from_others(values, chosen)
+        if parameters is not None:
+            names = frozenset(unlimited_in(parameters, values, unlimited))
             source = f"setting {chosen}, put together from the clicks of the settings of {path}"
         elif (curve := values_between(run.damper, run.settings, chosen)) is not None:
-            together, beside = curve.values, [stage.setting for stage in curve.beside]
-            names = frozenset(name for setting in beside for name in unlimited[setting])
+            parameters, neighbours = curve.values, [stage.setting for stage in curve.beside]
+            names = frozenset(name for setting in neighbours for name in unlimited[setting])
             source = (
                 f"setting {chosen}, not tested, its values between those of "
-                f"{in_a_row(list(map(str, beside)))} of {path}"
+                f"{in_a_row(list(map(str, neighbours)))} of {path}"
             )
         else:
-            there = ", ".join(str(number) for number in sorted(results)) or "none"
+            listed = ", ".join(str(number) for number in sorted(results)) or "none"
             raise ConfigurationError(
-                f"no parameters of setting {chosen}; there are {there}; one in between is "
+                f"no parameters of setting {chosen}; there are {listed}; one in between is "
                 "simulated where three of its adjuster were tested, the others held",
                 subject=path,
                 code="unknown-setting",
             )
     else:
-        together, names = fitted.parameters, unlimited[chosen]
-    unlimited_here = tuple(n for n in together.names if n in names and n not in replaced)
-    known = (None, None) if replaced else (fitted, curve)
-    return ChosenParameters(together, chosen, source, run, unlimited_here, *known)
+        parameters, names = fitted.parameters, unlimited[chosen]
+    unlimited_names = tuple(n for n in parameters.names if n in names and n not in replaced)
+    origin = (None, None) if replaced else (fitted, curve)
+    return ChosenParameters(parameters, chosen, source, run, unlimited_names, *origin)
 
 
 def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:
-    own = {quantity.name: quantity for quantity in quantities}
+    table = {quantity.name: quantity for quantity in quantities}
     for name in texts:
-        if name not in own:
+        if name not in table:
             raise ConfigurationError(
-                f"no parameter {name!r}; there are {', '.join(own)}.{did_you_mean(name, own)}",
+                f"no parameter {name!r}; there are {', '.join(table)}.{did_you_mean(name, table)}",
                 code="unknown-parameter",
             )
-    return {name: parameter_value(own[name], text) for name, text in texts.items()}
+    return {name: parameter_value(table[name], text) for name, text in texts.items()}
 
 
 def _setting_named(setting: Setting | int | str, among: Collection[Setting] = ()) -> Setting:
-    """The setting that a label names, best among those that are known."""
+    """The setting that a label names, if possible one of `among`."""
     if not isinstance(setting, str):
         return Setting.of(setting)
-    named = {tested.label.casefold(): tested for tested in among}
+    by_label = {tested.label.casefold(): tested for tested in among}
     adjusters = next(iter(among)).adjusters if among else (ADJUSTER,)
     try:
-        return named.get(setting.strip().casefold()) or parse_setting(setting, adjusters)
+        return by_label.get(setting.strip().casefold()) or parse_setting(setting, adjusters)
     except ValueError as error:
         raise ConfigurationError(
             f"{error}", where=Option("setting", setting), code="unknown-setting"
@@ -249,10 +249,10 @@ def _damper_of_run(
 
 
 def truth_of(
-    given: Path | Run, configuration: Configuration, config: Path | None
+    results: Path | Run, configuration: Configuration, config: Path | None
 ) -> tuple[dict[int, Values], Configuration, str]:
     """Return the values of a table, and the configuration and line of the damper they hold for."""
-    run = Run.load(given, parts=("parameters",))
+    run = Run.load(results, parts=("parameters",))
     by_cell = {result.setting.cell: result.values for result in run.settings}
     truth = {setting: values for setting, values in by_cell.items() if isinstance(setting, int)}
     return truth, *_damper_of_run(run, configuration, config)
@@ -290,13 +290,13 @@ def simulated(
     else:
         trace = _trace(log, configuration)
         motion, frequency = motion_of(trace), trace.frequency
-        asked = getattr(damper, "temperature", None)
-        if asked is not None:  # before what the log says
-            motion = replace(motion, temperature=asked)
+        temperature = getattr(damper, "temperature", None)
+        if temperature is not None:  # before what the log says
+            motion = replace(motion, temperature=temperature)
         response = simulate(parameters, damper, motion, options=options.solver)
         signals = ("time", "displacement", "velocity", "force", "pressures", "masses")
-        part = {name: getattr(response, name)[..., trace.fastest.window] for name in signals}
-        steady = replace(response, **part)
+        cycle = {name: getattr(response, name)[..., trace.fastest.window] for name in signals}
+        steady = replace(response, **cycle)
         words = f"displacement of {trace.name}, last of {trace.fastest.n_cycles} steady cycles"
     figures = characterise(steady, frequency, speeds=configuration.output.speeds)
     if log is None and options.wave == "triangle":
@@ -340,7 +340,7 @@ def _refuse_work(parameters: Values, configuration: Configuration) -> None:
         )
 
 
-# One quantity scaled by factors, everything else held: the families of the paper's Figs 4-9
+# One quantity scaled by factors, all others fixed: the families of the paper's Figs 4-9
 
 
 class Variation(NamedTuple):
@@ -383,12 +383,12 @@ def swept_units(damper: Model) -> dict[str, str]:
     Of the paper's damper the gas too, which is a quantity of other dampers with gas.
     """
     gas = {"p_0": "Pa", "gamma": ""} if isinstance(damper, Damper) else {}
-    own = {quantity.name: quantity.unit for quantity in damper.quantities}
-    return own | gas | {"amplitude": "m", "frequency": "Hz"}
+    units = {quantity.name: quantity.unit for quantity in damper.quantities}
+    return units | gas | {"amplitude": "m", "frequency": "Hz"}
 
 
 def parse_variation(text: str, damper: Model = PURDY_DAMPER) -> Variation:
-    """Return what NAME=F1,F2,... asks for.
+    """Return the variation that NAME=F1,F2,... means.
 
     Examples
     --------
@@ -405,8 +405,8 @@ def parse_variation(text: str, damper: Model = PURDY_DAMPER) -> Variation:
         example = f"{damper.names[0]}=0.8,1,1.2"
         raise wrong(f"expected NAME=F1,F2,..., as in {example}", "not-a-variation")
     if name not in units:
-        known, hint = ", ".join(units), did_you_mean(name, units)
-        raise wrong(f"no {name!r}; there are {known}.{hint}", "unknown-name")
+        listed, hint = ", ".join(units), did_you_mean(name, units)
+        raise wrong(f"no {name!r}; there are {listed}.{hint}", "unknown-name")
     values: list[float] = []
     for part in factors.split(","):
         try:
@@ -457,7 +457,7 @@ def run_sweep(
     return tuple(members)
 
 
-# What `samples` is asked for: a list of settings
+# The list of settings of `samples`
 
 _MOST = 1000  # settings; more is a slip of the keyboard
 
@@ -467,9 +467,9 @@ def numbers_in(text: str | Sequence[int]) -> tuple[int, ...]:
     text = text if isinstance(text, str) else ",".join(map(str, text))
     try:
         numbers: list[int] = []
-        for part in text.split(","):
-            first, _, last = part.strip().partition("-")
-            numbers.extend(range(int(first), min(int(last or first), int(first) + _MOST) + 1))
+        for entry in text.split(","):
+            low, _, high = entry.strip().partition("-")
+            numbers.extend(range(int(low), min(int(high or low), int(low) + _MOST) + 1))
     except ValueError:
         numbers = []
     if not 0 < len(numbers) <= _MOST:
