@@ -2,14 +2,14 @@
 
 An adjuster moves areas and preloads. These are smooth along the clicks; the force is not, it bends
 where a valve opens. So the values are interpolated, each by the logarithm, with a monotone cubic
-(PCHIP), and the force is the quasi-static one of the damper that has them. What the shown forces
-are besides (measured ones, most of all) is interpolated alike and added, so that the curve passes
-every shown force.
+(PCHIP), and the force is the quasi-static one of the damper that has them. The difference of the
+given forces (measured ones, most of all) from these is interpolated likewise and added, so that the
+curve passes every given force.
 
-Other curves say what may hide between settings: the same values with straight lines, and with
-straight lines of areas (1/y), as a needle that is turned opens a port. A valve that stays closed at
-a setting determines neither its preload nor its slope there: it has those of the nearest setting
-that determines them, as far as its own logs allow it, and may have half or twice of them.
+Alternative curves show what may hide between settings: straight lines of the values, and straight
+lines of areas (1/y), as a needle that is turned opens a port. A valve that stays closed at a
+setting determines neither its preload nor its slope there: it has those of the nearest setting that
+determines them, as far as its own logs allow it, and may have half or twice of them.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
 # What a closed valve does not determine lies within this factor of the nearest setting where it is
 # determined: a step of a preload adjuster changes the preload by 1.5 to 2.3 times.
-_LEFT_OPEN = 2.0
+_FACTOR = 2.0
 _MOVES = 1e-3  # of a force: less is invisible
 SMOOTH, STRAIGHT, AREAS, LEAST, MOST = "smooth", "straight", "areas", "least", "most"
 BENDS = (STRAIGHT, AREAS)
-# How far truth may lie from the curve, by how far the other curves do: of the paper's settings left
-# out 90 of 100 intervals hold with 1.4 of it (ten known), 94 to 98 with this.
+# How far truth may lie from the curve, as a multiple of the distance of the alternative curves: of
+# the paper's settings left out 90 of 100 intervals hold with 1.4 (ten known), 94 to 98 with this.
 BEND = 2.5
 _CURVE = 3  # settings; two alone show no curve
 
@@ -45,14 +45,14 @@ class Interpolated(NamedTuple):
     """A setting that was not tested, between two that were."""
 
     values: Values
-    beside: tuple[Stage, Stage]
-    others: Mapping[str, Values]  # by the other curves: what may hide between settings
+    neighbours: tuple[Stage, Stage]
+    others: Mapping[str, Values]  # by the alternative curves
 
     def spread(self, damper: Model, speed: float) -> float:
-        """Return how far the force at a speed, m/s, may be off for what hides between, N."""
-        own = quasi_static(damper, self.values, [speed]).forces[0]
-        away = {k: quasi_static(damper, v, [speed]).forces[0] - own for k, v in self.others.items()}
-        return max((BEND if k in BENDS else 1.0) * abs(float(off)) for k, off in away.items())
+        """Return how far the force at a speed, m/s, may be off between the two settings, N."""
+        force = quasi_static(damper, self.values, [speed]).forces[0]
+        others = {k: quasi_static(damper, v, [speed]).forces[0] for k, v in self.others.items()}
+        return max((BEND if k in BENDS else 1.0) * abs(float(f - force)) for k, f in others.items())
 
 
 def values_between(damper: Model, stages: Sequence[Stage], setting: Setting) -> Interpolated | None:
@@ -69,11 +69,11 @@ def values_between(damper: Model, stages: Sequence[Stage], setting: Setting) -> 
         }
         at, places = setting.number(adjuster), sorted(turned)
         if at is not None and len(places) >= _CURVE and places[0] < at < places[-1]:
-            own = [turned[number] for number in places]
-            curve = Between(damper, own, np.array(places), np.zeros(len(own)))
-            first = own[0].parameters
+            line = [turned[number] for number in places]
+            curve = Between(damper, line, np.array(places), np.zeros(len(line)))
+            first = line[0].parameters
             means = {q.name for q in first.quantities if q.is_offset}
-            values, *others = (
+            values, *alternatives = (
                 first.replace({
                     name: float(np.mean(row))
                     if name in means
@@ -83,8 +83,8 @@ def values_between(damper: Model, stages: Sequence[Stage], setting: Setting) -> 
                 for kind in curve.kinds
             )  # fmt: skip
             above = int(np.searchsorted(places, at))
-            by_kind = dict(zip(curve.kinds[1:], others, strict=True))
-            return Interpolated(values, (own[above - 1], own[above]), by_kind)
+            by_kind = dict(zip(curve.kinds[1:], alternatives, strict=True))
+            return Interpolated(values, (line[above - 1], line[above]), by_kind)
     return None
 
 
@@ -101,62 +101,62 @@ class Between:
         speed: float = math.nan,
         stroke: str = STROKES[0],
     ) -> None:
-        self.damper, self.stages, self.places, self.shown = damper, stages, places, forces
+        self.damper, self.stages, self.places, self.given = damper, stages, places, forces
         self.speed = speed if stroke == STROKES[0] else -speed
         names = [q.name for q in stages[0].parameters.quantities] if damper and stages else []
-        # What differs between settings, and of it what closed valves do not determine.
+        # Values that differ between settings, and limits of those that closed valves leave open.
         self.values = {
             name: np.array([getattr(stage.parameters, name) for stage in stages]) for name in names
         }
         self.values = {name: row for name, row in self.values.items() if np.ptp(row) > 0.0}
-        limits = [dict(stage.open_limits) for stage in stages]
+        by_stage = [dict(stage.open_limits) for stage in stages]
         self.limits = {
-            name: [own.get(name) for own in limits]
+            name: limits
             for name in self.values
-            if any(name in own for own in limits) and not all(name in own for own in limits)
+            if None in (limits := [by_name.get(name) for by_name in by_stage]) and any(limits)
         }
         self.kinds = [SMOOTH, STRAIGHT, AREAS] if self.values else [SMOOTH, STRAIGHT]
         self.kinds += [LEAST, MOST] if self.limits else []
-        self._besides: dict[str, FloatArray] = {}  # shown less modelled forces of the settings
+        self._offsets: dict[str, FloatArray] = {}  # given less modelled forces of the settings
 
     def forces(self, at: Sequence[float] | FloatArray, kind: str = SMOOTH) -> FloatArray:
-        """Return the forces at some places, by one of the ways, N."""
+        """Return the forces at some positions, by one kind of curve, N."""
         at = np.asarray(at, dtype=np.float64)
-        plain = _along(self.places, self.shown, at, is_smooth=kind != STRAIGHT)
-        if kind not in self._besides:
-            self._besides[kind] = self.shown - self._modelled(self.places, kind)
-        if not np.all(np.isfinite(self._besides[kind])):
+        plain = _along(self.places, self.given, at, is_smooth=kind != STRAIGHT)
+        if kind not in self._offsets:
+            self._offsets[kind] = self.given - self._modelled(self.places, kind)
+        if not np.all(np.isfinite(self._offsets[kind])):
             return plain
-        forces = self._modelled(at, kind) + _along(self.places, self._besides[kind], at)
+        forces = self._modelled(at, kind) + _along(self.places, self._offsets[kind], at)
         return forces if np.all(np.isfinite(forces)) else plain  # of one kind: no jump between
 
     def undetermined(self, gap: int, place: float) -> tuple[str, ...]:
-        """What a closed valve leaves open at a gap's settings and moves a force there, for people.
+        """What a closed valve leaves open at a gap's settings and moves the force there, in words.
 
-        Of both strokes: what the other one's valve leaves open moves no force of this one.
+        Values of the other stroke's valve move no force of this one.
         """
-        named = []
+        labels = []
         for name, limits in self.limits.items():
             at = np.array([place])
             extremes = [self._modelled(at, kind, only=name)[0] for kind in (LEAST, MOST)]
             if abs(extremes[1] - extremes[0]) > _MOVES * max(map(abs, extremes)):
                 label = self.stages[0].parameters.quantity(name).label
-                beside = (k for k in (gap, gap + 1) if limits[k] is not None)
-                named += [f"{label} at {self.stages[k].setting}" for k in beside]
-        return tuple(named)
+                ends = (k for k in (gap, gap + 1) if limits[k] is not None)
+                labels += [f"{label} at {self.stages[k].setting}" for k in ends]
+        return tuple(labels)
 
     def _modelled(self, at: FloatArray, kind: str, only: str = "") -> FloatArray:
-        """Return the forces of the damper at some places, NaN where none; `only`: one quantity."""
+        """Return the model's forces at some positions, else NaN; `only`: `kind` is of one value."""
         forces = np.full(len(at), math.nan)
         if self.damper is None or not self.values:
             return forces
         first = self.stages[0].parameters
         kinds = {name: kind if only in {"", name} else SMOOTH for name in self.values}
-        rows = {name: self.values_at(first.quantity(name), at, own) for name, own in kinds.items()}
+        rows = {name: self.values_at(first.quantity(name), at, k) for name, k in kinds.items()}
         try:
-            for k in range(len(at)):
-                values = first.replace({name: float(row[k]) for name, row in rows.items()})
-                forces[k] = quasi_static(self.damper, values, [self.speed]).forces[0]
+            for i in range(len(at)):
+                values = first.replace({name: float(row[i]) for name, row in rows.items()})
+                forces[i] = quasi_static(self.damper, values, [self.speed]).forces[0]
         except SimulationError:
             forces[:] = math.nan
         return forces
@@ -183,7 +183,7 @@ class Between:
         for k, pair in enumerate(limits):
             if pair is not None:
                 nearest = y[determined[np.argmin(np.abs(self.places[determined] - self.places[k]))]]
-                factor = {LEAST: 1.0 / _LEFT_OPEN, MOST: _LEFT_OPEN}.get(kind, 1.0)
+                factor = {LEAST: 1.0 / _FACTOR, MOST: _FACTOR}.get(kind, 1.0)
                 y[k] = min(max(factor * nearest, pair[0]), pair[1])
         return y
 

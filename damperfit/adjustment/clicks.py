@@ -1,7 +1,7 @@
-"""The settings of a campaign beside each other: trends, forces, and what one click changes.
+"""The settings of a campaign compared: trends, forces, and what one click changes.
 
-The offset of a setting is the rig's, and no part of what a click does. Shared parameters are one
-and the same error for both settings (`force_at`).
+The offset of a setting is the rig's, and no part of what a click does. The error of a shared
+parameter is the same at both settings (`force_at`).
 """
 
 from __future__ import annotations
@@ -79,27 +79,26 @@ def _click(first: Force, second: Force, adjuster: str) -> Click:
         """Standard error of second - ratio first; NaN where one of both is not known."""
         if len(first.carried) != len(second.carried):
             return math.nan
-        own = math.hypot(second.rest, second.misfit, ratio * first.rest, ratio * first.misfit)
-        return math.hypot(own, *(second.carried - ratio * first.carried))
+        alone = math.hypot(second.rest, second.misfit, ratio * first.rest, ratio * first.misfit)
+        return math.hypot(alone, *(second.carried - ratio * first.carried))
 
     change, damping = second.bare_force - first.bare_force, first.damping or math.nan
     reach = NORMAL_95 * spread(1.0)
     if math.isfinite(reach):
-        # What the logs leave open may be at one end here and at the other there; beyond the tests
-        # both have one law.
+        # What the logs do not determine may be at its lower limit at one setting and at its upper
+        # at the other; beyond the tests both have one law.
         reach = max(reach, *first.undetermined, *second.undetermined, abs(second.rise - first.rise))
     ratio = 1.0 + change / damping
     percent = 100.0 * (ratio - 1.0)
     # The first force is the denominator too: its error counts 1 + share times.
     share = 100.0 * NORMAL_95 * spread(ratio) / abs(damping)
-    of = (first.setting, second.setting, first.speed, first.stroke)
-    limits = (change, change - reach, change + reach)
-    return Click(*of, *limits, percent, percent - share, percent + share, adjuster)
+    limits = (change, change - reach, change + reach, percent, percent - share, percent + share)
+    return Click(first.setting, second.setting, first.speed, first.stroke, *limits, adjuster)
 
 
 @dataclass(frozen=True, slots=True)
 class Adjustment:
-    """What shows only across settings."""
+    """What settings show only together."""
 
     trends: tuple[Trend, ...] = ()  # one for each parameter that was fitted setting by setting
     # By setting, named speed and stroke: of one origin at a speed and stroke.
@@ -122,7 +121,7 @@ def compare_settings(
     speeds: Sequence[float] = NAMED_SPEEDS,
     on_error: OnError | None = None,
 ) -> Adjustment:
-    """Lay the settings of a campaign beside each other, at those speeds, m/s, that were reached."""
+    """Compare the settings of a campaign, forces at those speeds, m/s, that were reached."""
     if not campaign.fits:
         return Adjustment()
     stages = [stage_of(fit, assessment) for fit in campaign.fits]
@@ -131,11 +130,11 @@ def compare_settings(
     forces = credible_forces(
         force_at(stages, damper, reached, measured=measured, on_error=on_error)
     )
-    uncertainties = {each.setting: each for each in assessment.uncertainties}
+    uncertainties = {errors.setting: errors for errors in assessment.uncertainties}
     return Adjustment(find_trends(campaign.fits, uncertainties), forces, clicks(forces))
 
 
-# Which setting gives a wanted force: the forces by setting, read the other way round.
+# Which setting gives a wanted force: forces by setting, inverted.
 #
 # Between fitted settings the force is that of the damper whose areas and preloads lie between
 # theirs (`damperfit.adjustment.between`). The interval of an answer is where the wanted force lies
@@ -150,12 +149,12 @@ def compare_settings(
 _FINEST = 0.01
 # An adjuster that changes a force by less does not move it.
 _STILL = 1e-3
-# In a gap the curve is looked at in so many steps a click, at least and at most.
+# In a gap the curve is sampled in so many steps a click, at least and at most.
 _A_CLICK, _FEWEST, _MOST = 8, 8, 32
 
 
 class Answer(NamedTuple):
-    """One place of the adjuster that gives the wanted force, and what was fitted beside it."""
+    """One position of the adjuster that gives the wanted force, and its fitted neighbours."""
 
     position: float  # in settings; a whole number where a setting gives it exactly
     # 95 % interval of the position, NaN where no errors are known; it ends at the first and the
@@ -167,13 +166,13 @@ class Answer(NamedTuple):
     above: Setting
     force_below: float  # N
     force_above: float
-    # What the logs leave open beside it that moves the answer, as "rebound opening at 6".
+    # What the logs do not determine there and moves the answer, as "rebound opening at 6".
     undetermined: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Where a force, N, positive in rebound, is found."""
+    """The positions that give a force, N, positive in rebound."""
 
     force: float
     speed: float  # m/s
@@ -185,11 +184,11 @@ class Wanted:
     # hardest is the most negative one.
     weakest: tuple[Setting, float]
     hardest: tuple[Setting, float]
-    adjuster: str = ADJUSTER  # which was looked along
+    adjuster: str = ADJUSTER  # which is turned
     held: str = ""  # where the other adjusters stand, for people; empty where there are none
-    origin: str = MODEL  # of the forces that it was looked for among
+    origin: str = MODEL  # of the forces by setting
     gas: float = math.nan  # force of the gas that is in them; NaN: none that is known
-    without_gas: bool = False  # it was taken out of them
+    without_gas: bool = False  # it is taken out of them
 
     @property
     def sentence(self) -> str:
@@ -221,7 +220,7 @@ class Wanted:
         return abs(most - least) <= _STILL * abs(least)
 
     def words(self, units: ShownUnits) -> str:
-        """Return where it is found, for people, in the units that they want."""
+        """Return the answers in words and units for people."""
         if self.is_still:
             force = units.write(self.weakest[1], "N", ".5g")
             return f"{self.adjuster} does not change it: {force} at every setting tested"
@@ -234,19 +233,19 @@ class Wanted:
                 f"no setting gives it; it is {side}, setting {setting} with "
                 f"{units.write(force_there, 'N', '.5g')}{gas}"
             )
-        several = f"{len(self.answers)} answers, " * (len(self.answers) > 1)
-        return several + "; or ".join(
+        count = f"{len(self.answers)} answers, " * (len(self.answers) > 1)
+        return count + "; or ".join(
             _words(answer, self.force, self.adjuster, units) for answer in self.answers
         )
 
 
-def wanted_sentences(wanted: Sequence[Wanted], units: ShownUnits = SI) -> tuple[str, ...]:
+def wanted_sentences(lines: Sequence[Wanted], units: ShownUnits = SI) -> tuple[str, ...]:
     """Return a sentence an adjuster; one for all where no setting gives the force."""
     by_adjuster: dict[str, list[Wanted]] = {}
-    has_answer = any(line.answers for line in wanted)
-    for line in wanted:
+    has_answer = any(line.answers for line in lines)
+    for line in lines:
         by_adjuster.setdefault(line.adjuster if has_answer else "", []).append(line)
-    return tuple(_sentence(lines, units, has_answer=has_answer) for lines in by_adjuster.values())
+    return tuple(_sentence(group, units, has_answer=has_answer) for group in by_adjuster.values())
 
 
 def _sentence(lines: Sequence[Wanted], units: ShownUnits, *, has_answer: bool) -> str:
@@ -262,11 +261,13 @@ def _sentence(lines: Sequence[Wanted], units: ShownUnits, *, has_answer: bool) -
     answered = [line for line in lines if line.answers]
     if answered:
         words = [f"with {line.held}: {line.words(units)}" for line in answered]
-        if missing := [line.held for line in lines if line not in answered]:
-            words.append(f"none with {' or '.join(missing)}")
+        if unanswered := [line.held for line in lines if line not in answered]:
+            words.append(f"none with {' or '.join(unanswered)}")
         return f"{text}, along {first.adjuster} {'; '.join(words)}"
-    ends = [end for line in lines for end in (line.weakest, line.hardest)]
-    weakest, *_, hardest = sorted(ends, key=lambda end: end[1], reverse=first.stroke == "bump")
+    extremes = [extreme for line in lines for extreme in (line.weakest, line.hardest)]
+    weakest, *_, hardest = sorted(
+        extremes, key=lambda extreme: extreme[1], reverse=first.stroke == "bump"
+    )
     if has_answer:
         return f"{text}, along {first.adjuster}: no setting gives it"
     if (first.force - weakest[1]) * (first.force - hardest[1]) < 0.0:  # between two lines
@@ -274,7 +275,7 @@ def _sentence(lines: Sequence[Wanted], units: ShownUnits, *, has_answer: bool) -
     return f"{text}: {replace(first, weakest=weakest, hardest=hardest).words(units)}"
 
 
-def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> str:
+def _words(answer: Answer, target: float, adjuster: str, units: ShownUnits) -> str:
     below, above = (units.write(f, "N", ".5g") for f in (answer.force_below, answer.force_above))
     places = tuple(setting.number(adjuster) or 0.0 for setting in (answer.below, answer.above))
     has_gap = places[1] - places[0] > 1
@@ -297,7 +298,7 @@ def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> s
         f"{answer.above} ({above})"
     )
     force = answer.force_below if answer.nearest == answer.below else answer.force_above
-    nearest = f"{answer.nearest} ({units.write(force - wanted, 'N', '+.3g')})"
+    nearest = f"{answer.nearest} ({units.write(force - target, 'N', '+.3g')})"
     if not has_gap:
         return f"{text}; nearest is {nearest}"
     text += ", none tested between them"
@@ -322,14 +323,14 @@ def which_setting(
     Between settings the force is the damper's with values between those of the stages; without
     these the forces themselves are interpolated.
     """
-    along = line or lines_of(f.setting for f in forces)[0]
-    mine = [f for f in forces if f.setting in along.numbers]
-    wanted = _Curve(mine, along, stages, damper).wanted(force)
-    measured = [f.as_measured for f in mine if f.measured is not None]
-    if not wanted.answers and len(measured) > 1:
-        as_measured = _Curve(measured, along, stages, damper).wanted(force)
-        return as_measured if as_measured.answers else wanted
-    return wanted
+    line = line or lines_of(f.setting for f in forces)[0]
+    on_line = [f for f in forces if f.setting in line.numbers]
+    result = _Curve(on_line, line, stages, damper).wanted(force)
+    measured = [f.as_measured for f in on_line if f.measured is not None]
+    if not result.answers and len(measured) > 1:
+        as_measured = _Curve(measured, line, stages, damper).wanted(force)
+        return as_measured if as_measured.answers else result
+    return result
 
 
 class _Curve:
@@ -348,16 +349,16 @@ class _Curve:
         reaches = [max(force.high - force.force, force.force - force.low) for force in self.ordered]
         self.reaches = np.array(reaches)
         by_setting = {stage.setting: stage for stage in stages}
-        own = [by_setting[force.setting] for force in self.ordered if force.setting in by_setting]
+        on_line = [by_setting[f.setting] for f in self.ordered if f.setting in by_setting]
         self.between = Between(
-            damper if len(own) == len(self.ordered) else None,
-            own,
+            damper if len(on_line) == len(self.ordered) else None,
+            on_line,
             self.places,
             self.forces,
             speed=self.ordered[0].speed,
             stroke=self.ordered[0].stroke,
         )
-        self._looked: dict[tuple[int, str], tuple[FloatArray, FloatArray]] = {}
+        self._samples: dict[tuple[int, str], tuple[FloatArray, FloatArray]] = {}
 
     def wanted(self, force: float) -> Wanted:
         """Answer where the curve has a force, else a setting that has it within its interval."""
@@ -366,8 +367,8 @@ class _Curve:
         exact = self.places[self.forces == force].tolist()
         off = self.forces - force
         for gap in np.flatnonzero(off[:-1] * off[1:] < 0.0).tolist():
-            passed = self.crossings(force, [gap])  # of an odd number that in the middle
-            exact.append(passed[len(passed) // 2])
+            roots = self.crossings(force, [gap])  # of an odd number that in the middle
+            exact.append(roots[len(roots) // 2])
         within = np.abs(off) - self.reaches
         near = self.places[[int(np.argmin(within))]].tolist() if within.min() <= 0.0 else []
         return Wanted(
@@ -383,29 +384,29 @@ class _Curve:
             gas=weakest.gas,
         )
 
-    def looked(self, gap: int, kind: str = SMOOTH) -> tuple[FloatArray, FloatArray]:
-        """Places in a gap, both ends among them, and the forces there by a curve of a kind."""
-        if (gap, kind) not in self._looked:
+    def samples(self, gap: int, kind: str = SMOOTH) -> tuple[FloatArray, FloatArray]:
+        """Positions in a gap, both ends among them, and the forces there by a curve of a kind."""
+        if (gap, kind) not in self._samples:
             ends = self.places[gap], self.places[gap + 1]
             steps = min(max(_A_CLICK * math.ceil(ends[1] - ends[0]), _FEWEST), _MOST)
             at = np.linspace(*ends, steps + 1)
             forces = self.between.forces(at, kind)
             forces[[0, -1]] = self.forces[gap : gap + 2]
-            self._looked[gap, kind] = at, forces
-        return self._looked[gap, kind]
+            self._samples[gap, kind] = at, forces
+        return self._samples[gap, kind]
 
     def crossings(self, force: float, gaps: Iterable[int], kind: str = SMOOTH) -> list[float]:
         """Every place in those gaps where the curve passes a force."""
         roots: list[float] = []
         for gap in gaps:
-            at, forces = self.looked(gap, kind)
+            at, forces = self.samples(gap, kind)
             off = forces - force
             k = np.flatnonzero((off[:-1] < 0.0) != (off[1:] < 0.0))
             roots += (at[k] - off[k] * (at[k + 1] - at[k]) / (off[k + 1] - off[k])).tolist()
         return roots
 
     def answer(self, position: float, force: float) -> Answer:
-        """Return what stands beside a position of the curve, and its interval."""
+        """Return a position of the curve with its interval and its neighbours."""
         above = int(np.searchsorted(self.places, position))
         below = above if self.places[above] == position else above - 1
         ends = float(self.places[below]), float(self.places[above])
@@ -417,17 +418,17 @@ class _Curve:
         if math.isfinite(reach):
             edges: list[float] = []
             if len(self.places) > 2 or gap <= 1.0:  # two settings show no curve
-                beside = {above - 1, above} & {*range(len(self.places) - 1)}
+                neighbours = {above - 1, above} & {*range(len(self.places) - 1)}
                 for end in (force - reach, force + reach):
                     off = self.forces - end
-                    passed = np.flatnonzero(off[:-1] * off[1:] <= 0.0).tolist()
-                    edges += self.crossings(end, {*passed, *beside})
+                    crossed = np.flatnonzero(off[:-1] * off[1:] <= 0.0).tolist()
+                    edges += self.crossings(end, {*crossed, *neighbours})
             low = max((s for s in edges if s < position), default=float(self.places[0]))
             high = min((s for s in edges if s > position), default=float(self.places[-1]))
             if gap > 1.0:
-                less, more, undetermined = self.hidden(position, force, below)
-                low = min(low, max(ends[0], low - less))
-                high = max(high, min(ends[1], high + more))
+                down, up, undetermined = self.hidden(position, force, below)
+                low = min(low, max(ends[0], low - down))
+                high = max(high, min(ends[1], high + up))
         nearest = min(below, above, key=lambda k: abs(self.forces[k] - force))
         closest, first, second = (
             Setting.of(self.ordered[k].setting) for k in (nearest, below, above)
@@ -438,13 +439,13 @@ class _Curve:
     def hidden(
         self, position: float, force: float, gap: int
     ) -> tuple[float, float, tuple[str, ...]]:
-        """Reach below and above a place in a gap, of what the logs leave open there, and why."""
-        away = {
-            kind: [place - position for place in self.crossings(force, [gap], kind)]
+        """How far a position in a gap may be lower and higher, and what is not determined there."""
+        shifts = {
+            kind: [root - position for root in self.crossings(force, [gap], kind)]
             for kind in self.between.kinds[1:]
         }
-        bend = max((abs(step) for kind in BENDS for step in away.get(kind, ())), default=0.0)
-        left_open = [step for kind in (LEAST, MOST) for step in away.get(kind, ())]
-        less, more = -min(0.0, 0.0, *left_open), max(0.0, 0.0, *left_open)
-        undetermined = self.between.undetermined(gap, position) if max(less, more) > _FINEST else ()
-        return max(BEND * bend, less), max(BEND * bend, more), undetermined
+        bend = max((abs(step) for kind in BENDS for step in shifts.get(kind, ())), default=0.0)
+        extremes = [0.0, *(step for kind in (LEAST, MOST) for step in shifts.get(kind, ()))]
+        down, up = -min(extremes), max(extremes)
+        undetermined = self.between.undetermined(gap, position) if max(down, up) > _FINEST else ()
+        return max(BEND * bend, down), max(BEND * bend, up), undetermined

@@ -62,16 +62,16 @@ _SLOPES = (0.5, 2.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """One setting of the adjuster: its parameters and what is known of their errors."""
+    """One setting of the adjuster: its parameters and their errors."""
 
     setting: Setting
     parameters: Values  # SI
     own: tuple[str, ...] = ()  # values with an error: the setting's own,
     shared: tuple[str, ...] = ()  # and those in common to all settings
-    # Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: nothing is known.
+    # Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: no errors are known.
     covariance: FloatArray | None = None
     top_speed: float = math.inf  # highest speed that it was tested at, m/s; infinite: not known
-    # Quantities that the logs do not determine, and between which values they leave them open.
+    # Quantities that the logs do not determine, with their limits.
     open_limits: tuple[tuple[str, tuple[float, float]], ...] = ()
     # Standard errors of values from the model's misfit, SI.
     misfits: Mapping[str, float] = field(default_factory=dict)
@@ -93,12 +93,12 @@ class Stage:
 
     @property
     def knows_offset(self) -> bool:
-        """Whether an offset was found or given: one that is held at 0 is no tare."""
+        """Whether an offset was fitted or given: one that is fixed at 0 is no tare."""
         return self.offset != 0.0 or any(name in self.names for name in self.offsets)
 
 
 def stage_of(fit: Fit, assessment: Assessment) -> Stage:
-    """Return a fit and what is known of its errors as one stage of the adjuster."""
+    """Return a fit and its errors as one stage of the adjuster."""
     limits = {
         name: assessment.plausible_limits(fit, name)
         for name, status in fit.status.items()
@@ -125,7 +125,7 @@ def stage_of(fit: Fit, assessment: Assessment) -> Stage:
 def open_limits(
     parameters: Values, limits: Mapping[str, tuple[float | None, float | None]]
 ) -> tuple[tuple[str, tuple[float, float]], ...]:
-    """Return between which values quantities are left open: where one is missing the plausible."""
+    """Return lower and upper limit of quantities; where one is missing, the plausible one."""
     spans = []
     for name, (low, high) in limits.items():
         quantity = parameters.quantity(name)
@@ -138,7 +138,7 @@ def open_limits(
 def has_lost_errors(names: Sequence[str], status: Mapping[str, str]) -> bool:
     """Return whether a value that was fitted has no error, as where a fit has met no minimum."""
     # What is left, the errors of shared values, would pass for those of its forces.
-    return any(how == _FITTED and name not in names for name, how in status.items())
+    return any(state == _FITTED and name not in names for name, state in status.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +194,7 @@ class Force:
 
     @property
     def extrapolated(self) -> tuple[float, float]:
-        """How far it may be below and above where the law does not go on as fitted, N."""
+        """How far it may be below and above where the law does not continue as fitted, N."""
         steps = [(slope - 1.0) * self.rise for slope in _SLOPES]
         return -min(steps), max(steps)
 
@@ -288,7 +288,7 @@ class Force:
 
     @property
     def as_read(self) -> Force:
-        """The measured force behind the filter, as it was read: no model has a part in it."""
+        """The measured force behind the filter, as it was read, without a model's correction."""
         if self.measured is None:
             return self
         return replace(self, measured=self.measured.as_read).as_measured
@@ -307,7 +307,7 @@ def force_at(
     measured: Sequence[SpeedForces] = (),
     on_error: OnError | None = None,
 ) -> tuple[Force, ...]:
-    """Return the model's forces of settings at speeds in both strokes, what was measured beside.
+    """Return the model's forces of settings at speeds in both strokes, with the measured ones.
 
     Speeds, m/s, are positive, also such as were never tested. A setting that cannot be simulated is
     left out; another error is passed to `on_error`, or raised.
@@ -336,10 +336,10 @@ def _forces_of(
     signed = [speed if stroke == STROKES[0] else -speed for speed, stroke in places]
     curve = quasi_static(damper, values, signed, sensitivities=stage.names)
     is_offset = np.array([name in offsets for name in stage.names], dtype=bool)
-    rests, carried = _errors(stage, np.where(is_offset[:, None], 0.0, curve.slopes))
-    bare = np.hypot(rests, np.linalg.norm(carried, axis=1))
-    own, shared = _errors(stage, np.where(is_offset[:, None], 1.0, curve.slopes))
-    whole = np.hypot(own, np.linalg.norm(shared, axis=1))
+    own_errors, carried = _errors(stage, np.where(is_offset[:, None], 0.0, curve.slopes))
+    without_offset = np.hypot(own_errors, np.linalg.norm(carried, axis=1))
+    alone, shared = _errors(stage, np.where(is_offset[:, None], 1.0, curve.slopes))
+    with_offset = np.hypot(alone, np.linalg.norm(shared, axis=1))
     below, above = _undetermined(stage, damper, curve)
     rises = _rises(stage, damper, curve)
     bends = _bends(damper, stage, curve, picked)
@@ -374,8 +374,8 @@ def _forces_of(
                 speed,
                 stroke,
                 force=float(curve.forces[k]),
-                error=float((bare if curve.knows_gas else whole)[k]),
-                rest=float(rests[k]),
+                error=float((without_offset if curve.knows_gas else with_offset)[k]),
+                rest=float(own_errors[k]),
                 carried=carried[k],
                 model_force=float(curve.forces[k]),
                 misfit=misfit,
@@ -392,7 +392,7 @@ def _forces_of(
                 tare_error=tare_error,
                 tare_misfit=tare_misfit,
                 taken_up=taken_up,
-                whole_error=float(whole[k]),
+                whole_error=float(with_offset[k]),
                 holds_gas=not curve.knows_gas,
             )
         )
@@ -405,7 +405,7 @@ def _errors(stage: Stage, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
     n, m = len(stage.own), slopes.shape[1]
     if stage.covariance is None:
         return np.full(m, math.nan), np.zeros((m, len(stage.shared)))
-    own, cross = stage.covariance[:n, :n], stage.covariance[:n, n:]
+    own_block, cross = stage.covariance[:n, :n], stage.covariance[:n, n:]
     values, directions = np.linalg.eigh(stage.covariance[n:, n:])
     is_known = np.abs(values) > _NOTHING * np.max(np.abs(values), initial=0.0)
     inverse = np.divide(1.0, values, out=np.zeros_like(values), where=is_known)
@@ -413,8 +413,8 @@ def _errors(stage: Stage, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
     # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
     root = (directions * np.sqrt(np.maximum(values, 0.0))) @ directions.T
     by_own, by_shared = slopes[:n].T, slopes[n:].T
-    rest = np.einsum("ij,ij->i", by_own @ (own - follow @ cross.T), by_own)
-    return np.sqrt(np.maximum(rest, 0.0)), np.asarray((by_shared + by_own @ follow) @ root)
+    variances = np.einsum("ij,ij->i", by_own @ (own_block - follow @ cross.T), by_own)
+    return np.sqrt(np.maximum(variances, 0.0)), np.asarray((by_shared + by_own @ follow) @ root)
 
 
 def _bends(
@@ -428,25 +428,25 @@ def _bends(
         return bends
     signs = np.sign(curve.speeds)
     measured = [signs[k] * speed for k, pair in between.items() for speed in pair]
-    there = quasi_static(damper, stage.parameters, measured).forces.reshape(-1, 2)
-    for (k, pair), forces in zip(between.items(), there, strict=True):
+    modelled = quasi_static(damper, stage.parameters, measured).forces.reshape(-1, 2)
+    for (k, pair), forces in zip(between.items(), modelled, strict=True):
         bends[k] = abs(curve.forces[k] - np.interp(abs(curve.speeds[k]), pair, forces))
     return bends
 
 
 def _undetermined(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray:
     """How far forces beyond the tested speed may lie below and above, (2, m), N."""
-    # A quantity that the logs do not determine is put to the ends of what they leave open: a
-    # blow-off that no log opens may open right above the pressures that they reach, or never. At
-    # tested speeds the logs hold the force, whichever of them it is.
+    # A quantity that the logs do not determine is put at both of its limits: a blow-off that no log
+    # opens may open right above the tested pressures, or never. At tested speeds the logs determine
+    # the force, whichever value it has.
     spans = np.zeros((2, len(curve.speeds)))
     is_beyond = np.abs(curve.speeds) > (1.0 + REPEATS) * stage.top_speed
     for name, limits in stage.open_limits if is_beyond.any() else ():
         for value in limits:
             values = stage.parameters.replace({name: value})
-            there = quasi_static(damper, values, curve.speeds[is_beyond]).forces
-            away = there - curve.forces[is_beyond]
-            spans[:, is_beyond] = np.maximum(spans[:, is_beyond], [-away, away])
+            extremes = quasi_static(damper, values, curve.speeds[is_beyond]).forces
+            change = extremes - curve.forces[is_beyond]
+            spans[:, is_beyond] = np.maximum(spans[:, is_beyond], [-change, change])
     return spans
 
 
@@ -455,15 +455,15 @@ def _rises(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray:
     is_beyond = np.abs(curve.speeds) > (1.0 + REPEATS) * stage.top_speed
     if not is_beyond.any():
         return np.zeros(len(is_beyond))
-    last = quasi_static(damper, stage.parameters, np.sign(curve.speeds) * stage.top_speed).forces
-    return np.where(is_beyond, curve.forces - last, 0.0)
+    at_top = quasi_static(damper, stage.parameters, np.sign(curve.speeds) * stage.top_speed).forces
+    return np.where(is_beyond, curve.forces - at_top, 0.0)
 
 
 def determined_speed(stage: Stage, damper: Model) -> float:
     """Return the speed up to which the logs determine the force of a setting, m/s; NaN: not known.
 
     Up to it, from the tested speed to five times it, the 95 % interval is within 5 % of the damping
-    in both strokes, if the law goes on as fitted. A SimulationError: it cannot be simulated.
+    in both strokes, if the law continues as fitted. A SimulationError: it cannot be simulated.
     """
     top = stage.top_speed
     if not 0.0 < top < math.inf or stage.covariance is None:
@@ -484,12 +484,12 @@ def credible_forces(forces: Sequence[Force]) -> tuple[Force, ...]:
     groups: dict[tuple[float, str], list[Force]] = defaultdict(list)
     for force in forces:
         groups[force.speed, force.stroke].append(force)
-    at = {
+    disagreeing = {
         key
         for key, group in groups.items()
         if any(force.disagrees for force in group) and all(force.measured for force in group)
     }
-    return tuple(f.as_measured if (f.speed, f.stroke) in at else f for f in forces)
+    return tuple(f.as_measured if (f.speed, f.stroke) in disagreeing else f for f in forces)
 
 
 def offsets_in_words(offsets: Sequence[float]) -> str:

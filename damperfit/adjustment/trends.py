@@ -15,7 +15,7 @@ r/sqrt(v) one; it is never below `LEAST_SCATTER`.
 
 Curve and outliers are chosen together, because a curve bent enough swallows an outlier at the end,
 and an outlier left in bends the curve. For every scale and degree the best none, one and two
-settings to leave out are found; of all these the least value wins of::
+settings to leave out are candidates; the one with the least value of this criterion wins::
 
     sum(ln v + r^2/v) + ln(n) (coefficients + 1 + 3 outliers) + 2 ln(scales)
 
@@ -161,16 +161,16 @@ def fit_curve(points: Points, scale: str, degree: int) -> Curve:
     # Values of one parameter may be 1e11; the level keeps every scale near one.
     level = float(np.mean(points.logs))
     logs = points.logs - level
-    targets, about, tau = _from_logs(scale, logs), logs, LEAST_SCATTER
+    targets, fitted, tau = _from_logs(scale, logs), logs, LEAST_SCATTER
     coefficients, covariance = np.zeros(degree + 1), np.zeros((degree + 1, degree + 1))
     for _ in range(_PASSES):
         weights = 1.0 / np.sqrt(points.errors**2 + tau**2)
         if scale in _SIGN:
-            weights = weights * np.abs(1.0 / _from_logs(scale, about))
+            weights = weights * np.abs(1.0 / _from_logs(scale, fitted))
         coefficients, covariance = least_squares(rows * weights[:, None], targets * weights)
         curve = _to_logs(scale, rows @ coefficients)
-        about = np.where(np.isfinite(curve), curve, about)
-        tau = scatter_of(logs - about, points.errors, freedom)
+        fitted = np.where(np.isfinite(curve), curve, fitted)
+        tau = scatter_of(logs - fitted, points.errors, freedom)
     if scale in _SIGN:
         factor = math.exp(_SIGN[scale] * level)
         coefficients, covariance = coefficients * factor, covariance * factor**2
@@ -184,7 +184,7 @@ def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float
     squares, variances = residuals * residuals, errors * errors
     if freedom < 1:
         return LEAST_SCATTER
-    # With the largest error for all the root is known, and no other errors have theirs left of it.
+    # The root for the largest error at all points is a lower bound of the root.
     square = max(LEAST_SCATTER**2, float(squares.sum()) / freedom - float(variances.max()))
     # Newton from the left climbs to the root of a falling, convex function without passing it.
     for _ in range(_STEPS):
@@ -220,23 +220,23 @@ def choose(
     candidates = []
     for scale, degree in families:
         best: list[tuple[int, ...]] = [()]  # to leave out, for each number of settings
-        most, tau = min(allowed, n - degree - 1 - _LEAST_FREEDOM), LEAST_SCATTER
-        if most >= 1:
+        n_most, tau = min(allowed, n - degree - 1 - _LEAST_FREEDOM), LEAST_SCATTER
+        if n_most >= 1:
             for _ in range(2):  # with the scatter that is left when the worst are out
-                worst = _worst(points, scale, degree, tau=tau, n=most)
+                worst = _worst(points, scale, degree, tau=tau, n=n_most)
                 tau = fit_curve(points.without(worst), scale, degree).scatter
-            best += [_worst(points, scale, degree, tau=tau, n=k) for k in range(1, most + 1)]
-        for left_out in best:
-            curve = fit_curve(points.without(left_out), scale, degree)
-            candidates.append((_criterion(points, curve, left_out), curve, left_out))
-    for _, curve, left_out in sorted(candidates, key=lambda candidate: candidate[0]):
-        share = 1.0 - 0.5 * _FALSE_ALARM / n / math.comb(n, len(left_out))
+            best += [_worst(points, scale, degree, tau=tau, n=k) for k in range(1, n_most + 1)]
+        for outliers in best:
+            curve = fit_curve(points.without(outliers), scale, degree)
+            candidates.append((_criterion(points, curve, outliers), curve, outliers))
+    for _, curve, outliers in sorted(candidates, key=lambda candidate: candidate[0]):
+        share = 1.0 - 0.5 * _FALSE_ALARM / n / math.comb(n, len(outliers))
         if all(
             _distance(points, curve, place) > student_quantile(curve.freedom, share)
-            and _is_jump(points, curve, place, left_out)
-            for place in left_out
+            and _is_jump(points, curve, place, outliers)
+            for place in outliers
         ):
-            return curve, left_out
+            return curve, outliers
     raise AssertionError("a curve without outliers is always among the candidates")
 
 
@@ -250,31 +250,31 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     rows = _powers(points.settings, scale, degree, points.ends) * weights[:, None]
     coefficients, covariance = least_squares(rows, values * weights)
     residuals = values * weights - rows @ coefficients
-    left = np.eye(len(rows)) - rows @ covariance @ rows.T
-    own = np.maximum(np.diag(left), 1e-12)
+    complement = np.eye(len(rows)) - rows @ covariance @ rows.T
+    diagonal = np.maximum(np.diag(complement), 1e-12)
     if n == 1:
-        return (int(np.argmax(residuals**2 / own)),)
-    determinants = np.maximum(np.outer(own, own) - left**2, 1e-12)
-    squares = np.outer(residuals**2, own)
-    gains = (squares + squares.T - 2.0 * left * np.outer(residuals, residuals)) / determinants
+        return (int(np.argmax(residuals**2 / diagonal)),)
+    determinants = np.maximum(np.outer(diagonal, diagonal) - complement**2, 1e-12)
+    squares = np.outer(residuals**2, diagonal)
+    gains = (squares + squares.T - 2.0 * complement * np.outer(residuals, residuals)) / determinants
     gains[np.tril_indices(len(rows))] = -1.0
-    first, second = np.unravel_index(int(np.argmax(gains)), gains.shape)
-    return (int(first), int(second))
+    i, j = np.unravel_index(int(np.argmax(gains)), gains.shape)
+    return (int(i), int(j))
 
 
-def _criterion(points: Points, curve: Curve, left_out: Sequence[int]) -> float:
-    kept = points.without(left_out)
-    residuals = kept.logs - curve.logs(kept.settings)
+def _criterion(points: Points, curve: Curve, outliers: Sequence[int]) -> float:
+    inliers = points.without(outliers)
+    residuals = inliers.logs - curve.logs(inliers.settings)
     variances = points.errors**2 + curve.scatter**2
-    inside = kept.errors**2 + curve.scatter**2
+    inside = inliers.errors**2 + curve.scatter**2
     misfit = float(np.sum(np.log(variances)) + np.sum(residuals**2 / inside))
-    cost = math.log(points.n) * (curve.degree + 2 + _OUTLIER_COST * len(left_out))
+    cost = math.log(points.n) * (curve.degree + 2 + _OUTLIER_COST * len(outliers))
     if curve.degree:
         cost += 2.0 * math.log(len(SCALES))
     return misfit + cost if math.isfinite(misfit + cost) else math.inf
 
 
-def _is_jump(points: Points, curve: Curve, place: int, left_out: Sequence[int]) -> bool:
+def _is_jump(points: Points, curve: Curve, place: int, outliers: Sequence[int]) -> bool:
     """Whether a setting at an end breaks off, and does not just go on getting steeper."""
     # A curve that grows without bound towards its end is no polynomial on any scale. There the
     # third divided difference of ln y grows, threefold at most with ln; at a jump from nothing.
@@ -284,21 +284,21 @@ def _is_jump(points: Points, curve: Curve, place: int, left_out: Sequence[int]) 
             values = np.diff(values) / (settings[k:] - settings[:-k])
         return abs(float(values[0]))
 
-    kept = [k for k in range(points.n) if k not in left_out]
-    if kept[0] < place < kept[-1] or len(kept) < 4:
+    inliers = [k for k in range(points.n) if k not in outliers]
+    if inliers[0] < place < inliers[-1] or len(inliers) < 4:
         return True
-    beside = points.settings[kept[:4] if place < kept[0] else kept[:-5:-1]]
-    smooth = curve.logs(beside)
-    own = np.append(points.settings[place], beside[:3]), np.append(points.logs[place], smooth[:3])
-    return third_difference(*own) > _STEEPENING * third_difference(beside, smooth)
+    end = points.settings[inliers[:4] if place < inliers[0] else inliers[:-5:-1]]
+    smooth = curve.logs(end)
+    at_jump = np.append(points.settings[place], end[:3]), np.append(points.logs[place], smooth[:3])
+    return third_difference(*at_jump) > _STEEPENING * third_difference(end, smooth)
 
 
 def _distance(points: Points, curve: Curve, place: int) -> float:
     """Distance of a point to the curve of others, in standard deviations of that distance."""
     at = points.settings[place : place + 1]
     distance = float(abs(points.logs[place] - curve.logs(at)[0]))
-    own = float(curve.errors_of(curve.slopes(at))[0])
-    variance = float(points.errors[place]) ** 2 + curve.scatter**2 + own**2
+    curve_error = float(curve.errors_of(curve.slopes(at))[0])
+    variance = float(points.errors[place]) ** 2 + curve.scatter**2 + curve_error**2
     return distance / math.sqrt(variance) if math.isfinite(distance) else 0.0
 
 
@@ -307,7 +307,7 @@ def _distance(points: Points, curve: Curve, place: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class TrendPoint:
-    """The trend at one setting, with its pointwise 95 % band, and the value found there, SI.
+    """The trend at one setting, with its pointwise 95 % band, and the fitted value, SI.
 
     The band is that of the curve; values scatter about it.
     """
@@ -333,7 +333,7 @@ class Outlier:
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """How one parameter goes over the settings; without a trend, where they are too few."""
+    """How one parameter changes over the settings; without a trend, where they are too few."""
 
     parameter: str
     scale: str | None = None  # of `SCALES`; None without a trend
@@ -349,7 +349,7 @@ class Trend:
     # Neighbouring settings between which the value goes against the direction.
     reversals: tuple[tuple[int | float, int | float], ...] = ()
     outliers: tuple[Outlier, ...] = ()
-    outliers_judged: bool = False  # False: too few settings, or the values go to and fro
+    outliers_judged: bool = False  # False: too few settings, or erratic values
     points: tuple[TrendPoint, ...] = ()
     sentence: str = ""
     adjuster: str = ADJUSTER  # along which the settings stand
@@ -362,12 +362,12 @@ def find_trends(
     fits: Sequence[Fit], uncertainties: Mapping[Setting, Uncertainty]
 ) -> tuple[Trend, ...]:
     """Return the trend of every parameter that was fitted setting by setting, by adjuster."""
-    own = {Status.FITTED, Status.AT_BOUND, Status.NOT_IDENTIFIABLE}
+    free = {Status.FITTED, Status.AT_BOUND, Status.NOT_IDENTIFIABLE}
     trends = []
     for line in lines_of(fit.setting for fit in fits):
         for quantity in fits[0].parameters.quantities:
             name, rows = quantity.name, []
-            if not quantity.is_logarithmic or all(fit.status[name] not in own for fit in fits):
+            if not quantity.is_logarithmic or all(fit.status[name] not in free for fit in fits):
                 continue
             for fit in fits:
                 uncertainty = uncertainties.get(fit.setting)
@@ -388,36 +388,36 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     n = points.n
     if n < LEAST_FOR_TREND:
         count = f"determined at {n or 'no'} setting{'' if n < 2 else 's'}"
-        why = f"{count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
+        reason = f"{count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
         if not line.numbers:
-            why = "the settings are words, along which there is no trend"
-        why += f", along {line.adjuster} with {line.held}" if line.held else ""
-        trend = Trend(quantity.name, adjuster=line.adjuster, held=line.held, why=why)
-        return replace(trend, symbol=quantity.symbol, sentence=f"{quantity.symbol}: {why}")
+            reason = "the settings are words, along which there is no trend"
+        reason += f", along {line.adjuster} with {line.held}" if line.held else ""
+        trend = Trend(quantity.name, adjuster=line.adjuster, held=line.held, why=reason)
+        return replace(trend, symbol=quantity.symbol, sentence=f"{quantity.symbol}: {reason}")
     families = None
     if quantity.trend_degree is not None:
         degree = quantity.trend_degree if n >= _QUADRATIC_FROM else 1
         families = [("linear", min(degree, quantity.trend_degree))]
-    curve, left_out = choose(points, families)
-    kept, outliers = points.without(left_out), []
-    for at, log in zip(points.settings[[*left_out]], points.logs[[*left_out]], strict=True):
+    curve, places = choose(points, families)
+    inliers, outliers = points.without(places), []
+    for at, log in zip(points.settings[[*places]], points.logs[[*places]], strict=True):
         value, expected = math.exp(log), float(_exp(curve.logs(np.array([at])))[0])
         outliers.append(Outlier(_clicks(at), value, expected, value / expected - 1.0))
-    own = median(points.errors)
-    is_erratic = curve.scatter > max(_ERRATIC * own, _REMARKABLE)
+    error = median(points.errors)
+    is_erratic = curve.scatter > max(_ERRATIC * error, _REMARKABLE)
     is_wild = is_erratic and not quantity.is_open
     direction: str | None = "flat"
     if curve.degree:  # by those of its steps that are beyond their errors
-        logs, slopes = curve.logs(kept.settings), curve.slopes(kept.settings)
+        logs, slopes = curve.logs(inliers.settings), curve.slopes(inliers.settings)
         rows = np.vstack([np.diff(slopes, axis=0), slopes[-1] - slopes[0]])
         steps = np.append(np.diff(logs), logs[-1] - logs[0])
         direction = _direction_of(steps, curve.quantile(len(steps)) * curve.errors_of(rows))
     allowed = LEAST_SCATTER if is_wild else curve.scatter
     if not quantity.is_open:
-        if not is_wild and kept.n >= _USUAL_FROM:
+        if not is_wild and inliers.n >= _USUAL_FROM:
             # That of most settings: a few that were swapped must not excuse themselves.
-            off = median(np.abs(kept.logs - curve.logs(kept.settings))) / _MEDIAN_OF_NORMAL
-            square = off**2 * kept.n / curve.freedom - median(kept.errors) ** 2
+            off = median(np.abs(inliers.logs - curve.logs(inliers.settings))) / _MEDIAN_OF_NORMAL
+            square = off**2 * inliers.n / curve.freedom - median(inliers.errors) ** 2
             allowed = min(allowed, math.sqrt(max(square, LEAST_SCATTER**2)))
         if direction == "mixed" or (is_wild and direction == "flat"):
             # By the values themselves: a curve may turn about a kink where no value does.
@@ -433,7 +433,7 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     back = np.flatnonzero(steps < -curve.quantile(len(steps)) * spread)
     reversals = tuple((_clicks(points.settings[k]), _clicks(points.settings[k + 1])) for k in back)
     has_direction = not quantity.is_open or curve.scatter <= _TOO_UNCERTAIN
-    if direction == "flat" and math.hypot(curve.scatter, own) > _TOO_UNCERTAIN:
+    if direction == "flat" and math.hypot(curve.scatter, error) > _TOO_UNCERTAIN:
         direction, has_direction = None, False
     monotone = direction != "mixed" and not reversals if has_direction else None
     is_mixed_up = is_wild and not monotone and not outliers
@@ -453,7 +453,7 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         held=line.held,
         symbol=quantity.symbol,
     )
-    return replace(trend, sentence=_sentence(trend, quantity, own, n))
+    return replace(trend, sentence=_sentence(trend, quantity, error, n))
 
 
 def _direction_of(steps: FloatArray, reach: FloatArray) -> str:
@@ -496,7 +496,7 @@ _ON = {
 }
 
 
-def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
+def _sentence(trend: Trend, quantity: Quantity, error: float, n: int) -> str:
     """Direction and range, scatter, outliers, reversals."""
     first, last, adjuster = trend.points[0], trend.points[-1], trend.adjuster
     by = "the setting" if adjuster == ADJUSTER else adjuster
@@ -518,7 +518,7 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
         text += f" with {trend.held}"
     if trend.is_erratic:
         text += f"; it is erratic: it scatters by {scatter} from {adjuster} to {adjuster}, "
-        text += f"{trend.scatter / own:.0f} times its own error"
+        text += f"{trend.scatter / error:.0f} times its own error"
     else:
         text += f", within {scatter}"
     for outlier in trend.outliers:
@@ -537,14 +537,15 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
 def in_few_words(trends: Iterable[Trend]) -> tuple[str, ...]:
     """Return a sentence a trend, and one for all that are missing for the same reason.
 
-    >>> lost = [Trend(name, symbol=name, why="no trend") for name in ("a", "b")]
-    >>> in_few_words([*lost, Trend("c", sentence="c rises")])
+    >>> missing = [Trend(name, symbol=name, why="no trend") for name in ("a", "b")]
+    >>> in_few_words([*missing, Trend("c", sentence="c rises")])
     ('a, b: no trend', 'c rises')
     """
-    alike: dict[str, list[str]] = {}
+    by_text: dict[str, list[str]] = {}
     for trend in trends:
-        alike.setdefault(trend.why or trend.sentence, []).append(trend.symbol if trend.why else "")
+        symbols = by_text.setdefault(trend.why or trend.sentence, [])
+        symbols.append(trend.symbol if trend.why else "")
     return tuple(
         f"{', '.join(symbols)}: {words}" if symbols[0] else words
-        for words, symbols in alike.items()
+        for words, symbols in by_text.items()
     )

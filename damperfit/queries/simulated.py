@@ -89,7 +89,7 @@ class Simulation(Answer):
     def half_intervals(self) -> tuple[float, float] | None:
         """Of the damper's own force at the peak speeds, rebound and compression, 95 %, N."""
         choice, figures = self.choice, self.characteristics
-        neighbours = choice.between.beside if choice.between else ()
+        neighbours = choice.between.neighbours if choice.between else ()
         stages = neighbours if choice.fitted is None else (choice.fitted,)
         run = choice.run if all(s.covariance is not None and s.names for s in stages) else None
         if run is None or not stages:
@@ -129,7 +129,7 @@ class Simulation(Answer):
                 f"±{rebound} N in rebound, ±{bump} N in compression"
             )
             if choice.between is not None:
-                neighbours = in_a_row([str(stage.setting) for stage in choice.between.beside])
+                neighbours = in_a_row([str(stage.setting) for stage in choice.between.neighbours])
                 phrases[-1] += f" (from {neighbours}, and other curves between tested settings)"
         if choice.fitted and not any(choice.tested.outside(**self._tested)):
             phrases.append("amplitude, frequency and speed were tested")

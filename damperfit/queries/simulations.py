@@ -173,7 +173,7 @@ def _of_run(
             names = frozenset(unlimited_in(parameters, values, unlimited))
             source = f"setting {chosen}, put together from the clicks of the settings of {path}"
         elif (curve := values_between(run.damper, run.settings, chosen)) is not None:
-            parameters, neighbours = curve.values, [stage.setting for stage in curve.beside]
+            parameters, neighbours = curve.values, [stage.setting for stage in curve.neighbours]
             names = frozenset(name for setting in neighbours for name in unlimited[setting])
             source = (
                 f"setting {chosen}, not tested, its values between those of "
