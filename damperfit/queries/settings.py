@@ -75,8 +75,8 @@ def speed_in(text: str | float) -> float:
     """Return a velocity with its sign, m/s, as it was given by a keyword; zero is refused."""
     speed = parse_quantity(text, "velocity", option=Option("velocity"))
     if speed == 0.0:
-        where = Option("velocity", str(text))
-        raise ConfigurationError("expected a speed other than 0", where=where, code="out-of-range")
+        message, where = "expected a speed other than zero", Option("velocity", str(text))
+        raise ConfigurationError(message, where=where, code="out-of-range")
     return speed
 
 

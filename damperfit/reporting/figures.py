@@ -1,4 +1,4 @@
-"""What is drawn, before anything draws it: plots as plain descriptions, and the plots of a run.
+"""Plots as plain descriptions, whatever draws them, and the plots of a run.
 
 A `Plot` has one or more `Panel` under one another, a panel has `Line`. The web page and the static
 figures draw the same descriptions, so a number cannot differ between them. Displacement is in mm,
@@ -82,8 +82,8 @@ class Line:
     """One trace, in the panel's units.
 
     ``colour`` is "#rrggbb", "ink" or "muted"; ``style`` is "solid", "wide", "thin", "dashed",
-    "dotted", for what stands back "pale" or "faint", of marks "points", "triangles", "rings", and
-    of joined ones "dot_line", "triangle_line".
+    "dotted", of lines in the background "pale" or "faint", of marks "points", "triangles", "rings",
+    and of joined ones "dot_line", "triangle_line".
     """
 
     x: FloatArray  # shape (n,)
@@ -191,7 +191,7 @@ def setting_names(settings: Iterable[Setting | Place]) -> tuple[str, ...]:
 
 
 def setting_panel(
-    settings: Iterable[Setting | Place], label: str, unit: str, lines: Iterable[Line], **more: Any
+    settings: Iterable[Setting | Place], label: str, unit: str, lines: Iterable[Line], **fields: Any
 ) -> Panel:
     """Return a panel over the settings, with more fields of `Panel`.
 
@@ -210,9 +210,9 @@ def setting_panel(
             ticks.append(place)
     if ordered:
         edge = max(0.6, 0.04 * span)
-        more["x_range"] = (ordered[0] - edge, ordered[-1] + edge)
+        fields["x_range"] = (ordered[0] - edge, ordered[-1] + edge)
     axis: Any = {"ticks": tuple(ticks), "names": setting_names(settings)}
-    return Panel("setting", "", label, unit, tuple(lines), **axis, **more)
+    return Panel("setting", "", label, unit, tuple(lines), **axis, **fields)
 
 
 # Signals over a cycle
@@ -228,20 +228,20 @@ def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
     if n <= 2 * n_buckets * len(signals) + 2:
         return np.arange(n)
     edges = np.linspace(0, n, n_buckets + 1).astype(np.intp)
-    kept = {0, n - 1}
+    indices = {0, n - 1}
     for signal in signals:
         low = np.where(np.isnan(signal), np.inf, signal)
         high = np.where(np.isnan(signal), -np.inf, signal)
         for start, stop in pairwise(edges):
-            kept.add(int(start + np.argmin(low[start:stop])))
-            kept.add(int(start + np.argmax(high[start:stop])))
-    return np.array(sorted(kept), dtype=np.intp)
+            indices.add(int(start + np.argmin(low[start:stop])))
+            indices.add(int(start + np.argmax(high[start:stop])))
+    return np.array(sorted(indices), dtype=np.intp)
 
 
 def loop(x: FloatArray, y: FloatArray, cycle: slice) -> tuple[FloatArray, FloatArray]:
     """Return the samples of a cycle that are drawn of one signal against another."""
-    kept = thin(_BUCKETS, x[cycle], y[cycle])
-    return x[cycle][kept], y[cycle][kept]
+    indices = thin(_BUCKETS, x[cycle], y[cycle])
+    return x[cycle][indices], y[cycle][indices]
 
 
 def pressure_panel(
@@ -252,10 +252,10 @@ def pressure_panel(
     Shapes: time (n,), s; pressures (3, n), Pa absolute.
     """
     time, pressures = time[cycle] - time[cycle.start], pressures[:, cycle]
-    kept = thin(_BUCKETS, *pressures)
+    indices = thin(_BUCKETS, *pressures)
     looks = zip(PRESSURES, pressures, CHAMBER_COLOURS, CHAMBER_STYLES, strict=True)
     lines = tuple(
-        Line(time[kept], 1e-5 * pressure[kept], chamber.label, colour, setting, style)
+        Line(time[indices], 1e-5 * pressure[indices], chamber.label, colour, setting, style)
         for chamber, pressure, colour, style in looks
     )
     is_dry = np.concatenate(([False], np.any(pressures <= 0.0, axis=0), [False]))
@@ -280,13 +280,13 @@ class DrawnLog(NamedTuple):
     @property
     def cycle(self) -> slice:
         """The last cycle of the fastest steady segment, all samples where nothing repeats."""
-        whole, velocity = slice(0, len(self.signals.time)), self.signals.velocity
+        log, velocity = slice(0, len(self.signals.time)), self.signals.velocity
         return max(
-            self.result.cycles, key=lambda part: float(np.ptp(velocity[part])), default=whole
+            self.result.cycles, key=lambda cycle: float(np.ptp(velocity[cycle])), default=log
         )
 
     @property
-    def both(self) -> tuple[tuple[str, FloatArray, str, str], ...]:
+    def traces(self) -> tuple[tuple[str, FloatArray, str, str], ...]:
         """Word, force, colour and style: simulated in colour, measured thin on top of it."""
         return (
             ("simulated", self.signals.force, self.colour, "wide"),
@@ -294,10 +294,10 @@ class DrawnLog(NamedTuple):
         )
 
     def line(
-        self, x: FloatArray, y: FloatArray, label: str, colour: str, style: str, **more: Any
+        self, x: FloatArray, y: FloatArray, label: str, colour: str, style: str, **fields: Any
     ) -> Line:
         """Return a line of its setting, with more fields of `Line`."""
-        return Line(x, y, label, colour, self.result.setting, style, **more)
+        return Line(x, y, label, colour, self.result.setting, style, **fields)
 
     def plot(self, name: str, title: str, caption: str, *panels: Panel) -> Plot:
         """Return a plot of the log."""
@@ -308,7 +308,7 @@ class DrawnLog(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReportPlots:
-    """Everything that is drawn of ``run``, forces, speeds and displacements in ``units``."""
+    """All plots of ``run``, forces, speeds and displacements in ``units``."""
 
     run: Run
     units: ShownUnits
@@ -340,7 +340,7 @@ class ReportPlots:
 
     @cached_property
     def by_log(self) -> tuple[tuple[DrawnLog, tuple[Plot, ...]], ...]:
-        """Each log; the valves of a setting stand with its first."""
+        """The plots of each log; the valves of a setting are with its first log."""
         plots_of, with_valves = [], set()
         for log in self.logs:
             plots = [plot for figure in LOG_FIGURES for plot in figure(log)]
@@ -357,7 +357,7 @@ class ReportPlots:
 
 
 def report_plots(run: Run, units: ShownUnits | None = None) -> ReportPlots:
-    """Lay out the plots of a run, in units of one's own or, for None, those of the run."""
+    """Return the plots of a run, in some units or, for None, in those of the run."""
     return ReportPlots(run, units_in(run.record) if units is None else units)
 
 
@@ -365,20 +365,20 @@ def report_plots(run: Run, units: ShownUnits | None = None) -> ReportPlots:
 
 
 def _means(
-    x: FloatArray, values: FloatArray, part: NDArray[np.bool_], *, has_range: bool = False
+    x: FloatArray, values: FloatArray, mask: NDArray[np.bool_], *, has_range: bool = False
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Return means of the values in a part by bins of x, and where nine of ten samples lie."""
-    few = _FEW_IN_RANGE if has_range else _FEW
-    if len(x) < max(few, _BINS * (not has_range)) or np.ptp(x) == 0.0:
+    """Return means of masked values by bins of x, and the range of nine of ten samples."""
+    least = _FEW_IN_RANGE if has_range else _FEW
+    if len(x) < max(least, _BINS * (not has_range)) or np.ptp(x) == 0.0:
         return np.empty(0), np.empty(0), {}
     edges = np.linspace(x.min(), x.max(), _BINS + 1)
     place = np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)
-    count = np.bincount(place[part], minlength=_BINS)
-    total = np.bincount(place[part], weights=values[part], minlength=_BINS)
-    filled = np.flatnonzero(count >= few)
+    count = np.bincount(place[mask], minlength=_BINS)
+    total = np.bincount(place[mask], weights=values[mask], minlength=_BINS)
+    filled = np.flatnonzero(count >= least)
     band = {}
     if has_range:
-        limits = [np.percentile(values[part & (place == k)], _RANGE) for k in filled]
+        limits = [np.percentile(values[mask & (place == k)], _RANGE) for k in filled]
         band = dict(zip(("low", "high"), np.reshape(limits, (-1, 2)).T, strict=True))
     return (0.5 * (edges[1:] + edges[:-1]))[filled], total[filled] / count[filled], band
 
@@ -386,8 +386,8 @@ def _means(
 def _branches(velocity: FloatArray, values: FloatArray) -> Iterator[Mean]:
     """Yield the means of both branches by velocity: "opening", where speed grows, and "closing"."""
     is_opening = np.gradient(np.abs(velocity)) > 0.0 if len(velocity) > 1 else velocity > 0.0
-    for word, part in (("opening", is_opening), ("closing", ~is_opening)):
-        at, mean, _ = _means(velocity, values, part)
+    for word, mask in (("opening", is_opening), ("closing", ~is_opening)):
+        at, mean, _ = _means(velocity, values, mask)
         if len(at):
             yield at, mean, word
 
@@ -404,9 +404,9 @@ def _strands(log: DrawnLog, force: FloatArray) -> Iterator[Mean]:
 def _of_means(logs: Sequence[DrawnLog]) -> str:
     """Return what is drawn of logs without a cycle, as a sentence."""
     n = sum(log.result.is_moving for log in logs)
-    whose = "the logs" if n == len(logs) else f"{n} of {len(logs)} logs"
+    group = "the logs" if n == len(logs) else f"{n} of {len(logs)} logs"
     return (
-        f" Of {whose} no cycle repeats: the mean force by velocity is drawn, of the opening and "
+        f" Of {group} no cycle repeats: the mean force by velocity is drawn, of the opening and "
         "of the closing branch."
     ) * bool(n)
 
@@ -420,9 +420,9 @@ def _emphasis(settings: Iterable[Setting]) -> set[Setting]:
     return set(ordered[::-_EVERY] if len(ordered) > _EVERY else ordered)
 
 
-def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
+def _peak_forces(report: ReportPlots) -> Iterator[Plot]:
     """Peak force against peak velocity: measured points, curves of the model and of the damper."""
-    rows = [row for log in shown.logs for row in log.result.steady]
+    rows = [row for log in report.logs for row in log.result.steady]
     speeds: dict[Setting, list[float]] = {}
     for row in rows:
         if row["speed_rebound_m_per_s"]:
@@ -431,26 +431,26 @@ def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
         return
     settings = {row["setting"] for row in rows}
     bold, lines = _emphasis(settings), []
-    named = [row["speed_m_per_s"] for row in shown.run.rows("adjustment")]
+    named_speeds = [row["speed_m_per_s"] for row in report.run.rows("adjustment")]
     for stroke, sign in _SIGNS.items():
         peak = f"speed_{stroke}_m_per_s"
         top = max((row[peak] for row in rows if row[peak]), default=0.0)
-        own = []
-        for fit in shown.run.settings:
-            at = np.union1d(np.linspace(0.0, top, _POINTS)[1:], named)
+        static = []
+        for fit in report.run.settings:
+            at = np.union1d(np.linspace(0.0, top, _POINTS)[1:], named_speeds)
             with suppress(SimulationError, ConfigurationError):  # or a model of another version
-                forces = quasi_static(shown.run.damper, fit.parameters, sign * at).forces
+                forces = quasi_static(report.run.damper, fit.parameters, sign * at).forces
                 curve = zip(at.tolist(), forces.tolist(), strict=True)
-                own += [{"setting": fit.setting, peak: v, "model": force} for v, force in curve]
+                static += [{"setting": fit.setting, peak: v, "model": force} for v, force in curve]
         curves = (
-            ("damper at constant speed", own, peak, "model", "dashed"),
+            ("damper at constant speed", static, peak, "model", "dashed"),
             ("model", rows, peak, f"simulated_{stroke}_N", "solid"),
             ("measured", rows, peak, f"measured_{stroke}_N", "points"),
         )
         for word, table, x, y, style in curves:
             for setting in settings:
-                mine = (row for row in table if row["setting"] == setting)
-                pairs = {row[x]: row[y] for row in mine if row[x] and row.get(y) is not None}
+                points = (row for row in table if row["setting"] == setting)
+                pairs = {row[x]: row[y] for row in points if row[x] and row.get(y) is not None}
                 if not pairs:
                     continue
                 at, force = np.array(sorted(pairs.items())).T
@@ -458,69 +458,69 @@ def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
                 is_bold = word == "model" and setting in bold
                 look = "wide" if is_bold else style
                 tag = setting.label if is_bold and sign > 0.0 else ""
-                colour = shown.colours[setting]
+                colour = report.colours[setting]
                 lines.append(Line(sign * at, force, label, colour, setting, look, tag=tag))
     order = ("dashed", "solid", "wide", "points")
     lines.sort(key=lambda line: (order.index(line.style), line.setting, line.x[0] < 0.0))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
-    tares = [fit.offset for fit in shown.run.settings]
-    has_tare = any(tares) and shown.run.damper.rest_force(0.0) is not None
-    more = f" with the rig's tare ({offsets_in_words(tares)}) in them" if has_tare else ""
+    tares = [fit.offset for fit in report.run.settings]
+    has_tare = any(tares) and report.run.damper.rest_force(0.0) is not None
+    tare_note = f" with the rig's tare ({offsets_in_words(tares)}) in them" if has_tare else ""
     caption = (
         "Dots: measured, the mean peak force of each segment (PVP); lines: the model at the same "
-        f"peaks, both{more}; dashed: the damper alone at constant speed. "
+        f"peaks, both{tare_note}; dashed: the damper alone at constant speed. "
         f"{_DIRECTIONS.capitalize()}."
     )
     key = (("measured", "points"), ("model", "solid"), ("damper alone", "dashed"))
     yield Plot("peak_force", "Peak force against peak velocity (PVP)", (panel,), caption, key)
 
 
-def _fan(shown: ReportPlots) -> Iterator[Plot]:
+def _fan(report: ReportPlots) -> Iterator[Plot]:
     """Force against velocity: simulated loops in colour, the measured ones thin on top of them."""
-    if not shown.logs:
+    if not report.logs:
         return
-    settings = {log.result.setting for log in shown.logs}
+    settings = {log.result.setting for log in report.logs}
     bold = _emphasis(settings)
     lines: list[Line] = []
     for k_word, looks in enumerate((("pale", "wide"), ("faint", "thin"))):
-        for log in shown.logs:
-            word, force, colour, _ = log.both[k_word]
+        for log in report.logs:
+            word, force, colour, _ = log.traces[k_word]
             is_bold = log.result.setting in bold
-            for k, (v, f, more) in enumerate(_strands(log, force)):
-                label = f"setting {log.result.setting}, {word}{more}"
+            for k, (v, f, branch) in enumerate(_strands(log, force)):
+                label = f"setting {log.result.setting}, {word}{branch}"
                 tag = log.result.setting.label if k_word == k == 0 and is_bold else ""
                 lines.append(log.line(v, f, label, colour, looks[is_bold], tag=tag))
     panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
-    few = "Every fourth setting is bold and labelled. " * (len(bold) < len(settings))
+    emphasis = "Every fourth setting is bold and labelled. " * (len(bold) < len(settings))
     caption = (
         "Last cycle of every log: the model in the setting's colour, measured thin and dark. "
-        f"{few}{_DIRECTIONS.capitalize()}.{_of_means(shown.logs)}"
+        f"{emphasis}{_DIRECTIONS.capitalize()}.{_of_means(report.logs)}"
     )
     key = (("simulated", "wide"), ("measured", "thin"))
     yield Plot("fan", "Force against velocity by setting", (panel,), caption, key)
 
 
-def _absolute(shown: ReportPlots) -> Iterator[Plot]:
+def _absolute(report: ReportPlots) -> Iterator[Plot]:
     lines = []
-    for log in shown.logs:
-        for v, force, more in _strands(log, log.signals.force_measured):
+    for log in report.logs:
+        for v, force, branch in _strands(log, log.signals.force_measured):
             # The means leap over zero: from there a line would join rebound and compression.
-            for part in (v >= 0.0, v < 0.0) if more else (np.ones(len(v), dtype=bool),):
-                label = f"setting {log.result.setting}, measured{more}"
-                lines.append(log.line(np.abs(v[part]), force[part], label, log.colour, "thin"))
+            for side in (v >= 0.0, v < 0.0) if branch else (np.ones(len(v), dtype=bool),):
+                label = f"setting {log.result.setting}, measured{branch}"
+                lines.append(log.line(np.abs(v[side]), force[side], label, log.colour, "thin"))
     if lines:
         panel = Panel("absolute velocity", "m/s", "measured force", "N", tuple(lines))
         caption = (
             "Rebound above, compression below; both branches of each stroke show the hysteresis."
-            f"{_of_means(shown.logs)}"
+            f"{_of_means(report.logs)}"
         )
         title = "Force against absolute velocity, measured"
         yield Plot("absolute_velocity", title, (panel,), caption, (("measured", "thin"),))
 
 
-def _named_speeds(shown: ReportPlots) -> Iterator[Plot]:
-    rows = [row for row in shown.run.rows("adjustment") if row["force_N"] is not None]
-    places = setting_places({row["setting"] for row in shown.run.rows("adjustment")})
+def _named_speeds(report: ReportPlots) -> Iterator[Plot]:
+    rows = [row for row in report.run.rows("adjustment") if row["force_N"] is not None]
+    places = setting_places({row["setting"] for row in report.run.rows("adjustment")})
     lines = []
     for k, speed in enumerate(sorted({row["speed_m_per_s"] for row in rows})):
         for stroke, style in (("rebound", "dot_line"), ("bump", "triangle_line")):
@@ -539,9 +539,9 @@ def _named_speeds(shown: ReportPlots) -> Iterator[Plot]:
         yield Plot("named_speeds", "Force against setting at named speeds", (panel,), caption)
 
 
-def _errors(shown: ReportPlots) -> Iterator[Plot]:
+def _errors(report: ReportPlots) -> Iterator[Plot]:
     def positive(name: str) -> dict[Setting, float]:  # the axis is of powers
-        rows = (row for row in shown.run.rows("mse") if not row["log"])
+        rows = (row for row in report.run.rows("mse") if not row["log"])
         return {row["setting"]: row[name] for row in rows if 0.0 < (row[name] or 0.0) < math.inf}
 
     errors = positive("mse_percent")
@@ -551,7 +551,7 @@ def _errors(shown: ReportPlots) -> Iterator[Plot]:
     lines = []
     for setting, error in errors.items():
         point = np.array([places[setting]]), np.array([error])
-        label, colour = f"MSE, setting {setting}", shown.colours[setting]
+        label, colour = f"MSE, setting {setting}", report.colours[setting]
         lines.append(Line(*point, label, colour, setting, "points", in_legend=False))
     caption = "Dots: MSE (100 % is no better than the mean force)."
     floors = {k: floor for k, floor in positive("noise_floor_percent").items() if k in places}
@@ -568,11 +568,11 @@ def _errors(shown: ReportPlots) -> Iterator[Plot]:
     yield Plot("mse", "MSE and noise floor against setting", (panel,), caption)
 
 
-def _parameters(shown: ReportPlots) -> Iterator[Plot]:
-    """Each parameter that is known at some setting, and not one for all of them."""
-    rows, trends = shown.run.rows("parameters"), trends_in(shown.run.record)
+def _parameters(report: ReportPlots) -> Iterator[Plot]:
+    """Each parameter that has a value at some setting, and not one for all of them."""
+    rows, trends = report.run.rows("parameters"), trends_in(report.run.record)
     places = setting_places(row["setting"] for row in rows)
-    for quantity in shown.run.quantities:
+    for quantity in report.run.quantities:
         name, scale = quantity.name, Shown(quantity)
         status_of = {row["setting"]: row[f"{name}_status"] for row in rows}
         filled = [
@@ -588,8 +588,8 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
             continue  # the table or a sentence says it: one dot, or twenty equal, say no more
         far = _far(filled, name)
         near = [row for row in filled if row not in far]
-        mine = [trend for trend in trends if trend.parameter == name and trend.points]
-        lines = list(_trends(mine, places, scale.factor))
+        own_trends = [trend for trend in trends if trend.parameter == name and trend.points]
+        lines = list(_trends(own_trends, places, scale.factor))
         for row in near:
             setting, ends = row["setting"], (row[f"{name}_ci_low"], row[f"{name}_ci_high"])
             # "<=" is also what NaN fails.
@@ -597,35 +597,35 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
             low, high = (np.array([scale.factor * end]) if has_interval else None for end in ends)
             style = "points" if status_of[setting] in {"fitted", None} else "triangles"
             x, y = np.array([places[setting]]), np.array([scale.factor * row[name]])
-            more: Any = {"low": low, "high": high, "in_legend": False}
-            label, colour = f"setting {setting}", shown.colours[setting]
-            lines.append(Line(x, y, label, colour, setting, style, **more))
+            fields: Any = {"low": low, "high": high, "in_legend": False}
+            label, colour = f"setting {setting}", report.colours[setting]
+            lines.append(Line(x, y, label, colour, setting, style, **fields))
         panel = setting_panel(places, quantity.symbol, scale.axis, lines)
         statuses = {str(status_of[row["setting"]]) for row in near} - {"fitted", "None"}
-        held = ", ".join(sorted(status.replace("_", " ") for status in statuses))
+        marks = ", ".join(sorted(status.replace("_", " ") for status in statuses))
         off = (f"setting {row['setting']} ({scale.factor * row[name]:.3g})" for row in far)
         unknown = [str(k) for k, status in status_of.items() if status == "not_identifiable"]
         captions = (
-            ("Open triangles: {}.", held),
+            ("Open triangles: {}.", marks),
             ("Bars: 95 % interval.", any(row[f"{name}_ci_low"] is not None for row in filled)),
             ("At a bound, off the scale: {}.", ", ".join(off)),
             ("Not shown, not determined by these logs: setting {}.", ", ".join(unknown)),
             (
                 "Broken lines: trends along one adjuster with the others held.",
-                mine and setting_names(places),
+                own_trends and setting_names(places),
             ),
         )
         caption = " ".join(text.format(words) for text, words in captions if words)
-        named = dict.fromkeys((quantity.symbol, quantity.label))  # play is called play
-        yield Plot(f"parameter_{name}", f"{', '.join(named)}, against setting", (panel,), caption)
+        titles = dict.fromkeys((quantity.symbol, quantity.label))  # play is called play
+        yield Plot(f"parameter_{name}", f"{', '.join(titles)}, against setting", (panel,), caption)
 
 
 def _far(rows: Sequence[Row], name: str) -> list[Row]:
-    """Return what ran to a bound so far off that it would flatten the fitted values."""
+    """Return rows at a bound so far off that it would flatten the fitted values."""
     bound = [row for row in rows if row[f"{name}_status"] == "at_bound"]
-    ends = (row[f"{name}{end}"] for row in rows if row not in bound
-            for end in ("", "_ci_low", "_ci_high"))  # fmt: skip
-    values = [end for end in ends if end is not None and math.isfinite(end)]
+    limits = (row[f"{name}{limit}"] for row in rows if row not in bound
+            for limit in ("", "_ci_low", "_ci_high"))  # fmt: skip
+    values = [limit for limit in limits if limit is not None and math.isfinite(limit)]
     if not values:
         return []
     low, high = min(values), max(values)
@@ -667,19 +667,19 @@ def _trends(
                 yield Line(*ring, "off the trend", "ink", style="rings", in_legend=False)
 
 
-def _profiles(shown: ReportPlots) -> Iterator[Plot]:
-    """Each profile that was asked for: the rise of the misfit as the parameter is moved."""
+def _profiles(report: ReportPlots) -> Iterator[Plot]:
+    """Each profile: the rise of the misfit as the parameter is moved."""
     points: dict[tuple[str, Setting], list[tuple[float, float]]] = {}
-    for row in shown.run.rows("profiles"):
+    for row in report.run.rows("profiles"):
         if None not in (point := (row["value"], row["misfit_rise"])):
             points.setdefault((row["parameter"], row["setting"]), []).append(point)
-    for quantity in shown.run.quantities:
+    for quantity in report.run.quantities:
         scale, lines = Shown(quantity), []
-        for (name, setting), own in points.items():
+        for (name, setting), curve in points.items():
             if name != quantity.name:
                 continue
-            x, y = np.array(sorted(own)).T * [[scale.factor], [1.0]]
-            label, colour = f"setting {setting}", shown.colours[setting]
+            x, y = np.array(sorted(curve)).T * [[scale.factor], [1.0]]
+            label, colour = f"setting {setting}", report.colours[setting]
             lines.append(Line(x, y, label, colour, setting, "dot_line", tag=str(setting)))
         if lines:
             rules = ((CHI_SQUARED_95, "95 % limit"),)
@@ -705,7 +705,7 @@ def _loops(log: DrawnLog, signal: FloatArray) -> tuple[list[Line], str]:
     cycles = log.result.cycles or (log.cycle,)
     lines = [
         log.line(*loop(signal, force, cycle), word, ink, style, in_legend=cycle is cycles[0])
-        for word, force, ink, style in log.both
+        for word, force, ink, style in log.traces
         for cycle in cycles
     ]
     which = "" if len(log.result.steady) == len(log.result.segments) else "steady "
@@ -717,7 +717,7 @@ def _force_velocity(log: DrawnLog) -> Iterator[Plot]:
     if log.result.is_moving:
         lines = [
             log.line(v, mean, word, ink, style, in_legend=branch == "opening")
-            for word, force, ink, style in log.both
+            for word, force, ink, style in log.traces
             for v, mean, branch in _branches(velocity, force)
         ]
         begins = "Mean of the opening and of the closing branch"
@@ -732,9 +732,9 @@ def _force_displacement(log: DrawnLog) -> Iterator[Plot]:
     x, v, fastest = 1e3 * log.signals.displacement, log.signals.velocity, log.result.fastest
     if log.result.is_moving:
         lines = []
-        for word, force, ink, style in log.both:
-            for part, is_first in ((v > 0.0, True), (v < 0.0, False)):
-                at, mean, band = _means(x, force, part, has_range=True)
+        for word, force, ink, style in log.traces:
+            for mask, is_first in ((v > 0.0, True), (v < 0.0, False)):
+                at, mean, band = _means(x, force, mask, has_range=True)
                 if not len(at):
                     continue
                 is_model = word == "simulated"
@@ -777,23 +777,23 @@ def _peaks(log: DrawnLog) -> Iterator[Plot]:
 def _force_time(log: DrawnLog) -> Iterator[Plot]:
     signals = log.signals
     residual = signals.force_measured - signals.force
-    kept = thin(_LOG_BUCKETS, signals.force_measured, signals.force, residual)
+    indices = thin(_LOG_BUCKETS, signals.force_measured, signals.force, residual)
     time = signals.time - signals.time[0]
     # A line across what was not compared would show a motion that was not run.
     gaps = np.flatnonzero(np.diff(time) > _GAP * float(np.median(np.diff(time)))) + 1
-    kept = np.union1d(kept, np.concatenate([gaps - 1, gaps]))
+    indices = np.union1d(indices, np.concatenate([gaps - 1, gaps]))
 
     def broken(values: FloatArray) -> FloatArray:
-        return np.insert(values[kept], np.searchsorted(kept, gaps), np.nan)
+        return np.insert(values[indices], np.searchsorted(indices, gaps), np.nan)
 
     time = broken(time)
     forces = [
-        log.line(time, broken(force), word, ink, style) for word, force, ink, style in log.both
+        log.line(time, broken(force), word, ink, style) for word, force, ink, style in log.traces
     ]
-    left = log.line(time, broken(residual), "residual", log.colour, "thin", in_legend=False)
+    line = log.line(time, broken(residual), "residual", log.colour, "thin", in_legend=False)
     panels = (
         Panel("time", "s", "force", "N", tuple(forces)),
-        Panel("time", "s", "residual", "N", (left,)),
+        Panel("time", "s", "residual", "N", (line,)),
     )
     yield log.plot("force_time", "force over time", "Below: measured less simulated.", *panels)
 
@@ -802,9 +802,9 @@ def _residual(log: DrawnLog) -> Iterator[Plot]:
     velocity = log.signals.velocity
     residual = log.signals.force_measured - log.signals.force
     # Peaks alone would make the cloud wider than it is.
-    some = np.arange(0, len(residual), max(1, len(residual) // _CLOUD))
-    kept = np.union1d(some, thin(_LOG_BUCKETS // 8, residual))
-    cloud = log.line(velocity[kept], residual[kept], "residual", log.colour, "points")
+    spaced = np.arange(0, len(residual), max(1, len(residual) // _CLOUD))
+    indices = np.union1d(spaced, thin(_LOG_BUCKETS // 8, residual))
+    cloud = log.line(velocity[indices], residual[indices], "residual", log.colour, "points")
     styles = {"opening": "solid", "closing": "dashed"}
     means = [
         log.line(v, mean, f"mean, {branch} branch", "ink", styles[branch])
@@ -841,7 +841,7 @@ LOG_FIGURES: tuple[Callable[[DrawnLog], Iterator[Plot]], ...] = (
 
 def _valves(rows: Sequence[Row], log: DrawnLog) -> Iterator[Plot]:
     """Yield a setting's valves, flow against pressure; nothing where the table has none."""
-    own = [
+    points_of_setting = [
         row
         for row in rows
         if row["setting"] == log.result.setting and row["pressure_Pa"] is not None
@@ -849,19 +849,19 @@ def _valves(rows: Sequence[Row], log: DrawnLog) -> Iterator[Plot]:
     lines: list[Line] = []
     openings = []
     for stroke, sign in _SIGNS.items():
-        mine = [row for row in own if row["stroke"] == stroke]
+        of_stroke = [row for row in points_of_setting if row["stroke"] == stroke]
         is_first, law = not lines, np.empty((2, 0))
         for curve, ink, style in (("measured", "ink", "points"), ("law", log.colour, "wide")):
             points = [
                 (row["pressure_Pa"] / _BAR, row["flow_m3_per_s"] / _CM3)
-                for row in mine
+                for row in of_stroke
                 if row["curve"] == curve and row["flow_m3_per_s"] is not None
             ]
             law = np.reshape(points, (-1, 2)).T  # in the end the law's
             if points:
                 x, y = sign * law
                 lines.append(log.line(x, y, curve, ink, style, in_legend=is_first))
-        for row in mine:
+        for row in of_stroke:
             if row["curve"] != "opening":
                 continue
             pressure = row["pressure_Pa"] / _BAR
@@ -872,9 +872,9 @@ def _valves(rows: Sequence[Row], log: DrawnLog) -> Iterator[Plot]:
                 is_named = all(line.label != label for line in lines)
                 lines.append(log.line(sign * at, flow, label, "muted", "rings", in_legend=is_named))
             if row["valve_force_N"] is not None:
-                more = "" if is_reached else ", which these logs do not reach"
-                where = f"{STROKE_WORDS[stroke]} at {pressure:.3g} bar"
-                openings.append(f"{where} ({row['valve_force_N']:.3g} N){more}")
+                suffix = "" if is_reached else ", which these logs do not reach"
+                place = f"{STROKE_WORDS[stroke]} at {pressure:.3g} bar"
+                openings.append(f"{place} ({row['valve_force_N']:.3g} N){suffix}")
     if not lines:
         return
     lines.sort(key=lambda line: ("points", "wide", "rings").index(line.style))

@@ -58,12 +58,12 @@ class Shown:
 
     def __init__(self, quantity: Quantity, units: ShownUnits = SI) -> None:
         is_converted = quantity.unit == "N" != units.of("N")  # of resistances nothing else is usual
-        shown = units.of("N") if is_converted else quantity.shown_unit
-        has_power = shown[:2] == "10"  # "10³ s √N / (m kg)" is for an axis alone
+        unit_text = units.of("N") if is_converted else quantity.shown_unit
+        has_power = unit_text[:2] == "10"  # "10³ s √N / (m kg)" is for an axis alone
         self.quantity, self.name, self.symbol = quantity, quantity.name, quantity.symbol
-        unit = shown if shown and not has_power else quantity.unit
+        unit = unit_text if unit_text and not has_power else quantity.unit
         self.unit = "" if unit == "1" else unit
-        self.axis, self.power = shown or self.unit, quantity.power
+        self.axis, self.power = unit_text or self.unit, quantity.power
         self.factor = 10.0**-quantity.power  # from SI to what is shown
         if is_converted:
             self.factor = units.show(self.factor, "N")
@@ -107,11 +107,11 @@ class Shown:
         """Return the value with the mark of its status."""
         mark, _ = _MARKS.get(self.status(row) or "", ("", ""))
         if self.status(row) in {"absent", "not_identifiable"}:
-            return mark  # no number that pretends to be known
+            return mark  # a number would look determined
         return f"{self.bound(row) or self.value(row)} {mark}".rstrip()
 
     def is_idle(self, row: Row) -> bool:
-        """Whether it is held at its default, or does nothing."""
+        """Whether it is fixed at its default, or has no effect."""
         value, quantity = row[self.name], self.quantity
         is_default = quantity.default is not None and value in (None, quantity.default)
         is_nothing = quantity.may_vanish and value is not None and value <= quantity.plausible[0]
@@ -130,67 +130,67 @@ def parameter_sheet(
 ) -> Sheet:
     """Return one row per setting: parameters with their 95 % intervals, MSE, grade, remarks.
 
-    What all settings have in common is a note below, what is held at its default everywhere is left
-    out. ``levels`` are the characters, from low to high, of a sparkline over the settings.
+    What all settings share is a note below, a quantity fixed at its default everywhere is left out.
+    ``levels`` are the characters, from low to high, of a sparkline over the settings.
     """
-    own, notes = [], []
-    for shown in (Shown(quantity, units) for quantity in quantities):
-        if rows and all(map(shown.is_idle, rows)):
+    by_setting, notes = [], []
+    for quantity in (Shown(quantity, units) for quantity in quantities):
+        if rows and all(map(quantity.is_idle, rows)):
             continue
-        # What is each setting's own keeps its column, unless it is one fitted value for all.
-        is_shared = all(shown.status(row) == "shared" for row in rows)
-        is_own = shown.quantity.scope == SETTING and shown.quantity.default is None
-        if (is_shared or not is_own) and is_one_for_all(rows, shown.name):
-            row = next(row for row in rows if row[shown.name] is not None)
-            how = "shared by all settings" if shown.status(row) == "shared" else "fixed"
-            notes.append(f"{shown.symbol} = {shown.say(shown.value(row))}, {how}")
+        # A quantity of the setting keeps its column, unless it is one fitted value for all.
+        is_shared = all(quantity.status(row) == "shared" for row in rows)
+        is_own = quantity.quantity.scope == SETTING and quantity.quantity.default is None
+        if (is_shared or not is_own) and is_one_for_all(rows, quantity.name):
+            row = next(row for row in rows if row[quantity.name] is not None)
+            status = "shared by all settings" if quantity.status(row) == "shared" else "fixed"
+            notes.append(f"{quantity.symbol} = {quantity.say(quantity.value(row))}, {status}")
         else:
-            own.append(shown)
+            by_setting.append(quantity)
 
-    def unit(shown: Shown) -> str:
-        mark = " ±95 %" * any(" " in shown.value(row) for row in rows)
-        return f"{shown.short_unit}{mark}".strip()
+    def unit(quantity: Shown) -> str:
+        mark = " ±95 %" * any(" " in quantity.value(row) for row in rows)
+        return f"{quantity.short_unit}{mark}".strip()
 
     columns = [
         Column.text("set", "setting", is_number=True),
-        *(Column(shown.symbol, unit(shown), shown.cell) for shown in own),
+        *(Column(quantity.symbol, unit(quantity), quantity.cell) for quantity in by_setting),
         Column("MSE", "%", lambda row: percent(row["mse_percent"])),
         Column.text("grade", "grade", missing=NOTHING),
     ]
     if any(map(remarks_on, rows)):
         columns.append(Column("remarks", "", remarks_on, is_number=False))
-    sparklines = _sparklines(rows, own, levels) if levels else ()
-    return laid_out(rows, columns, *notes, *sparklines, *_legend(rows, own))
+    sparklines = _sparklines(rows, by_setting, levels) if levels else ()
+    return laid_out(rows, columns, *notes, *sparklines, *_legend(rows, by_setting))
 
 
 def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
-    """Whether settings have one value, shared or held, and none by a fit of its own."""
+    """Whether settings have one value, shared or fixed, and none by a fit of its own."""
     filled = [row for row in rows if row[name] is not None]
     values = [row[name] for row in filled]
-    is_held = {row[f"{name}_status"] for row in filled} <= {"fixed", "shared"}
-    return bool(values) and is_held and max(values) - min(values) <= _SAME * abs(values[0])
+    is_common = {row[f"{name}_status"] for row in filled} <= {"fixed", "shared"}
+    return bool(values) and is_common and max(values) - min(values) <= _SAME * abs(values[0])
 
 
 def parameter_line(
     row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES, units: ShownUnits = SI
 ) -> str:
-    """Return the parameters of one setting in a sentence, those not known left out."""
-    parts = []
-    for shown in (Shown(quantity, units) for quantity in quantities):
-        status = shown.status(row)
-        if row[shown.name] is None or shown.is_idle(row):
+    """Return the parameters of one setting in a sentence, without those that have no value."""
+    phrases = []
+    for quantity in (Shown(quantity, units) for quantity in quantities):
+        status = quantity.status(row)
+        if row[quantity.name] is None or quantity.is_idle(row):
             continue
         if status == "absent":
-            parts.append(f"no {shown.quantity.label}")
+            phrases.append(f"no {quantity.quantity.label}")
         elif status == "not_identifiable":
-            parts.append(f"{shown.symbol} cannot be determined")
-        elif bound := shown.bound(row):
+            phrases.append(f"{quantity.symbol} cannot be determined")
+        elif bound := quantity.bound(row):
             words = "below" if bound.startswith("<") else "above"
-            parts.append(f"{shown.symbol} {words} {shown.say(bound[1:])} (at bound)")
+            phrases.append(f"{quantity.symbol} {words} {quantity.say(bound[1:])} (at bound)")
         else:
             words = "" if status in {"fitted", None} else f" ({status.replace('_', ' ')})"
-            parts.append(f"{shown.symbol} = {shown.say(shown.value(row))}{words}")
-    return f"{', '.join(parts)}." if parts else ""
+            phrases.append(f"{quantity.symbol} = {quantity.say(quantity.value(row))}{words}")
+    return f"{', '.join(phrases)}." if phrases else ""
 
 
 def _legend(rows: Sequence[Row], quantities: Sequence[Shown]) -> Iterator[str]:
@@ -202,8 +202,8 @@ def _legend(rows: Sequence[Row], quantities: Sequence[Shown]) -> Iterator[str]:
             groups.setdefault(f"{power}{quantity.unit}", []).append(quantity.symbol)
     if groups:
         yield ", ".join(f"{in_a_row(symbols)} in {unit}" for unit, symbols in groups.items())
-    used = {quantity.status(row) for row in rows for quantity in quantities}
-    marks = {how: f"{mark} {words}" for how, (mark, words) in _MARKS.items() if how in used}
+    statuses = {quantity.status(row) for row in rows for quantity in quantities}
+    marks = {key: f"{mark} {words}" for key, (mark, words) in _MARKS.items() if key in statuses}
     for quantity in quantities:
         if len({row[quantity.name] for row in rows if quantity.status(row) == "shared"}) > 1:
             marks["shared"] = f"s {_BY_CLICK}"
@@ -216,7 +216,7 @@ def _legend(rows: Sequence[Row], quantities: Sequence[Shown]) -> Iterator[str]:
 def sparkline(values: Iterable[float | None], *, levels: str = BLOCK_LEVELS) -> str:
     """Return one character a value, the lowest and the highest at the ends of ``levels``.
 
-    A value that is not known is a blank. Equal values stand in the middle.
+    A missing value is a blank. Equal values are drawn at the middle level.
 
     Examples
     --------
@@ -262,15 +262,15 @@ def _sparklines(rows: Sequence[Row], quantities: Sequence[Shown], levels: str) -
 
 
 def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
-    """Return what makes a setting less than plainly fitted; of these quantities bounds as well."""
+    """Return what limits the fit of a setting; of these quantities also which are at a bound."""
     outcome = (row.get("outcome") or "outcome unknown").replace("_", " ")
     share = row.get("cavitation_fraction")
     remarks = [] if outcome == "converged" or (outcome == "cavitating" and share) else [outcome]
     for word in ("at bound", "not identifiable"):
         status = word.replace(" ", "_")
-        own = [q.symbol for q in quantities if row.get(f"{q.name}_status") == status]
-        if own:
-            remarks = [text for text in remarks if text != word] + [f"{in_a_row(own)} {word}"]
+        symbols = [q.symbol for q in quantities if row.get(f"{q.name}_status") == status]
+        if symbols:
+            remarks = [text for text in remarks if text != word] + [f"{in_a_row(symbols)} {word}"]
     cavitates = [f"cavitates {100.0 * share:.0f} % of the time"] if share else []
     return "; ".join([*remarks, *cavitates])
 
@@ -302,8 +302,8 @@ def mse_sheet(
     def remarks(row: Row) -> str:
         if row["log"]:
             return "held out: predicted, not fitted" if row.get("role") == "held_out" else ""
-        own = settings.get(row["setting"])
-        return remarks_on(own, quantities) if own else ""
+        fitted = settings.get(row["setting"])
+        return remarks_on(fitted, quantities) if fitted else ""
 
     columns = [
         Column("setting", "", setting),
@@ -325,9 +325,9 @@ def grade_counts(rows: Iterable[Row]) -> str:
 
 
 def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
-    """Return one row per setting whose pressures are known: the lowest, and the margins."""
+    """Return one row per setting with pressures: the lowest, and the margins."""
     names = ("lowest_pressure", "r_m3_cavitation_margin")
-    shown = [row for row in rows if any(row.get(name) is not None for name in names)]
+    listed = [row for row in rows if any(row.get(name) is not None for name in names)]
     columns = [
         Column.text("setting", "setting", is_number=True),
         Column.of("lowest pressure", "bar", "lowest_pressure", digits=3, factor=1e-5),
@@ -337,15 +337,15 @@ def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
         Column.of("gas", "bar at least", "safe_gas_pressure", digits=3, factor=1e-5),
     ]
     note = "Absolute pressures, of the simulation on the motion of the logs."
-    return laid_out(shown, columns, note)
+    return laid_out(listed, columns, note)
 
 
 def check_summary(checks: Sequence[Check]) -> str:
-    """Return how many checks were passed, failed and not looked at."""
+    """Return how many checks were passed, failed and not evaluated."""
     results = [check.passed for check in checks]
     words = ((results.count(False), "failed"), (results.count(None), "not evaluated"))
-    more = "".join(f", {n} {word}" for n, word in words if n)
-    return f"{results.count(True)} of {len(checks)} checks passed{more}"
+    others = "".join(f", {n} {word}" for n, word in words if n)
+    return f"{results.count(True)} of {len(checks)} checks passed{others}"
 
 
 def check_lines(checks: Sequence[Check]) -> list[str]:
@@ -367,15 +367,15 @@ def check_sheet(checks: Sequence[Check]) -> Sheet:
 def held_out_sheet(predictions: Iterable[Row], *, is_narrow: bool = False) -> Sheet:
     """Return one row per prediction; ``is_narrow``: without motion and expected MSE."""
 
-    def figure(heading: str, unit: str, name: str, shown: Callable[[float], str]) -> Column:
+    def figure(heading: str, unit: str, name: str, text_of: Callable[[float], str]) -> Column:
         def cell(row: Row) -> str:
             value = number_in(row, name)
-            return NOTHING if value is None else shown(value)
+            return NOTHING if value is None else text_of(value)
 
         return Column(heading, unit, cell)
 
     def frequency(row: Row) -> str:
-        # What moves beside the steady cycles has no frequency of its own.
+        # A moving segment has no frequency.
         rate = number_in(row, "frequency_Hz") or 0.0
         return number(rate, digits=3) if rate > 0.0 else "varies"
 
@@ -397,7 +397,7 @@ def held_out_sheet(predictions: Iterable[Row], *, is_narrow: bool = False) -> Sh
 
 # Forces
 
-_WHOSE = ("measured", "simulated")
+_KINDS = ("measured", "simulated")
 _OF_DAMPING = "%: of the damping, which is the force less the gas force at mid-stroke"
 _AS_MEASURED = "* measured: the model misses the force there by more than 2 %"
 _SEGMENTS = (
@@ -423,7 +423,7 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
         for row in rows
         if row["stroke"] == stroke
     }
-    *speeds, last = sorted({row["speed_m_per_s"] for row in rows})
+    *speeds, top = sorted({row["speed_m_per_s"] for row in rows})
     # With several adjusters a setting has a row for each that was turned.
     places = sorted(
         {(row["setting"], row.get("changed")) for row in rows},
@@ -460,18 +460,18 @@ def _by_setting(rows: Sequence[Row], stroke: str) -> Sheet:
         return NOTHING if share is None else f"{share:+.1f}"
 
     # Beyond the tests the interval says how many digits are known.
-    is_wide = {row["speed_m_per_s"] for row in rows if row.get("tested") == "no"} | {last}
+    is_wide = {row["speed_m_per_s"] for row in rows if row.get("tested") == "no"} | {top}
     columns = [Column(STROKE_WORDS[stroke], "N at", words)]
-    for speed in (*speeds, last):
+    for speed in (*speeds, top):
         unit, cell = ("m/s ±95 %", force) if speed in is_wide else ("m/s", bare_force)
         columns.append(column(f"{speed:.3g}" if speeds else f"{speed:g}", unit, speed, cell))
     if has_click:
-        columns.append(column("change" if wide else "click", "N ±95 %", last, change))
-        columns.append(column("", "%", last, change_percent))
+        columns.append(column("change" if wide else "click", "N ±95 %", top, change))
+        columns.append(column("", "%", top, change_percent))
     notes = []
     if has_click and wide:
-        named = listed_names([f"{a} to {b} ({n:g} clicks)" for a, b, n in wide])
-        notes.append(f"change: over all clicks from one tested setting to the next: {named}")
+        listed = listed_names([f"{a} to {b} ({n:g} clicks)" for a, b, n in wide])
+        notes.append(f"change: over all clicks from one tested setting to the next: {listed}")
     marked = next((place for place in places if words(place) != str(place[0])), None)
     if has_click and marked is not None:
         notes.append(
@@ -497,7 +497,7 @@ def _marks(rows: Iterable[Row]) -> list[str]:
 
 
 def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
-    """Return measured beside modelled force at the fastest speed, and wherever the model misses."""
+    """Return measured and modelled force at the fastest speed, and wherever the model misses."""
     compared = [row for row in rows if row.get("measured_N") is not None]
     table = {(row["setting"], row["speed_m_per_s"], row["stroke"]): row for row in compared}
     fastest = max((row["speed_m_per_s"] for row in compared), default=0.0)
@@ -541,21 +541,21 @@ def log_force_sheet(rows: Sequence[Row]) -> Sheet:
     peak = next(row for row in rows if row["point"] == "peak")
     lines = []
     for row in (*(row for row in rows if row is not peak), peak):
-        forces = [row[f"{whose}_{stroke}_N"] for stroke in STROKE_WORDS for whose in _WHOSE]
-        ratios = (number(row[f"{whose}_ratio"], digits=3) for whose in _WHOSE)
+        forces = [row[f"{kind}_{stroke}_N"] for stroke in STROKE_WORDS for kind in _KINDS]
+        ratios = (number(row[f"{kind}_ratio"], digits=3) for kind in _KINDS)
         name = "peak" if row is peak else f"at {row['speed_rebound_m_per_s']:g} m/s"
         lines.append((name, *(number(force, digits=4) for force in forces), *ratios))
-    lost = [peak[f"{whose}_hysteresis_{stroke}_N"] for stroke in STROKE_WORDS for whose in _WHOSE]
-    # What is left of a sum that is zero is zero.
-    lost = [None if force is None else round(force, 6) + 0.0 for force in lost]
+    widths = [peak[f"{kind}_hysteresis_{stroke}_N"] for stroke in STROKE_WORDS for kind in _KINDS]
+    # A sum that is zero but for rounding is zero.
+    widths = [None if force is None else round(force, 6) + 0.0 for force in widths]
     hysteresis = f"hysteresis, {number(peak['hysteresis_speed_m_per_s'], digits=2)} m/s"
-    lines.append((hysteresis, *(number(force, digits=4) for force in lost), "", ""))
-    heat = peak["temperature_degC"]
-    temperature = f"Temperature: {'not logged' if heat is None else f'{heat:.1f} degC'}"
-    energy = [number(peak[f"{whose}_energy_J"], digits=4) for whose in _WHOSE]
+    lines.append((hysteresis, *(number(force, digits=4) for force in widths), "", ""))
+    celsius = peak["temperature_degC"]
+    temperature = f"Temperature: {'not logged' if celsius is None else f'{celsius:.1f} degC'}"
+    energy = [number(peak[f"{kind}_energy_J"], digits=4) for kind in _KINDS]
     return Sheet(
-        ("force, N", *(word for word in STROKE_WORDS.values() for _ in _WHOSE), "ratio", "ratio"),
-        ("", *_WHOSE * 3),
+        ("force, N", *(word for word in STROKE_WORDS.values() for _ in _KINDS), "ratio", "ratio"),
+        ("", *_KINDS * 3),
         tuple(lines),
         (False, *(True,) * 6),
         (f"Energy per cycle: {energy[0]} J measured, {energy[1]} J simulated. {temperature}.",),
@@ -571,11 +571,11 @@ def segment_sheet(
     the MSE of the fit, by setting, log and begin.
     """
     peaks = [row for row in rows if row["point"] == "peak"]
-    first = [Column.of("from", "s", "start_s")]
+    leading = [Column.of("from", "s", "start_s")]
     if has_setting:
         logs = {(row["setting"], row.get("log")) for row in peaks}
-        first = [Column.text("setting", "setting", is_number=True)]
-        first += [Column.text("log", "log")] * (len(logs) > len({setting for setting, _ in logs}))
+        leading = [Column.text("setting", "setting", is_number=True)]
+        leading += [Column.text("log", "log")] * (len(logs) > len({setting for setting, _ in logs}))
         peaks.sort(
             key=lambda row: (Setting.of(row["setting"]), row["speed_rebound_m_per_s"] or 0.0)
         )
@@ -589,12 +589,12 @@ def segment_sheet(
         return percent(number_in(segment, "mse_percent"))
 
     columns = [
-        *first,
+        *leading,
         Column("cycles", "", lambda row: str(row["cycles"]) if row.get("cycles") else "moving"),
         Column.of("freq.", "Hz", "frequency_Hz", digits=3),
         Column("speed", "m/s", fastest),
         *(
-            Column.of(heading, f"{whose}, {unit}", f"{whose}_{name}_{unit}", digits=digits)
+            Column.of(heading, f"{kind}, {unit}", f"{kind}_{name}_{unit}", digits=digits)
             for heading, name, unit, digits in (
                 ("rebound", "rebound", "N", 4),
                 ("compression", "bump", "N", 4),
@@ -602,12 +602,12 @@ def segment_sheet(
                 ("hyst. rebound", "hysteresis_rebound", "N", 3),
                 ("hyst. compression", "hysteresis_bump", "N", 3),
             )
-            for whose in _WHOSE
+            for kind in _KINDS
         ),
         *([Column("MSE", "%", error)] if errors else []),
     ]
-    shown, more = first_of(peaks, _MOST_SEGMENTS, "in characteristics.csv")
-    return laid_out(shown, columns, _SEGMENTS, *more)
+    listed, notes = first_of(peaks, _MOST_SEGMENTS, "in characteristics.csv")
+    return laid_out(listed, columns, _SEGMENTS, *notes)
 
 
 # Which model structure the logs support, from run.json: one row per candidate
@@ -621,7 +621,7 @@ _ERRORS = (
 
 
 def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
-    """Return one row a candidate as they were tried; ``is_narrow``: without changes and reasons."""
+    """Return one row a candidate in order; ``is_narrow``: without changes and reasons."""
     notes = ["* chosen; MSE and what was held out in per cent of the variance"]
     if (samples := number_in(choice, "effective_samples")) is not None:
         notes.append(
@@ -641,9 +641,9 @@ def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
     structure, bic = Column.text("structure", "law"), figure("BIC", "bic", "{:+.0f}")
     columns = [chosen, structure, _FREE, bic, *_ERRORS]
     if not is_narrow:
-        changed, why = Column.text("changed", "change"), Column.text("why", "reason")
+        changed, reason = Column.text("changed", "change"), Column.text("why", "reason")
         factor = figure("factor", "gain", "{:.3g}")
-        columns = [chosen, structure, changed, factor, bic, _FREE, *_ERRORS, why]
+        columns = [chosen, structure, changed, factor, bic, _FREE, *_ERRORS, reason]
     return laid_out(entries_in(choice, "laws"), columns, *notes)
 
 
@@ -653,14 +653,14 @@ def rival_sheet(choice: Row) -> Sheet:
     for rival in entries_in(choice, "rivals"):
         if rival.get("caveat"):
             caveats.setdefault(str(rival["caveat"]), []).append(str(rival.get("title")))
-    notes = (f"{', '.join(titles)}: {why}" for why, titles in caveats.items())
+    notes = (f"{', '.join(titles)}: {caveat}" for caveat, titles in caveats.items())
     title = Column.text("model of the literature", "title")
     columns = [title, Column.text("source", "source"), _FREE, *_ERRORS]
     return laid_out(entries_in(choice, "rivals"), columns, *notes)
 
 
 def law_sentences(choice: Row) -> list[str]:
-    """Return which structure was taken, and the physics that it sees."""
+    """Return which structure was chosen, and its physics."""
     if not isinstance(choice.get("chosen"), str):
         return []
     return [f"The logs support {choice['chosen']}.", *map(str, listed_in(choice, "sentences"))]
