@@ -39,22 +39,22 @@ _FOUND = (Status.FITTED, Status.SHARED)
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One check's result: a name of `CHECKS`, and one sentence with the settings it is about."""
+    """One check's result: a name of `CHECKS`, and one sentence that names its settings."""
 
     name: str
-    passed: bool | None  # None: not looked at
+    passed: bool | None  # None: not evaluated
     reason: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """What the checks look at."""
+    """The fits that are checked, with what was declared of the test."""
 
     campaign: Campaign  # the fits
-    assessment: Assessment  # what their residuals say
-    adjustment: Adjustment  # what shows across settings
+    assessment: Assessment  # their residuals and intervals
+    adjustment: Adjustment  # the settings compared
     missing: tuple[str, ...] = ()  # logs and settings without a result, by name, and why
-    temperature: float = 26.0  # what the test should be held at, degrees Celsius
+    temperature: float = 26.0  # nominal temperature of the test, degrees Celsius
     temperature_tolerance: float = 1.0
     undeclared: tuple[str, ...] = ()  # undeclared figures of the damper
     whose: str = ""  # whose dimensions are taken where none is declared; empty where some is
@@ -79,17 +79,17 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
 
     above = [fit for fit in subject.fits if not fit.mse_percent < EXCELLENT]
     worst = max(above or subject.fits, key=misfit)
-    where = f"{worst.mse_percent:.3g} % at setting {worst.setting}"
+    place = f"{worst.mse_percent:.3g} % at setting {worst.setting}"
     if above:
-        return False, f"MSE is 1 % or more at {_settings(above)}, worst {where}"
-    return True, f"worst MSE {where}"
+        return False, f"MSE is 1 % or more at {_settings(above)}, worst {place}"
+    return True, f"worst MSE {place}"
 
 
 def _no_parameter_at_bound(subject: Subject) -> _Verdict:
     """No parameter is at the edge of its plausible range."""
-    why = "at a bound of its plausible range"
-    bad = _with_status(subject, Status.AT_BOUND, f"is {why}")
-    return not bad, bad or f"no fitted parameter is {why}"
+    state = "at a bound of its plausible range"
+    bad = _with_status(subject, Status.AT_BOUND, f"is {state}")
+    return not bad, bad or f"no fitted parameter is {state}"
 
 
 def _all_parameters_identifiable(subject: Subject) -> _Verdict:
@@ -99,7 +99,7 @@ def _all_parameters_identifiable(subject: Subject) -> _Verdict:
 
 
 def _with_status(subject: Subject, status: Status, words: str) -> str:
-    parts = {
+    by_name = {
         name: [
             f for f in subject.fits if f.status[name] == status and not _is_rigid(subject, f, name)
         ]
@@ -107,7 +107,7 @@ def _with_status(subject: Subject, status: Status, words: str) -> str:
     }
     return "; ".join(
         f"{_symbol(subject, name)} {words} at {_settings(fits)}"
-        for name, fits in parts.items()
+        for name, fits in by_name.items()
         if fits
     )
 
@@ -117,7 +117,7 @@ def _symbol(subject: Subject, name: str) -> str:
 
 
 def _is_rigid(subject: Subject, fit: Fit, name: str) -> bool:
-    """Whether the logs show a mounting that does not yield: any stiffness above a limit fits."""
+    """Whether the logs show a rigid mounting: any stiffness above a limit fits."""
     is_mounting = fit.parameters.quantity(name).is_of_mounting
     is_unknown = is_mounting and fit.status[name] == Status.NOT_IDENTIFIABLE
     return is_unknown and subject.assessment.plausible_limits(fit, name)[1] is None
@@ -132,8 +132,8 @@ def _no_cavitation(subject: Subject) -> _Verdict:
         share = f"{100.0 * worst.cavitation.fraction:.1f} % of the cycle at setting"
         reason = f"a chamber cavitates at {_settings(empty)}, most for {share} {worst.setting}"
         if doubted := doubted_cavitation(subject.assessment.objections):
-            where = of_settings(doubted)
-            reason += f"; the model does not match the logs of {where}: it may be full"
+            settings = of_settings(doubted)
+            reason += f"; the model does not match the logs of {settings}: it may be full"
         return False, reason
     if not finite:
         return True, "no chamber reaches zero pressure"
@@ -177,10 +177,10 @@ def _turns_of_three(subject: Subject) -> Iterator[str]:
             if not q.is_logarithmic or q.is_open or q.is_friction:
                 continue
             limits = [subject.assessment.limits(fit.setting, q.name) for fit in fits]
-            ends = [(low, high) for low, high in limits if low and high]
-            if len(ends) < len(fits) or any(fit.status[q.name] != Status.FITTED for fit in fits):
+            pairs = [(low, high) for low, high in limits if low and high]
+            if len(pairs) < len(fits) or any(fit.status[q.name] != Status.FITTED for fit in fits):
                 continue
-            first, (low, high), last = ends
+            first, (low, high), last = pairs
             times = max(low / max(first[1], last[1]), min(first[0], last[0]) / high)
             if times > 1.0 + _TURNS_OF_THREE:
                 yield (
@@ -190,7 +190,7 @@ def _turns_of_three(subject: Subject) -> Iterator[str]:
 
 
 def _turn_of(trend: Trend) -> float:
-    """Return by how much of itself a parameter goes against its direction, at most."""
+    """Return by how much a parameter goes against its direction, at most, as a share of it."""
     values = {point.setting: point.found for point in trend.points}
     turns = [(values.get(a), values.get(b)) for a, b in trend.reversals]
     return max((abs(b / a - 1.0) if a and b else math.inf for a, b in turns), default=math.inf)
@@ -218,14 +218,14 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     if mixed_up:
         return None, "; ".join(trend.sentence for trend in mixed_up)
     small = [outlier for trend in evaluated for outlier in trend.outliers]
-    more = " by more than 1 %" if small else ""
+    limit = " by more than 1 %" if small else ""
     symbols = ", ".join(trend.symbol for trend in evaluated)
-    return True, f"no setting is off the trend of {symbols}{more}"
+    return True, f"no setting is off the trend of {symbols}{limit}"
 
 
 def _no_trend(subject: Subject) -> str:
-    why = in_few_words(subject.adjustment.trends)
-    return "; ".join(why) or "no parameter was fitted setting by setting"
+    sentences = in_few_words(subject.adjustment.trends)
+    return "; ".join(sentences) or "no parameter was fitted setting by setting"
 
 
 def _every_click_counts(subject: Subject) -> _Verdict:
@@ -236,15 +236,15 @@ def _every_click_counts(subject: Subject) -> _Verdict:
     if any(math.isnan(click.low) for click in clicks):
         return None, "the errors of the forces are not known"
     fastest = max(click.speed for click in clicks)
-    felt: dict[tuple[Setting, Setting], bool] = defaultdict(bool)
+    moves: dict[tuple[Setting, Setting], bool] = defaultdict(bool)
     for click in clicks:
         if click.speed == fastest:
-            felt[click.first, click.second] |= not click.low <= 0.0 <= click.high
-    dead = [f"{a} to {b}" for (a, b), is_felt in felt.items() if not is_felt]
+            moves[click.first, click.second] |= not click.low <= 0.0 <= click.high
+    dead = [f"{a} to {b}" for (a, b), is_moved in moves.items() if not is_moved]
     if dead:
         text = f"the force at {fastest:g} m/s does not change from setting {', '.join(dead)}"
         return False, f"{text} by more than its error"
-    is_wide = any((clicks_between(*step) or 0.0) > 1.0 for step in felt)
+    is_wide = any((clicks_between(*step) or 0.0) > 1.0 for step in moves)
     step = "every step from one tested setting to the next" if is_wide else "every click"
     return True, f"{step} changes the force at {fastest:g} m/s by more than its error"
 
@@ -257,8 +257,8 @@ def _residuals_white(subject: Subject) -> _Verdict:
     worst = max(structured, key=_repeats_by)
     most = f"{100.0 * _repeats_by(worst):.2g} % of the force at setting {worst.setting}"
     if large:
-        where = of_settings(diagnosis.setting for diagnosis in large)
-        return False, f"the misfit repeats from cycle to cycle at {where}, most {most}"
+        settings = of_settings(diagnosis.setting for diagnosis in large)
+        return False, f"the misfit repeats from cycle to cycle at {settings}, most {most}"
     return True, f"lack of fit is below 1 % of the force: at most {most}"
 
 
@@ -273,12 +273,12 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
     short = [d for d in large if d.noise_percent < _EXPLAINED * d.mse_percent]
     if short:
         worst = min(short, key=lambda diagnosis: diagnosis.noise_percent / diagnosis.mse_percent)
-        where = of_settings(diagnosis.setting for diagnosis in short)
+        settings = of_settings(diagnosis.setting for diagnosis in short)
         share = 100.0 * worst.noise_percent / worst.mse_percent
         most = f"setting {worst.setting}: {share:.2g} % of its {worst.mse_percent:.3g} %"
-        return False, f"noise explains less than half of the MSE at {where}, least at {most}"
-    few = "noise explains half of the MSE or more, or lack of fit is below 1 % of the force"
-    return (None, unknown) if unknown else (True, f"{few}, at every setting")
+        return False, f"noise explains less than half of the MSE at {settings}, least at {most}"
+    result = "noise explains half of the MSE or more, or lack of fit is below 1 % of the force"
+    return (None, unknown) if unknown else (True, f"{result}, at every setting")
 
 
 def _repeating(subject: Subject) -> tuple[list[Diagnosis], list[Diagnosis], str]:
@@ -288,8 +288,8 @@ def _repeating(subject: Subject) -> tuple[list[Diagnosis], list[Diagnosis], str]
     lacking = {fit.setting for fit in subject.fits} - {diagnosis.setting for diagnosis in diagnoses}
     reasons = []
     if single:
-        where = of_settings(single)
-        reasons.append(f"a single cycle cannot separate noise from lack of fit, at {where}")
+        settings = of_settings(single)
+        reasons.append(f"a single cycle cannot separate noise from lack of fit, at {settings}")
     if lacking:
         reasons.append(f"the residuals were not evaluated, at {of_settings(lacking)}")
     structured = [d for d in diagnoses if d.is_structured and d.setting not in single]
@@ -349,8 +349,8 @@ def _fits_converged(subject: Subject) -> _Verdict:
     """Every fit converged to a minimum."""
     bad = [fit for fit in subject.fits if not fit.outcome.is_minimum]
     if bad:
-        parts = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
-        return False, f"no minimum was reached at {_named(parts)}"
+        settings = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
+        return False, f"no minimum was reached at {_named(settings)}"
     if any(problem.code == "no-minimum" for problem in subject.campaign.warnings):
         return False, "the joint fit stopped before its minimum"
     return True, "every fit converged to a minimum"
@@ -364,8 +364,8 @@ def _no_log_warnings(subject: Subject) -> _Verdict:
             if finding.severity == "warning":
                 warned[finding.code] |= {trace.setting} - {None}  # type: ignore[arg-type]
     if warned:
-        parts = (f"{name} at {of_settings(sorted(where))}" for name, where in warned.items())
-        return False, f"the logs carry warnings: {', '.join(parts)}"
+        listed = (f"{name} at {of_settings(sorted(at))}" for name, at in warned.items())
+        return False, f"the logs carry warnings: {', '.join(listed)}"
     return True, "no log carries a warning"
 
 
@@ -373,8 +373,8 @@ def _settings(fits: Iterable[Fit]) -> str:
     return of_settings(fit.setting for fit in fits)
 
 
-def _named(parts: Sequence[str], mark: str = ", ") -> str:
-    return listed_names(parts, few=FEW, mark=mark)
+def _named(names: Sequence[str], mark: str = ", ") -> str:
+    return listed_names(names, few=FEW, mark=mark)
 
 
 # Against physics and the log itself, by the objections that withhold a grade: both agree.
@@ -382,10 +382,10 @@ def _named(parts: Sequence[str], mark: str = ", ") -> str:
 
 def _every_grade_stands(subject: Subject) -> _Verdict:
     """No grade is withheld."""
-    for first, why in subject.assessment.objections.items():
-        where = of_settings(subject.assessment.objections)
-        reasons = "; ".join(objection.sentence for objection in why)
-        return False, f"grades are withheld at {where}; setting {first}: {reasons}"
+    for first, objections in subject.assessment.objections.items():
+        settings = of_settings(subject.assessment.objections)
+        reasons = "; ".join(objection.sentence for objection in objections)
+        return False, f"grades are withheld at {settings}; setting {first}: {reasons}"
     return True, f"no objection to the grade of {_settings(subject.fits)}"
 
 
@@ -411,11 +411,11 @@ def _friction_within_jump(subject: Subject) -> _Verdict:
     names = _quantities(subject, lambda q: q.is_friction)
     if not names:
         return None, "the model has no friction"
-    read = [fit for fit in subject.fits if not what_spreads(fit)]
-    if not read:
+    readable = [fit for fit in subject.fits if not what_spreads(fit)]
+    if not readable:
         return None, what_spreads(subject.fits[0])
     return _unless_objected(
-        subject, read, names, "friction", "within the jump of the force at the reversals"
+        subject, readable, names, "friction", "within the jump of the force at the reversals"
     )
 
 
@@ -424,15 +424,15 @@ def _series_stiffness_found(subject: Subject) -> _Verdict:
     names = _quantities(subject, lambda q: q.unit == "N/m")
     if not names:
         return None, "the model has no stiffness in series"
-    lost = [
+    undetermined = [
         fit
         for fit in subject.fits
         for name in names
         if fit.status[name].has_failed and not _is_rigid(subject, fit, name)
     ]
-    if lost:
+    if undetermined:
         symbols = " and ".join(_symbol(subject, name) for name in names)
-        return False, f"{symbols} is not determined by the logs at {_settings(lost)}"
+        return False, f"{symbols} is not determined by the logs at {_settings(undetermined)}"
     return _unless_objected(subject, subject.fits, names, "beyond", "in the range of test rigs")
 
 
@@ -441,28 +441,28 @@ def _quantities(subject: Subject, belongs: Callable[[Quantity], bool]) -> tuple[
 
 
 def _unless_objected(
-    subject: Subject, fits: Sequence[Fit], names: Sequence[str], kind: str, what: str
+    subject: Subject, fits: Sequence[Fit], names: Sequence[str], kind: str, result: str
 ) -> _Verdict:
-    """Fail with the first objection, pass where the logs determine a value, else not looked at."""
+    """Fail with the first objection, pass where the logs determine a value; else not evaluated."""
     if against := _against(subject, names, kind):
         return False, against
     determined = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
     symbols = [_symbol(subject, name) for name in names]
     if not determined:
         return None, f"no log determined {' or '.join(symbols)}"
-    return True, f"{' and '.join(symbols)} is {what} at {_settings(determined)}"
+    return True, f"{' and '.join(symbols)} is {result} at {_settings(determined)}"
 
 
 def _against(subject: Subject, names: Sequence[str], kind: str) -> str:
     """Return where there are objections of a kind, and the first of them; empty: none."""
     against = {
         setting: objection.sentence
-        for setting, why in subject.assessment.objections.items()
-        for objection in why
+        for setting, objections in subject.assessment.objections.items()
+        for objection in objections
         if objection.kind == kind and objection.quantity in names
     }
-    where = f"at {of_settings(against)}: " if len(against) > 1 else ""
-    return next((f"{where}setting {first}: {text}" for first, text in against.items()), "")
+    prefix = f"at {of_settings(against)}: " if len(against) > 1 else ""
+    return next((f"{prefix}setting {first}: {text}" for first, text in against.items()), "")
 
 
 # A check is a function of the subject, whose docstring the manual shows, and a line here.
@@ -504,12 +504,12 @@ def run_checks(subject: Subject) -> tuple[Check, ...]:
 
 
 def unchecked() -> tuple[Check, ...]:
-    """Return the result of every check when an error of damperfit's kept it from looking."""
+    """Return the result of every check after an internal error: not evaluated."""
     return tuple(Check(name, None, "not evaluated because of an internal error") for name in CHECKS)
 
 
-# What the paper looked at by hand: the MSE at every setting (its section 6), cavitation (6.2), the
-# run of the parameters over the settings (Figs 14 to 16), and the temperature of the test.
+# What the paper checked by hand: the MSE at every setting (its section 6), cavitation (6.2), the
+# trends of the parameters over the settings (Figs 14 to 16), and the temperature of the test.
 CHECK_LISTS: dict[str, tuple[str, ...]] = {
     "purdy2000": (
         "every_setting_fitted",
@@ -526,8 +526,8 @@ CHECK_LISTS: dict[str, tuple[str, ...]] = {
 def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tuple[str, ...]:
     """Return the checks that names of checks and of lists stand for, each once.
 
-    With a minus before its name a check is left out of what the others stand for. Lists go without
-    those that are pointless: that cannot be looked at by the test's own declaration.
+    A minus before its name excludes a check from the lists. Lists go without those that are
+    pointless: the declaration of the test excludes their evaluation.
 
     >>> expand_checks(["no_cavitation", "no_cavitation"])
     ('no_cavitation',)
@@ -535,8 +535,8 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     False
     """
     pointless = set(pointless)
-    wanted: list[str] = []
-    left_out: list[str] = []
+    chosen: list[str] = []
+    excluded: list[str] = []
     for text in names:
         name = text.removeprefix("-")
         if name not in CHECKS and name not in CHECK_LISTS:
@@ -547,20 +547,20 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
             raise ConfigurationError(refusal, where=where, code="unknown-check")
         members = CHECK_LISTS.get(name, (name,))
         if text.startswith("-"):
-            left_out += members
+            excluded += members
         else:
-            wanted += [member for member in members if member == name or member not in pointless]
-    if absent := [name for name in left_out if name not in wanted and name not in pointless]:
+            chosen += [member for member in members if member == name or member not in pointless]
+    if unmatched := [name for name in excluded if name not in chosen and name not in pointless]:
         refusal = (
-            f"check '-{absent[0]}' excludes a check that was not requested; expected it after a "
-            f"list that includes it, as in {next(iter(CHECK_LISTS))},-{absent[0]}"
+            f"check '-{unmatched[0]}' excludes a check that was not requested; expected it after a "
+            f"list that includes it, as in {next(iter(CHECK_LISTS))},-{unmatched[0]}"
         )
         raise ConfigurationError(refusal, code="unknown-check")
-    return tuple(dict.fromkeys(name for name in wanted if name not in left_out))
+    return tuple(dict.fromkeys(name for name in chosen if name not in excluded))
 
 
 def missed_gates(checks: Sequence[Check], gates: Iterable[str]) -> tuple[Problem, ...]:
-    """Return the gates that are not met, or that could not be looked at."""
+    """Return the gates that are not met, or were not evaluated."""
     results = {check.name: check for check in checks}
     missed = (results[name] for name in gates if not results[name].passed)
     texts = {False: "check {check}: {why}", None: "check not evaluated: {check}: {why}"}

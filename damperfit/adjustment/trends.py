@@ -541,11 +541,10 @@ def in_few_words(trends: Iterable[Trend]) -> tuple[str, ...]:
     >>> in_few_words([*missing, Trend("c", sentence="c rises")])
     ('a, b: no trend', 'c rises')
     """
-    by_text: dict[str, list[str]] = {}
+    texts: dict[str, list[str]] = {}
     for trend in trends:
-        symbols = by_text.setdefault(trend.why or trend.sentence, [])
-        symbols.append(trend.symbol if trend.why else "")
+        texts.setdefault(trend.why or trend.sentence, []).append(trend.symbol if trend.why else "")
     return tuple(
         f"{', '.join(symbols)}: {words}" if symbols[0] else words
-        for words, symbols in by_text.items()
+        for words, symbols in texts.items()
     )

@@ -43,10 +43,10 @@ class Answer:
         every = (*self.remarks, *self.warnings, *self.notes)
         return list(
             dict.fromkeys(
-                f"{known.severity}: {known.sentence(_WORDS)}"
-                if isinstance(known, Problem)
-                else f"note: {known}"
-                for known in every
+                f"{item.severity}: {item.sentence(_WORDS)}"
+                if isinstance(item, Problem)
+                else f"note: {item}"
+                for item in every
             )
         )
 

@@ -107,23 +107,23 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     speed of each setting.
     """
     lines, units = comparison.of("force"), comparison.units
-    has_model, shown = not comparison.is_without_model, list(lines)
+    has_model, listed = not comparison.is_without_model, list(lines)
     if is_short and len(lines) > _MANY:
         fastest = max(line.subject.speed or 0.0 for line in lines)
         top = [line for line in lines if line.subject.speed == fastest]
-        shown = [line for line in lines if line in top or line.verdict != SAME]
-        shown = shown if len(shown) <= _MANY else top
+        listed = [line for line in lines if line in top or line.verdict != SAME]
+        listed = listed if len(listed) <= _MANY else top
     of = "A's damping" if has_model else "A's force as logged, gas and tare in it"
     notes = [f"%: of {of}; positive where B is harder"]
     if not has_model:
         notes.append("measured with the slowest motion common to both that reaches the speed")
-    if has_model and any(line.is_measured for line in shown):
+    if has_model and any(line.is_measured for line in listed):
         notes.append("measured: A and B are the forces that were measured, not those of a model")
-    if len(shown) < len(lines):
-        n = sum(line.verdict == DIFFERENT for line in lines if line not in shown)
+    if len(listed) < len(lines):
+        n = sum(line.verdict == DIFFERENT for line in lines if line not in listed)
         differ = f", {n} of them different" if n else ""
-        more = len(lines) - len(shown)
-        notes.append(f"{more} more lines{differ}: --json and --out have all")
+        n_more = len(lines) - len(listed)
+        notes.append(f"{n_more} more lines{differ}: --json and --out have all")
     force = units.of("N")
 
     def percent(line: Difference) -> str:
@@ -138,7 +138,7 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
         Column("", "%", percent),
         _verdict(units, says_measured=has_model),
     ]
-    return laid_out(shown, columns, *notes)
+    return laid_out(listed, columns, *notes)
 
 
 _SETTING = Column(
@@ -153,8 +153,8 @@ def _pair(units: ShownUnits, unit: str, digits: int = 4) -> list[Column]:
     def cell(name: str, line: Difference) -> str:
         return number(units.show(getattr(line, name).value, line.subject.unit), digits=digits)
 
-    ends = (("A", "first"), ("B", "second"))
-    return [Column(heading, unit, partial(cell, name)) for heading, name in ends]
+    runs = (("A", "first"), ("B", "second"))
+    return [Column(heading, unit, partial(cell, name)) for heading, name in runs]
 
 
 def _difference(units: ShownUnits, unit: str) -> Column:
@@ -165,8 +165,8 @@ def _difference(units: ShownUnits, unit: str) -> Column:
     return Column("B - A", unit, cell)
 
 
-def _verdict(units: ShownUnits, **how: bool) -> Column:
-    return Column("verdict", "", lambda line: verdict_of(line, units, **how), is_number=False)
+def _verdict(units: ShownUnits, **options: bool) -> Column:
+    return Column("verdict", "", lambda line: verdict_of(line, units, **options), is_number=False)
 
 
 def _speed(speed: float | None, units: ShownUnits) -> str:
@@ -174,11 +174,11 @@ def _speed(speed: float | None, units: ShownUnits) -> str:
 
 
 def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet:
-    """Return forces held against bands, those outside first; ``is_short``: and the nearest."""
+    """Return forces and their bands, those outside first; ``is_short``: and the nearest."""
     order = sorted(points, key=lambda point: (not math.isnan(point.margin), point.margin))
     failed = sum(not point.is_met for point in points)
-    shown = order[: max(failed, _MANY)] if is_short else order
-    more = len(order) - len(shown)
+    listed = order[: max(failed, _MANY)] if is_short else order
+    n_more = len(order) - len(listed)
     units = points[0].units if points else SI
 
     def force(name: str, point: Point) -> str:
@@ -193,31 +193,31 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
         *(Column(heading, units.of("N"), partial(force, name)) for heading, name in forces),
         Column("result", "", lambda point: point.words, is_number=False),
     ]
-    return laid_out(shown, columns, *([f"{more} more points pass"] if more else []))
+    return laid_out(listed, columns, *([f"{n_more} more points pass"] if n_more else []))
 
 
 def tolerance_outcome(points: Sequence[Point]) -> str:
     """Say how many points keep their bands."""
     units = points[0].units
-    met = sum(point.is_met for point in points)
-    unseen = sum(math.isnan(point.margin) for point in points)
+    n_met = sum(point.is_met for point in points)
+    n_unknown = sum(math.isnan(point.margin) for point in points)
     outside = [-point.margin for point in points if point.margin < 0.0]
-    measured = sum(point.is_measured for point in points)
-    sentence = f"{met} of {len(points)} points within the tolerance"
+    n_measured = sum(point.is_measured for point in points)
+    sentence = f"{n_met} of {len(points)} points within the tolerance"
     if outside:
         sentence += f", {len(outside)} outside, by up to {units.write(max(outside), 'N', '.3g')}"
-    if unseen:
-        sentence += f", {unseen} not evaluated"
-    if measured:
-        sentence += f"; {measured} compared as measured, without a model"
-    if met == len(points):
+    if n_unknown:
+        sentence += f", {n_unknown} not evaluated"
+    if n_measured:
+        sentence += f"; {n_measured} compared as measured, without a model"
+    if n_met == len(points):
         nearest = min(point.margin for point in points)
         sentence += f"; the nearest limit is {units.write(nearest, 'N', '.3g')} away"
     return sentence
 
 
 def comparison_markdown(done: Comparison) -> str:
-    """Return comparisons, and forces held against bands, as one document, everything escaped."""
+    """Return comparisons, and forces checked against bands, as one document, all escaped."""
     sections = [Section("In one run only", "", [*map(str, done.alone)])] if done.alone else []
     if done.points:
         title, outcome = f"Tolerance {done.tolerance}", [tolerance_outcome(done.points)]
@@ -293,7 +293,7 @@ def comparison_rows(comparison: RunComparison) -> list[dict[str, Any]]:
 
 
 def tolerance_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
-    """Return forces held against bands as rows; what is not known is None."""
+    """Return forces checked against bands as rows; what is not known is None."""
     return _rows(points, _POINT_COLUMNS)
 
 
@@ -313,7 +313,7 @@ def comparison_table(comparisons: Sequence[RunComparison]) -> pa.Table:
 
 
 def tolerance_table(points: Sequence[Point]) -> pa.Table:
-    """Return forces held against bands as a table."""
+    """Return forces checked against bands as a table."""
     return _table(tolerance_rows(points), _POINT_COLUMNS)
 
 
@@ -327,13 +327,13 @@ def _table(rows: list[dict[str, Any]], columns: _Columns) -> pa.Table:
 def comparison_record(comparison: RunComparison) -> dict[str, Any]:
     """Return a comparison as JSON values."""
 
-    def named(run: Run) -> dict[str, str]:
+    def names(run: Run) -> dict[str, str]:
         return {"name": run.name, "place": run.shown_as}
 
     return {
-        "first": named(comparison.first),
-        "second": named(comparison.second),
-        "repeats": [named(run) for run in comparison.repeats],
+        "first": names(comparison.first),
+        "second": names(comparison.second),
+        "repeats": [names(run) for run in comparison.repeats],
         "motion": comparison.motion,
         "settings": [setting.cell for setting in comparison.settings],
         "sentences": list(comparison.sentences),
@@ -345,18 +345,18 @@ def comparison_record(comparison: RunComparison) -> dict[str, Any]:
 
 
 def junit_report(points: Sequence[Point], *, source: str) -> bytes:
-    """Return a JUnit file: a test case a point, by run; what could not be looked at has failed."""
+    """Return a JUnit file: a test case a point, by run; one that was not evaluated has failed."""
 
-    def counts(mine: Sequence[Point]) -> dict[str, str]:
-        failures = sum(not point.is_met for point in mine)
-        return {"tests": str(len(mine)), "failures": str(failures), "errors": "0"}
+    def counts(group: Sequence[Point]) -> dict[str, str]:
+        failures = sum(not point.is_met for point in group)
+        return {"tests": str(len(group)), "failures": str(failures), "errors": "0"}
 
     root = Element("testsuites", counts(points) | {"name": "damperfit compare"})
     for run in dict.fromkeys(point.run for point in points):
-        mine = [point for point in points if point.run == run]
+        group = [point for point in points if point.run == run]
         title = {"name": printable(f"{run}, tolerance {source}")}
-        suite = SubElement(root, "testsuite", title | counts(mine))
-        for point in mine:
+        suite = SubElement(root, "testsuite", title | counts(group))
+        for point in group:
             name = f"setting {point.setting}"
             if not math.isnan(point.speed):
                 name += f", {point.stroke}, {point.units.write_speed(point.speed)}"
@@ -384,8 +384,8 @@ def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plo
     if not groups:
         return ()
 
-    def line(x: FloatArray, y: FloatArray, label: str, k: int, style: str, **more: Any) -> Line:
-        return Line(x, y, label, RUN_COLOURS[k % len(RUN_COLOURS)], setting, style, **more)
+    def line(x: FloatArray, y: FloatArray, label: str, k: int, style: str, **fields: Any) -> Line:
+        return Line(x, y, label, RUN_COLOURS[k % len(RUN_COLOURS)], setting, style, **fields)
 
     if any(not len(test.displacement) for group in groups for test in group):  # without time
         points = tuple(
@@ -399,27 +399,27 @@ def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plo
     # Of several tests the mean: x, v and force over one cycle, begun where x passes its middle.
     loops = [np.mean([_aligned(test) for test in group], axis=0) for group in groups]
     closed = [np.column_stack([loop, loop[:, :1]]) for loop in loops]
-    reference, whose = closed[0], runs[0].name
-    named = list(enumerate(zip((run.name for run in runs), closed, strict=True)))
+    reference, base = closed[0], runs[0].name
+    numbered = list(enumerate(zip((run.name for run in runs), closed, strict=True)))
     plots = []
     for place, word, unit, factor in ((1, "velocity", "m/s", 1.0), (0, "displacement", "mm", 1e3)):
-        # The reference last and thin: it would else be hidden where nothing differs.
+        # The reference last and thin: else it is hidden where nothing differs.
         upper = tuple(
             line(factor * loop[place], loop[2], run, k, "wide" if k else "thin")
-            for k, (run, loop) in reversed(named)
+            for k, (run, loop) in reversed(numbered)
         )
-        # One phase is one motion: forces are taken from each other there.
+        # Forces are subtracted at the same phase, which is the same motion.
         x = factor * reference[place]
         lower = tuple(
-            line(x, loop[2] - reference[2], f"{run} less {whose}", k, "thin", in_legend=False)
-            for k, (run, loop) in named[1:]
+            line(x, loop[2] - reference[2], f"{run} less {base}", k, "thin", in_legend=False)
+            for k, (run, loop) in numbered[1:]
         )
         panels = (
             Panel(word, unit, "force", "N", upper),
             Panel(word, unit, "difference", "N", lower, rules=((0.0, ""),)),
         )
         title = f"Setting {setting}: force against {word}"
-        caption = f"Mean measured cycles. Below: less {whose}, phase by phase."
+        caption = f"Mean measured cycles. Below: less {base}, phase by phase."
         plots.append(Plot(f"{name}_force_{word}", title, panels, caption))
     return tuple(plots)
 
@@ -468,7 +468,7 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
             unit = f"% of {'measured force' if is_bare else 'damping'}"
             panel = setting_panel(places, "difference", unit, lines, rules=((0.0, ""),))
             title = f"Difference of force in {word}, with 95 % intervals"
-            at = " and ".join(dict.fromkeys(speeds))
-            caption = f"At {at}. Above zero: harder than {comparisons[0].first.name}."
+            listed = " and ".join(dict.fromkeys(speeds))
+            caption = f"At {listed}. Above zero: harder than {comparisons[0].first.name}."
             plots.append(Plot(f"difference_{stroke}", title, (panel,), caption))
     return tuple(plots)

@@ -64,11 +64,11 @@ def matplotlib_of_files() -> Any:
     except ValueError:
         for name in [module for module in sys.modules if module.partition(".")[0] == "matplotlib"]:
             del sys.modules[name]  # half of it is there
-        named = os.environ.pop("MPLBACKEND", "")
+        backend = os.environ.pop("MPLBACKEND", "")
         try:
             import matplotlib as mpl
         finally:
-            os.environ["MPLBACKEND"] = named
+            os.environ["MPLBACKEND"] = backend
     return mpl
 
 

@@ -1,4 +1,4 @@
-"""What is in the logs, for people: one row a log with its verdict, and the findings below.
+"""Logs for people: one row a log with its verdict, and the findings below.
 
 The facts are those of `damperfit.run.logs.LogFacts`: JSON values, also of logs that were refused.
 """
@@ -104,11 +104,11 @@ class Inspection(Answer):
 
 
 def inspection_sheet(logs: Iterable[Facts]) -> Sheet:
-    """Return one row per log: what was found in it, and whether it can be used."""
+    """Return one row per log: its figures, and whether it can be used."""
 
     def cycles(log: Facts) -> str:
-        used = log.get("cycles_used")
-        return NOTHING if used is None else f"{used} of {log.get('cycles_found')}"
+        n_used = log.get("cycles_used")
+        return NOTHING if n_used is None else f"{n_used} of {log.get('cycles_found')}"
 
     columns = [
         Column.text("log", "name", missing=NOTHING),
@@ -121,13 +121,13 @@ def inspection_sheet(logs: Iterable[Facts]) -> Sheet:
         Column.of("temp.", "degC", "temperature_degC", digits=3),
         Column.text("verdict", "verdict", missing=NOTHING),
     ]
-    everything = list(logs)
-    if len(everything) <= MANY_ROWS:
-        return laid_out(everything, columns)
-    usable = [log for log in everything if log.get("verdict") != "refused"]
-    shown = usable[:MANY_ROWS] or everything[:_ROWS_OF_REFUSED]
-    left_out = f"{len(everything) - len(shown)} of {len(everything)} logs"
-    return laid_out(shown, columns, f"{left_out} {_LISTED}")
+    rows = list(logs)
+    if len(rows) <= MANY_ROWS:
+        return laid_out(rows, columns)
+    usable = [log for log in rows if log.get("verdict") != "refused"]
+    listed = usable[:MANY_ROWS] or rows[:_ROWS_OF_REFUSED]
+    unlisted = f"{len(rows) - len(listed)} of {len(rows)} logs"
+    return laid_out(listed, columns, f"{unlisted} {_LISTED}")
 
 
 def segments_sheet(logs: Iterable[Facts]) -> Sheet:
@@ -157,8 +157,8 @@ def segments_sheet(logs: Iterable[Facts]) -> Sheet:
         Column("noise", "N", noise),
     ]
     notes = [_NOISE_NOTE] if any("*" in noise(row) for row in rows) else []
-    shown, more = first_of(rows, MANY_ROWS, f"segments {_LISTED}")
-    return laid_out(shown, columns, *notes, *more)
+    listed, others = first_of(rows, MANY_ROWS, f"segments {_LISTED}")
+    return laid_out(listed, columns, *notes, *others)
 
 
 def curve_sheet(logs: Iterable[Facts]) -> Sheet:
@@ -184,17 +184,18 @@ def curve_forces_sheet(curves: Sequence[ForceCurve], speeds: Sequence[float]) ->
             if len(v):
                 fastest, peak = float(v.max()), float(f[np.argmax(np.abs(f))])
                 forces = (peak, *(curve.force_at(speed, stroke) for speed in speeds))
-                lost = number(curve.hysteresis_at(0.5 * fastest, stroke), digits=3)
+                width = number(curve.hysteresis_at(0.5 * fastest, stroke), digits=3)
                 texts = (number(force, digits=4) for force in forces)
-                rows.append((name, word, str(len(v)), number(fastest, digits=3), *texts, lost))
+                rows.append((name, word, str(len(v)), number(fastest, digits=3), *texts, width))
                 name = ""
     n = 5 + len(speeds) + any(row[-1] != NOTHING for row in rows)  # points have no hysteresis
-    shown, more = first_of(rows, MANY_ROWS, "rows are not shown; --json lists them all")
+    listed, others = first_of(rows, MANY_ROWS, "rows are not shown; --json lists them all")
     headings = ("curve", "stroke", "points", "to", "peak", *map("{:g}".format, speeds), "hyst.")
     units = ("", "", "", "m/s", "N", *("m/s, N" for _ in speeds), "N")
     note = "forces are read between measured points, of loops the mean of both branches"
     is_number = (False, False, *(True,) * (n - 2))
-    return Sheet(headings[:n], units[:n], tuple(row[:n] for row in shown), is_number, (note, *more))
+    cells = tuple(row[:n] for row in listed)
+    return Sheet(headings[:n], units[:n], cells, is_number, (note, *others))
 
 
 # Findings
@@ -211,24 +212,24 @@ def finding_lines(
     verdicts = Counter(log.get("verdict", "good") for log in logs)
     counts = (f"{verdicts[key]} {words}" for key, words in _VERDICTS.items() if verdicts[key])
     yield f"{counted(len(logs), 'log')}: {', '.join(counts)}"
-    parts = {heading: _grouped(logs, severity) for severity, heading in _HEADINGS.items()}
+    groups = {heading: _grouped(logs, severity) for severity, heading in _HEADINGS.items()}
     if has_notes:
         notes: dict[str, list[Problem]] = {}
         for finding in chain.from_iterable(map(findings_in, logs)):
             if finding.severity == "note":
                 notes.setdefault(finding.code, []).append(finding)
-        parts["Notes"] = [_note(group, len(logs)) for group in notes.values()]
+        groups["Notes"] = [_note(group, len(logs)) for group in notes.values()]
         read_as: Counter[str] = Counter()  # what was assumed in reading, each assumption once
         for log in logs:
             sentences = {finding.message() for finding in findings_in(log)}
             read_as.update(note for note in log.get("notes", ()) if note not in sentences)
-        parts["Read as"] = [
+        groups["Read as"] = [
             f"{note} ({n} of {len(logs)} logs)" if len(logs) > 1 else note
             for note, n in list(read_as.items())[:FEW]
         ]
         if len(read_as) > FEW:
-            parts["Read as"].append(f"and {len(read_as) - FEW} more; --json lists them all")
-    for heading, lines in parts.items():
+            groups["Read as"].append(f"and {len(read_as) - FEW} more; --json lists them all")
+    for heading, lines in groups.items():
         if lines:
             yield from ("", heading)
         for line in lines:
@@ -239,15 +240,15 @@ def finding_lines(
 
 
 def _grouped(logs: Sequence[Facts], severity: str) -> list[str]:
-    """Return a line for each sentence; of many of one code the first, and whose else it is."""
+    """Return a line for each sentence; of many of one code the first, and the number of logs."""
     findings: dict[str, tuple[Problem, dict[str, None]]] = {}
     for log in logs:
         for finding in findings_in(log):
             if finding.severity == severity:
                 # Refusals share a few names: the problem's code separates their causes.
                 code = str((severity == "refusal" and log.get("code")) or finding.code)
-                shown = replace(finding, code=code, text=f"{finding.code}: {finding.text}")
-                names = findings.setdefault(shown.message(), (shown, {}))[1]
+                keyed = replace(finding, code=code, text=f"{finding.code}: {finding.text}")
+                names = findings.setdefault(keyed.message(), (keyed, {}))[1]
                 names[str(log["name"])] = None
     problems = []
     for finding, (first, *others) in findings.values():

@@ -2,8 +2,8 @@
 
 Everything that may have come from a log or a configuration is escaped by the templates, and in
 plot descriptions by `page_text`. The page forbids itself every network request
-(Content-Security-Policy). Above all stand whose test it is, how it went in a line, the table of
-forces and the force-velocity picture; what is about one log is folded.
+(Content-Security-Policy). At the top are the identity of the test, its result in a line, the table
+of forces and the force-velocity picture; what belongs to one log is folded.
 """
 
 from __future__ import annotations
@@ -61,12 +61,12 @@ _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}
 # Templates and plots
 
 
-def draw(template: str, **parts: object) -> str:
+def draw(template: str, **values: object) -> str:
     """Return a template of `reporting/assets` with these parts, escaped but for `Markup`."""
-    return _environment().get_template(template).render(parts)
+    return _environment().get_template(template).render(values)
 
 
-def _page(template: str, data: PlotData, colours: Mapping[Setting, str], **parts: object) -> str:
+def _page(template: str, data: PlotData, colours: Mapping[Setting, str], **values: object) -> str:
     return draw(
         template,
         version=__version__,
@@ -75,7 +75,7 @@ def _page(template: str, data: PlotData, colours: Mapping[Setting, str], **parts
         data=data.script(colours),
         plotly=plotly_script(),
         script=asset("page.js"),
-        **parts,
+        **values,
     )
 
 
@@ -193,51 +193,51 @@ def plotly_script() -> Markup:
 # A run
 
 
-def html_report(shown: ReportPlots, *, title: str) -> str:
+def html_report(plots: ReportPlots, *, title: str) -> str:
     """Return a run as one self-contained HTML page below a heading, which is escaped here."""
-    run, data = shown.run, PlotData()
-    overall = [data.add(plot) for plot in shown.overall]
-    logs = list(_log_sections(shown, data))
+    run, data = plots.run, PlotData()
+    overall = [data.add(plot) for plot in plots.overall]
+    logs = list(_log_sections(plots, data))
     keys = dict.fromkeys((*_IDENTITY, *run.identity))
-    of: dict[str, list[Section]] = defaultdict(list)
-    for section in report_sections(run, shown.units):
-        of[section.place].append(section)
+    by_place: dict[str, list[Section]] = defaultdict(list)
+    for section in report_sections(run, plots.units):
+        by_place[section.place].append(section)
     return _page(
         "page.html",
         data,
-        shown.colours,
+        plots.colours,
         title=title,
         places=list(dict.fromkeys(log["setting"] for log in logs)),
         identity=[(key, run.identity[key]) for key in keys if key in run.identity],
         lead=lead(run),
-        of=of,
+        of=by_place,
         failed=[check for check in checks_in(run.record) if check.passed is False],
         figures=overall,
         logs=logs,
     )
 
 
-def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]]:
+def _log_sections(report: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]]:
     """Yield what the page shows of each log; its anchor is ``setting-12``, ``setting-12-log-2``."""
-    run, units = shown.run, shown.units
+    run, units = report.run, report.units
     rows = {row["setting"]: row for row in run.rows("parameters")}
     counts: Counter[str] = Counter()
-    for drawn, plots in shown.by_log:
+    for drawn, plots in report.by_log:
         log, n_samples = drawn.result, len(drawn.signals.time)
         name = str(log.setting.cell) if isinstance(log.setting.cell, int) else log.setting.slug
         counts[name] += 1
         row, fastest = rows.get(log.setting), log.fastest
-        own = rows_in_units(log.rows, units)
-        at_best = [point for point in own if fastest and point["stretch"] == fastest["stretch"]]
+        points = rows_in_units(log.rows, units)
+        at_best = [point for point in points if fastest and point["stretch"] == fastest["stretch"]]
         forces = [log_force_sheet(at_best)] if at_best else []
-        segments = [segment_sheet(own, has_setting=False)] if log.has_segments else []
+        segments = [segment_sheet(points, has_setting=False)] if log.has_segments else []
         notes, findings = [], []
         for finding in findings_in(log.facts):
             if finding.severity == "note":
                 notes.append(finding.message())
             else:
                 findings.append(f"{finding.severity}: {finding.message()}")
-        how_read = [note for note in map(str, listed_in(log.facts, "notes")) if note not in notes]
+        reading = [note for note in map(str, listed_in(log.facts, "notes")) if note not in notes]
         yield {
             "setting": log.setting,
             "anchor": f"setting-{name}" + (f"-log-{counts[name]}" if counts[name] > 1 else ""),
@@ -246,7 +246,7 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
             "parameters": parameter_line(row, run.quantities, units) if row else "",
             "facts": f"{_log_facts(log, units)}, {n_samples} samples evaluated.",
             "findings": findings,
-            "details": {"Notes on the log": notes, "How the log was read": how_read},
+            "details": {"Notes on the log": notes, "How the log was read": reading},
             "figures": [data.add(plot) for plot in plots],
             "forces": [sheet_in_units(sheet, units) for sheet in forces],
             "segments": [sheet_in_units(sheet, units) for sheet in segments],
@@ -263,8 +263,8 @@ def _log_facts(log: LogResult, units: ShownUnits) -> str:
     amplitudes = (number_in(entry, "amplitude_m") for entry in (*log.segments, log.facts))
     largest = max((size for size in amplitudes if size is not None), default=math.nan)
     amplitude = f"amplitude {units.write_length(largest, '.3g')}"
-    heat = number_in(log.facts, "temperature_degC")
-    temperature = "temperature not logged" if heat is None else f"{heat:.1f} degC"
+    celsius = number_in(log.facts, "temperature_degC")
+    temperature = "temperature not logged" if celsius is None else f"{celsius:.1f} degC"
     return f"{motion}, {amplitude}, {temperature}"
 
 
@@ -272,7 +272,7 @@ def _log_facts(log: LogResult, units: ShownUnits) -> str:
 
 
 def comparison_page(done: Comparison) -> str:
-    """Return comparisons, and forces held against bands, as one self-contained HTML page."""
+    """Return comparisons, and forces checked against bands, as one self-contained HTML page."""
     comparisons, points = done.comparisons, done.points
     data = PlotData()
     groups: dict[str, list[RunComparison]] = defaultdict(list)
@@ -281,18 +281,18 @@ def comparison_page(done: Comparison) -> str:
     overall: list[dict[str, Any]] = []
     settings_of: list[dict[str, Any]] = []
     for k, group in enumerate(groups.values()):
-        more = f"_{k + 1}" if len(groups) > 1 else ""
-        whose = f" ({group[0].first.name})" if len(groups) > 1 else ""
+        suffix = f"_{k + 1}" if len(groups) > 1 else ""
+        owner = f" ({group[0].first.name})" if len(groups) > 1 else ""
         overall += [
-            data.add(replace(plot, name=plot.name + more, title=plot.title + whose))
+            data.add(replace(plot, name=plot.name + suffix, title=plot.title + owner))
             for plot in difference_plots(group)
         ]
         runs = [group[0].first, *(pair.second for pair in group)]
         for setting in sorted({setting for pair in group for setting in pair.settings}):
-            having = [run for run in runs if setting in {test.setting for test in run.tests}]
-            plots = loop_plots(having, setting, name=f"setting_{setting.slug}{more}")
+            tested = [run for run in runs if setting in {test.setting for test in run.tests}]
+            plots = loop_plots(tested, setting, name=f"setting_{setting.slug}{suffix}")
             figures = [data.add(plot_in_units(plot, group[0].units)) for plot in plots]
-            title = f"Setting {setting}{whose}"
+            title = f"Setting {setting}{owner}"
             settings_of.append({"setting": setting, "title": title, "figures": figures})
     titles = [f"{pair.second.name} beside {pair.first.name}" for pair in comparisons]
     return _page(

@@ -75,10 +75,10 @@ def read_back(kind: type[_T], entry: object) -> _T | None:
     What it lacks reads as not known: NaN, None, an empty text.
     """
     try:
-        read: _T = _read(kind, entry)
+        item: _T = _read(kind, entry)
     except (TypeError, ValueError, OverflowError):
         return None
-    return read
+    return item
 
 
 def _read(hint: Any, value: Any) -> Any:
@@ -162,8 +162,8 @@ def number_in(record: Record, key: str) -> float | None:
 
 def all_in(record: Record, key: str, kind: type[_T]) -> list[_T]:
     """Return what a list of the record holds, as it was given to `to_record`."""
-    read = (read_back(kind, entry) for entry in listed_in(record, key))
-    return [item for item in read if item is not None]
+    items = (read_back(kind, entry) for entry in listed_in(record, key))
+    return [item for item in items if item is not None]
 
 
 def checks_in(record: Record) -> list[Check]:
@@ -184,10 +184,10 @@ def findings_in(log: Record) -> list[Problem]:
     findings = []
     for entry in listed_in(log, "findings"):
         if isinstance(entry, dict) and entry.get("name") and entry.get("severity") in SEVERITIES:
-            own = {"code": entry["name"], "text": _text(entry.get("sentence")), **entry}
-            finding, value = Problem.of_record(own), number_in(entry, "value")
-            known = {"value": value, "unit": _text(entry.get("unit"))}
-            findings.append(replace(finding, values={**finding.values, **known}))
+            facts = {"code": entry["name"], "text": _text(entry.get("sentence")), **entry}
+            finding, value = Problem.of_record(facts), number_in(entry, "value")
+            values = {"value": value, "unit": _text(entry.get("unit"))}
+            findings.append(replace(finding, values={**finding.values, **values}))
     return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
 
 
@@ -238,9 +238,9 @@ def gaps_in(record: Record) -> tuple[tuple[int, int], ...]:
     )
 
 
-def sentences_in(record: Record, about: str) -> list[str]:
+def sentences_in(record: Record, subject: str) -> list[str]:
     """Return what the run said of a subject, such as "identifiability"; older runs said nothing."""
-    return list(map(str, listed_in({about: inside(record, "sentences", about)}, about)))
+    return list(map(str, listed_in({subject: inside(record, "sentences", subject)}, subject)))
 
 
 def law_in(record: Record) -> Record:

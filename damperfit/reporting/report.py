@@ -1,7 +1,7 @@
-"""What a report of a run holds: sections of sentences and tables, for report.md and for the page.
+"""The sections of a report of a run, sentences and tables, for report.md and for the page.
 
-A sentence stands once, in the first section that has it. Text of logs is escaped by whoever writes
-the sections down.
+A sentence is shown once, in the first section that has it. Text of logs is escaped where the
+sections are written.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Section(NamedTuple):
 
 
 def lead(run: Run) -> str:
-    """Return how it went, in a line."""
+    """Return the result of a run in a line."""
     rows = [row for row in run.rows("parameters") if row["mse_percent"] is not None]
     if not rows:
         return "No setting could be fitted."
@@ -68,11 +68,11 @@ def report_sections(run: Run, units: ShownUnits = SI) -> list[Section]:
     written: set[str] = set()
     sections = []
     for title, place, sentences, sheets in _sections(run, units):
-        new = [sentence for sentence in dict.fromkeys(sentences) if sentence not in written]
-        written.update(new)
+        fresh = [sentence for sentence in dict.fromkeys(sentences) if sentence not in written]
+        written.update(fresh)
         filled = [sheet for sheet in sheets if sheet.rows]
-        if new or filled:
-            sections.append(Section(title, place, new, filled))
+        if fresh or filled:
+            sections.append(Section(title, place, fresh, filled))
     return sections
 
 
@@ -90,17 +90,17 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     outcomes = {row.get("outcome") for row in parameters} - {Outcome.CONVERGED.value}
     advice = (f"{o.value}: {o.advice}" for o in Outcome if o.value in outcomes)
     errors = {
-        (str(part.get("setting")), part["log"], records.number_in(part, "start_s")): part
-        for part in records.entries_in(record, "stretches")
-        if isinstance(part.get("log"), str)
+        (str(row.get("setting")), row["log"], records.number_in(row, "start_s")): row
+        for row in records.entries_in(record, "stretches")
+        if isinstance(row.get("log"), str)
     }
 
     def table(title: str, place: str, *sheets: Sheet, scaled: bool = False) -> Section:
-        shown = [sheet_in_units(sheet, units) if scaled else sheet for sheet in sheets]
-        return Section(title, place, sheets=shown)
+        in_units = [sheet_in_units(sheet, units) if scaled else sheet for sheet in sheets]
+        return Section(title, place, sheets=in_units)
 
-    def words(title: str, about: str) -> Section:
-        return Section(title, "words", records.sentences_in(record, about))
+    def words(title: str, subject: str) -> Section:
+        return Section(title, "words", records.sentences_in(record, subject))
 
     missing = [f"no result for {of_runs(gaps)}"] if gaps else []
     yield Section("Not done", "alarm", [*failure_lines(records.failures_in(record)), *missing])
@@ -129,7 +129,7 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield words("Identifiability", "identifiability")
     yield words("Many starts", "many_starts")
     yield words("Cavitation", "cavitation")
-    findings = (  # mere notes stand with their log
+    findings = (  # notes are shown with their log
         replace(finding, subject=str(log.get("log", "log")))
         for log in records.entries_in(record, "inputs")
         for finding in records.findings_in(log)
@@ -161,7 +161,7 @@ def withheld(run: Run) -> list[str]:
 
 
 def verdicts(run: Run) -> list[str]:
-    """Return how the fits went that are less than good; what checks and tables mark is left out."""
+    """Return verdicts on fits that are less than good, without what checks and tables mark."""
     marked = {None, "converged", "at_bound", "not_identifiable"}
     return short_listing(
         f"setting {row['setting']}: {verdict(row, run)}"
@@ -171,13 +171,13 @@ def verdicts(run: Run) -> list[str]:
 
 
 def verdict(row: Any, run: Run) -> str:
-    """Return how the fit of one setting went, in words."""
+    """Return the verdict on the fit of one setting, in words."""
     words = row["grade"] or "no grade"
     if row["mse_percent"] is not None:
         words += f", MSE {percent(row['mse_percent'])} %"
     remarks = tables.remarks_on(row, run.quantities)
     reason = f"withheld because {row['grade_reason']}" if row.get("grade_reason") else ""
-    return "; ".join(part for part in (words, remarks, reason) if part)
+    return "; ".join(text for text in (words, remarks, reason) if text)
 
 
 def _procedure(run: Run, units: ShownUnits) -> Iterator[str]:
@@ -198,17 +198,17 @@ def _procedure(run: Run, units: ShownUnits) -> Iterator[str]:
 
 def tested_range(tested: Tested, units: ShownUnits) -> str:
     """Return the range of the tests in words, as far as it is known."""
-    parts = [counted(tested.n_logs, "log")] if tested.n_logs else []
+    items = [counted(tested.n_logs, "log")] if tested.n_logs else []
     if tested.stroke is not None:
-        parts.append(f"amplitude to {units.write_length(tested.stroke, '.4g')}")
+        items.append(f"amplitude to {units.write_length(tested.stroke, '.4g')}")
     if tested.speed is not None:
-        parts.append(f"speed to {tested.speed:.4g} m/s")
+        items.append(f"speed to {tested.speed:.4g} m/s")
     for limits, unit in ((tested.frequencies, "Hz"), (tested.temperatures, "degC")):
         if limits is not None:
-            parts.append(f"{' to '.join(dict.fromkeys(f'{limit:.4g}' for limit in limits))} {unit}")
+            items.append(f"{' to '.join(dict.fromkeys(f'{limit:.4g}' for limit in limits))} {unit}")
     if tested.temperatures is None:
-        parts.append("temperature not logged")
-    return ", ".join(parts)
+        items.append("temperature not logged")
+    return ", ".join(items)
 
 
 # As Markdown

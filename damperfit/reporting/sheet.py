@@ -29,7 +29,7 @@ _WORD = 12  # letters of a word that a narrow column does not tear
 # it stands too. An underscore between letters is none; signs and numbers are lists at a start only.
 _SPECIAL = re.compile(r"([\\`*\[\]<>#|~&$@]|(?<![^\W_])_|_(?![^\W_]))")
 _LIST = re.compile(r"^(\d*)([-+.)])(?=\s|$|\2)")
-# Nearly all cells of a table: words and numbers in which there is nothing to look for.
+# Nearly all cells of a table: words and numbers in which there is nothing to escape.
 _PLAIN = re.compile(r"[0-9A-Za-z]+(?:\.[0-9A-Za-z]+)*")
 _UNEVEN, _LEAST = 1.25, 0.1
 _ROUNDING = 1e-9  # of a value: a narrower interval is that of logs without noise
@@ -95,8 +95,8 @@ def laid_out(rows: Iterable[Any], columns: Sequence[Column], *notes: str) -> She
 
 def first_of(rows: Sequence[Any], most: int, where: str) -> tuple[Sequence[Any], list[str]]:
     """Return the rows that a long table shows, and the note that says how many are left out."""
-    more = len(rows) - most
-    return rows[:most], [f"{more} more {where}"] if more > 0 else []
+    n_more = len(rows) - most
+    return rows[:most], [f"{n_more} more {where}"] if n_more > 0 else []
 
 
 def printable(text: str) -> str:
@@ -114,18 +114,18 @@ def text_table(
 ) -> str:
     """Return a table as lines of text: headings, units, rows, notes below.
 
-    Where the width does not do, long names are cut in the middle, text wraps between words, and the
-    columns that are left go into a table below with the first column again: no number is cut.
+    In a narrow width long names are cut in the middle, text wraps between words, and the remaining
+    columns go into a table below with the first column again: no number is cut.
     ``colours`` are ANSI colours of cells by the word in them, besides those of grades; None: plain.
     """
     n_heads = len(sheet.heads)
     columns = [list(map(printable, cells)) for cells in zip(*sheet.heads, *sheet.rows, strict=True)]
-    whole = sum(max(map(_places, column)) + 2 for column in columns) - 2
-    if whole > width:
+    total = sum(max(map(_places, column)) + 2 for column in columns) - 2
+    if total > width:
         longest = max(width // 3, _NAME)
         kinds = zip(columns, sheet.is_number, strict=True)
         columns = [column if is_number else _cut(column, longest) for column, is_number in kinds]
-    gap = 2 if whole <= min(_COLUMNS, width) else 1
+    gap = 2 if total <= min(_COLUMNS, width) else 1
     least = []  # widths that cut no word and no number, as far as the first column leaves room
     for column, is_number in zip(columns, sheet.is_number, strict=True):
         split = column[:n_heads] if is_number else column
@@ -134,36 +134,36 @@ def text_table(
     room = width - gap - max(least[1:], default=0)
     least[0] = min(least[0], max(width // 3, room))
     least[1:] = [min(wide, width - gap - least[0]) for wide in least[1:]]
-    parts, used = [[0]], least[0]
+    tables, filled = [[0]], least[0]
     for k, wide in enumerate(least[1:], start=1):
-        if used + gap + wide > width and len(parts[-1]) > 1:
-            parts.append([0])
-            used = least[0]
-        parts[-1].append(k)
-        used += gap + wide
+        if filled + gap + wide > width and len(tables[-1]) > 1:
+            tables.append([0])
+            filled = least[0]
+        tables[-1].append(k)
+        filled += gap + wide
     codes = None if colours is None else {**COLOURS, **colours}
     lines: list[str] = []
-    for part in parts:
+    for table in tables:
         lines.append("")
-        widths = {k: max(least[k], *map(_places, columns[k])) for k in part}
-        while sum(widths.values()) + gap * (len(part) - 1) > width:  # the widest that may gives way
-            spare = [k for k in part if widths[k] > least[k]]
+        widths = {k: max(least[k], *map(_places, columns[k])) for k in table}
+        while sum(widths.values()) + gap * (len(table) - 1) > width:  # narrow the widest
+            spare = [k for k in table if widths[k] > least[k]]
             if not spare:
                 break
             widths[max(spare, key=widths.__getitem__)] -= 1
         for n in range(n_heads + len(sheet.rows)):
-            folded = [wrapped(columns[k][n], widths[k]) for k in part]
+            folded = [wrapped(columns[k][n], widths[k]) for k in table]
             for texts in zip_longest(*folded, fillvalue=""):
-                shown = []
-                for k, text in zip(part, texts, strict=True):
+                cells = []
+                for k, text in zip(table, texts, strict=True):
                     blanks = " " * (widths[k] - _places(text))
                     code = 0 if codes is None else 1 if n < n_heads else codes.get(columns[k][n], 0)
                     cell = f"\x1b[{code}m{text}\x1b[0m" if code and text else text
-                    shown.append(blanks + cell if sheet.is_number[k] else cell + blanks)
-                lines.append((" " * gap).join(shown).rstrip())
+                    cells.append(blanks + cell if sheet.is_number[k] else cell + blanks)
+                lines.append((" " * gap).join(cells).rstrip())
     for note in sheet.notes:
-        shown = wrapped(printable(note), width)
-        lines += shown if codes is None else [f"\x1b[2m{line}\x1b[0m" for line in shown]
+        note_lines = wrapped(printable(note), width)
+        lines += note_lines if codes is None else [f"\x1b[2m{line}\x1b[0m" for line in note_lines]
     return "\n".join(lines[1:])
 
 
@@ -174,8 +174,8 @@ def _cut(texts: list[str], width: int) -> list[str]:
     def shorter(word: str) -> str:
         return word if len(word) <= width else f"{word[: half - 1]}…{word[-half:]}"
 
-    cut = [" ".join(map(shorter, text.split(" "))) for text in texts]
-    return cut if len(set(cut)) == len(set(texts)) else texts
+    shortened = [" ".join(map(shorter, text.split(" "))) for text in texts]
+    return shortened if len(set(shortened)) == len(set(texts)) else texts
 
 
 def wrapped(text: str, width: int) -> list[str]:
@@ -208,8 +208,8 @@ def escape(text: str) -> str:
     """Return text that Markdown shows as it is, on one line, control characters as escapes."""
     if _PLAIN.fullmatch(text):
         return text
-    shown = printable(" ".join(text.split()))
-    return _LIST.sub(r"\1\\\2", _SPECIAL.sub(r"\\\1", shown))
+    line = printable(" ".join(text.split()))
+    return _LIST.sub(r"\1\\\2", _SPECIAL.sub(r"\\\1", line))
 
 
 def markdown_table(sheet: Sheet) -> list[str]:
@@ -234,16 +234,16 @@ def html_table(sheet: Sheet, *, caption: str = "", looks: Mapping[str, str] | No
     """
 
     def cell(kind: str, text: str, is_number: bool) -> str:  # noqa: FBT001 - a cell's alignment
-        how = ""
+        style = ""
         if looks is None:
-            how = " style='text-align:right'" * is_number
+            style = " style='text-align:right'" * is_number
         elif is_number:
-            how = " class=n"
+            style = " class=n"
         elif text in looks:
-            how = f" class={looks[text]}"
+            style = f" class={looks[text]}"
         elif kind == "td" and len(text) <= _WORD and text.isalpha():
-            how = " class=word"
-        return f"<{kind}{how}>{escape_html(printable(text))}</{kind}>"
+            style = " class=word"
+        return f"<{kind}{style}>{escape_html(printable(text))}</{kind}>"
 
     def row(kind: str, cells: Iterable[str]) -> str:
         pairs = zip(cells, sheet.is_number, strict=True)
@@ -289,8 +289,8 @@ def with_interval(
 ) -> str:
     """Return a value and half of its interval, both to the decimal place of the interval.
 
-    Where the limits are not as far below as above, but for rounding, they stand behind it. Without
-    them ``digits`` significant digits are shown. ``plus`` is "+" for changes, with their sign.
+    Limits that are not as far below as above, but for rounding, follow in brackets. Without limits
+    ``digits`` significant digits are shown. ``plus`` is "+" for changes, with their sign.
 
     Examples
     --------
@@ -327,7 +327,7 @@ def with_interval(
 
 
 def sheet_in_units(sheet: Sheet, units: ShownUnits) -> Sheet:
-    """Return a table whose forces and speeds are scaled already with the names of the units."""
+    """Return a table of scaled forces and speeds with the names of their units."""
     if units.is_si:
         return sheet
     speed = f" {units.of('m/s')}"
