@@ -584,8 +584,8 @@ def _parameters(report: ReportPlots) -> Iterator[Plot]:
         ]
         default = quantity.default
         is_default = default is not None and {row[name] for row in filled} == {default}
-        if not filled or is_default or len(rows) == 1 or is_one_for_all(rows, name):
-            continue  # the table or a sentence says it: one dot, or twenty equal, say no more
+        if not filled or is_default or (len(rows) > 1 and is_one_for_all(rows, name)):
+            continue  # a sentence says it: twenty equal bars say no more
         far = _far(filled, name)
         near = [row for row in filled if row not in far]
         own_trends = [trend for trend in trends if trend.parameter == name and trend.points]
