@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.problem import Problem
+from damperfit.problem import SEVERITIES, Problem
 from damperfit.tested.setting import Setting
 from damperfit.tested.setting import natural_order as natural_order  # noqa: PLC0414 - also from here
 
@@ -31,6 +31,7 @@ _FIGURES |= {name: f"figures_{name}_s" for name in ("start", "stop")}  # all oth
 # the log cannot be used (only in what `inspect` reports). Among its values, for scripts: the number
 # behind it, its unit (empty for counts and shares), and whether the data were changed for it.
 _OF_FINDING = {"value": None, "unit": "", "is_correction": False}
+_LARGEST = 1e300  # of a number in a damaged file
 
 
 def finding_record(finding: Problem) -> dict[str, Any]:
@@ -42,6 +43,19 @@ def finding_record(finding: Problem) -> dict[str, Any]:
         known = replace(finding, values=worded).record()
         record |= {key: known[key] for key in ("text", "values")}
     return record
+
+
+def findings_in(log: Mapping[str, Any]) -> list[Problem]:
+    """Return what a log shows by its entry in run.json, whatever stands there, gravest first."""
+    findings, entries = [], log.get("findings")
+    for entry in entries if isinstance(entries, list | tuple) else ():
+        if isinstance(entry, dict) and entry.get("name") and entry.get("severity") in SEVERITIES:
+            own = {"code": entry["name"], "text": entry.get("sentence") or "", **entry}
+            finding, value = Problem.of_record(own), entry.get("value")
+            is_number = isinstance(value, int | float) and abs(value) < _LARGEST
+            known = {"value": value if is_number else None, "unit": str(entry.get("unit") or "")}
+            findings.append(replace(finding, values={**finding.values, **known}))
+    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -46,9 +46,9 @@ from damperfit.errors import (
 from damperfit.identification.options import GivenStart
 from damperfit.identification.procedures import identify
 from damperfit.problem import Option
-from damperfit.recording import Recording, Trace
+from damperfit.recording import Recording, Trace, findings_in
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.records import entries_in, findings_in, listed_in, number_in
+from damperfit.reporting.records import entries_in, listed_in, number_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out
 from damperfit.settings_and_logs import numbers_in, segments_in
 from damperfit.simulation import sine_motion

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from damperfit import __version__
 from damperfit.errors import InstallationError
 from damperfit.problem import counted
+from damperfit.recording import findings_in
 from damperfit.reporting.compared import (
     comparison_sheets,
     difference_plots,
@@ -42,7 +43,7 @@ from damperfit.reporting.figures import (
     plot_in_units,
     setting_colours,
 )
-from damperfit.reporting.records import checks_in, findings_in, listed_in, number_in
+from damperfit.reporting.records import checks_in, listed_in, number_in
 from damperfit.reporting.report import Section, lead, report_sections, verdict
 from damperfit.reporting.sheet import html_table, printable, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import log_force_sheet, parameter_line, segment_sheet

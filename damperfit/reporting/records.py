@@ -179,18 +179,6 @@ def trends_in(record: Record) -> list[Trend]:
     ]
 
 
-def findings_in(log: Record) -> list[Problem]:
-    """Return what a log shows by its entry in ``inputs``, the gravest first."""
-    findings = []
-    for entry in listed_in(log, "findings"):
-        if isinstance(entry, dict) and entry.get("name") and entry.get("severity") in SEVERITIES:
-            facts = {"code": entry["name"], "text": _text(entry.get("sentence")), **entry}
-            finding, value = Problem.of_record(facts), number_in(entry, "value")
-            values = {"value": value, "unit": _text(entry.get("unit"))}
-            findings.append(replace(finding, values={**finding.values, **values}))
-    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
-
-
 def units_in(record: Record) -> ShownUnits:
     """Return the units in which the run was shown; SI where it does not say."""
     units = inside(record, "configuration", "output", "units")

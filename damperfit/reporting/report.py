@@ -17,6 +17,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.sharing import of_runs
 from damperfit.problem import counted, failure_lines, listing, short_listing
+from damperfit.recording import findings_in
 from damperfit.reporting import records, tables
 from damperfit.reporting.sheet import (
     Sheet,
@@ -132,7 +133,7 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     findings = (  # notes are shown with their log
         replace(finding, subject=str(log.get("log", "log")))
         for log in records.entries_in(record, "inputs")
-        for finding in records.findings_in(log)
+        for finding in findings_in(log)
         if finding.severity != "note"
     )
     yield Section("Warnings of each log", "folded", listing(findings))
