@@ -23,7 +23,7 @@ _MANY = 5  # tests of one file with the same failure that are listed one by one
 SEVERITIES = ("error", "refusal", "warning", "note")
 # Codes that only name the class of an error: their problems are grouped by their text too.
 _GENERAL = frozenset({
-    *("failed", "usage", "installation", "log", "contradiction", "no-time", "unusable"),
+    *("failed", "usage", "installation", "log", "contradiction", "no-time", "unusable", "strict"),
     *("simulation", "cancelled", "output", "said"),
 })  # fmt: skip
 

@@ -123,7 +123,8 @@ class Question(NamedTuple):
         if name == "force" and at:
             return cls(speed=parse_quantity(speed, "velocity", option=Option("for_")))
         if at or name not in {LAW, *known}:
-            text = f"found {text!r}; expected law, force@SPEED or one of {', '.join(known)}"
+            text = f"found {text!r}; " if text else ""
+            text += f"expected law, a force as in force@0.05m/s, or one of {', '.join(known)}"
             text += f".{did_you_mean(name, known)}"
             raise ConfigurationError(text, where=Option("for_"), code="question")
         return cls(name)

@@ -222,7 +222,8 @@ def read_car(given: Path | Mapping[str, Any]) -> Car:
     except ConfigurationError as error:
         raise error.at(subject=subject) from None
     except OSError as error:
-        raise ConfigurationError(why_unread(error), subject=subject, code="car") from None
+        text = f"{why_unread(error)}; give a TOML file with [car]"
+        raise ConfigurationError(text, subject=subject, code="car") from None
     except ValueError as error:
         text = f"not a TOML file: {error}"
         raise ConfigurationError(text, subject=subject, code="car") from None

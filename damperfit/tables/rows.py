@@ -149,6 +149,7 @@ def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[di
     for click in clicks:
         change = {**_cells(CLICK, click), "changed": click.adjuster}
         changes[click.second, click.speed, click.stroke].append(change)
+    none = [dict.fromkeys(column.name for column in CLICK)]
     rows = []
     for force in forces:
         measured, key = force.measured, (force.setting, force.speed, force.stroke)
@@ -161,7 +162,7 @@ def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[di
         for part in ("opening", "closing", "peak"):
             value = None if measured is None else getattr(measured, part) - tare
             row[f"measured_{part}_N"] = finite(value)
-        rows += [row | change for change in changes.get(key, [{}])]
+        rows += [row | change for change in changes.get(key, none)]
     return rows
 
 
