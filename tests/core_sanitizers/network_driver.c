@@ -20,10 +20,10 @@ static df_network damper(void)
     q.rho_0 = 770.0;
     q.rounding = 1.0;
     const df_passage ways[] = {
-        {1, 3, -1, -1, R_M1, -1, -1, 1},             /* the adjuster */
-        {2, 1, -1, R_M2, -1, -1, -1, 0},             /* checks */
-        {3, 2, -1, R_M3, -1, -1, -1, 0},
-        {1, 2, OPENING, SLOPE, BLEED, WIDTH, LIFT, 0}, /* a stack of discs */
+        {1, 3, {-1, -1, R_M1, -1, -1}, 1},             /* the adjuster */
+        {2, 1, {-1, R_M2, -1, -1, -1}, 0},             /* checks */
+        {3, 2, {-1, R_M3, -1, -1, -1}, 0},
+        {1, 2, {OPENING, SLOPE, BLEED, WIDTH, LIFT}, 0}, /* a stack of discs */
     };
     q.n_passages = (int)(sizeof ways / sizeof *ways);
     memcpy(q.passages, ways, sizeof ways);
@@ -52,9 +52,9 @@ static void every_kind(void)
         q.numbers[DF_NUMBER_PHI] = kind == 3 ? 0.01 : 0.0;
         if (kind == 4) { /* nothing but the valves of the piston between 1 and the gas */
             q.has_floating_piston = 1;
-            q.passages[1] = (df_passage){2, 1, -1, R_M2, -1, -1, -1, 0};
-            q.passages[2] = (df_passage){1, 2, -1, R_M3, -1, -1, -1, 0};
-            q.passages[0] = (df_passage){1, 2, -1, -1, R_M1, -1, -1, 1};
+            q.passages[1] = (df_passage){2, 1, {-1, R_M2, -1, -1, -1}, 0};
+            q.passages[2] = (df_passage){1, 2, {-1, R_M3, -1, -1, -1}, 0};
+            q.passages[0] = (df_passage){1, 2, {-1, -1, R_M1, -1, -1}, 1};
         }
         run r = run_of(700, 1e-3, N_NUMBERS);
         sine(&r, 0.02, 1.5, 0.0);
@@ -118,7 +118,7 @@ static void what_is_refused(void)
         expect_of(&r, &q, &USUAL, DF_BAD_ARGUMENT, "no such chamber");
     }
     q = damper();
-    q.passages[0].S = DF_MOST_NUMBERS;
+    q.passages[0].places[DF_S] = DF_MOST_NUMBERS;
     expect_of(&r, &q, &USUAL, DF_BAD_ARGUMENT, "no such number");
     q = damper();
     r.which[1] = N_NUMBERS;
@@ -158,9 +158,9 @@ static void anything(void)
         q.n_passages = 4 + (int)(12.0 * chance());
         for (int j = 4; j < q.n_passages; j++) {
             const int from = 1 + (int)(3.0 * chance());
-            q.passages[j] = (df_passage){from, 1 + from % 3, chance() < 0.5 ? OPENING : -1, SLOPE,
+            q.passages[j] = (df_passage){from, 1 + from % 3, {chance() < 0.5 ? OPENING : -1, SLOPE,
                                          chance() < 0.5 ? BLEED : -1, -1,
-                                         chance() < 0.3 ? LIFT : -1, chance() < 0.3};
+                                         chance() < 0.3 ? LIFT : -1}, chance() < 0.3};
         }
         run r = run_of(40, spread(1e-3, 1.0), (int)((N_NUMBERS + 1) * chance()));
         sine(&r, 0.03 * chance(), spread(5.0, 1.0), 0.0);

@@ -23,9 +23,9 @@ static const int PLACES[N_PAPER] = {DF_FIRST_PASSAGE_NUMBER, DF_FIRST_PASSAGE_NU
 static df_network paper(const paper_numbers *p)
 {
     const double own[N_PAPER] = {p->R_m1, p->R_m2, p->R_m3, p->K_e, p->f_f, p->f_0, p->P_0, p->gamma};
-    const df_passage ways[] = {{1, 3, -1, -1, DF_FIRST_PASSAGE_NUMBER, -1, -1, 1},
-                               {2, 1, -1, DF_FIRST_PASSAGE_NUMBER + 1, -1, -1, -1, 0},
-                               {3, 2, -1, DF_FIRST_PASSAGE_NUMBER + 2, -1, -1, -1, 0}};
+    const df_passage ways[] = {{1, 3, {-1, -1, DF_FIRST_PASSAGE_NUMBER, -1, -1}, 1},
+                               {2, 1, {-1, DF_FIRST_PASSAGE_NUMBER + 1, -1, -1, -1}, 0},
+                               {3, 2, {-1, DF_FIRST_PASSAGE_NUMBER + 2, -1, -1, -1}, 0}};
     df_network q;
     memset(&q, 0, sizeof q);
     q.a_1 = 3.54411e-4;

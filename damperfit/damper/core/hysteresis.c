@@ -148,13 +148,13 @@ static double yielding(const df_elastic_dashpot *d, double force, double *by_for
         const double sign = p->is_rebound ? 1.0 : -1.0;
         if (sign * force <= 0.0)
             continue;
-        const df_passage_law l = {number(d, p->p_open), number(d, p->R), number(d, p->S), 0.0, 0.0, 0};
+        const df_passage_law l = {{number(d, p->p_open), number(d, p->R), number(d, p->S)}, 0};
         const df_flow w = df_passage_flow(&l, sign * force, d->rounding);
         speed += sign * w.w;
         *by_force += w.by_D;
-        add(by_number, p->p_open, sign * w.by_open);
-        add(by_number, p->R, sign * w.by_R);
-        add(by_number, p->S, sign * w.by_S);
+        add(by_number, p->p_open, sign * w.by[DF_OPENING]);
+        add(by_number, p->R, sign * w.by[DF_R]);
+        add(by_number, p->S, sign * w.by[DF_S]);
     }
     return speed;
 }

@@ -15,8 +15,8 @@ static const char *const NETWORK_NAMES[N_NETWORK_BUFFERS] = {
     "body", "numbers", "passages", "displacement", "velocity", "jumps", "which",
     "pressures", "masses", "force", "sensitivities", "state"};
 
-/* Rows of eight integers: from, to, p_open, R, S, width, power, two_way. */
-#define PASSAGE_ROW 8
+/* Rows of integers: from, to, the places of a law's terms, two_way. */
+#define PASSAGE_ROW (DF_TERMS + 3)
 
 static int sizes_are(const Py_buffer *b, const char *const *names, const Py_ssize_t *expected, int n)
 {
@@ -76,8 +76,11 @@ static PyObject *run_network(const Py_buffer *b, double interval, double roundin
                     (int)(b[PASSAGES].len / (Py_ssize_t)(PASSAGE_ROW * sizeof(int))), {{0}},
                     (int)(b[NUMBERS].len / (Py_ssize_t)sizeof(double)), {0}};
     for (int k = 0; k < q.n_passages; k++, rows += PASSAGE_ROW) {
-        const df_passage passage = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7]};
-        q.passages[k] = passage;
+        df_passage *passage = &q.passages[k];
+        passage->from = rows[0];
+        passage->to = rows[1];
+        memcpy(passage->places, rows + 2, sizeof passage->places);
+        passage->two_way = rows[2 + DF_TERMS];
     }
     for (int k = 0; k < q.n_numbers; k++)
         q.numbers[k] = numbers[k];

@@ -40,8 +40,8 @@ enum {
 
 /* Chambers 1 and 2 hold oil, 3 the gas; with a floating piston 2 is at the gas pressure too. */
 typedef struct {
-    int from, to;              /* 1, 2 or 3 */
-    int p_open, R, S, width, power; /* places among the numbers, -1 where the term is absent */
+    int from, to;         /* 1, 2 or 3 */
+    int places[DF_TERMS]; /* among the numbers, -1 where the term is absent */
     int two_way;
 } df_passage;
 
@@ -59,9 +59,7 @@ typedef struct {
     double inverse_R, inverse_S; /* of a leak, of an orifice */
 } df_way;
 
-/* A way that a number is of, and as what: of its opening, in `times` w, or by the law of those that are
- * composed. */
-typedef enum { DF_OPENING, DF_OF_FLOW, DF_R, DF_S, DF_WIDTH, DF_POWER } df_term;
+/* A way that a number is of, and as what. Of a leak or an orifice R and S act as `times` w. */
 typedef struct {
     int way;
     df_term term;
@@ -77,7 +75,7 @@ typedef struct {
     int first[DF_PAIRS + 1];   /* of each pair's ways, and where the last pair's end */
     df_way ways[DF_MOST_PASSAGES];
     int touched[DF_MOST_NUMBERS + 1]; /* where those of a number begin */
-    df_touch touches[5 * DF_MOST_PASSAGES];
+    df_touch touches[DF_TERMS * DF_MOST_PASSAGES];
 } df_plan;
 
 typedef struct {

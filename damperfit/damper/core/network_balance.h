@@ -113,7 +113,7 @@ typedef struct {
 DF_FOR_EACH_KIND passed pass(const df_network *q, const df_way *way, const df_kind kind, const double turn, double D,
                              df_flow *whole)
 {
-    const double u = fabs(D) - way->law.p_open, eps = q->rounding;
+    const double u = fabs(D) - way->law.of[DF_OPENING], eps = q->rounding;
     passed p = {0.0, 0.0, INFINITY};
     if (turn * D < 0.0)
         return p;
@@ -121,7 +121,7 @@ DF_FOR_EACH_KIND passed pass(const df_network *q, const df_way *way, const df_ki
         *whole = df_passage_flow(&way->law, fabs(D), eps);
         p.w = copysign(whole->w, D);
         p.g = whole->by_D;
-        if ((way->law.S > 0.0 || way->law.power > 0.0) && p.g > 0.0)
+        if ((way->law.of[DF_S] > 0.0 || way->law.of[DF_POWER] > 0.0) && p.g > 0.0)
             p.nearest = fabs(u);
     } else if (u >= way->opens) {
         const double square = u * u + eps * eps, root = sqrt(square);
@@ -144,9 +144,9 @@ DF_FOR_EACH_KIND passed pass(const df_network *q, const df_way *way, const df_ki
 static inline double from_its_corner(const df_network *q, const df_way *way, double D)
 {
     const double along = way->turn == 0.0 ? fabs(D) : way->turn * D;
-    const double away = fabs(along - way->law.p_open) - 3.0 * q->rounding;
+    const double away = fabs(along - way->law.of[DF_OPENING]) - 3.0 * q->rounding;
     const double straight = CORNER_SHARE * larger(away, 0.0);
-    const double rounded = way->law.width > 0.0 ? way->law.width : straight;
+    const double rounded = way->law.of[DF_WIDTH] > 0.0 ? way->law.of[DF_WIDTH] : straight;
     return smaller(straight, rounded);
 }
 

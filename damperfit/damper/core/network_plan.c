@@ -4,18 +4,35 @@
 
 #include <float.h>
 
+static df_passage_law law_of(const df_network *q, const df_passage *p)
+{
+    df_passage_law law = {{0.0}, p->two_way};
+    for (int i = 0; i < DF_TERMS; i++)
+        law.of[i] = number(q, p->places[i]);
+    return law;
+}
+
+/* Whether a term beyond opening, R and S acts. */
+static int is_bent(const df_passage_law *law)
+{
+    int n = 0;
+    for (int i = DF_S + 1; i < DF_TERMS; i++)
+        n += law->of[i] > 0.0;
+    return n > 0;
+}
+
 static int passage_is_sound(const df_network *q, const df_passage *p)
 {
-    const int places[5] = {p->p_open, p->R, p->S, p->width, p->power};
-    for (int i = 0; i < 5; i++) {
-        if (places[i] >= q->n_numbers || (places[i] >= 0 && places[i] < DF_FIRST_PASSAGE_NUMBER))
+    for (int i = 0; i < DF_TERMS; i++) {
+        const int place = p->places[i];
+        if (place >= q->n_numbers || (place >= 0 && place < DF_FIRST_PASSAGE_NUMBER))
             return 0;
-        if (number(q, places[i]) < 0.0)
+        if (number(q, place) < 0.0)
             return 0;
     }
-    const double R = number(q, p->R), S = number(q, p->S);
+    const df_passage_law law = law_of(q, p);
     /* A rounded orifice would have an infinite slope at D = 0; one with a power is a blow-off. */
-    if (!(R + S > 0.0) || ((number(q, p->width) > 0.0 || number(q, p->power) > 0.0) && !(R > 0.0)))
+    if (!(law.of[DF_R] + law.of[DF_S] > 0.0) || (is_bent(&law) && !(law.of[DF_R] > 0.0)))
         return 0;
     if (p->from < 1 || p->from > 3 || p->to < 1 || p->to > 3 || p->from == p->to)
         return 0;
@@ -56,8 +73,7 @@ static int pair_of(const df_passage *p)
 
 static df_way way_of(const df_network *q, const df_passage *p)
 {
-    const df_passage_law law = {number(q, p->p_open), number(q, p->R),    number(q, p->S),
-                                number(q, p->width),  number(q, p->power), p->two_way};
+    const df_passage_law law = law_of(q, p);
     df_way way = {law, DF_COMPOSED, pair_of(p), {-1.0, 0.0}, 0.0, DBL_MIN, 0.0, 0.0};
     if (way.pair == DF_2_3)
         way.out[0] = 0.0;
@@ -65,29 +81,16 @@ static df_way way_of(const df_network *q, const df_passage *p)
         way.out[1] = way.pair == DF_1_2 ? 1.0 : -1.0;
     if (!p->two_way)
         way.turn = p->from < p->to ? 1.0 : -1.0;
-    if (law.S == 0.0 && !(law.width > 0.0) && !(law.power > 0.0)) {
+    if (law.of[DF_S] == 0.0 && !is_bent(&law)) {
         way.kind = DF_LEAK;
-        way.inverse_R = 1.0 / law.R;
-    } else if (p->R < 0) {
+        way.inverse_R = 1.0 / law.of[DF_R];
+    } else if (p->places[DF_R] < 0) {
         way.kind = DF_ORIFICE;
-        way.inverse_S = 1.0 / law.S;
-        if (p->two_way && law.p_open == 0.0)
+        way.inverse_S = 1.0 / law.of[DF_S];
+        if (p->two_way && law.of[DF_OPENING] == 0.0)
             way.opens = 0.0; /* where its slope is finite too */
     }
     return way;
-}
-
-static df_touch touch_of(const df_way *way, int k, df_term term)
-{
-    df_touch found = {k, term, 0.0};
-    if (way->kind != DF_COMPOSED && term != DF_OPENING) {
-        found.term = DF_OF_FLOW;
-        if (term == DF_R)
-            found.times = -way->inverse_R;
-        else if (term == DF_S)
-            found.times = -way->inverse_S;
-    }
-    return found;
 }
 
 /* The ways that a number is of. */
@@ -99,11 +102,12 @@ static void touch(df_network *q, const int passage_of[DF_MOST_PASSAGES])
         plan->touched[place] = n;
         for (int k = 0; k < q->n_passages && place >= DF_FIRST_PASSAGE_NUMBER; k++) {
             const df_passage *p = &q->passages[passage_of[k]];
-            const int places[] = {p->p_open, p->R, p->S, p->width, p->power};
-            const df_term terms[] = {DF_OPENING, DF_R, DF_S, DF_WIDTH, DF_POWER};
-            for (int i = 0; i < 5; i++) {
-                if (places[i] == place)
-                    plan->touches[n++] = touch_of(&plan->ways[k], k, terms[i]);
+            const df_way *way = &plan->ways[k];
+            for (int i = 0; i < DF_TERMS; i++) {
+                const double inverse = i == DF_R ? way->inverse_R : i == DF_S ? way->inverse_S : 0.0;
+                const df_touch touched = {k, (df_term)i, -inverse};
+                if (p->places[i] == place)
+                    plan->touches[n++] = touched;
             }
         }
     }

@@ -25,8 +25,8 @@ static int most_turned(const df_network *q, const df_flows *f, const double chan
             continue;
         for (int k = q->plan.first[pair]; k < q->plan.first[pair + 1]; k++) {
             const df_passage_law *law = &q->plan.ways[k].law;
-            const double u = fabs(f->D[pair]) - law->p_open, share = fabs(change[pair]) / (fabs(u) + q->rounding);
-            if (law->S > 0.0 && f->g[k] != 0.0 && share > most) {
+            const double u = fabs(f->D[pair]) - law->of[DF_OPENING], share = fabs(change[pair]) / (fabs(u) + q->rounding);
+            if (law->of[DF_S] > 0.0 && f->g[k] != 0.0 && share > most) {
                 most = share;
                 best = k;
             }
@@ -41,7 +41,7 @@ static double more_along_the_root(const df_network *q, const df_flows *f, int k,
 {
     const df_way *way = &q->plan.ways[k];
     const double D = f->D[way->pair], w = f->w[k] + f->g[k] * change;
-    *found = way->turn == 0.0 ? !(way->law.p_open > 0.0 && w * f->w[k] <= 0.0) : w * way->turn > 0.0;
+    *found = way->turn == 0.0 ? !(way->law.of[DF_OPENING] > 0.0 && w * f->w[k] <= 0.0) : w * way->turn > 0.0;
     return df_passage_drop(&way->law, w, q->rounding) - D - change;
 }
 

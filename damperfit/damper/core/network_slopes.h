@@ -43,18 +43,11 @@ double df_rubbing_by(const df_network *q, double v, double P1, int place);
 DF_FOR_EACH_KIND double flow_by(const df_network *q, const int kind, const df_flows *f, const df_touch *touch)
 {
     const double w = f->w[touch->way];
-    if (touch->term == DF_OF_FLOW)
-        return touch->times * w;
     if (kind & DF_IS_PURDY || q->plan.ways[touch->way].kind != DF_COMPOSED)
-        return -copysign(f->g[touch->way], w);
+        return touch->term == DF_OPENING ? -copysign(f->g[touch->way], w) : touch->times * w;
     if (w == 0.0)
         return 0.0;
-    const df_flow *whole = &f->whole[touch->way];
-    const double slope = touch->term == DF_OPENING ? whole->by_open
-                         : touch->term == DF_R     ? whole->by_R
-                         : touch->term == DF_S     ? whole->by_S
-                         : touch->term == DF_WIDTH ? whole->by_width
-                                                   : whole->by_power;
+    const double slope = f->whole[touch->way].by[touch->term];
     return w > 0.0 ? slope : -slope;
 }
 

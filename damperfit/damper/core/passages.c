@@ -15,14 +15,15 @@ static void soft_plus(double z, double *value, double *slope, double *by_width)
 /* One direction, D > 0. */
 static df_flow open_flow(const df_passage_law *law, double D, double eps)
 {
-    df_flow f = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
-    const double u = D - law->p_open, R = law->R, S = law->S;
+    df_flow f = {0.0, 0.0, {0.0}};
+    const double p_open = law->of[DF_OPENING], R = law->of[DF_R], S = law->of[DF_S];
+    const double u = D - p_open, width = law->of[DF_WIDTH], power = law->of[DF_POWER];
     double s, by_D, by_open, by_width = 0.0;
-    if (law->width > 0.0) {
+    if (width > 0.0) {
         double high, low, high_slope, low_slope, high_width, low_width;
-        soft_plus(u / law->width, &high, &high_slope, &high_width);
-        soft_plus(-law->p_open / law->width, &low, &low_slope, &low_width);
-        s = law->width * (high - low);
+        soft_plus(u / width, &high, &high_slope, &high_width);
+        soft_plus(-p_open / width, &low, &low_slope, &low_width);
+        s = width * (high - low);
         by_D = high_slope;
         by_open = low_slope - high_slope;
         by_width = high_width - low_width;
@@ -36,9 +37,9 @@ static df_flow open_flow(const df_passage_law *law, double D, double eps)
             const double fourth = sqrt(root);
             f.w = u / (fourth * S);
             f.by_D = (u * u + 2.0 * eps * eps) / (2.0 * S * square * fourth);
-            f.by_open = -f.by_D;
-            f.by_R = -0.5 / (S * S);
-            f.by_S = -f.w / S;
+            f.by[DF_OPENING] = -f.by_D;
+            f.by[DF_R] = -0.5 / (S * S);
+            f.by[DF_S] = -f.w / S;
             return f;
         }
         s = u * u / root;
@@ -46,8 +47,8 @@ static df_flow open_flow(const df_passage_law *law, double D, double eps)
         by_open = -by_D;
     }
     double more = 1.0, by_power = 0.0;
-    if (law->power > 0.0 && s > 0.0) {
-        const double inverse = 1.0 / law->power, raised = S_0 * pow(s / S_0, inverse);
+    if (power > 0.0 && s > 0.0) {
+        const double inverse = 1.0 / power, raised = S_0 * pow(s / S_0, inverse);
         by_power = -raised * inverse * inverse * log(s / S_0);
         more = inverse * raised / s;
         s = raised;
@@ -55,11 +56,11 @@ static df_flow open_flow(const df_passage_law *law, double D, double eps)
     const double r = sqrt(R * R + 4.0 * S * S * s), inverse = 1.0 / r;
     f.w = 2.0 * s / (R + r);
     f.by_D = by_D * more * inverse;
-    f.by_open = by_open * more * inverse;
-    f.by_width = by_width * more * inverse;
-    f.by_power = by_power * inverse;
-    f.by_R = -f.w * inverse;
-    f.by_S = -2.0 * S * f.w * f.w * inverse;
+    f.by[DF_OPENING] = by_open * more * inverse;
+    f.by[DF_R] = -f.w * inverse;
+    f.by[DF_S] = -2.0 * S * f.w * f.w * inverse;
+    f.by[DF_WIDTH] = by_width * more * inverse;
+    f.by[DF_POWER] = by_power * inverse;
     return f;
 }
 
@@ -70,18 +71,16 @@ df_flow df_passage_flow(const df_passage_law *law, double D, double eps)
     }
     df_flow f = open_flow(law, -D, eps);
     f.w = -f.w;
-    f.by_open = -f.by_open;
-    f.by_R = -f.by_R;
-    f.by_S = -f.by_S;
-    f.by_width = -f.by_width;
-    f.by_power = -f.by_power;
+    for (int i = 0; i < DF_TERMS; i++)
+        f.by[i] = -f.by[i];
     return f;
 }
 
 double df_passage_drop(const df_passage_law *law, double w, double eps)
 {
-    const double size = fabs(w), raised = size * (law->R + law->S * law->S * size);
-    const double s = law->power > 0.0 ? S_0 * pow(raised / S_0, law->power) : raised;
+    const double S = law->of[DF_S], power = law->of[DF_POWER];
+    const double size = fabs(w), raised = size * (law->of[DF_R] + S * S * size);
+    const double s = power > 0.0 ? S_0 * pow(raised / S_0, power) : raised;
     const double u = sqrt(0.5 * s * (s + sqrt(s * s + 4.0 * eps * eps)));
-    return copysign(law->p_open + u, w);
+    return copysign(law->of[DF_OPENING] + u, w);
 }

@@ -19,14 +19,17 @@
 
 #include <math.h>
 
+/* Its numbers, in the order of a passage's row. */
+typedef enum { DF_OPENING, DF_R, DF_S, DF_WIDTH, DF_POWER, DF_TERMS } df_term;
+
 typedef struct {
-    double p_open, R, S, width, power;
+    double of[DF_TERMS];
     int two_way; /* the same law backwards; otherwise closed for D < 0 */
 } df_passage_law;
 
 /* Mass flow and its derivatives. */
 typedef struct {
-    double w, by_D, by_open, by_R, by_S, by_width, by_power;
+    double w, by_D, by[DF_TERMS];
 } df_flow;
 
 df_flow df_passage_flow(const df_passage_law *law, double D, double eps);

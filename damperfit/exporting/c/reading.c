@@ -104,9 +104,7 @@ static void read_sizes(cursor *c, double *const sizes[], size_t n)
 
 static void read_purdy(cursor *c, ex_damper *d)
 {
-    static const df_passage ways[] = {{1, 3, -1, -1, DF_FIRST_PASSAGE_NUMBER, -1, -1, 1},
-                                      {2, 1, -1, DF_FIRST_PASSAGE_NUMBER + 1, -1, -1, -1, 0},
-                                      {3, 2, -1, DF_FIRST_PASSAGE_NUMBER + 2, -1, -1, -1, 0}};
+    static const int ways[3][4] = {{1, 3, 1, DF_S}, {2, 1, 0, DF_R}, {3, 2, 0, DF_R}}; /* one term each */
     static const int places[] = {DF_FIRST_PASSAGE_NUMBER, DF_FIRST_PASSAGE_NUMBER + 1, DF_FIRST_PASSAGE_NUMBER + 2,
                                  DF_NUMBER_K, DF_NUMBER_FRICTION, DF_NUMBER_OFFSET, DF_NUMBER_P_0, DF_NUMBER_GAMMA};
     df_network *q = &d->network;
@@ -116,7 +114,14 @@ static void read_purdy(cursor *c, ex_damper *d)
     read_sizes(c, sizes, sizeof sizes / sizeof *sizes);
     q->rounding = 1.0; /* Pa, as the model that fits has it */
     q->n_passages = 3;
-    memcpy(q->passages, ways, sizeof ways);
+    for (int k = 0; k < 3; k++) {
+        df_passage *p = &q->passages[k];
+        p->from = ways[k][0];
+        p->to = ways[k][1];
+        p->two_way = ways[k][2];
+        for (int i = 0; i < DF_TERMS; i++)
+            p->places[i] = i == ways[k][3] ? DF_FIRST_PASSAGE_NUMBER + k : -1;
+    }
     q->n_numbers = DF_FIRST_PASSAGE_NUMBER + 3;
     memcpy(d->places, places, sizeof places);
     d->n_numbers = (int)(sizeof places / sizeof *places);
@@ -132,11 +137,10 @@ static void read_network(cursor *c, ex_damper *d)
     q->n_numbers = read_whole(c, DF_FIRST_PASSAGE_NUMBER, DF_MOST_NUMBERS);
     for (int k = 0; k < q->n_passages; k++) {
         df_passage *p = &q->passages[k];
-        int *const places[] = {&p->p_open, &p->R, &p->S, &p->width, &p->power};
         p->from = read_whole(c, 1, 3);
         p->to = read_whole(c, 1, 3);
-        for (int i = 0; i < 5; i++)
-            *places[i] = read_whole(c, -1, q->n_numbers - 1);
+        for (int i = 0; i < DF_TERMS; i++)
+            p->places[i] = read_whole(c, -1, q->n_numbers - 1);
         p->two_way = read_whole(c, 0, 1);
     }
     d->is_network = 1;
