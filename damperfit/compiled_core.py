@@ -8,16 +8,12 @@ from types import ModuleType
 from damperfit.errors import InstallationError
 
 _NAME = "damperfit.damper._core"
-_LOADED: dict[str, ModuleType] = {}
 
 
 def compiled_core() -> ModuleType:
     """Return the compiled core."""
-    core = _LOADED.get(_NAME)
-    if core is not None and sys.modules.get(_NAME) is core:  # asked fifty times a log
-        return core
     try:
-        core = import_module(_NAME)
+        return import_module(_NAME)
     except ImportError as error:
         installed = _installed_core()
         if installed is None:
@@ -27,8 +23,6 @@ def compiled_core() -> ModuleType:
                 code="core",
             ) from error
         return installed
-    _LOADED[_NAME] = core
-    return core
 
 
 @lru_cache(maxsize=1)

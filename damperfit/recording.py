@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.arrays import FloatArray
-from damperfit.problem import SEVERITIES, Problem
+from damperfit.problem import Problem, finding_record
 from damperfit.tested.setting import Setting
 from damperfit.tested.setting import natural_order as natural_order  # noqa: PLC0414 - also from here
 
@@ -24,38 +24,6 @@ _SPEEDS = ("peak_speed_rebound", "peak_speed_bump", "hysteresis_speed")
 _FIGURES = {name: f"{name}_m_per_s" for name in _SPEEDS}
 _FIGURES |= {"energy": "energy_J", "energy_se": "energy_se_J"}
 _FIGURES |= {name: f"figures_{name}_s" for name in ("start", "stop")}  # all others are forces
-
-
-# What the data of a log show is a `Problem` whose text does not name the log. A "note" is good to
-# know, or put right with certainty; a "warning" makes the parameters doubtful; a "refusal" says why
-# the log cannot be used (only in what `inspect` reports). Among its values, for scripts: the number
-# behind it, its unit (empty for counts and shares), and whether the data were changed for it.
-_OF_FINDING = {"value": None, "unit": "", "is_correction": False}
-_LARGEST = 1e300  # of a number in a damaged file
-
-
-def finding_record(finding: Problem) -> dict[str, Any]:
-    """Return what a log shows for run.json; `findings_in` reads it back."""
-    record = {"name": finding.code, "severity": finding.severity, "sentence": finding.message()}
-    record |= {key: finding.values.get(key, unknown) for key, unknown in _OF_FINDING.items()}
-    worded = {key: value for key, value in finding.values.items() if key not in _OF_FINDING}
-    if worded:  # by whoever shows it
-        known = replace(finding, values=worded).record()
-        record |= {key: known[key] for key in ("text", "values")}
-    return record
-
-
-def findings_in(log: Mapping[str, Any]) -> list[Problem]:
-    """Return what a log shows by its entry in run.json, whatever stands there, gravest first."""
-    findings, entries = [], log.get("findings")
-    for entry in entries if isinstance(entries, list | tuple) else ():
-        if isinstance(entry, dict) and entry.get("name") and entry.get("severity") in SEVERITIES:
-            own = {"code": entry["name"], "text": entry.get("sentence") or "", **entry}
-            finding, value = Problem.of_record(own), entry.get("value")
-            is_number = isinstance(value, int | float) and abs(value) < _LARGEST
-            known = {"value": value if is_number else None, "unit": str(entry.get("unit") or "")}
-            findings.append(replace(finding, values={**finding.values, **known}))
-    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -45,8 +45,8 @@ from damperfit.errors import (
 )
 from damperfit.identification.options import GivenStart
 from damperfit.identification.procedures import identify
-from damperfit.problem import Option
-from damperfit.recording import Recording, Trace, findings_in
+from damperfit.problem import Option, findings_in
+from damperfit.recording import Recording, Trace
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.records import entries_in, listed_in, number_in
 from damperfit.reporting.sheet import Column, Sheet, laid_out

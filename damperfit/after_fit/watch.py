@@ -13,7 +13,7 @@ from damperfit.after_fit.valves import unlike
 from damperfit.api import identify
 from damperfit.errors import DamperfitError, InstallationError
 from damperfit.io.files import sha256_of
-from damperfit.recording import findings_in
+from damperfit.problem import findings_in
 from damperfit.tables.files import json_values
 
 if TYPE_CHECKING:

@@ -16,8 +16,7 @@ import numpy as np
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.io.force_curves import ForceCurve
-from damperfit.problem import FEW, Problem, counted, listing
-from damperfit.recording import findings_in
+from damperfit.problem import FEW, Problem, counted, findings_in, listing
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, first_of, laid_out, number
 

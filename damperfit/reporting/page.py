@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 
 from damperfit import __version__
 from damperfit.errors import InstallationError
-from damperfit.problem import counted
-from damperfit.recording import findings_in
+from damperfit.problem import counted, findings_in
 from damperfit.reporting.compared import (
     comparison_sheets,
     difference_plots,

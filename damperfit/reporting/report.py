@@ -16,8 +16,7 @@ from damperfit.adjustment.trends import in_few_words
 from damperfit.errors import ConfigurationError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.sharing import of_runs
-from damperfit.problem import counted, failure_lines, listing, short_listing
-from damperfit.recording import findings_in
+from damperfit.problem import counted, failure_lines, findings_in, listing, short_listing
 from damperfit.reporting import records, tables
 from damperfit.reporting.sheet import (
     Sheet,

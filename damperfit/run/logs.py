@@ -49,8 +49,16 @@ from damperfit.io.labels import (
     unclear_names,
 )
 from damperfit.io.tests_table import TestRow, TestsTable, facts_in, is_tests_table, read_tests
-from damperfit.problem import Failure, Option, Problem, counted, listed_names, warning
-from damperfit.recording import Recording, Trace, finding_record, natural_order
+from damperfit.problem import (
+    Failure,
+    Option,
+    Problem,
+    counted,
+    finding_record,
+    listed_names,
+    warning,
+)
+from damperfit.recording import Recording, Trace, natural_order
 from damperfit.run.log_files import is_own_table, real_path
 from damperfit.sections import SETTING_PATTERN
 from damperfit.tables.files import json_values
