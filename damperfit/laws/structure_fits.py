@@ -272,7 +272,8 @@ class StructureFits:
                 name = next(quantity.name for quantity in own.quantities if quantity.is_friction)
                 own = own.replace({name: getattr(own, name) + own.breakaway})
             start = self.start(structure, setting)
-            shared = {n: getattr(own, n) for n in model.free if n in own.names}
+            # What is held at nothing beside it is new, too.
+            shared = {n: x for n in model.free if n in own.names and (x := getattr(own, n))}
             full[setting] = start.replace(shared)
             absent = model.blocks[setting].absent_beside(shared)
             half = {n: math.sqrt(a * getattr(start, n)) for n, a in absent.items()}

@@ -65,9 +65,9 @@ def test_the_true_law_is_taken_with_play_and_lag(told):
     assert laws["the paper's model"]["mse_percent"] > 1.0
 
 
-def test_a_mounting_without_play_and_lag_gets_none(tmp_path, run_once):
+def test_free_gas_is_found_and_a_mounting_without_play_and_lag_gets_none(tmp_path, run_once):
     model = damper(has_play_and_lag=False)
-    values = {one: VALUES[one] for one in VALUES if one in model.names}
+    values = {one: VALUES[one] for one in VALUES if one in model.names} | {"free_gas": 0.02}
     text = log_text(model, values, moved((0.06, 0.24)), setting=1)
     (tmp_path / "one.csv").write_text(text)
     (tmp_path / "damper.toml").write_text(DAMPER_TOML)
@@ -77,8 +77,8 @@ def test_a_mounting_without_play_and_lag_gets_none(tmp_path, run_once):
     )  # fmt: skip
     assert code == 0, err
     document = json.loads(out)
-    parts = "through flow: bleed and blow-off; elastic mounting; also gas volume"
-    assert document["chosen"] == parts  # 30 cm3 taken, 63 true
+    parts = "through flow: bleed and blow-off; elastic mounting; also free gas, gas volume"
+    assert document["chosen"] == parts  # 30 cm3 taken, 63 true; no free gas declared
     # Nothing was held out: its change of speed is predicted.
     (setting,) = document["settings"]
     assert setting["held_out"] == "transients"
