@@ -343,8 +343,8 @@ class IdentificationSection(Section):
 
     name = "identification"
     procedure: str = key("paper",
-        "how to fit; paper: R_m3 and f_f once, then R_m1, R_m2, K_e; joint: all settings in one; "
-        "plain, the default of other models: each setting by itself", option="NAME", panel="Fit")
+        "how to fit; paper: R_m3 and f_f once, then R_m1, R_m2, K_e; joint (default for real "
+        "valves): all settings in one; plain (for others): each alone", option="NAME", panel="Fit")
     free: list[str] = key([],
         "parameters to fit per setting, in the paper's model of r_m1 r_m2 r_m3 k_e f_f f_0; by "
         "default those of the procedure", option="NAME,NAME", panel="Fit", kind="quantities")

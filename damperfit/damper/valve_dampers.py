@@ -129,6 +129,7 @@ class ValveDamper(Cylinder):
     friction: Friction = Friction()  # what there is beside Coulomb's
 
     ranges: ClassVar[Ranges] = VALVE_RANGES
+    procedures: ClassVar[tuple[str, ...]] = ("joint", "plain")  # a damper has one friction
     # Openings and play. What promises less moves nothing by much more than a tenth of its error.
     kinks: ClassVar[float] = 2e-5
     # Chambers that the rebound valve and that of compression join.

@@ -479,7 +479,10 @@ def identify(
     if not traces:
         raise LogError("identify: found no log to fit; give one trace or more", code="no-log")
     watched = on_fit or (lambda _fit: None), cancelled or (lambda: False)
-    given = ProcedureInput(_by_setting(traces), damper, options, max(1, jobs), *watched)
+    settings = _by_setting(traces)
+    if options.procedure == "joint" and len(settings) == 1:  # nothing is shared
+        options = replace(options, procedure=_before_joint(damper))
+    given = ProcedureInput(settings, damper, options, max(1, jobs), *watched)
     # BLAS threads spin between the small products of a fit and take the core that the next
     # setting's thread needs.
     with one_blas_thread():
@@ -551,9 +554,14 @@ def _plain(given: ProcedureInput) -> Campaign:
         return replace(campaign, fits=tuple(pool.map(lean, campaign.fits)))
 
 
+def _before_joint(damper: Model) -> str:
+    return "paper" if "paper" in damper.procedures else "plain"
+
+
 def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
     damper, fixed, start = given.damper, given.options.fixed, given.options.start
+    name = _before_joint(damper)
     sharing, moving = _sharing_of(given)
     has_model = start.is_of_one_model and all(s in start.by_setting for s in given.settings)
     if sharing is not None and sharing.jointly and has_model:
@@ -563,12 +571,11 @@ def _joint(given: ProcedureInput) -> Campaign:
             once = replace(given, options=replace(given.options, starts=1))
             return _each_beside(once, fit_from_one_model(given, sharing, starts))
     quiet = replace(given, on_fit=lambda _fit: None)
-    name = "paper" if "paper" in damper.procedures else "plain"
     by_paper = {TAKEN, MEAN} if name == "paper" and not (sharing and sharing.follows) else set()
     shared = {*(shared_names(given.options, damper) if sharing is None else sharing.jointly)}
     free = tuple(n for n in moving if n not in by_paper & shared)
     options = replace(given.options, free=free, starts=1, is_leaving_out=False)
-    if BETA.name in free and len(given.settings) > 1:
+    if BETA.name in free:
         options = _with_first_beta(quiet, options, PROCEDURES[name])
     before = PROCEDURES[name](replace(quiet, options=options))
     try:
@@ -583,8 +590,7 @@ def _joint(given: ProcedureInput) -> Campaign:
     failed = {failure.setting: failure for failure in before.failures} | broken
     if not before.is_complete or together is None:
         warnings = before.warnings
-        # The logs of one setting determine beta by themselves: nothing was to be shared.
-        if before.is_complete and not (BETA.name in free and len(given.settings) == 1):
+        if before.is_complete:
             text = (
                 "the joint fit needs two settings at a sound minimum and a shared parameter: these "
                 f"are the results of procedure {name}."

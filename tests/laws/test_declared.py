@@ -63,7 +63,7 @@ def test_a_law_of_valves_is_fitted_by_a_procedure_of_its_own() -> None:
     law = a_law_fit(TwinTube())
     search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False, offsets={})
     choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "twin_tube"})
-    for named, taken in (("paper", "plain"), ("joint", "joint")):
+    for named, taken in (("paper", "joint"), ("plain", "plain")):
         asked = load_configuration(None, overlay={"identification": {"procedure": named}})
         assert with_chosen_law(asked, choice).identification.procedure == taken
 
