@@ -277,7 +277,8 @@ def test_a_damper_of_real_valves_is_what_its_sections_say(write) -> None:
         "compression_opening": ("high_speed",),
     }
     assert fit.from_closed == ("low_speed",)
-    assert "only procedure joint uses it, found procedure plain" in " ".join(map(str, found.notes))
+    plain = load_configuration(write(FOLLOWED), overlay={"identification": {"procedure": "plain"}})
+    assert "only procedure joint uses it, found procedure plain" in " ".join(map(str, plain.notes))
 
 
 def test_the_command_line_takes_another_model_over_the_file(write) -> None:
