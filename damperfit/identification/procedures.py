@@ -480,7 +480,8 @@ def identify(
         raise LogError("identify: found no log to fit; give one trace or more", code="no-log")
     watched = on_fit or (lambda _fit: None), cancelled or (lambda: False)
     settings = _by_setting(traces)
-    if options.procedure == "joint" and len(settings) == 1:  # nothing is shared
+    is_chosen = options.start.is_of_one_model  # by a search, which hands on what is free
+    if options.procedure == "joint" and len(settings) == 1 and not is_chosen:  # nothing is shared
         options = replace(options, procedure=_before_joint(damper))
     given = ProcedureInput(settings, damper, options, max(1, jobs), *watched)
     # BLAS threads spin between the small products of a fit and take the core that the next
