@@ -33,9 +33,9 @@ from damperfit.reporting.answer import Answer
 from damperfit.reporting.records import entries_in
 from damperfit.reporting.sheet import Sheet
 from damperfit.results import Run
-from damperfit.run.identify import by_damper, folder_name
 from damperfit.run.log_files import expand
 from damperfit.run.logs import LogBatch, Purpose, read_batch
+from damperfit.run.preparation import by_damper, folder_name
 from damperfit.run.record import log_warnings
 from damperfit.store import file_set, write_text
 from damperfit.tables.columns import (

@@ -33,8 +33,9 @@ from damperfit.problem import Failure, Problem, as_subject, failure_lines, in_a_
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import Sheet, number, percent
 from damperfit.reporting.tables import rival_sheet, tried_laws_sheet
-from damperfit.run.identify import by_damper, gather, prepare
+from damperfit.run.identify import gather
 from damperfit.run.logs import LogBatch
+from damperfit.run.preparation import by_damper, prepare
 from damperfit.tables.files import finite, json_values
 from damperfit.tested.setting import Setting
 from damperfit.workers import available_cores

@@ -7,7 +7,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.recording import Recording
-from damperfit.run import identify as parting
+from damperfit.run import preparation as parting
 from damperfit.run.logs import Labels, Log, LogBatch, read_batch
 from damperfit.tested.setting import Setting
 from tests.fakes import campaign, fit, trace

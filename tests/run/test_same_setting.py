@@ -7,8 +7,8 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.recording import SegmentFigures
-from damperfit.run.identify import once_each, without_contradictions, without_copies
 from damperfit.run.logs import Log, LogBatch
+from damperfit.run.preparation import once_each, without_contradictions, without_copies
 from damperfit.tested.setting import Setting
 from tests.fakes import trace
 

@@ -23,13 +23,8 @@ from damperfit.io.tests_table import facts_in
 from damperfit.queries.simulations import choose_parameters, damper_of, simulated
 from damperfit.recording import Recording
 from damperfit.results import Run, with_temperature
-from damperfit.run.identify import (
-    check_temperatures,
-    identified,
-    with_reference,
-    without_contradictions,
-    written,
-)
+from damperfit.run.identify import identified, written
+from damperfit.run.preparation import check_temperatures, with_reference, without_contradictions
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, reconsider

@@ -16,8 +16,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.io.tests_table import TestRow, read_tests
-from damperfit.run.identify import prepare
 from damperfit.run.logs import conditioned_as_tested, facts_of, read_batch
+from damperfit.run.preparation import prepare
 from damperfit.simulation import motion_of, simulate
 from tests.fakes import log_text
 from tests.identification import adjusted, rig
